@@ -1,0 +1,15 @@
+//! Multi-agent driving simulation without input, output or Python. Modules in layer order, bottom first: each may use
+//! those above it in this list.
+
+pub mod error;
+pub mod geometry;
+pub mod trajectory;
+pub mod vehicle;
+pub mod road;
+pub mod route;
+pub mod scenario;
+pub mod recording;
+pub mod collision;
+pub mod predict;
+pub mod plan;
+pub mod world;

@@ -1,0 +1,135 @@
+//! The input: road, recorded obstacles, planning problems, goals. Immutable once built.
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::geometry::shape::{PlacedShape, Shape};
+use crate::geometry::wrap_angle;
+use crate::road::RoadNetwork;
+use crate::trajectory::{State, States};
+use crate::vehicle::ParticipantKind;
+
+/// One alternative of a goal. Everything that is stated must hold at once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GoalState {
+    /// The centre must lie in one of these areas; empty: anywhere.
+    pub areas: Vec<PlacedShape>,
+    /// First and last time step, both included.
+    pub time_step: (i64, i64),
+    /// Speed interval [m/s], both ends included.
+    pub velocity: Option<(f64, f64)>,
+    /// Interval of headings [rad]: from the first counter-clockwise to the second, both included.
+    pub orientation: Option<(f64, f64)>,
+}
+
+/// The goal of a planning problem: any one of its alternatives.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Goal {
+    /// The alternatives.
+    pub states: Vec<GoalState>,
+}
+
+impl GoalState {
+    /// The position satisfies this alternative.
+    pub fn contains(&self, state: &State) -> bool {
+        self.areas.is_empty() || self.areas.iter().any(|area| area.contains(state.pose().position))
+    }
+
+    /// Everything but time is satisfied.
+    pub fn is_met_at_any_time(&self, state: &State) -> bool {
+        let velocity = self.velocity.is_none_or(|(low, high)| (low..=high).contains(&state.velocity));
+        velocity && self.orientation.is_none_or(|interval| orientation_within(state.orientation, interval)) && self.contains(state)
+    }
+
+    /// Everything is satisfied.
+    pub fn is_met(&self, state: &State, time_step: i64) -> bool {
+        (self.time_step.0..=self.time_step.1).contains(&time_step) && self.is_met_at_any_time(state)
+    }
+}
+
+impl Goal {
+    /// Last time step at which the goal can be reached in time; `None` without any alternative.
+    pub fn latest_time_step(&self) -> Option<i64> {
+        self.states.iter().map(|state| state.time_step.1).max()
+    }
+}
+
+/// The heading lies in the interval [rad], wherever the interval was cut.
+pub fn orientation_within(orientation: f64, (low, high): (f64, f64)) -> bool {
+    const TOLERANCE: f64 = 1e-9;
+    let half = 0.5 * (high - low);
+    half >= std::f64::consts::PI || wrap_angle(orientation - (low + half)).abs() <= half + TOLERANCE
+}
+
+/// Recorded traffic: one row per obstacle, sorted by id. A static obstacle has one state that holds for ever.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Obstacles {
+    /// Kind per obstacle.
+    pub kind: Vec<ParticipantKind>,
+    /// Footprint per obstacle, in its body frame.
+    pub shape: Vec<Shape>,
+    /// Never moves and never leaves.
+    pub is_static: Vec<bool>,
+    /// Recorded states; the ids are here. A static obstacle is valid at every step of the table.
+    pub states: States,
+}
+
+/// Everything a CommonRoad file says about a drive, ready to be simulated.
+#[derive(Debug, Clone)]
+pub struct Scenario {
+    /// Time between steps [s].
+    pub dt: f64,
+    /// The roads.
+    pub road: Arc<RoadNetwork>,
+    /// Recorded traffic.
+    pub obstacles: Obstacles,
+}
+
+impl Scenario {
+    /// Checks and keeps the parts.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the field: dt not positive, tables of different lengths, ids not ascending, NaN in a
+    /// valid state.
+    pub fn new(dt: f64, road: Arc<RoadNetwork>, obstacles: Obstacles) -> Result<Self> {
+        if !(dt > 0.0 && dt.is_finite()) {
+            return Err(Error::invalid(format!("the time step size must be a positive number of seconds, not {dt}")));
+        }
+        let n = obstacles.states.ids.len();
+        if obstacles.kind.len() != n || obstacles.shape.len() != n || obstacles.is_static.len() != n {
+            return Err(Error::invalid(format!("{n} obstacle ids, but kinds, shapes or static flags of another length")));
+        }
+        if !obstacles.states.ids.is_sorted_by(|a, b| a < b) {
+            return Err(Error::invalid("obstacle ids must be unique and ascending"));
+        }
+        for (row, id) in obstacles.states.ids.iter().enumerate() {
+            for step in 0..obstacles.states.n_steps {
+                let time_step = obstacles.states.first_time_step + step as i64;
+                if obstacles.states.get(row, time_step).is_some_and(|state| !state.is_finite()) {
+                    return Err(Error::invalid(format!("obstacle {id} has a state that is not a number at time step {time_step}")));
+                }
+            }
+        }
+        Ok(Self { dt, road, obstacles })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::orientation_within;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn orientation_intervals_hold_across_the_cut_at_pi() {
+        for (orientation, interval, expected) in [
+            (0.1, (-0.2, 0.2), true),
+            (0.3, (-0.2, 0.2), false),
+            (-PI + 0.05, (PI - 0.1, PI + 0.1), true),
+            (PI - 0.05, (-PI - 0.1, -PI + 0.1), true),
+            (0.0, (PI - 0.1, PI + 0.1), false),
+            (2.0, (-PI, PI), true),
+        ] {
+            assert_eq!(orientation_within(orientation, interval), expected, "{orientation} in {interval:?}");
+        }
+    }
+}

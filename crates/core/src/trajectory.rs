@@ -1,0 +1,257 @@
+//! The tables of the field: arrays per field, rows sorted by participant id, a mask where something is absent.
+
+/// State of one participant at one time step. The position is the centre of the footprint.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct State {
+    /// Position [m], world frame.
+    pub x: f64,
+    /// Position [m], world frame.
+    pub y: f64,
+    /// Heading of the body [rad], world frame.
+    pub orientation: f64,
+    /// Speed along the heading [m/s].
+    pub velocity: f64,
+    /// Acceleration along the heading [m/s²].
+    pub acceleration: f64,
+    /// Change of heading [rad/s].
+    pub yaw_rate: f64,
+}
+
+impl State {
+    /// Position and orientation.
+    #[inline]
+    pub fn pose(&self) -> crate::geometry::Pose {
+        crate::geometry::Pose::new(self.x, self.y, self.orientation)
+    }
+
+    /// Every field is a number.
+    pub fn is_finite(&self) -> bool {
+        [self.x, self.y, self.orientation, self.velocity, self.acceleration, self.yaw_rate].iter().all(|v| v.is_finite())
+    }
+}
+
+/// States of many participants over consecutive time steps: every field has shape (participants, time steps),
+/// row-major; where `valid` is false the participant is absent and the numbers are NaN.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct States {
+    /// Participant ids, ascending; one per row.
+    pub ids: Vec<i64>,
+    /// Time step of the first column.
+    pub first_time_step: i64,
+    /// Number of columns.
+    pub n_steps: usize,
+    /// Position [m].
+    pub x: Vec<f64>,
+    /// Position [m].
+    pub y: Vec<f64>,
+    /// Heading [rad].
+    pub orientation: Vec<f64>,
+    /// Speed [m/s].
+    pub velocity: Vec<f64>,
+    /// Acceleration [m/s²].
+    pub acceleration: Vec<f64>,
+    /// Change of heading [rad/s].
+    pub yaw_rate: Vec<f64>,
+    /// Present at that time step.
+    pub valid: Vec<bool>,
+}
+
+impl States {
+    /// A table in which everybody is absent.
+    pub fn absent(ids: Vec<i64>, first_time_step: i64, n_steps: usize) -> Self {
+        let n = ids.len() * n_steps;
+        let nan = || vec![f64::NAN; n];
+        Self {
+            ids,
+            first_time_step,
+            n_steps,
+            x: nan(),
+            y: nan(),
+            orientation: nan(),
+            velocity: nan(),
+            acceleration: nan(),
+            yaw_rate: nan(),
+            valid: vec![false; n],
+        }
+    }
+
+    /// Row of a participant.
+    pub fn row(&self, id: i64) -> Option<usize> {
+        self.ids.binary_search(&id).ok()
+    }
+
+    /// State of a row at a time step; `None` where absent or outside the table.
+    pub fn get(&self, row: usize, time_step: i64) -> Option<State> {
+        let column = usize::try_from(time_step - self.first_time_step).ok().filter(|c| *c < self.n_steps)?;
+        let i = row * self.n_steps + column;
+        self.valid[i].then(|| State {
+            x: self.x[i],
+            y: self.y[i],
+            orientation: self.orientation[i],
+            velocity: self.velocity[i],
+            acceleration: self.acceleration[i],
+            yaw_rate: self.yaw_rate[i],
+        })
+    }
+
+    /// Writes a state; the column must exist.
+    pub fn set(&mut self, row: usize, column: usize, state: &State) {
+        let i = row * self.n_steps + column;
+        self.x[i] = state.x;
+        self.y[i] = state.y;
+        self.orientation[i] = state.orientation;
+        self.velocity[i] = state.velocity;
+        self.acceleration[i] = state.acceleration;
+        self.yaw_rate[i] = state.yaw_rate;
+        self.valid[i] = true;
+    }
+}
+
+/// What a predictor expects: for every participant some modes with probabilities, each with a Gaussian position per
+/// step. Prediction step `k` (from 0) is the time `(k + 1) * dt` after `time_step`.
+///
+/// Shapes: `probability` (participants, modes); all others (participants, modes, steps), row-major.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Predictions {
+    /// Time step at which the prediction was made.
+    pub time_step: i64,
+    /// Participant ids, ascending; one per row.
+    pub ids: Vec<i64>,
+    /// Number of modes of every participant; unused ones have probability 0 and are not valid.
+    pub n_modes: usize,
+    /// Number of predicted steps.
+    pub n_steps: usize,
+    /// Probability of each mode; those of a participant add up to 1.
+    pub probability: Vec<f64>,
+    /// Mean of the footprint centre [m].
+    pub x: Vec<f64>,
+    /// Mean of the footprint centre [m].
+    pub y: Vec<f64>,
+    /// Heading [rad].
+    pub orientation: Vec<f64>,
+    /// Speed [m/s].
+    pub velocity: Vec<f64>,
+    /// Variance of x [m²].
+    pub covariance_xx: Vec<f64>,
+    /// Covariance of x and y [m²].
+    pub covariance_xy: Vec<f64>,
+    /// Variance of y [m²].
+    pub covariance_yy: Vec<f64>,
+    /// The participant is expected to be there (mode used, time known).
+    pub valid: Vec<bool>,
+}
+
+impl Predictions {
+    /// A table without any expectation.
+    pub fn empty(time_step: i64, ids: Vec<i64>, n_modes: usize, n_steps: usize) -> Self {
+        let n = ids.len() * n_modes * n_steps;
+        let nan = || vec![f64::NAN; n];
+        Self {
+            time_step,
+            probability: vec![0.0; ids.len() * n_modes],
+            ids,
+            n_modes,
+            n_steps,
+            x: nan(),
+            y: nan(),
+            orientation: nan(),
+            velocity: nan(),
+            covariance_xx: nan(),
+            covariance_xy: nan(),
+            covariance_yy: nan(),
+            valid: vec![false; n],
+        }
+    }
+
+    /// Row of a participant.
+    pub fn row(&self, id: i64) -> Option<usize> {
+        self.ids.binary_search(&id).ok()
+    }
+
+    /// Position of (row, mode, step 0) in the flat arrays.
+    #[inline]
+    pub fn offset(&self, row: usize, mode: usize) -> usize {
+        (row * self.n_modes + mode) * self.n_steps
+    }
+}
+
+/// How a plan came about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum PlanStatus {
+    /// Nobody planned (row of an agent that has not planned yet).
+    None = 0,
+    /// A trajectory was chosen by the planner.
+    Planned = 1,
+    /// Nothing was free of collision: emergency braking.
+    EmergencyBraking = 2,
+    /// Not even emergency braking was possible.
+    Infeasible = 3,
+    /// The planner raised or returned garbage.
+    Error = 4,
+}
+
+/// One trajectory: point 0 is the state at planning time, point `i` is `i * dt` later. Positions are footprint centres.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Trajectory {
+    /// Points, dt apart.
+    pub points: Vec<State>,
+}
+
+/// The plans of all agents that are being driven, one row per agent, sorted by id.
+///
+/// Every field of the points has shape (agents, points), row-major; point 0 is the state at planning time. Rows whose
+/// plan is shorter are filled with NaN.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plans {
+    /// Time step at which the plans were made.
+    pub time_step: i64,
+    /// Agent ids, ascending.
+    pub ids: Vec<i64>,
+    /// Number of points of every row.
+    pub n_points: usize,
+    /// Points, (agents, points); NaN beyond the end of a shorter plan.
+    pub points: Vec<State>,
+    /// How each plan came about.
+    pub status: Vec<PlanStatus>,
+    /// Cost of the chosen trajectory; NaN if the planner has none.
+    pub cost: Vec<f64>,
+    /// Text for rows with status `Error`.
+    pub message: Vec<String>,
+}
+
+impl Plans {
+    /// Rows without a plan.
+    pub fn none(time_step: i64, ids: Vec<i64>, n_points: usize) -> Self {
+        let n = ids.len();
+        Self {
+            time_step,
+            ids,
+            n_points,
+            points: vec![Self::NO_POINT; n * n_points],
+            status: vec![PlanStatus::None; n],
+            cost: vec![f64::NAN; n],
+            message: vec![String::new(); n],
+        }
+    }
+
+    /// A point that is not there.
+    pub const NO_POINT: State = State {
+        x: f64::NAN,
+        y: f64::NAN,
+        orientation: f64::NAN,
+        velocity: f64::NAN,
+        acceleration: f64::NAN,
+        yaw_rate: f64::NAN,
+    };
+
+    /// Points of a row.
+    pub fn row_points(&self, row: usize) -> &[State] {
+        &self.points[row * self.n_points..(row + 1) * self.n_points]
+    }
+
+    /// Row of an agent.
+    pub fn row(&self, id: i64) -> Option<usize> {
+        self.ids.binary_search(&id).ok()
+    }
+}

@@ -1,0 +1,179 @@
+//! Kinds of participants, vehicle parameters and limits, and the kinematic single-track relations.
+
+use crate::error::{Error, Result};
+use crate::geometry::{Point, Pose};
+
+/// Kind of a participant, in CommonRoad's words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum ParticipantKind {
+    /// Anything the format does not name.
+    Unknown = 0,
+    /// Passenger car.
+    Car = 1,
+    /// Truck.
+    Truck = 2,
+    /// Bus.
+    Bus = 3,
+    /// Motorcycle.
+    Motorcycle = 4,
+    /// Bicycle.
+    Bicycle = 5,
+    /// Pedestrian.
+    Pedestrian = 6,
+    /// Priority vehicle.
+    PriorityVehicle = 7,
+    /// Train.
+    Train = 8,
+    /// Taxi.
+    Taxi = 9,
+    /// Parked vehicle.
+    ParkedVehicle = 10,
+    /// Construction zone.
+    ConstructionZone = 11,
+    /// Road boundary, building, pillar, median strip: static structure.
+    Structure = 12,
+}
+
+impl ParticipantKind {
+    /// All kinds; the position is the code that crosses the Python boundary.
+    pub const ALL: [Self; 13] = [
+        Self::Unknown,
+        Self::Car,
+        Self::Truck,
+        Self::Bus,
+        Self::Motorcycle,
+        Self::Bicycle,
+        Self::Pedestrian,
+        Self::PriorityVehicle,
+        Self::Train,
+        Self::Taxi,
+        Self::ParkedVehicle,
+        Self::ConstructionZone,
+        Self::Structure,
+    ];
+
+    /// From its code.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a code that no kind has.
+    pub fn from_code(code: i64) -> Result<Self> {
+        usize::try_from(code)
+            .ok()
+            .and_then(|index| Self::ALL.get(index).copied())
+            .ok_or_else(|| Error::invalid(format!("there is no participant kind with code {code}")))
+    }
+
+    /// Follows lanes and steers like a single-track vehicle.
+    pub fn is_vehicle(self) -> bool {
+        matches!(
+            self,
+            Self::Car | Self::Truck | Self::Bus | Self::Motorcycle | Self::Bicycle | Self::PriorityVehicle | Self::Taxi
+        )
+    }
+}
+
+/// Parameters and limits of a vehicle. Positions of participants are footprint centres; the kinematic model lives at
+/// the rear axle, `rear_axle_to_center` behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vehicle {
+    /// Footprint length [m].
+    pub length: f64,
+    /// Footprint width [m].
+    pub width: f64,
+    /// Distance between the axles [m].
+    pub wheelbase: f64,
+    /// Distance from the rear axle forward to the footprint centre [m].
+    pub rear_axle_to_center: f64,
+    /// Largest longitudinal acceleration and deceleration [m/s²].
+    pub acceleration_max: f64,
+    /// Above this speed [m/s] the engine limits acceleration to `acceleration_max * velocity_switch / v`.
+    pub velocity_switch: f64,
+    /// Largest speed [m/s].
+    pub velocity_max: f64,
+    /// Largest steering angle, both sides [rad].
+    pub steering_angle_max: f64,
+    /// Largest rate of the steering angle [rad/s].
+    pub steering_rate_max: f64,
+    /// Largest lateral acceleration [m/s²].
+    pub lateral_acceleration_max: f64,
+}
+
+impl Vehicle {
+    /// BMW 320i: CommonRoad vehicle type 2 (commonroad-vehicle-models 3.0.2). The lateral limit is ours: dry road with
+    /// the tyres' friction not used to the end.
+    pub const BMW_320I: Self = Self {
+        length: 4.508,
+        width: 1.610,
+        wheelbase: 2.578_912_8,
+        rear_axle_to_center: 1.422_717_093_6,
+        acceleration_max: 11.5,
+        velocity_switch: 7.319,
+        velocity_max: 50.8,
+        steering_angle_max: 1.066,
+        steering_rate_max: 0.4,
+        lateral_acceleration_max: 8.0,
+    };
+
+    /// Parameters that fit a footprint: axle positions scale with the length of the BMW 320i; trucks, buses and
+    /// two-wheelers get lower limits.
+    ///
+    /// # Errors
+    /// `InvalidInput` if length or width is not a positive number.
+    pub fn for_footprint(kind: ParticipantKind, length: f64, width: f64) -> Result<Self> {
+        if !(length > 0.0 && width > 0.0 && length.is_finite() && width.is_finite()) {
+            return Err(Error::invalid(format!("a vehicle of {length} m by {width} m is impossible")));
+        }
+        let car = Self::BMW_320I;
+        let scale = length / car.length;
+        let mut vehicle = Self {
+            length,
+            width,
+            wheelbase: car.wheelbase * scale,
+            rear_axle_to_center: car.rear_axle_to_center * scale,
+            ..car
+        };
+        match kind {
+            ParticipantKind::Truck | ParticipantKind::Bus => {
+                vehicle.acceleration_max = 7.0;
+                vehicle.velocity_max = 33.0;
+                vehicle.lateral_acceleration_max = 4.0;
+            }
+            ParticipantKind::Motorcycle => vehicle.lateral_acceleration_max = 7.0,
+            ParticipantKind::Bicycle => {
+                vehicle.acceleration_max = 5.0;
+                vehicle.velocity_max = 17.0;
+                vehicle.lateral_acceleration_max = 4.0;
+            }
+            _ => {}
+        }
+        Ok(vehicle)
+    }
+
+    /// Largest curvature of the rear axle's path [1/m].
+    pub fn curvature_max(&self) -> f64 {
+        self.steering_angle_max.tan() / self.wheelbase
+    }
+
+    /// Largest forward acceleration at a speed [m/s²].
+    #[inline]
+    pub fn forward_acceleration_max(&self, velocity: f64) -> f64 {
+        if velocity > self.velocity_switch {
+            self.acceleration_max * self.velocity_switch / velocity
+        } else {
+            self.acceleration_max
+        }
+    }
+
+    /// Rear axle position for a pose of the footprint centre.
+    #[inline]
+    pub fn rear_axle_from_center(&self, center: Pose) -> Point {
+        center.position - Point::from_angle(center.orientation) * self.rear_axle_to_center
+    }
+
+    /// Footprint centre for a pose of the rear axle.
+    #[inline]
+    pub fn center_from_rear_axle(&self, rear_axle: Pose) -> Point {
+        rear_axle.position + Point::from_angle(rear_axle.orientation) * self.rear_axle_to_center
+    }
+}
