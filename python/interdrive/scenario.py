@@ -1,0 +1,201 @@
+"""What a CommonRoad file says about a drive, as arrays: roads, recorded traffic, planning problems. Immutable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+    Bools = NDArray[np.bool_]
+
+#: Kinds of participants; the position is the code that crosses the boundary to the core.
+KINDS = (
+    "unknown",
+    "car",
+    "truck",
+    "bus",
+    "motorcycle",
+    "bicycle",
+    "pedestrian",
+    "priority_vehicle",
+    "train",
+    "taxi",
+    "parked_vehicle",
+    "construction_zone",
+    "structure",
+)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A footprint in the body frame, or an area in the world frame.
+
+    Attributes:
+        kind: "rectangle", "circle", "polygon" or "group".
+        length: Rectangle's length [m] along its own orientation.
+        width: Rectangle's width [m].
+        radius: Circle's radius [m].
+        center: Centre of a rectangle or circle [m].
+        orientation: Orientation of a rectangle [rad].
+        vertices: Polygon's vertices [m], shape (vertices, 2), without a repeated last one.
+        members: Shapes of a group.
+    """
+
+    kind: Literal["rectangle", "circle", "polygon", "group"]
+    length: float = 0.0
+    width: float = 0.0
+    radius: float = 0.0
+    center: tuple[float, float] = (0.0, 0.0)
+    orientation: float = 0.0
+    vertices: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    members: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True)
+class Lanelets:
+    """The road network as the file states it, one entry per lanelet, sorted by id.
+
+    Attributes:
+        ids: Lanelet ids, shape (lanelets,).
+        left: Left bound of each [m], shape (vertices, 2), in driving direction.
+        right: Right bound of each [m], as many vertices as the left one.
+        predecessors: Ids per lanelet.
+        successors: Ids per lanelet.
+        adjacent_left: Id of the left neighbour, -1 for none, shape (lanelets,).
+        adjacent_left_same_direction: Whether it runs in the same direction, shape (lanelets,).
+        adjacent_right: Id of the right neighbour, -1 for none, shape (lanelets,).
+        adjacent_right_same_direction: Whether it runs in the same direction, shape (lanelets,).
+        speed_limit: Speed limit [m/s], nan where the file states none, shape (lanelets,).
+        types: CommonRoad's lanelet types per lanelet, for pictures and files.
+    """
+
+    ids: Ints
+    left: tuple[Floats, ...]
+    right: tuple[Floats, ...]
+    predecessors: tuple[tuple[int, ...], ...]
+    successors: tuple[tuple[int, ...], ...]
+    adjacent_left: Ints
+    adjacent_left_same_direction: Bools
+    adjacent_right: Ints
+    adjacent_right_same_direction: Bools
+    speed_limit: Floats
+    types: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Recorded traffic, one row per obstacle, sorted by id.
+
+    The tables have shape (obstacles, time_steps) and start at time step 0; where `valid` is false the obstacle is
+    absent and the numbers are nan. A static obstacle is valid at every step and stays for ever. Positions are those
+    of the body frame's origin (the centre of nearly every footprint).
+
+    Attributes:
+        ids: Obstacle ids, shape (obstacles,).
+        kinds: One of `KINDS` each.
+        shapes: Footprints in the body frame.
+        is_static: Static obstacle, shape (obstacles,).
+        x: Position [m]. y: Position [m].
+        orientation: Heading [rad]; derived from the motion where the file has none.
+        velocity: Speed along the heading [m/s]; derived where the file has none.
+        acceleration: Acceleration [m/s²]; derived where the file has none.
+        yaw_rate: Change of heading [rad/s]; derived where the file has none.
+        valid: Present at that time step.
+    """
+
+    ids: Ints
+    kinds: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    is_static: Bools
+    x: Floats
+    y: Floats
+    orientation: Floats
+    velocity: Floats
+    acceleration: Floats
+    yaw_rate: Floats
+    valid: Bools
+
+    @property
+    def n_steps(self) -> int:
+        """Number of time steps of the tables (at least 1)."""
+        return int(self.x.shape[1])
+
+
+@dataclass(frozen=True)
+class GoalState:
+    """One alternative of a goal; everything that is stated must hold at once.
+
+    Attributes:
+        areas: Shapes in the world frame, any of which must contain the position. Lanelets of the goal are here as
+            polygons. Empty: anywhere.
+        lanelet_ids: Lanelets that the areas stand for, if the file states lanelets.
+        time_step: First and last time step, both included.
+        velocity: Interval of speeds [m/s], or None.
+        orientation: Interval of headings [rad], counter-clockwise from the first to the second, or None.
+    """
+
+    areas: tuple[Shape, ...]
+    lanelet_ids: tuple[int, ...]
+    time_step: tuple[int, int]
+    velocity: tuple[float, float] | None = None
+    orientation: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """State at the first time step of an agent: position of the footprint centre [m], heading [rad], speed [m/s], ...
+
+    `yaw_rate` [rad/s] is nan where unknown; `acceleration` [m/s²] is 0 where unknown.
+    """
+
+    time_step: int
+    x: float
+    y: float
+    orientation: float
+    velocity: float
+    acceleration: float = 0.0
+    yaw_rate: float = float("nan")
+
+
+@dataclass(frozen=True)
+class PlanningProblem:
+    """A planning problem of the file: where an agent starts and what it wants. No goal state: `goal` is empty."""
+
+    id: int
+    initial_state: InitialState
+    goal: tuple[GoalState, ...]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything a CommonRoad file says about a drive.
+
+    Attributes:
+        name: Name of the file without its ending, or the benchmark id of a scenario that came from memory.
+        benchmark_id: The id written in the file; not unique in practice.
+        dt: Time between steps [s].
+        lanelets: The roads.
+        obstacles: Recorded traffic.
+        planning_problems: Sorted by id.
+        path: The file; None if the scenario came from memory.
+        sha256: Of the file's bytes; empty if the scenario came from memory.
+        notes: One line per thing that was repaired, derived or left out while reading.
+    """
+
+    name: str
+    benchmark_id: str
+    dt: float
+    lanelets: Lanelets
+    obstacles: Obstacles
+    planning_problems: tuple[PlanningProblem, ...]
+    path: Path | None = None
+    sha256: str = ""
+    notes: tuple[str, ...] = ()
