@@ -1,0 +1,212 @@
+"""What a simulation leaves behind: outcome per agent, states of everybody, plans, timings. Arrays only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from interdrive.scenario import Scenario
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+    Bools = NDArray[np.bool_]
+
+#: How an agent can end, in the order in which tables list them.
+OUTCOMES = (
+    "goal_reached",
+    "goal_reached_late",
+    "time_limit",
+    "goal_missed",
+    "infeasible",
+    "collision",
+    "planner_error",
+)
+
+#: How a plan came about; the position is the code in `Plans.status`.
+PLAN_STATUS = ("none", "planned", "emergency_braking", "infeasible", "error")
+
+#: Phases of a step, in their order; the timings of a step add up over them.
+PHASES = ("observe", "predict", "plan", "plan_python", "advance", "record")
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """How every agent ended; one row per agent, sorted by id.
+
+    Attributes:
+        agent_id: Shape (agents,).
+        planner: Name of the agent's planner.
+        outcome: One of `OUTCOMES`; "running" if the run was stopped before the agent was done.
+        time_step: Time step at which it ended.
+        partner_id: The other participant of a collision; -1 for none (also for leaving the road).
+        off_road: The collision was with the edge of the road.
+        impact_speed: Size of the relative velocity at a collision [m/s]; nan without.
+        message: For people: why infeasible, what a planner raised, ...
+    """
+
+    agent_id: Ints
+    planner: tuple[str, ...]
+    outcome: tuple[str, ...]
+    time_step: Ints
+    partner_id: Ints
+    off_road: Bools
+    impact_speed: Floats
+    message: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class States:
+    """States of all participants at all time steps; rows sorted by participant id, nan and `valid` False where absent.
+
+    Attributes:
+        ids: Shape (participants,).
+        kinds: One of `interdrive.scenario.KINDS` each.
+        first_time_step: Time step of column 0.
+        is_agent: Driven by a planner (the others replay their recording), shape (participants,).
+        is_static: Static obstacle, shape (participants,).
+        length: Footprint length [m], shape (participants,). width: Footprint width [m].
+        x: Centre [m], shape (participants, time_steps). y: Centre [m].
+        orientation: Heading [rad]. velocity: Speed [m/s]. acceleration: [m/s²]. yaw_rate: [rad/s].
+        valid: Present.
+    """
+
+    ids: Ints
+    kinds: tuple[str, ...]
+    first_time_step: int
+    is_agent: Bools
+    is_static: Bools
+    length: Floats
+    width: Floats
+    x: Floats
+    y: Floats
+    orientation: Floats
+    velocity: Floats
+    acceleration: Floats
+    yaw_rate: Floats
+    valid: Bools
+
+    @property
+    def n_steps(self) -> int:
+        """Number of recorded time steps."""
+        return int(self.x.shape[1])
+
+
+@dataclass(frozen=True)
+class Plans:
+    """Every plan that was made: one row per agent and time step, sorted by time step, then id.
+
+    Attributes:
+        time_step: When the plan was made, shape (plans,).
+        agent_id: Whose, shape (plans,).
+        status: Index into `PLAN_STATUS`, shape (plans,).
+        cost: Cost of the chosen trajectory, nan where the planner has none, shape (plans,).
+        x: Centre [m], shape (plans, points); point i is i * dt later; nan beyond a plan's end.
+        y: Centre [m]. orientation: [rad]. velocity: [m/s]. acceleration: [m/s²].
+    """
+
+    time_step: Ints
+    agent_id: Ints
+    status: Ints
+    cost: Floats
+    x: Floats
+    y: Floats
+    orientation: Floats
+    velocity: Floats
+    acceleration: Floats
+
+
+@dataclass(frozen=True)
+class Timings:
+    """Wall time in long form: one row per time step and phase.
+
+    Attributes:
+        time_step: Shape (rows,).
+        phase: One of `PHASES` per row.
+        seconds: Shape (rows,). The phases of a time step add up to the step.
+    """
+
+    time_step: Ints
+    phase: tuple[str, ...]
+    seconds: Floats
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What one agent considered at one time step, for pictures.
+
+    Attributes:
+        time_step: When. agent_id: Who.
+        candidate_x: Centre of every sampled trajectory [m], shape (candidates, points). candidate_y: The same.
+        cost: Total cost, nan where it was not needed, shape (candidates,).
+        rejection: Why a candidate was rejected, "" where it was not.
+        chosen: Row of the chosen one, -1 for none.
+        prediction_id: Participants in view with a prediction, one row per mode, shape (rows,).
+        prediction_probability: Probability of the mode, shape (rows,).
+        prediction_x: Mean [m], shape (rows, steps). prediction_y: Mean [m].
+        prediction_covariance: Shape (rows, steps, 2, 2) [m²].
+    """
+
+    time_step: int
+    agent_id: int
+    candidate_x: Floats
+    candidate_y: Floats
+    cost: Floats
+    rejection: tuple[str, ...]
+    chosen: int
+    prediction_id: Ints
+    prediction_probability: Floats
+    prediction_x: Floats
+    prediction_y: Floats
+    prediction_covariance: Floats
+
+
+@dataclass(frozen=True)
+class AgentRecord:
+    """Facts about one agent that do not change during a run.
+
+    `goal_areas`, `route_lanelet_ids` and `reference_path` (shape (points, 2) [m]) are for pictures and files.
+    """
+
+    id: int
+    planner: str
+    origin: str  # "planning problem" or "recorded"
+    start_time_step: int
+    goal_time_step: tuple[int, int]
+    goal_areas: tuple[Any, ...]
+    route_lanelet_ids: tuple[int, ...]
+    reference_path: Floats
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished (or interrupted) simulation.
+
+    Attributes:
+        scenario: What was simulated.
+        settings: Everything needed to repeat the run, as plain values (written to run.json).
+        agents: One record per agent, sorted by id.
+        outcomes: How every agent ended.
+        states: States of all participants.
+        plans: Every plan.
+        timings: Wall time per step and phase.
+        notes: One line per thing the user should know (vehicles that stayed recorded, and why, ...).
+        digest: SHA-256 of all states; equal digests mean equal bits.
+        finished: False if the run was stopped from outside.
+        snapshots: What was asked to be kept for pictures, sorted by time step.
+    """
+
+    scenario: Scenario
+    settings: dict[str, Any]
+    agents: tuple[AgentRecord, ...]
+    outcomes: Outcomes
+    states: States
+    plans: Plans
+    timings: Timings
+    notes: tuple[str, ...]
+    digest: str
+    finished: bool = True
+    snapshots: tuple[Snapshot, ...] = field(default=())
