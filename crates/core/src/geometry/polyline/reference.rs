@@ -1,0 +1,367 @@
+//! The smooth path along which a planner works.
+//!
+//! Curvature is piecewise linear over uniform knots, heading its exact integral, and the knots' positions the integral
+//! of the heading, so the four fit together everywhere. The curvature follows that of the smoothed vertices, with a
+//! small correction towards them, like a driver's, so that integration does not drift away.
+
+use super::smoothing::smoothed;
+use crate::error::Result;
+use crate::geometry::{Point, wrap_angle};
+
+/// Distance of the knots [m]; adjusted a little so that it divides the length.
+const KNOT_SPACING: f64 = 0.5;
+/// Tightest bend of a path [1/m]; vertices that ask for more are rounded further.
+const CURVATURE_MAX: f64 = 0.5;
+/// How fast an offset from the smoothed vertices is corrected [1/m].
+const TRACKING_GAIN: f64 = 0.5;
+/// Points farther away than this [m] have no projection.
+const PROJECTION_REACH: f64 = 20.0;
+/// How far beyond an end [m] a foot still counts as the end: rounding.
+const END_TOLERANCE: f64 = 1e-6;
+
+/// What a path is at one arc length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPoint {
+    /// Position, world frame [m].
+    pub position: Point,
+    /// Heading [rad], without jumps along the path: not wrapped.
+    pub theta: f64,
+    /// Cosine of `theta`.
+    pub cos: f64,
+    /// Sine of `theta`.
+    pub sin: f64,
+    /// Curvature [1/m], positive to the left.
+    pub curvature: f64,
+    /// Change of curvature by arc length [1/m²].
+    pub curvature_rate: f64,
+}
+
+impl PathPoint {
+    /// Unit vector along the path.
+    #[inline]
+    pub fn tangent(&self) -> Point {
+        Point::new(self.cos, self.sin)
+    }
+
+    /// World position of a point at lateral offset `d` [m], left positive.
+    #[inline]
+    pub fn offset(&self, d: f64) -> Point {
+        self.position + Point::new(-self.sin, self.cos) * d
+    }
+}
+
+/// One knot; the position is relative to the path's origin, so that no digits are lost far away.
+#[derive(Debug, Clone, Copy)]
+struct Knot {
+    position: Point,
+    tangent: Point,
+    theta: f64,
+    curvature: f64,
+}
+
+/// Path with continuous curvature and look-up in constant time.
+#[derive(Debug, Clone)]
+pub struct ReferencePath {
+    origin: Point,
+    spacing: f64,
+    inverse_spacing: f64,
+    knots: Vec<Knot>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    theta: Vec<f64>,
+    curvature: Vec<f64>,
+}
+
+impl ReferencePath {
+    /// A smooth path near the points: noise and kinks are rounded (see the module `smoothing`), typically by less than
+    /// 0.3 m, by more only at kinks of over 20 degrees and in bends tighter than 5 m.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a coordinate is not a number or fewer than two different points are given.
+    pub fn through(points: &[Point]) -> Result<Self> {
+        let origin = points.first().copied().filter(|point| point.is_finite()).unwrap_or_default();
+        let local: Vec<Point> = points.iter().map(|point| *point - origin).collect();
+        let target = Target::new(smoothed(&local)?);
+        let n = (target.length() / KNOT_SPACING).ceil().max(1.0) as usize;
+        let spacing = target.length() / n as f64;
+        let knots = target.follow(n, spacing);
+        Ok(Self {
+            x: knots.iter().map(|knot| origin.x + knot.position.x).collect(),
+            y: knots.iter().map(|knot| origin.y + knot.position.y).collect(),
+            theta: knots.iter().map(|knot| knot.theta).collect(),
+            curvature: knots.iter().map(|knot| knot.curvature).collect(),
+            origin,
+            spacing,
+            inverse_spacing: spacing.recip(),
+            knots,
+        })
+    }
+
+    /// Length [m].
+    #[inline]
+    pub fn length(&self) -> f64 {
+        self.spacing * (self.knots.len() - 1) as f64
+    }
+
+    /// Arc length between knots [m], about 0.5.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// x of the knots [m].
+    pub fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// y of the knots [m].
+    pub fn y(&self) -> &[f64] {
+        &self.y
+    }
+
+    /// Headings of the knots [rad], not wrapped.
+    pub fn theta(&self) -> &[f64] {
+        &self.theta
+    }
+
+    /// Curvatures of the knots [1/m].
+    pub fn curvature(&self) -> &[f64] {
+        &self.curvature
+    }
+
+    /// Positions of the knots.
+    pub fn points(&self) -> Vec<Point> {
+        self.knots.iter().map(|knot| self.origin + knot.position).collect()
+    }
+
+    /// Everything at an arc length [m], clamped to the ends.
+    #[inline]
+    pub fn at(&self, s: f64) -> PathPoint {
+        let mut point = self.local_at(s);
+        point.position = self.origin + point.position;
+        point
+    }
+
+    /// `at`, with the position relative to the origin.
+    #[inline]
+    fn local_at(&self, s: f64) -> PathPoint {
+        let s = s.clamp(0.0, self.length());
+        let i = ((s * self.inverse_spacing) as usize).min(self.knots.len() - 2);
+        let (a, b) = (&self.knots[i], &self.knots[i + 1]);
+        let along = s - i as f64 * self.spacing;
+        let u = along * self.inverse_spacing;
+        let curvature_rate = (b.curvature - a.curvature) * self.inverse_spacing;
+        let turn = along * (a.curvature + 0.5 * curvature_rate * along);
+        let (sin_turn, cos_turn) = sin_cos_small(turn);
+        let (u2, u3) = (u * u, u * u * u);
+        // Cubic Hermite: knots and tangents are exact, in between it is off by less than 1e-4 m at 0.5 1/m.
+        let position = a.position
+            + (b.position - a.position) * (3.0 * u2 - 2.0 * u3)
+            + (a.tangent * (u3 - 2.0 * u2 + u) + b.tangent * (u3 - u2)) * self.spacing;
+        PathPoint {
+            position,
+            theta: a.theta + turn,
+            cos: a.tangent.x * cos_turn - a.tangent.y * sin_turn,
+            sin: a.tangent.y * cos_turn + a.tangent.x * sin_turn,
+            curvature: a.curvature + curvature_rate * along,
+            curvature_rate,
+        }
+    }
+
+    /// Arc length and lateral offset [m] of the nearest foot on the whole path: `at(s).offset(d)` is the point.
+    /// `None` if the nearest point is an end without a perpendicular foot, or farther than 20 m.
+    pub fn project(&self, point: Point) -> Option<(f64, f64)> {
+        self.project_between(point, 0, self.knots.len() - 1)
+    }
+
+    /// The same among the arc lengths within `window` of `s_hint` [m]: the right branch where a path crosses itself.
+    pub fn project_near(&self, point: Point, s_hint: f64, window: f64) -> Option<(f64, f64)> {
+        let last = (self.knots.len() - 1) as f64;
+        let from = ((s_hint - window) / self.spacing).floor().clamp(0.0, last);
+        let to = ((s_hint + window) / self.spacing).ceil().clamp(0.0, last);
+        // NaN becomes 0 and leaves an empty window.
+        self.project_between(point, from as usize, to as usize)
+    }
+
+    /// Nearest knot of the range, then the zero of (point - position) . tangent beside it.
+    fn project_between(&self, point: Point, from: usize, to: usize) -> Option<(f64, f64)> {
+        let p = point - self.origin;
+        if from >= to || !p.is_finite() {
+            return None;
+        }
+        let mut nearest = (f64::INFINITY, from);
+        for (i, knot) in self.knots[from..=to].iter().enumerate() {
+            let distance = (p - knot.position).norm_squared();
+            if distance < nearest.0 {
+                nearest = (distance, from + i);
+            }
+        }
+        let ahead = |s: f64| {
+            let at = self.local_at(s);
+            let offset = p - at.position;
+            (offset.dot(at.tangent()), at.tangent().cross(offset), at.curvature)
+        };
+        // Ahead of the lower end and behind the upper end: the foot is between.
+        let mut low = nearest.1.saturating_sub(1).max(from) as f64 * self.spacing;
+        let mut high = (nearest.1 + 1).min(to) as f64 * self.spacing;
+        let (ahead_low, d_low, _) = ahead(low);
+        let (ahead_high, d_high, _) = ahead(high);
+        if ahead_low <= 0.0 {
+            return (ahead_low > -END_TOLERANCE)
+                .then_some((low, d_low))
+                .filter(|foot| foot.1.abs() <= PROJECTION_REACH);
+        }
+        if ahead_high >= 0.0 {
+            return (ahead_high < END_TOLERANCE)
+                .then_some((high, d_high))
+                .filter(|foot| foot.1.abs() <= PROJECTION_REACH);
+        }
+        let mut s = nearest.1 as f64 * self.spacing;
+        let mut d = 0.0;
+        for _ in 0..60 {
+            let (distance_ahead, offset, curvature) = ahead(s);
+            d = offset;
+            if distance_ahead.abs() < 1e-11 {
+                break;
+            }
+            if distance_ahead > 0.0 {
+                low = s;
+            } else {
+                high = s;
+            }
+            let slope = 1.0 - curvature * offset;
+            let newton = s + distance_ahead / slope;
+            s = if slope > 0.05 && newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        }
+        (d.abs() <= PROJECTION_REACH).then_some((s, d))
+    }
+}
+
+/// Sine and cosine of the turn within one knot spacing, at most 0.25 rad (error below 1e-12).
+#[inline]
+fn sin_cos_small(angle: f64) -> (f64, f64) {
+    const SIN: [f64; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
+    const COS: [f64; 5] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0];
+    let a2 = angle * angle;
+    let sin = angle + angle * a2 * (SIN[0] + a2 * (SIN[1] + a2 * (SIN[2] + a2 * SIN[3])));
+    let cos = 1.0 + a2 * (COS[0] + a2 * (COS[1] + a2 * (COS[2] + a2 * (COS[3] + a2 * COS[4]))));
+    (sin, cos)
+}
+
+/// The smoothed vertices as a curve over their index: cubic Hermite with central differences.
+struct Target {
+    points: Vec<Point>,
+    slopes: Vec<Point>,
+    curvatures: Vec<f64>,
+    lengths: Vec<f64>,
+}
+
+impl Target {
+    fn new(points: Vec<Point>) -> Self {
+        let n = points.len();
+        let inner = |i: usize| i.clamp(1, n - 2);
+        // One parabola through three neighbours; at the ends that of the inner neighbour, evaluated at the end.
+        let bend = |i: usize| points[inner(i) + 1] - points[inner(i)] * 2.0 + points[inner(i) - 1];
+        let slopes: Vec<Point> = (0..n)
+            .map(|i| {
+                let middle = (points[inner(i) + 1] - points[inner(i) - 1]) * 0.5;
+                middle + bend(i) * (i as f64 - inner(i) as f64)
+            })
+            .collect();
+        let curvatures = (0..n).map(|i| slopes[i].cross(bend(i)) / slopes[i].norm().max(1e-3).powi(3)).collect();
+        let mut target = Self { points, slopes, curvatures, lengths: Vec::new() };
+        target.lengths = (0..n - 1)
+            .map(|i| (target.slopes[i].norm() + 4.0 * target.slope(i, 0.5).norm() + target.slopes[i + 1].norm()) / 6.0)
+            .collect();
+        target
+    }
+
+    fn length(&self) -> f64 {
+        self.lengths.iter().sum()
+    }
+
+    fn position(&self, i: usize, u: f64) -> Point {
+        let (a, b) = (self.points[i], self.points[i + 1]);
+        let (u2, u3) = (u * u, u * u * u);
+        a + (b - a) * (3.0 * u2 - 2.0 * u3) + self.slopes[i] * (u3 - 2.0 * u2 + u) + self.slopes[i + 1] * (u3 - u2)
+    }
+
+    fn slope(&self, i: usize, u: f64) -> Point {
+        let (a, b) = (self.points[i], self.points[i + 1]);
+        let u2 = u * u;
+        (b - a) * (6.0 * (u - u2))
+            + self.slopes[i] * (3.0 * u2 - 4.0 * u + 1.0)
+            + self.slopes[i + 1] * (3.0 * u2 - 2.0 * u)
+    }
+
+    /// Knots of a path that drives along the curve: curvature ahead plus a correction of the present offset.
+    fn follow(&self, n: usize, spacing: f64) -> Vec<Knot> {
+        let limited = |curvature: f64| curvature.clamp(-CURVATURE_MAX, CURVATURE_MAX);
+        let start = self.slopes[0];
+        let mut knot = Knot {
+            position: self.points[0],
+            tangent: start * (1.0 / start.norm()),
+            theta: start.angle(),
+            curvature: limited(self.curvatures[0]),
+        };
+        let mut knots = Vec::with_capacity(n + 1);
+        knots.push(knot);
+        let mut place = Place { segment: 0, u: 0.0 };
+        for _ in 0..n {
+            self.move_beside(&mut place, knot.position);
+            let slope = self.slope(place.segment, place.u);
+            let offset = slope.cross(knot.position - self.position(place.segment, place.u)) / slope.norm();
+            let heading_error = wrap_angle(knot.theta - slope.angle());
+            let ahead = self.curvature_ahead(place, spacing * slope.norm().recip());
+            let correction = TRACKING_GAIN * (TRACKING_GAIN * offset.clamp(-2.0, 2.0) + 2.0 * heading_error);
+            knot = next_knot(&knot, limited(ahead - correction), spacing);
+            knots.push(knot);
+        }
+        knots
+    }
+
+    /// Moves to the foot of a position that is not far ahead.
+    fn move_beside(&self, place: &mut Place, position: Point) {
+        for _ in 0..4 {
+            let slope = self.slope(place.segment, place.u);
+            let ahead = (position - self.position(place.segment, place.u)).dot(slope) / slope.norm_squared().max(1e-6);
+            *place = self.moved(*place, ahead.clamp(-1.0, 2.0));
+        }
+    }
+
+    /// `place` moved by a number of segments, within the curve.
+    fn moved(&self, place: Place, by: f64) -> Place {
+        let parameter = (place.segment as f64 + place.u + by).clamp(0.0, (self.points.len() - 1) as f64);
+        let segment = (parameter as usize).min(self.points.len() - 2);
+        Place { segment, u: parameter - segment as f64 }
+    }
+
+    fn curvature_ahead(&self, place: Place, by: f64) -> f64 {
+        let Place { segment, u } = self.moved(place, by);
+        self.curvatures[segment] + u * (self.curvatures[segment + 1] - self.curvatures[segment])
+    }
+}
+
+/// Position on a `Target`: segment and fraction of it.
+#[derive(Clone, Copy)]
+struct Place {
+    segment: usize,
+    u: f64,
+}
+
+/// The knot one spacing further if curvature changes linearly: Gauss-Legendre with three nodes over cos and sin.
+fn next_knot(knot: &Knot, curvature: f64, spacing: f64) -> Knot {
+    const NODES: [(f64, f64); 3] =
+        [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
+    let rate = (curvature - knot.curvature) / spacing;
+    let theta_at = |along: f64| knot.theta + along * (knot.curvature + 0.5 * rate * along);
+    let mut position = knot.position;
+    for (node, weight) in NODES {
+        position = position + Point::from_angle(theta_at(node * spacing)) * (weight * spacing);
+    }
+    let theta = theta_at(spacing);
+    Knot { position, tangent: Point::from_angle(theta), theta, curvature }
+}
+
+#[cfg(test)]
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,135 @@
+use super::*;
+use crate::geometry::polyline::Polyline;
+use std::f64::consts::{PI, TAU};
+
+/// Vertices of a figure of eight: it crosses itself in the middle and turns by 2 pi each way.
+fn figure_of_eight() -> Vec<Point> {
+    let loop_around = |center: f64, from: f64, sign: f64| {
+        (0..=40)
+            .map(move |i| Point::new(center, 0.0) + Point::from_angle(from + sign * TAU * f64::from(i) / 40.0) * 20.0)
+    };
+    loop_around(-20.0, 0.0, 1.0).chain(loop_around(20.0, PI, -1.0)).collect()
+}
+
+/// Straight, right angle with 2 m rounding vertices, noise of 5 cm, irregular spacing.
+fn rough_corner() -> Vec<Point> {
+    let mut points: Vec<Point> = (0..25).map(|i| Point::new(f64::from(i) * 2.0, 0.05 * f64::from(i % 3 - 1))).collect();
+    points.extend((0..30).map(|i| Point::new(51.0 + 0.05 * f64::from(i % 2), 2.0 + f64::from(i) * 1.7)));
+    points
+}
+
+fn samples(path: &ReferencePath) -> impl Iterator<Item = f64> {
+    let n = 2000;
+    let step = (path.length() - 0.02) / f64::from(n);
+    (0..=n).map(move |i| 0.01 + f64::from(i) * step)
+}
+
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |a: f64, b| a.max(b.abs()))
+}
+
+#[test]
+fn position_heading_curvature_and_its_rate_are_derivatives_of_each_other_everywhere() {
+    const STEP: f64 = 1e-4;
+    for points in [figure_of_eight(), rough_corner()] {
+        let path = ReferencePath::through(&points).expect("valid");
+        for s in samples(&path) {
+            let (a, b, m) = (path.at(s - STEP), path.at(s + STEP), path.at(s));
+            let velocity = (b.position - a.position) * (0.5 / STEP);
+            assert!(velocity.distance(m.tangent()) < 1e-3, "tangent at {s}: {}", velocity.distance(m.tangent()));
+            assert!((m.tangent().distance(Point::from_angle(m.theta))) < 1e-12, "sine and cosine at {s}");
+            assert!(((b.theta - a.theta) / (2.0 * STEP) - m.curvature).abs() < 1e-4, "curvature at {s}");
+            // At a knot the rate jumps, so it is compared only where both neighbours are in the same interval.
+            if a.curvature_rate == b.curvature_rate {
+                assert!(((b.curvature - a.curvature) / (2.0 * STEP) - m.curvature_rate).abs() < 1e-6, "rate at {s}");
+            }
+            assert!((b.curvature - a.curvature).abs() < 1e-4, "curvature jumps at {s}");
+        }
+    }
+}
+
+#[test]
+fn headings_are_not_wrapped() {
+    let path = ReferencePath::through(&figure_of_eight()).expect("valid");
+    let (first, last) = (path.theta()[0], path.theta()[path.theta().len() / 2]);
+    assert!((last - first - TAU).abs() < 0.15, "{first} {last}");
+}
+
+#[test]
+fn the_path_stays_near_its_points() {
+    for (points, limit) in [(figure_of_eight(), 0.15), (rough_corner(), 0.9)] {
+        let line = Polyline::new(&points).expect("valid");
+        let path = ReferencePath::through(&points).expect("valid");
+        let deviation = largest(path.points().into_iter().map(|p| line.project(p).distance));
+        assert!(deviation < limit, "{deviation}");
+    }
+}
+
+#[test]
+fn a_right_angle_becomes_a_bend_that_a_car_can_drive() {
+    let points = [Point::new(0.0, 0.0), Point::new(40.0, 0.0), Point::new(40.0, 40.0)];
+    let path = ReferencePath::through(&points).expect("valid");
+    let sharpest = largest(path.curvature().iter().copied());
+    assert!(sharpest < 0.4, "{sharpest}");
+}
+
+#[test]
+fn noise_of_five_centimetres_does_not_become_curvature() {
+    let points: Vec<Point> =
+        (0..100).map(|i| Point::new(f64::from(i) * 2.0, 0.05 * f64::from(i * 7 % 5 - 2) / 2.0)).collect();
+    let path = ReferencePath::through(&points).expect("valid");
+    let sharpest = largest(path.curvature().iter().copied());
+    assert!(sharpest < 0.01, "{sharpest}");
+}
+
+#[test]
+fn projecting_an_offset_point_gives_arc_length_and_offset_back() {
+    for points in [figure_of_eight(), rough_corner()] {
+        let path = ReferencePath::through(&points).expect("valid");
+        for s in samples(&path).step_by(7) {
+            for d in [-2.5, 0.0, 1.0] {
+                let at = path.at(s);
+                if at.curvature * d > 0.8 {
+                    continue;
+                }
+                let (s_found, d_found) = path.project_near(at.offset(d), s + 1.0, 5.0).expect("has a foot");
+                assert!((s_found - s).abs() < 1e-8 && (d_found - d).abs() < 1e-8, "{s} {d}: {s_found} {d_found}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_hint_chooses_the_branch_where_the_path_crosses_itself() {
+    let path = ReferencePath::through(&figure_of_eight()).expect("valid");
+    for s in [3.0, path.length() / 2.0 + 3.0] {
+        let found = path.project_near(path.at(s).offset(0.2), s, 10.0).expect("has a foot");
+        assert!((found.0 - s).abs() < 1e-8);
+    }
+}
+
+#[test]
+fn points_beyond_the_ends_or_far_away_have_no_projection() {
+    let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(50.0, 0.0)]).expect("valid");
+    for (x, y) in [(-1.0, 0.0), (51.0, 1.0), (20.0, 21.0), (f64::NAN, 0.0)] {
+        assert_eq!(path.project(Point::new(x, y)), None, "({x}, {y})");
+    }
+    assert!(path.project(Point::new(0.0, 3.0)).is_some());
+    assert!(path.project_near(Point::new(20.0, 1.0), 40.0, 10.0).is_none());
+}
+
+#[test]
+fn coordinates_of_five_million_metres_cost_no_precision() {
+    let shift = Point::new(691_234.5, 5_334_567.25);
+    let near = ReferencePath::through(&rough_corner()).expect("valid");
+    let far = ReferencePath::through(&rough_corner().iter().map(|p| *p + shift).collect::<Vec<_>>()).expect("valid");
+    let difference = largest(near.curvature().iter().zip(far.curvature()).map(|(a, b)| a - b));
+    assert!(difference < 1e-6, "{difference}");
+}
+
+#[test]
+fn two_points_a_few_centimetres_apart_are_a_path() {
+    let path = ReferencePath::through(&[Point::new(1.0, 1.0), Point::new(1.0, 1.05)]).expect("valid");
+    assert!((path.length() - 0.05).abs() < 1e-6);
+    assert!((path.at(1.0).theta - PI / 2.0).abs() < 1e-9);
+}
