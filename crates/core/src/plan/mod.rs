@@ -10,6 +10,15 @@ use crate::scenario::Goal;
 use crate::trajectory::{PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
 
+/// Who plans for an agent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Planner {
+    /// Sampling in the Frenet frame of the reference path.
+    Frenet(Box<frenet::FrenetSettings>),
+    /// Somebody outside the core, who writes a row of `Plans`.
+    External,
+}
+
 /// Another participant that the planning agent sees.
 #[derive(Debug, Clone, Copy)]
 pub struct Other<'a> {

@@ -1,0 +1,119 @@
+//! What happened: states of everybody, plans and outcomes. Append-only.
+
+use crate::trajectory::{Plans, State, States};
+
+/// How an agent ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum OutcomeKind {
+    /// Not done yet.
+    Running = 0,
+    /// All conditions of the goal were met at once.
+    GoalReached = 1,
+    /// All conditions but time were met, after the time limit and within the grace period.
+    GoalReachedLate = 2,
+    /// The grace period ended.
+    TimeLimit = 3,
+    /// Drove past the goal's areas without meeting the conditions.
+    GoalMissed = 4,
+    /// No plan, not even emergency braking.
+    Infeasible = 5,
+    /// Hit another participant or the edge of the road.
+    Collision = 6,
+    /// The planner raised or returned garbage.
+    PlannerError = 7,
+}
+
+/// How, when and against whom an agent ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// How.
+    pub kind: OutcomeKind,
+    /// Time step of the end; the last one so far while running.
+    pub time_step: i64,
+    /// The other participant of a collision.
+    pub partner: Option<i64>,
+    /// The collision was with the edge of the road.
+    pub off_road: bool,
+    /// Size of the relative velocity at the contact [m/s]; NaN without a collision.
+    pub impact_speed: f64,
+    /// For people; often empty.
+    pub message: String,
+}
+
+impl Outcome {
+    /// Still driving.
+    pub fn running(time_step: i64) -> Self {
+        Self {
+            kind: OutcomeKind::Running,
+            time_step,
+            partner: None,
+            off_road: false,
+            impact_speed: f64::NAN,
+            message: String::new(),
+        }
+    }
+}
+
+/// States of all participants and plans of all agents, step by step.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    ids: Vec<i64>,
+    first_time_step: i64,
+    /// One block of participants per time step.
+    columns: Vec<Vec<Option<State>>>,
+    plans: Vec<Plans>,
+}
+
+impl Recording {
+    /// Nothing recorded yet.
+    pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
+        Self { ids, first_time_step, columns: Vec::new(), plans: Vec::new() }
+    }
+
+    /// Adds the states of the next time step, one per participant.
+    pub(crate) fn push(&mut self, states: &[Option<State>]) {
+        self.columns.push(states.to_vec());
+    }
+
+    /// Adds the plans that led to the next time step.
+    pub(crate) fn push_plans(&mut self, plans: Plans) {
+        self.plans.push(plans);
+    }
+
+    /// Participant ids, ascending.
+    pub fn ids(&self) -> &[i64] {
+        &self.ids
+    }
+
+    /// Number of recorded time steps.
+    pub fn n_steps(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// All plans, by time step.
+    pub fn plans(&self) -> &[Plans] {
+        &self.plans
+    }
+
+    /// All states as a table of shape (participants, time steps).
+    pub fn states(&self) -> States {
+        self.last_states(self.columns.len())
+    }
+
+    /// The last `n` recorded time steps as a table of shape (participants, n); absent before the beginning.
+    pub fn last_states(&self, n: usize) -> States {
+        let last_time_step = self.first_time_step + self.columns.len() as i64 - 1;
+        let mut table = States::absent(self.ids.clone(), last_time_step + 1 - n as i64, n);
+        let skipped = self.columns.len().saturating_sub(n);
+        let offset = n.saturating_sub(self.columns.len());
+        for (i, states) in self.columns[skipped..].iter().enumerate() {
+            for (row, state) in states.iter().enumerate() {
+                if let Some(state) = state {
+                    table.set(row, offset + i, state);
+                }
+            }
+        }
+        table
+    }
+}

@@ -1,0 +1,72 @@
+//! What can be seen: everybody who is present at one time step, with their past. Neither the recorded future nor
+//! anybody's plan is here.
+
+use std::sync::Arc;
+
+use crate::geometry::shape::Shape;
+use crate::trajectory::{State, States};
+use crate::vehicle::ParticipantKind;
+
+/// What does not change about the participants of a world; rows sorted by id.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Participants {
+    /// Ids, ascending.
+    pub ids: Vec<i64>,
+    /// Kinds.
+    pub kind: Vec<ParticipantKind>,
+    /// Footprints in their body frames.
+    pub shape: Vec<Shape>,
+    /// Never moves, never leaves.
+    pub is_static: Vec<bool>,
+    /// Driven by a planner; the others replay their recording.
+    pub is_agent: Vec<bool>,
+}
+
+/// All participants at one time step.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Now.
+    pub time_step: i64,
+    /// Time between steps [s].
+    pub dt: f64,
+    /// Who takes part in the world, present or not.
+    pub participants: Arc<Participants>,
+    /// Rows of `participants` that are present now, ascending.
+    pub present: Vec<usize>,
+    /// Present and past of all participants; the last column is now. A row is cut where the participant left, so
+    /// somebody who is gone has no past either.
+    pub past: States,
+}
+
+impl Scene {
+    /// State now of a row of `participants` that is present.
+    pub fn state(&self, row: usize) -> State {
+        self.past.get(row, self.time_step).expect("rows in `present` have a state now")
+    }
+
+    /// Speed along the heading [m/s] as it can be observed: the stated one, unless the last positions contradict it by
+    /// more than 1 m/s (recorded speeds do, in some data sets).
+    pub fn observed_velocity(&self, row: usize) -> f64 {
+        const CONTRADICTION: f64 = 1.0;
+        const WINDOW: i64 = 3;
+        let now = self.state(row);
+        let Some((steps, before)) =
+            (1..=WINDOW).rev().find_map(|steps| Some((steps, self.past.get(row, self.time_step - steps)?)))
+        else {
+            return now.velocity;
+        };
+        let (sin, cos) = now.orientation.sin_cos();
+        let moved = ((now.x - before.x) * cos + (now.y - before.y) * sin) / (steps as f64 * self.dt);
+        if (moved - now.velocity).abs() > CONTRADICTION { moved } else { now.velocity }
+    }
+
+    /// Rows present within `radius` [m] (centre to centre) of a row, without that row.
+    pub fn visible_from(&self, row: usize, radius: f64) -> Vec<usize> {
+        let me = self.state(row).pose().position;
+        let near = |other: &usize| {
+            let reach = radius + if self.participants.is_static[*other] { self.participants.shape[*other].bounding_radius() } else { 0.0 };
+            *other != row && self.state(*other).pose().position.distance(me) <= reach
+        };
+        self.present.iter().copied().filter(near).collect()
+    }
+}

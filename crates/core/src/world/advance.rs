@@ -1,0 +1,268 @@
+//! One step: everybody moves at once; then contacts, road departure, goals; then who comes and who goes.
+
+use std::collections::BTreeSet;
+
+use super::{Drive, World};
+use crate::collision::{Mover, contacts, departs_road};
+use crate::error::{Error, Result};
+use crate::geometry::Point;
+use crate::recording::{Outcome, OutcomeKind};
+use crate::scenario::GoalState;
+use crate::trajectory::{PlanStatus, Plans, State, Trajectory};
+
+/// Beyond the end of the goal's areas by this much [m], the goal is missed.
+const MISSED_MARGIN: f64 = 1.0;
+
+impl World {
+    /// Moves all agents to point 1 of their plans and all others along their recording, judges, and records.
+    ///
+    /// An agent whose plan has status `Error`, is not a number or jumps leaves with outcome `planner_error`; one with
+    /// status `Infeasible` with that outcome; both at their present state.
+    ///
+    /// # Errors
+    /// `WrongTimeStep`; `InvalidInput` if the plans' rows are not exactly the agents that drive now.
+    pub fn step(&mut self, plans: &Plans) -> Result<()> {
+        self.check_time_step("plans", plans.time_step)?;
+        if plans.ids != self.driving() {
+            return Err(Error::invalid(format!("plans for agents {:?}, but {:?} are driving", plans.ids, self.driving())));
+        }
+        self.adopt(plans);
+        let next = self.next_states();
+        self.judge_contacts(&next);
+        self.judge_road(&next);
+        self.states = next;
+        self.time_step += 1;
+        self.judge_goals();
+        self.recording.push_plans(plans.clone());
+        // The final state of an agent that ends now is recorded; from the next step on it is gone.
+        self.enter(self.time_step);
+        self.recording.push(&self.states);
+        for drive in &self.drives {
+            if drive.outcome.kind != OutcomeKind::Running {
+                self.states[drive.row] = None;
+            }
+        }
+        Ok(())
+    }
+
+    /// Keeps the plans; ends those who have none.
+    fn adopt(&mut self, plans: &Plans) {
+        let (time_step, dt) = (self.time_step, self.scenario.dt);
+        for (row, id) in plans.ids.iter().enumerate() {
+            let index = self.drive_index(*id).expect("checked against the driving agents");
+            let drive = &mut self.drives[index];
+            let now = self.states[drive.row].expect("a driving agent has a state");
+            let points = plans.row_points(row);
+            let length = points.iter().position(|point| !point.is_finite()).unwrap_or(points.len());
+            let end = |kind, message: String| Outcome { kind, message, ..Outcome::running(time_step) };
+            match plans.status[row] {
+                PlanStatus::Infeasible => {
+                    drive.outcome = end(OutcomeKind::Infeasible, plans.message[row].clone());
+                    continue;
+                }
+                PlanStatus::Error => {
+                    drive.outcome = end(OutcomeKind::PlannerError, plans.message[row].clone());
+                    continue;
+                }
+                PlanStatus::None => {
+                    drive.outcome = end(OutcomeKind::PlannerError, "the planner returned no plan".into());
+                    continue;
+                }
+                PlanStatus::Planned | PlanStatus::EmergencyBraking => {}
+            }
+            if length < 2 {
+                drive.outcome = end(OutcomeKind::PlannerError, "the plan has values that are not numbers".into());
+            } else if let Some(message) = jump(&now, &points[1], dt, drive.agent.vehicle.velocity_max) {
+                drive.outcome = end(OutcomeKind::PlannerError, message);
+            } else if drive.plan.as_ref().is_none_or(|(_, made)| {
+                self.settings.replan_every == 1 || (time_step - made) as usize >= self.settings.replan_every
+            }) {
+                drive.plan = Some((Trajectory { points: points[..length].to_vec() }, time_step));
+            }
+        }
+    }
+
+    /// State of everybody one step later; `None` for those who are gone.
+    fn next_states(&self) -> Vec<Option<State>> {
+        let mut next: Vec<Option<State>> = self
+            .recorded_row
+            .iter()
+            .map(|row| row.and_then(|row| self.recorded_state(row, self.time_step + 1)))
+            .collect();
+        for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
+            let (plan, made) = drive.plan.as_ref().expect("a driving agent has a plan");
+            let index = (self.time_step + 1 - made) as usize;
+            next[drive.row] = Some(plan.points[index.min(plan.points.len() - 1)]);
+        }
+        next
+    }
+
+    fn recorded_state(&self, row: usize, time_step: i64) -> Option<State> {
+        let obstacles = &self.scenario.obstacles;
+        let time_step = if obstacles.is_static[row] { obstacles.states.first_time_step } else { time_step };
+        obstacles.states.get(row, time_step)
+    }
+
+    fn judge_contacts(&mut self, next: &[Option<State>]) {
+        let moving: Vec<usize> = (0..next.len()).filter(|row| self.states[*row].is_some() && next[*row].is_some()).collect();
+        let movers: Vec<Mover<'_>> = moving
+            .iter()
+            .map(|row| Mover {
+                shape: &self.participants.shape[*row],
+                from: self.states[*row].expect("filtered").pose(),
+                to: next[*row].expect("filtered").pose(),
+            })
+            .collect();
+        let is_agent = &self.participants.is_agent;
+        let relevant = |i: usize, j: usize| is_agent[moving[i]] || is_agent[moving[j]];
+        let found = contacts(&movers, relevant);
+        let mut still_touching = BTreeSet::new();
+        for (i, j, fraction) in found {
+            let pair = (moving[i], moving[j]);
+            if self.entered_in_contact.contains(&pair) {
+                still_touching.insert(pair);
+                continue;
+            }
+            let velocity = |row: usize| velocity_between(self.states[row].as_ref(), next[row].as_ref(), fraction);
+            let impact_speed = (velocity(pair.0) - velocity(pair.1)).norm();
+            self.collide(pair.0, Some(pair.1), impact_speed, fraction);
+            self.collide(pair.1, Some(pair.0), impact_speed, fraction);
+        }
+        self.entered_in_contact = still_touching;
+    }
+
+    fn judge_road(&mut self, next: &[Option<State>]) {
+        let road = std::sync::Arc::clone(&self.scenario.road);
+        let mut departures = Vec::new();
+        for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(self.time_step)) {
+            let (from, to) = (self.states[drive.row].expect("driving").pose(), next[drive.row].expect("driving").pose());
+            if drive.was_on_road {
+                if let Some(fraction) = departs_road(&road, &drive.agent.shape, from, to) {
+                    let speed = next[drive.row].expect("driving").velocity.abs();
+                    departures.push((drive.row, speed, fraction));
+                }
+            } else {
+                drive.was_on_road = road.covers(&drive.agent.shape, to);
+            }
+        }
+        for (row, speed, fraction) in departures {
+            self.collide(row, None, speed, fraction);
+        }
+    }
+
+    /// Ends an agent by a collision during this step; the earliest contact is the one that counts.
+    fn collide(&mut self, row: usize, partner: Option<usize>, impact_speed: f64, fraction: f64) {
+        let time_step = self.time_step + 1;
+        let partner = partner.map(|partner| self.participants.ids[partner]);
+        let Some(drive) = self.drives.iter_mut().find(|drive| drive.row == row) else { return };
+        let message = format!("at {:.0} % of the step", fraction * 100.0);
+        let earlier = drive.outcome.kind == OutcomeKind::Collision && drive.contact_fraction <= fraction;
+        if earlier || !matches!(drive.outcome.kind, OutcomeKind::Running | OutcomeKind::Collision) {
+            return;
+        }
+        drive.contact_fraction = fraction;
+        drive.outcome =
+            Outcome { kind: OutcomeKind::Collision, time_step, partner, off_road: partner.is_none(), impact_speed, message };
+    }
+
+    fn judge_goals(&mut self) {
+        let (time_step, grace) = (self.time_step, self.settings.grace_factor);
+        for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
+            let state = self.states[drive.row].expect("a driving agent has a state");
+            drive.outcome.time_step = time_step;
+            drive.follow_path(&state);
+            if let Some(kind) = drive.judge(&state, time_step, grace) {
+                drive.outcome.kind = kind;
+            }
+        }
+    }
+
+    /// Brings in who starts at this time step, and notes whom they touch.
+    pub(super) fn enter(&mut self, time_step: i64) {
+        let mut entered = Vec::new();
+        for row in 0..self.states.len() {
+            let state = match self.recorded_row[row] {
+                Some(recorded) => self.recorded_state(recorded, time_step),
+                None => None,
+            };
+            let was_absent = time_step == self.scenario.obstacles.states.first_time_step
+                || self.recorded_row[row].is_some_and(|recorded| self.recorded_state(recorded, time_step - 1).is_none());
+            if self.recorded_row[row].is_some() {
+                self.states[row] = state;
+                if was_absent && state.is_some() {
+                    entered.push(row);
+                }
+            }
+        }
+        for drive in &mut self.drives {
+            if drive.agent.start_time_step == time_step {
+                self.states[drive.row] = Some(drive.agent.initial_state);
+                drive.was_on_road = self.scenario.road.covers(&drive.agent.shape, drive.agent.initial_state.pose());
+                entered.push(drive.row);
+            }
+        }
+        for row in entered {
+            self.note_contacts_of(row);
+        }
+    }
+
+    fn note_contacts_of(&mut self, row: usize) {
+        let participants = &self.participants;
+        let pose = self.states[row].expect("entered").pose();
+        for other in (0..self.states.len()).filter(|other| *other != row) {
+            let Some(state) = self.states[other] else { continue };
+            if (participants.is_agent[row] || participants.is_agent[other])
+                && participants.shape[row].overlaps(pose, &participants.shape[other], state.pose())
+            {
+                self.entered_in_contact.insert((row.min(other), row.max(other)));
+            }
+        }
+    }
+}
+
+impl Drive {
+    /// Updates the arc length on the reference path.
+    fn follow_path(&mut self, state: &State) {
+        const WINDOW: f64 = 15.0;
+        let rear_axle = self.agent.vehicle.rear_axle_from_center(state.pose());
+        let path = &self.agent.route.path;
+        if let Some((s, _)) = path.project_near(rear_axle, self.s, WINDOW) {
+            self.s = s;
+        }
+    }
+
+    fn judge(&self, state: &State, time_step: i64, grace_factor: f64) -> Option<OutcomeKind> {
+        if self.outcome.kind != OutcomeKind::Running {
+            return None;
+        }
+        let goal = &self.agent.goal;
+        if goal.states.iter().any(|alternative| alternative.is_met(state, time_step)) {
+            return Some(OutcomeKind::GoalReached);
+        }
+        let late = |alternative: &GoalState| time_step > alternative.time_step.1 && alternative.is_met_at_any_time(state);
+        if goal.states.iter().any(late) {
+            return Some(OutcomeKind::GoalReachedLate);
+        }
+        let center = self.s + self.agent.vehicle.rear_axle_to_center;
+        let inside = goal.states.iter().any(|alternative| alternative.contains(state));
+        // NaN (a goal without position) compares false.
+        if center > self.agent.route.goal_exit_s + MISSED_MARGIN && !inside {
+            return Some(OutcomeKind::GoalMissed);
+        }
+        (self.last_time_step(grace_factor).is_some_and(|last| time_step >= last)).then_some(OutcomeKind::TimeLimit)
+    }
+}
+
+/// Why a plan's first step is impossible, if it is: further than the vehicle could get in dt, with a generous margin.
+fn jump(now: &State, next: &State, dt: f64, velocity_max: f64) -> Option<String> {
+    const MARGIN: f64 = 1.0;
+    let distance = now.pose().position.distance(next.pose().position);
+    let reach = velocity_max * dt + MARGIN;
+    (distance > reach).then(|| format!("the plan jumps by {distance:.2} m within one step of {dt} s"))
+}
+
+fn velocity_between(from: Option<&State>, to: Option<&State>, fraction: f64) -> Point {
+    let (Some(from), Some(to)) = (from, to) else { return Point::default() };
+    let vector = |state: &State| Point::from_angle(state.orientation) * state.velocity;
+    vector(from).lerp(vector(to), fraction)
+}

@@ -1,0 +1,315 @@
+//! The running state: participants, time step, outcome per agent. `scene` shows it, `predict` and `plan` read it,
+//! `step` is the only function that changes it.
+
+mod advance;
+mod planning;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::geometry::shape::Shape;
+use crate::plan::Planner;
+use crate::predict::{Predictor, predict};
+use crate::recording::{Outcome, OutcomeKind, Recording};
+use crate::route::Route;
+use crate::scenario::{Goal, Scenario};
+use crate::scene::{Participants, Scene};
+use crate::trajectory::{Predictions, State, Trajectory};
+use crate::vehicle::{ParticipantKind, Vehicle};
+
+/// An agent before the first step.
+#[derive(Debug, Clone)]
+pub struct Agent {
+    /// Unique among all participants; an obstacle of the scenario with this id is replaced by the agent.
+    pub id: i64,
+    /// Kind.
+    pub kind: ParticipantKind,
+    /// Footprint.
+    pub shape: Shape,
+    /// Parameters and limits.
+    pub vehicle: Vehicle,
+    /// State when it enters.
+    pub initial_state: State,
+    /// Time step when it enters.
+    pub start_time_step: i64,
+    /// What it wants.
+    pub goal: Goal,
+    /// How to get there.
+    pub route: Arc<Route>,
+    /// Who plans.
+    pub planner: Planner,
+    /// Who is further away [m] is not seen.
+    pub sensor_radius: f64,
+}
+
+/// Settings of a world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WorldSettings {
+    /// An agent may be late until its time limit times this factor.
+    pub grace_factor: f64,
+    /// A new plan every so many time steps; in between the last one is followed.
+    pub replan_every: usize,
+    /// Number of past time steps in a scene.
+    pub history_steps: usize,
+    /// Number of threads that plan.
+    pub threads: usize,
+}
+
+impl Default for WorldSettings {
+    fn default() -> Self {
+        Self { grace_factor: 1.7, replan_every: 1, history_steps: 30, threads: 1 }
+    }
+}
+
+/// An agent's changing part.
+#[derive(Debug, Clone)]
+struct Drive {
+    agent: Agent,
+    /// Row among the participants.
+    row: usize,
+    outcome: Outcome,
+    /// Arc length of the rear axle on the reference path [m].
+    s: f64,
+    /// Last plan and the time step of its point 0.
+    plan: Option<(Trajectory, i64)>,
+    /// Has been fully on the road; before that, leaving it is not counted.
+    was_on_road: bool,
+    /// Fraction of the step at which the collision that ended it happened.
+    contact_fraction: f64,
+}
+
+impl Drive {
+    fn is_driving(&self, time_step: i64) -> bool {
+        self.outcome.kind == OutcomeKind::Running && time_step >= self.agent.start_time_step
+    }
+
+    /// Last time step of the grace period.
+    fn last_time_step(&self, grace_factor: f64) -> Option<i64> {
+        let start = self.agent.start_time_step;
+        self.agent.goal.latest_time_step().map(|end| start + (grace_factor * (end - start) as f64).floor() as i64)
+    }
+}
+
+/// The running simulation.
+#[derive(Debug)]
+pub struct World {
+    scenario: Arc<Scenario>,
+    settings: WorldSettings,
+    participants: Arc<Participants>,
+    /// Row of the recorded obstacle behind each participant; `None` for agents.
+    recorded_row: Vec<Option<usize>>,
+    drives: Vec<Drive>,
+    time_step: i64,
+    /// State now, per participant; `None` if absent.
+    states: Vec<Option<State>>,
+    /// Pairs that touched when one of them entered: contact counts once they have separated.
+    entered_in_contact: BTreeSet<(usize, usize)>,
+    recording: Recording,
+    pool: Arc<rayon::ThreadPool>,
+}
+
+impl World {
+    /// A world at the scenario's first time step.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the agent or field: an id twice, an initial state that is not a number, an agent that
+    /// starts before the first time step, impossible settings.
+    pub fn new(scenario: Arc<Scenario>, mut agents: Vec<Agent>, settings: WorldSettings) -> Result<Self> {
+        if !(settings.grace_factor >= 1.0 && settings.grace_factor.is_finite()) {
+            return Err(Error::invalid(format!("grace_factor must be at least 1, not {}", settings.grace_factor)));
+        }
+        if settings.replan_every == 0 || settings.threads == 0 {
+            return Err(Error::invalid("replan_every and threads must be at least 1"));
+        }
+        agents.sort_by_key(|agent| agent.id);
+        let first_time_step = scenario.obstacles.states.first_time_step;
+        check_agents(&agents, first_time_step)?;
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(settings.threads)
+            .build()
+            .map_err(|error| Error::invalid(format!("{} threads could not be started: {error}", settings.threads)))?;
+        let (participants, recorded_row) = participants(&scenario, &agents);
+        let drives = agents
+            .into_iter()
+            .map(|agent| Drive {
+                row: participants.ids.binary_search(&agent.id).expect("agents are participants"),
+                outcome: Outcome::running(agent.start_time_step),
+                s: agent.route.start_s,
+                plan: None,
+                was_on_road: false,
+                contact_fraction: f64::INFINITY,
+                agent,
+            })
+            .collect();
+        let mut world = Self {
+            states: vec![None; participants.ids.len()],
+            recording: Recording::new(participants.ids.clone(), first_time_step),
+            participants: Arc::new(participants),
+            recorded_row,
+            drives,
+            time_step: first_time_step,
+            entered_in_contact: BTreeSet::new(),
+            scenario,
+            settings,
+            pool: Arc::new(pool),
+        };
+        world.enter(first_time_step);
+        world.recording.push(&world.states);
+        Ok(world)
+    }
+
+    /// Now.
+    pub fn time_step(&self) -> i64 {
+        self.time_step
+    }
+
+    /// The input.
+    pub fn scenario(&self) -> &Arc<Scenario> {
+        &self.scenario
+    }
+
+    /// Who takes part.
+    pub fn participants(&self) -> &Arc<Participants> {
+        &self.participants
+    }
+
+    /// What happened so far.
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// Agents in the order of their ids.
+    pub fn agents(&self) -> impl Iterator<Item = &Agent> {
+        self.drives.iter().map(|drive| &drive.agent)
+    }
+
+    /// How each agent stands, in the order of their ids.
+    pub fn outcomes(&self) -> impl Iterator<Item = &Outcome> {
+        self.drives.iter().map(|drive| &drive.outcome)
+    }
+
+    /// No agent is driving or still to come.
+    pub fn is_done(&self) -> bool {
+        self.drives.iter().all(|drive| drive.outcome.kind != OutcomeKind::Running)
+    }
+
+    /// Ids of the agents that drive now, ascending.
+    pub fn driving(&self) -> Vec<i64> {
+        self.drives.iter().filter(|d| d.is_driving(self.time_step)).map(|d| d.agent.id).collect()
+    }
+
+    /// Pairs of ids that touched when one of them entered and have not separated since.
+    pub fn entered_in_contact(&self) -> Vec<(i64, i64)> {
+        let ids = &self.participants.ids;
+        self.entered_in_contact.iter().map(|(a, b)| (ids[*a], ids[*b])).collect()
+    }
+
+    /// Latest time step at which the last agent ends; `None` if an agent's goal has no time.
+    pub fn last_time_step(&self) -> Option<i64> {
+        self.drives
+            .iter()
+            .filter_map(|drive| drive.last_time_step(self.settings.grace_factor))
+            .max()
+    }
+
+    /// What can be seen now.
+    pub fn scene(&self) -> Scene {
+        let present = (0..self.states.len()).filter(|row| self.states[*row].is_some()).collect();
+        Scene {
+            time_step: self.time_step,
+            dt: self.scenario.dt,
+            participants: Arc::clone(&self.participants),
+            present,
+            past: self.recording.last_states(self.settings.history_steps + 1),
+        }
+    }
+
+    /// Expectations of a native predictor for everybody present.
+    ///
+    /// # Errors
+    /// As [`predict`].
+    pub fn predict(&self, predictor: &Predictor, scene: &Scene, n_steps: usize) -> Result<Predictions> {
+        predict(predictor, scene, &self.scenario.road, n_steps)
+    }
+
+    /// The time step of what was handed over must be now.
+    fn check_time_step(&self, what: &'static str, found: i64) -> Result<()> {
+        if found == self.time_step { Ok(()) } else { Err(Error::WrongTimeStep { what, expected: self.time_step, found }) }
+    }
+
+    fn drive_index(&self, id: i64) -> Result<usize> {
+        self.drives.binary_search_by_key(&id, |drive| drive.agent.id).map_err(|_| Error::UnknownId { what: "agent", id })
+    }
+
+    /// An agent as it was before the first step.
+    ///
+    /// # Errors
+    /// `UnknownId`.
+    pub fn agent(&self, id: i64) -> Result<&Agent> {
+        Ok(&self.drives[self.drive_index(id)?].agent)
+    }
+
+    /// Arc length of the agent's rear axle on its reference path [m]; NaN where it cannot be told.
+    ///
+    /// # Errors
+    /// `UnknownId`.
+    pub fn progress(&self, id: i64) -> Result<f64> {
+        Ok(self.drives[self.drive_index(id)?].s)
+    }
+}
+
+fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
+    for pair in agents.windows(2) {
+        if pair[0].id == pair[1].id {
+            return Err(Error::invalid(format!("agent {} is there twice", pair[0].id)));
+        }
+    }
+    for agent in agents {
+        let id = agent.id;
+        if !agent.initial_state.is_finite() {
+            return Err(Error::invalid(format!("agent {id} starts with a state that is not a number")));
+        }
+        if agent.start_time_step < first_time_step {
+            let start = agent.start_time_step;
+            return Err(Error::invalid(format!("agent {id} starts at time step {start}, before the scenario ({first_time_step})")));
+        }
+        if !(agent.sensor_radius > 0.0) {
+            return Err(Error::invalid(format!("agent {id} has a sensor radius of {} m", agent.sensor_radius)));
+        }
+        if agent.goal.states.is_empty() {
+            return Err(Error::invalid(format!("agent {id} has no goal")));
+        }
+    }
+    Ok(())
+}
+
+/// Agents and the recorded obstacles that no agent replaces, sorted by id.
+fn participants(scenario: &Scenario, agents: &[Agent]) -> (Participants, Vec<Option<usize>>) {
+    let obstacles = &scenario.obstacles;
+    let mut rows: Vec<(i64, Option<usize>, Option<&Agent>)> = agents.iter().map(|a| (a.id, None, Some(a))).collect();
+    let replaced = |id: &i64| agents.binary_search_by_key(id, |agent| agent.id).is_ok();
+    rows.extend(obstacles.states.ids.iter().enumerate().filter(|(_, id)| !replaced(id)).map(|(row, id)| (*id, Some(row), None)));
+    rows.sort_by_key(|(id, ..)| *id);
+    let mut participants = Participants::default();
+    let mut recorded = Vec::with_capacity(rows.len());
+    for (id, row, agent) in rows {
+        participants.ids.push(id);
+        participants.is_agent.push(agent.is_some());
+        match (row, agent) {
+            (Some(row), _) => {
+                participants.kind.push(obstacles.kind[row]);
+                participants.shape.push(obstacles.shape[row].clone());
+                participants.is_static.push(obstacles.is_static[row]);
+            }
+            (None, Some(agent)) => {
+                participants.kind.push(agent.kind);
+                participants.shape.push(agent.shape.clone());
+                participants.is_static.push(false);
+            }
+            (None, None) => unreachable!("every row is an obstacle or an agent"),
+        }
+        recorded.push(row);
+    }
+    (participants, recorded)
+}

@@ -1,0 +1,124 @@
+//! All agents with native planners in one call, on all cores.
+
+use rayon::prelude::*;
+
+use super::{Drive, World};
+use crate::error::Result;
+use crate::plan::frenet::{self, Candidates};
+use crate::plan::{Other, PlanRequest, PlanResult, Planner};
+use crate::predict::completed;
+use crate::scene::Scene;
+use crate::trajectory::{PlanStatus, Plans, Predictions, State};
+
+impl World {
+    /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
+    ///
+    /// Every agent plans on the same scene and is independent of all others, so the result depends neither on the
+    /// number of threads nor on the order.
+    ///
+    /// # Errors
+    /// `WrongTimeStep` if scene or predictions are not of now.
+    pub fn plan(&self, scene: &Scene, predictions: &Predictions) -> Result<Plans> {
+        self.check_time_step("scene", scene.time_step)?;
+        self.check_time_step("predictions", predictions.time_step)?;
+        let predictions = completed(predictions, scene);
+        let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
+        let results: Vec<Option<PlanResult>> = self.pool.install(|| {
+            drives
+                .par_iter()
+                .with_max_len(1)
+                .map_init(frenet::Scratch::default, |scratch, drive| self.plan_one(drive, scene, &predictions, scratch))
+                .collect()
+        });
+        let n_points = results.iter().flatten().map(|result| result.trajectory.points.len()).max().unwrap_or(0);
+        let n_points = n_points.max(predictions.n_steps + 1).max(2);
+        let mut plans = Plans::none(self.time_step, drives.iter().map(|drive| drive.agent.id).collect(), n_points);
+        for (row, result) in results.into_iter().enumerate() {
+            let Some(result) = result else { continue };
+            let points = &result.trajectory.points;
+            plans.points[row * n_points..row * n_points + points.len()].copy_from_slice(points);
+            plans.status[row] = result.status;
+            plans.cost[row] = result.cost;
+            plans.message[row] = result.message;
+        }
+        Ok(plans)
+    }
+
+    /// All samples of an agent's planner with cost and reason of rejection; `None` if its planner has none.
+    ///
+    /// # Errors
+    /// `UnknownId`, `WrongTimeStep`.
+    pub fn candidates(&self, id: i64, scene: &Scene, predictions: &Predictions) -> Result<Option<Candidates>> {
+        self.check_time_step("predictions", predictions.time_step)?;
+        let drive = &self.drives[self.drive_index(id)?];
+        let Planner::Frenet(settings) = &drive.agent.planner else { return Ok(None) };
+        if !drive.is_driving(self.time_step) {
+            return Ok(None);
+        }
+        let predictions = completed(predictions, scene);
+        let others = self.others(drive, scene);
+        Ok(Some(frenet::candidates(&self.request(drive, &others, &predictions), settings)))
+    }
+
+    fn plan_one(
+        &self,
+        drive: &Drive,
+        scene: &Scene,
+        predictions: &Predictions,
+        scratch: &mut frenet::Scratch,
+    ) -> Option<PlanResult> {
+        let Planner::Frenet(settings) = &drive.agent.planner else { return None };
+        if let Some(kept) = self.kept_plan(drive) {
+            return Some(kept);
+        }
+        let others = self.others(drive, scene);
+        Some(frenet::plan(&self.request(drive, &others, predictions), settings, scratch))
+    }
+
+    /// The rest of the last plan, if it is not yet time for a new one.
+    fn kept_plan(&self, drive: &Drive) -> Option<PlanResult> {
+        let (plan, made) = drive.plan.as_ref()?;
+        let age = (self.time_step - made) as usize;
+        (age < self.settings.replan_every && plan.points.len() > age + 1).then(|| PlanResult {
+            trajectory: crate::trajectory::Trajectory { points: plan.points[age..].to_vec() },
+            status: PlanStatus::Planned,
+            cost: f64::NAN,
+            message: String::new(),
+        })
+    }
+
+    fn others<'a>(&'a self, drive: &Drive, scene: &Scene) -> Vec<Other<'a>> {
+        scene
+            .visible_from(drive.row, drive.agent.sensor_radius)
+            .into_iter()
+            .map(|row| {
+                let state = scene.state(row);
+                Other {
+                    row: scene.present.binary_search(&row).expect("visible rows are present"),
+                    pose: state.pose(),
+                    velocity: scene.observed_velocity(row),
+                    shape: &self.participants.shape[row],
+                    is_static: self.participants.is_static[row],
+                }
+            })
+            .collect()
+    }
+
+    fn request<'a>(&'a self, drive: &'a Drive, others: &'a [Other<'a>], predictions: &'a Predictions) -> PlanRequest<'a> {
+        PlanRequest {
+            time_step: self.time_step,
+            dt: self.scenario.dt,
+            state: self.states[drive.row].unwrap_or(State::default()),
+            vehicle: &drive.agent.vehicle,
+            shape: &drive.agent.shape,
+            route: &drive.agent.route,
+            s_hint: drive.s,
+            goal: &drive.agent.goal,
+            road: &self.scenario.road,
+            others,
+            predictions,
+            previous: drive.plan.as_ref().map(|(plan, _)| plan),
+            previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
+        }
+    }
+}
