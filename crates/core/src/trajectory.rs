@@ -1,5 +1,7 @@
 //! The tables of the field: arrays per field, rows sorted by participant id, a mask where something is absent.
 
+use crate::error::{Error, Result};
+
 /// State of one participant at one time step. The position is the centre of the footprint.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct State {
@@ -175,6 +177,39 @@ impl Predictions {
     }
 }
 
+impl Predictions {
+    /// Checks what a predictor from outside handed over.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the participant: a valid step that is not a number, a covariance that is not positive
+    /// definite, probabilities that do not add up to 1 although a mode is valid.
+    pub fn validate(&self) -> Result<()> {
+        const TOLERANCE: f64 = 1e-6;
+        for (row, id) in self.ids.iter().enumerate() {
+            let modes = &self.probability[row * self.n_modes..(row + 1) * self.n_modes];
+            let start = self.offset(row, 0);
+            let all = start..start + self.n_modes * self.n_steps;
+            if !self.valid[all.clone()].iter().any(|valid| *valid) {
+                continue;
+            }
+            let total: f64 = modes.iter().sum();
+            if (total - 1.0).abs() > TOLERANCE || modes.iter().any(|p| !(*p >= 0.0)) {
+                return Err(Error::invalid(format!("predictions: mode probabilities of participant {id} are {modes:?}")));
+            }
+            for i in all.filter(|i| self.valid[*i]) {
+                let (xx, xy, yy) = (self.covariance_xx[i], self.covariance_xy[i], self.covariance_yy[i]);
+                if ![self.x[i], self.y[i], self.orientation[i], self.velocity[i], xx, xy, yy].iter().all(|v| v.is_finite()) {
+                    return Err(Error::invalid(format!("predictions: participant {id} has a valid step that is not a number")));
+                }
+                if !(xx > 0.0 && yy > 0.0 && xx * yy - xy * xy > 0.0) {
+                    return Err(Error::invalid(format!("predictions: participant {id} has a covariance that is not positive definite")));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 /// How a plan came about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -244,6 +279,38 @@ impl Plans {
         acceleration: f64::NAN,
         yaw_rate: f64::NAN,
     };
+
+    /// Writes the plan of an agent; the table grows if the plan is longer than any before.
+    ///
+    /// # Errors
+    /// `UnknownId` if the agent does not drive now.
+    pub fn set_row(&mut self, id: i64, points: &[State]) -> Result<()> {
+        let row = self.row(id).ok_or(Error::UnknownId { what: "driving agent", id })?;
+        if points.len() > self.n_points {
+            let mut wider = vec![Self::NO_POINT; self.ids.len() * points.len()];
+            for other in 0..self.ids.len() {
+                wider[other * points.len()..][..self.n_points].copy_from_slice(self.row_points(other));
+            }
+            (self.points, self.n_points) = (wider, points.len());
+        }
+        let range = row * self.n_points..(row + 1) * self.n_points;
+        self.points[range.clone()].fill(Self::NO_POINT);
+        self.points[range.start..range.start + points.len()].copy_from_slice(points);
+        self.status[row] = PlanStatus::Planned;
+        self.cost[row] = f64::NAN;
+        Ok(())
+    }
+
+    /// Notes that an agent's planner failed.
+    ///
+    /// # Errors
+    /// `UnknownId` if the agent does not drive now.
+    pub fn fail_row(&mut self, id: i64, message: String) -> Result<()> {
+        let row = self.row(id).ok_or(Error::UnknownId { what: "driving agent", id })?;
+        self.status[row] = PlanStatus::Error;
+        self.message[row] = message;
+        Ok(())
+    }
 
     /// Points of a row.
     pub fn row_points(&self, row: usize) -> &[State] {

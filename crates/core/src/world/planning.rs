@@ -67,10 +67,10 @@ impl World {
         predictions: &Predictions,
         scratch: &mut frenet::Scratch,
     ) -> Option<PlanResult> {
-        let Planner::Frenet(settings) = &drive.agent.planner else { return None };
         if let Some(kept) = self.kept_plan(drive) {
             return Some(kept);
         }
+        let Planner::Frenet(settings) = &drive.agent.planner else { return None };
         let others = self.others(drive, scene);
         Some(frenet::plan(&self.request(drive, &others, predictions), settings, scratch))
     }

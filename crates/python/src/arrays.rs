@@ -1,0 +1,63 @@
+//! numpy in and out: shape checks going down, read-only arrays going up.
+
+use interdrive_core::geometry::Point;
+use numpy::{
+    Element, IntoPyArray, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods, ndarray::Dimension,
+};
+use pyo3::prelude::*;
+
+use crate::errors::InputError;
+
+/// Forbids writing to an array that is handed out.
+fn frozen<'py, T: Element, D: Dimension>(array: Bound<'py, PyArray<T, D>>) -> Bound<'py, PyArray<T, D>> {
+    let _ = array.readwrite().make_nonwriteable();
+    array
+}
+
+/// A read-only array of one dimension.
+pub fn row<T: Element>(py: Python<'_>, values: Vec<T>) -> Bound<'_, PyArray1<T>> {
+    frozen(values.into_pyarray(py))
+}
+
+/// A read-only array of the given shape.
+pub fn grid<T: Element, const N: usize>(
+    py: Python<'_>,
+    values: Vec<T>,
+    shape: [usize; N],
+) -> PyResult<Bound<'_, PyAny>> {
+    let array = values.into_pyarray(py).reshape(shape.to_vec())?;
+    array.call_method1("setflags", (false,))?;
+    Ok(array.into_any())
+}
+
+/// Points as an array of shape (points, 2).
+pub fn points(py: Python<'_>, points: impl IntoIterator<Item = Point>) -> PyResult<Bound<'_, PyAny>> {
+    let flat: Vec<f64> = points.into_iter().flat_map(|point| [point.x, point.y]).collect();
+    let n = flat.len() / 2;
+    grid(py, flat, [n, 2])
+}
+
+/// Points from an array of shape (points, 2).
+pub fn read_points(name: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Point>> {
+    if array.shape()[1] != 2 {
+        return Err(InputError::new_err(format!("{name}: shape {:?} given, (points, 2) expected", array.shape())));
+    }
+    Ok(array.as_array().rows().into_iter().map(|row| Point::new(row[0], row[1])).collect())
+}
+
+/// Values of an array of one dimension with a known length.
+pub fn read_row<T: Element + Copy>(name: &str, array: &PyReadonlyArray1<'_, T>, length: usize) -> PyResult<Vec<T>> {
+    if array.len() != length {
+        return Err(InputError::new_err(format!("{name}: {} values given, {length} expected", array.len())));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
+/// Values of an array of a known shape, row-major.
+pub fn read_grid<T: Element + Copy>(name: &str, array: &PyReadonlyArrayDyn<'_, T>, shape: &[usize]) -> PyResult<Vec<T>> {
+    if array.shape() != shape {
+        return Err(InputError::new_err(format!("{name}: shape {:?} given, {shape:?} expected", array.shape())));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}

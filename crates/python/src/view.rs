@@ -1,0 +1,224 @@
+//! Scene and view: what can be seen, as arrays.
+
+use std::sync::Arc;
+
+use interdrive_core::geometry::Point;
+use interdrive_core::road::RoadNetwork;
+use interdrive_core::scene::Scene;
+use interdrive_core::trajectory::State;
+use interdrive_core::world::Agent;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+
+use crate::arrays;
+use crate::scenario::{PyGoal, PyRoute, PyVehicle};
+
+/// One field of the past of some rows: shape (rows, history), the last column is now.
+fn past<'py, T: numpy::Element + Copy>(
+    py: Python<'py>,
+    scene: &Scene,
+    rows: &[usize],
+    values: &[T],
+) -> PyResult<Bound<'py, PyAny>> {
+    let n = scene.past.n_steps;
+    let flat: Vec<T> = rows.iter().flat_map(|row| values[row * n..(row + 1) * n].iter().copied()).collect();
+    arrays::grid(py, flat, [rows.len(), n])
+}
+
+macro_rules! participants_seen {
+    ($class:ident) => {
+        #[pymethods]
+        impl $class {
+            /// Now.
+            #[getter]
+            fn time_step(&self) -> i64 {
+                self.scene.time_step
+            }
+            /// Time between steps [s].
+            #[getter]
+            fn dt(&self) -> f64 {
+                self.scene.dt
+            }
+            /// Ids, ascending, shape (participants,).
+            #[getter]
+            fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.ids[*row]).collect())
+            }
+            /// Codes of their kinds.
+            #[getter]
+            fn kinds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.kind[*row] as i64).collect())
+            }
+            /// Static obstacles.
+            #[getter]
+            fn is_static<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.is_static[*row]).collect())
+            }
+            /// Length of the footprints' bounding boxes [m].
+            #[getter]
+            fn length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().0).collect())
+            }
+            /// Width of the footprints' bounding boxes [m].
+            #[getter]
+            fn width<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().1).collect())
+            }
+            /// Centres [m], shape (participants, history); the last column is now, nan where absent.
+            #[getter]
+            fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.x)
+            }
+            #[getter]
+            fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.y)
+            }
+            #[getter]
+            fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.orientation)
+            }
+            #[getter]
+            fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.velocity)
+            }
+            #[getter]
+            fn acceleration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.acceleration)
+            }
+            #[getter]
+            fn yaw_rate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.yaw_rate)
+            }
+            #[getter]
+            fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.valid)
+            }
+        }
+    };
+}
+
+#[pyclass(frozen, name = "Scene", module = "interdrive._core")]
+pub struct PyScene {
+    pub scene: Arc<Scene>,
+    pub road: Arc<RoadNetwork>,
+}
+
+impl PyScene {
+    fn rows(&self) -> Vec<usize> {
+        self.scene.present.clone()
+    }
+}
+
+participants_seen!(PyScene);
+
+/// What one agent knows. `ids`, `x`, ... are the participants that it sees; its own state is `state`.
+#[pyclass(frozen, name = "View", module = "interdrive._core")]
+pub struct PyView {
+    pub scene: Arc<Scene>,
+    pub visible: Vec<usize>,
+    pub agent: Agent,
+    pub state: State,
+    pub s: f64,
+    pub road: Arc<RoadNetwork>,
+}
+
+impl PyView {
+    fn rows(&self) -> Vec<usize> {
+        self.visible.clone()
+    }
+}
+
+participants_seen!(PyView);
+
+#[pymethods]
+impl PyView {
+    /// The agent itself.
+    #[getter]
+    fn ego(slf: Py<Self>) -> PyEgo {
+        PyEgo { view: slf }
+    }
+}
+
+/// The agent itself within its view.
+#[pyclass(frozen, name = "Ego", module = "interdrive._core")]
+pub struct PyEgo {
+    pub view: Py<PyView>,
+}
+
+#[pymethods]
+impl PyEgo {
+    #[getter]
+    fn id(&self) -> i64 {
+        self.view.get().agent.id
+    }
+    /// Centre [m], world frame.
+    #[getter]
+    fn x(&self) -> f64 {
+        self.view.get().state.x
+    }
+    #[getter]
+    fn y(&self) -> f64 {
+        self.view.get().state.y
+    }
+    #[getter]
+    fn orientation(&self) -> f64 {
+        self.view.get().state.orientation
+    }
+    #[getter]
+    fn velocity(&self) -> f64 {
+        self.view.get().state.velocity
+    }
+    #[getter]
+    fn acceleration(&self) -> f64 {
+        self.view.get().state.acceleration
+    }
+    #[getter]
+    fn yaw_rate(&self) -> f64 {
+        self.view.get().state.yaw_rate
+    }
+    /// (x, y, orientation, velocity, acceleration, yaw_rate) as an array.
+    #[getter]
+    fn state<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let s = &self.view.get().state;
+        arrays::row(py, vec![s.x, s.y, s.orientation, s.velocity, s.acceleration, s.yaw_rate])
+    }
+    #[getter]
+    fn vehicle(&self) -> PyVehicle {
+        PyVehicle(self.view.get().agent.vehicle)
+    }
+    #[getter]
+    fn goal(&self) -> PyGoal {
+        PyGoal(self.view.get().agent.goal.clone())
+    }
+    #[getter]
+    fn route(&self) -> PyRoute {
+        let view = self.view.get();
+        PyRoute { route: Arc::clone(&view.agent.route), road: Arc::clone(&view.road) }
+    }
+    /// Arc length of the rear axle on the reference path [m].
+    #[getter]
+    fn s(&self) -> f64 {
+        self.view.get().s
+    }
+    /// Last time step at which the goal can be reached in time.
+    #[getter]
+    fn goal_time_step(&self) -> (i64, i64) {
+        let goal = &self.view.get().agent.goal;
+        let first = goal.states.iter().map(|state| state.time_step.0).min().unwrap_or(0);
+        (first, goal.latest_time_step().unwrap_or(i64::MAX))
+    }
+    /// Border of the drivable area within the sensor radius, shape (edges, 2, 2).
+    #[getter]
+    fn road_edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let view = self.view.get();
+        let center = Point::new(view.state.x, view.state.y);
+        let radius = view.agent.sensor_radius;
+        let aabb = interdrive_core::geometry::Aabb { min: center, max: center }.grown(radius);
+        let mut near = Vec::new();
+        view.road.edges_near(&aabb, &mut near);
+        let edges = view.road.road_edges();
+        let flat: Vec<f64> =
+            near.iter().map(|i| &edges[*i as usize]).flat_map(|e| [e.a.x, e.a.y, e.b.x, e.b.y]).collect();
+        arrays::grid(py, flat, [near.len(), 2, 2])
+    }
+}

@@ -1,0 +1,425 @@
+//! The world and the tables of a step as handles.
+
+use std::sync::Arc;
+
+use interdrive_core::geometry::shape::Shape;
+use interdrive_core::plan::Planner;
+use interdrive_core::plan::frenet::FrenetSettings;
+use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
+use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State};
+use interdrive_core::vehicle::ParticipantKind;
+use interdrive_core::world::{Agent, World, WorldSettings};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays;
+use crate::errors::{InputError, detached, exception};
+use crate::planner::PyFrenetSettings;
+use crate::scenario::{PyGoal, PyRoute, PyScenario, PyShape, PyVehicle};
+use crate::view::{PyScene, PyView};
+
+#[pyclass(frozen, name = "Agent", module = "interdrive._core")]
+pub struct PyAgent(pub Agent);
+
+#[pymethods]
+impl PyAgent {
+    #[new]
+    #[pyo3(signature = (id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, sensor_radius))]
+    fn new(
+        id: i64,
+        kind: i64,
+        shape: &PyShape,
+        vehicle: &PyVehicle,
+        initial_state: (f64, f64, f64, f64, f64, f64),
+        start_time_step: i64,
+        goal: &PyGoal,
+        route: &PyRoute,
+        planner: Option<&PyFrenetSettings>,
+        sensor_radius: f64,
+    ) -> PyResult<Self> {
+        let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
+        let planner = planner.map_or(Planner::External, |p| Planner::Frenet(Box::new(FrenetSettings::clone(&p.0))));
+        Ok(Self(Agent {
+            id,
+            kind: ParticipantKind::from_code(kind).map_err(exception)?,
+            shape: Shape::clone(&shape.0),
+            vehicle: vehicle.0,
+            initial_state: State { x, y, orientation, velocity, acceleration, yaw_rate },
+            start_time_step,
+            goal: goal.0.clone(),
+            route: Arc::clone(&route.route),
+            planner,
+            sensor_radius,
+        }))
+    }
+}
+
+#[pyclass(frozen, name = "Predictor", module = "interdrive._core")]
+pub struct PyPredictor(pub Predictor);
+
+#[pymethods]
+impl PyPredictor {
+    #[staticmethod]
+    fn constant_velocity(position_sigma: f64, acceleration_sigma: f64, lateral_rate: f64) -> Self {
+        Self(Predictor::ConstantVelocity(Spread { position_sigma, acceleration_sigma, lateral_rate }))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (
+        position_sigma, acceleration_sigma, lateral_rate, modes_max, lateral_acceleration, deceleration, return_time,
+        recorded=None
+    ))]
+    fn lane_following(
+        position_sigma: f64,
+        acceleration_sigma: f64,
+        lateral_rate: f64,
+        modes_max: usize,
+        lateral_acceleration: f64,
+        deceleration: f64,
+        return_time: f64,
+        recorded: Option<&PyScenario>,
+    ) -> Self {
+        let spread = Spread { position_sigma, acceleration_sigma, lateral_rate };
+        let settings = LaneFollowing { spread, modes_max, lateral_acceleration, deceleration, return_time };
+        Self(match recorded {
+            Some(scenario) => Predictor::GroundTruth(Arc::clone(&scenario.0), settings),
+            None => Predictor::LaneFollowing(settings),
+        })
+    }
+}
+
+#[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
+pub struct PyPredictions(pub Arc<Predictions>);
+
+impl PyPredictions {
+    fn steps<'py, T: numpy::Element + Clone>(&self, py: Python<'py>, values: &[T]) -> PyResult<Bound<'py, PyAny>> {
+        arrays::grid(py, values.to_vec(), [self.0.ids.len(), self.0.n_modes, self.0.n_steps])
+    }
+}
+
+#[pymethods]
+impl PyPredictions {
+    /// Checks and keeps the arrays of a predictor from outside.
+    #[new]
+    #[pyo3(signature = (time_step, ids, probability, x, y, orientation, velocity, covariance, valid))]
+    fn new(
+        time_step: i64,
+        ids: PyReadonlyArray1<'_, i64>,
+        probability: PyReadonlyArrayDyn<'_, f64>,
+        x: PyReadonlyArrayDyn<'_, f64>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        orientation: PyReadonlyArrayDyn<'_, f64>,
+        velocity: PyReadonlyArrayDyn<'_, f64>,
+        covariance: PyReadonlyArrayDyn<'_, f64>,
+        valid: PyReadonlyArrayDyn<'_, bool>,
+    ) -> PyResult<Self> {
+        let ids: Vec<i64> = ids.as_array().to_vec();
+        if !ids.is_sorted_by(|a, b| a < b) {
+            return Err(InputError::new_err("predictions: ids must be unique and ascending"));
+        }
+        let shape = x.as_array().shape().to_vec();
+        let [n, n_modes, n_steps] = shape[..] else {
+            return Err(InputError::new_err(format!("predictions: x has shape {shape:?}, (participants, modes, steps) expected")));
+        };
+        if n != ids.len() || n_modes == 0 || n_steps == 0 {
+            return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {} ids", ids.len())));
+        }
+        let covariance = arrays::read_grid("predictions: covariance", &covariance, &[n, n_modes, n_steps, 2, 2])?;
+        let entry = |k: usize| covariance.iter().skip(k).step_by(4).copied().collect::<Vec<f64>>();
+        let predictions = Predictions {
+            time_step,
+            ids,
+            n_modes,
+            n_steps,
+            probability: arrays::read_grid("predictions: probability", &probability, &[n, n_modes])?,
+            x: x.as_array().iter().copied().collect(),
+            y: arrays::read_grid("predictions: y", &y, &shape)?,
+            orientation: arrays::read_grid("predictions: orientation", &orientation, &shape)?,
+            velocity: arrays::read_grid("predictions: velocity", &velocity, &shape)?,
+            covariance_xx: entry(0),
+            covariance_xy: entry(1),
+            covariance_yy: entry(3),
+            valid: arrays::read_grid("predictions: valid", &valid, &shape)?,
+        };
+        predictions.validate().map_err(exception)?;
+        Ok(Self(Arc::new(predictions)))
+    }
+
+    #[getter]
+    fn time_step(&self) -> i64 {
+        self.0.time_step
+    }
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        arrays::row(py, self.0.ids.clone())
+    }
+    /// Probability of each mode, shape (participants, modes).
+    #[getter]
+    fn probability<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        arrays::grid(py, self.0.probability.clone(), [self.0.ids.len(), self.0.n_modes])
+    }
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.0.x)
+    }
+    #[getter]
+    fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.0.y)
+    }
+    #[getter]
+    fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.0.orientation)
+    }
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.0.velocity)
+    }
+    /// Covariance of the position [m²], shape (participants, modes, steps, 2, 2).
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let p = &self.0;
+        let flat: Vec<f64> = (0..p.x.len())
+            .flat_map(|i| [p.covariance_xx[i], p.covariance_xy[i], p.covariance_xy[i], p.covariance_yy[i]])
+            .collect();
+        arrays::grid(py, flat, [p.ids.len(), p.n_modes, p.n_steps, 2, 2])
+    }
+    #[getter]
+    fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.0.valid)
+    }
+}
+
+#[pyclass(name = "Plans", module = "interdrive._core")]
+pub struct PyPlans(pub Plans);
+
+#[pymethods]
+impl PyPlans {
+    #[getter]
+    fn time_step(&self) -> i64 {
+        self.0.time_step
+    }
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        arrays::row(py, self.0.ids.clone())
+    }
+    /// Codes of `interdrive.run.PLAN_STATUS`.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        arrays::row(py, self.0.status.iter().map(|status| *status as i64).collect())
+    }
+    /// Ids of the agents that still need a plan from outside the core.
+    #[getter]
+    fn missing(&self) -> Vec<i64> {
+        let none = |(id, status): (&i64, &PlanStatus)| (*status == PlanStatus::None).then_some(*id);
+        self.0.ids.iter().zip(&self.0.status).filter_map(none).collect()
+    }
+
+    /// Writes the plan of one agent: arrays of shape (points,), point 0 is now.
+    fn set(
+        &mut self,
+        id: i64,
+        x: PyReadonlyArray1<'_, f64>,
+        y: PyReadonlyArray1<'_, f64>,
+        orientation: PyReadonlyArray1<'_, f64>,
+        velocity: PyReadonlyArray1<'_, f64>,
+        acceleration: PyReadonlyArray1<'_, f64>,
+        yaw_rate: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let n = x.as_array().len();
+        let fields = [
+            arrays::read_row("x", &x, n)?,
+            arrays::read_row("y", &y, n)?,
+            arrays::read_row("orientation", &orientation, n)?,
+            arrays::read_row("velocity", &velocity, n)?,
+            arrays::read_row("acceleration", &acceleration, n)?,
+            arrays::read_row("yaw_rate", &yaw_rate, n)?,
+        ];
+        let points: Vec<State> = (0..n)
+            .map(|i| State {
+                x: fields[0][i],
+                y: fields[1][i],
+                orientation: fields[2][i],
+                velocity: fields[3][i],
+                acceleration: fields[4][i],
+                yaw_rate: fields[5][i],
+            })
+            .collect();
+        self.0.set_row(id, &points).map_err(exception)
+    }
+
+    /// Notes that an agent's planner failed.
+    fn fail(&mut self, id: i64, message: String) -> PyResult<()> {
+        self.0.fail_row(id, message).map_err(exception)
+    }
+}
+
+#[pyclass(name = "World", module = "interdrive._core")]
+pub struct PyWorld(World);
+
+#[pymethods]
+impl PyWorld {
+    #[new]
+    #[pyo3(signature = (scenario, agents, *, grace_factor, replan_every, history_steps, threads))]
+    fn new(
+        py: Python<'_>,
+        scenario: &PyScenario,
+        agents: Vec<PyRef<'_, PyAgent>>,
+        grace_factor: f64,
+        replan_every: usize,
+        history_steps: usize,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
+        let settings = WorldSettings { grace_factor, replan_every, history_steps, threads };
+        let scenario = Arc::clone(&scenario.0);
+        detached(py, || World::new(scenario, agents, settings)).map(Self)
+    }
+
+    #[getter]
+    fn time_step(&self) -> i64 {
+        self.0.time_step()
+    }
+    #[getter]
+    fn is_done(&self) -> bool {
+        self.0.is_done()
+    }
+    /// Ids of the agents that drive now, ascending.
+    #[getter]
+    fn driving(&self) -> Vec<i64> {
+        self.0.driving()
+    }
+    /// Latest time step at which the last agent ends.
+    #[getter]
+    fn last_time_step(&self) -> Option<i64> {
+        self.0.last_time_step()
+    }
+    /// Pairs that touched when one of them entered and have not separated since.
+    #[getter]
+    fn entered_in_contact(&self) -> Vec<(i64, i64)> {
+        self.0.entered_in_contact()
+    }
+
+    fn scene(&self, py: Python<'_>) -> PyScene {
+        let world = &self.0;
+        let scene = py.detach(|| world.scene());
+        PyScene { scene: Arc::new(scene), road: Arc::clone(&world.scenario().road) }
+    }
+
+    /// What an agent sees.
+    fn view(&self, scene: &PyScene, id: i64) -> PyResult<PyView> {
+        let agent = self.0.agent(id).map_err(exception)?.clone();
+        let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
+        if !scene.scene.present.contains(&row) {
+            return Err(InputError::new_err(format!("agent {id} is not present at time step {}", scene.scene.time_step)));
+        }
+        Ok(PyView {
+            visible: scene.scene.visible_from(row, agent.sensor_radius),
+            state: scene.scene.state(row),
+            s: self.0.progress(id).map_err(exception)?,
+            scene: Arc::clone(&scene.scene),
+            road: Arc::clone(&self.0.scenario().road),
+            agent,
+        })
+    }
+
+    fn predict(&self, py: Python<'_>, predictor: &PyPredictor, scene: &PyScene, n_steps: usize) -> PyResult<PyPredictions> {
+        let world = &self.0;
+        detached(py, || world.predict(&predictor.0, &scene.scene, n_steps)).map(|p| PyPredictions(Arc::new(p)))
+    }
+
+    fn plan(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPlans> {
+        let world = &self.0;
+        detached(py, || world.plan(&scene.scene, &predictions.0)).map(PyPlans)
+    }
+
+    fn step(&mut self, py: Python<'_>, plans: &PyPlans) -> PyResult<()> {
+        let world = &mut self.0;
+        detached(py, || world.step(&plans.0))
+    }
+
+    /// All samples of an agent's planner as a dict of arrays; None if it has none.
+    fn candidates<'py>(
+        &self,
+        py: Python<'py>,
+        id: i64,
+        scene: &PyScene,
+        predictions: &PyPredictions,
+    ) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let world = &self.0;
+        let found = detached(py, || world.candidates(id, &scene.scene, &predictions.0))?;
+        found.map(|candidates| crate::planner::candidates_dict(py, &candidates)).transpose()
+    }
+
+    /// Outcomes of all agents as a dict of arrays, sorted by id.
+    fn outcomes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let outcomes: Vec<_> = self.0.outcomes().collect();
+        let dict = PyDict::new(py);
+        dict.set_item("agent_id", arrays::row(py, self.0.agents().map(|agent| agent.id).collect()))?;
+        dict.set_item("kind", arrays::row(py, outcomes.iter().map(|o| o.kind as i64).collect()))?;
+        dict.set_item("time_step", arrays::row(py, outcomes.iter().map(|o| o.time_step).collect()))?;
+        dict.set_item("partner_id", arrays::row(py, outcomes.iter().map(|o| o.partner.unwrap_or(-1)).collect()))?;
+        dict.set_item("off_road", arrays::row(py, outcomes.iter().map(|o| o.off_road).collect()))?;
+        dict.set_item("impact_speed", arrays::row(py, outcomes.iter().map(|o| o.impact_speed).collect()))?;
+        dict.set_item("message", outcomes.iter().map(|o| o.message.clone()).collect::<Vec<_>>())?;
+        Ok(dict)
+    }
+
+    /// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let states = self.0.recording().states();
+        let participants = self.0.participants();
+        let shape = [states.ids.len(), states.n_steps];
+        let extent: Vec<(f64, f64)> = participants.shape.iter().map(Shape::extent).collect();
+        let dict = PyDict::new(py);
+        dict.set_item("first_time_step", states.first_time_step)?;
+        dict.set_item("kind", arrays::row(py, participants.kind.iter().map(|kind| *kind as i64).collect()))?;
+        dict.set_item("is_agent", arrays::row(py, participants.is_agent.clone()))?;
+        dict.set_item("is_static", arrays::row(py, participants.is_static.clone()))?;
+        dict.set_item("length", arrays::row(py, extent.iter().map(|e| e.0).collect()))?;
+        dict.set_item("width", arrays::row(py, extent.iter().map(|e| e.1).collect()))?;
+        dict.set_item("ids", arrays::row(py, states.ids))?;
+        for (name, values) in [
+            ("x", states.x),
+            ("y", states.y),
+            ("orientation", states.orientation),
+            ("velocity", states.velocity),
+            ("acceleration", states.acceleration),
+            ("yaw_rate", states.yaw_rate),
+        ] {
+            dict.set_item(name, arrays::grid(py, values, shape)?)?;
+        }
+        dict.set_item("valid", arrays::grid(py, states.valid, shape)?)?;
+        Ok(dict)
+    }
+
+    /// All plans so far as a dict of arrays, one row per time step and agent.
+    fn plans<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let plans = self.0.recording().plans();
+        let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
+        let n_rows: usize = plans.iter().map(|p| p.ids.len()).sum();
+        let dict = PyDict::new(py);
+        dict.set_item("time_step", arrays::row(py, plans.iter().flat_map(|p| vec![p.time_step; p.ids.len()]).collect()))?;
+        dict.set_item("agent_id", arrays::row(py, plans.iter().flat_map(|p| p.ids.iter().copied()).collect()))?;
+        dict.set_item("status", arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()))?;
+        dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
+        let fields: [(&str, fn(&State) -> f64); 5] = [
+            ("x", |p| p.x),
+            ("y", |p| p.y),
+            ("orientation", |p| p.orientation),
+            ("velocity", |p| p.velocity),
+            ("acceleration", |p| p.acceleration),
+        ];
+        for (name, field) in fields {
+            let mut flat = Vec::with_capacity(n_rows * n_points);
+            for table in plans {
+                for row in 0..table.ids.len() {
+                    flat.extend(table.row_points(row).iter().map(field));
+                    flat.resize(flat.len() + n_points - table.n_points, f64::NAN);
+                }
+            }
+            dict.set_item(name, arrays::grid(py, flat, [n_rows, n_points])?)?;
+        }
+        Ok(dict)
+    }
+}
