@@ -1,0 +1,169 @@
+//! Contact between bodies, and departure from the road, during one step. Between two poses a body moves in a straight
+//! line at constant speed and turns the shorter way at a constant rate; nothing is missed however fast it is.
+
+use crate::geometry::shape::{ConvexPart, Placement, Shape};
+use crate::geometry::{Aabb, Point, Pose, wrap_angle};
+use crate::road::RoadNetwork;
+
+/// Bodies that come nearer than this during a step are in contact [m].
+const CONTACT: f64 = 1e-4;
+/// After so many advances the bodies are taken to be in contact. Only a body that spins within millimetres of another
+/// one for most of a turn gets here.
+const ADVANCES_MAX: usize = 2000;
+/// Between two looks at the road no point of a footprint moves farther than this [m].
+const ROAD_CHECK_SPACING: f64 = 0.25;
+
+/// A body and its poses at the start and the end of a step.
+#[derive(Debug, Clone, Copy)]
+pub struct Mover<'a> {
+    /// Body in its body frame.
+    pub shape: &'a Shape,
+    /// Pose at fraction 0.
+    pub from: Pose,
+    /// Pose at fraction 1.
+    pub to: Pose,
+}
+
+/// The motion of one body during the step.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    from: Pose,
+    /// Displacement over the whole step [m].
+    shift: Point,
+    /// Turn over the whole step [rad].
+    turn: f64,
+}
+
+impl Motion {
+    fn new(from: Pose, to: Pose) -> Self {
+        Self { from, shift: to.position - from.position, turn: wrap_angle(to.orientation - from.orientation) }
+    }
+
+    fn pose_at(&self, fraction: f64) -> Pose {
+        Pose {
+            position: self.from.position + self.shift * fraction,
+            orientation: self.from.orientation + self.turn * fraction,
+        }
+    }
+
+    fn placement_at(&self, fraction: f64) -> Placement {
+        Placement::new(self.pose_at(fraction))
+    }
+}
+
+/// Earliest fraction of the step, in [0, 1], at which two bodies touch; `None` if they do not. Exact to
+/// 1e-4 m: bodies that pass nearer than that may be reported, those that touch are.
+pub fn first_contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pose) -> Option<f64> {
+    let (motion_a, motion_b) = (Motion::new(a0, a1), Motion::new(b0, b1));
+    let shift = motion_b.shift - motion_a.shift;
+    if nearest_approach(b0.position - a0.position, shift) > a.bounding_radius() + b.bounding_radius() + CONTACT {
+        return None;
+    }
+    let b_in_a = motion_a.placement_at(0.0).relative(&motion_b.placement_at(0.0));
+    let travel = shift.norm();
+    let mut earliest = None;
+    for part_a in a.parts() {
+        for part_b in b.parts() {
+            let latest = earliest.unwrap_or(1.0);
+            let reach = (travel + swing(part_a, &motion_a) + swing(part_b, &motion_b)) * latest + CONTACT;
+            if part_a.distance_at_least(part_b, &b_in_a) <= reach {
+                earliest = first_contact_of_parts(part_a, &motion_a, part_b, &motion_b, latest).or(earliest);
+            }
+        }
+    }
+    earliest
+}
+
+/// Smallest distance of two points during the step [m], from their offset at the start and its change.
+fn nearest_approach(offset: Point, shift: Point) -> f64 {
+    let length_squared = shift.norm_squared();
+    let fraction = if length_squared > 0.0 { (-offset.dot(shift) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+    (offset + shift * fraction).norm()
+}
+
+/// Upper bound of the way that turning alone moves a point of the part over the whole step [m].
+fn swing(part: &ConvexPart, motion: &Motion) -> f64 {
+    part.lever() * motion.turn.abs()
+}
+
+/// Conservative advancement: the gap is a strip with one body on each side of it. Until the bodies have crossed it in
+/// its own direction, at the speed they have in that direction plus all that turning can add, they cannot touch.
+fn first_contact_of_parts(
+    a: &ConvexPart,
+    motion_a: &Motion,
+    b: &ConvexPart,
+    motion_b: &Motion,
+    latest: f64,
+) -> Option<f64> {
+    let shift = motion_b.shift - motion_a.shift;
+    let swing = swing(a, motion_a) + swing(b, motion_b);
+    let mut fraction = 0.0;
+    for _ in 0..ADVANCES_MAX {
+        let placement_a = motion_a.placement_at(fraction);
+        let gap = match a.gap(b, &placement_a.relative(&motion_b.placement_at(fraction))) {
+            Some(gap) if gap.distance > CONTACT => gap,
+            _ => return Some(fraction),
+        };
+        let closing = swing - shift.dot(placement_a.turn(gap.direction));
+        // Half of the tolerance is left over, so that the last advance ends in contact and not just before it.
+        let advance = gap.distance - 0.5 * CONTACT;
+        if advance > closing * (latest - fraction) {
+            return None;
+        }
+        fraction += advance / closing;
+    }
+    Some(fraction)
+}
+
+/// All pairs that touch during the step and are relevant, each with the earliest fraction: (i, j, fraction) with i < j,
+/// ascending. `relevant(i, j)` is asked, with i < j, for pairs that come near each other.
+pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize, f64)> {
+    let boxes: Vec<Aabb> = movers.iter().map(swept_box).collect();
+    // Sort and sweep along the longer side of the crowd: roads rarely run along both axes.
+    let centers = Aabb::around(boxes.iter().map(|aabb| aabb.min.lerp(aabb.max, 0.5)));
+    let size = centers.max - centers.min;
+    let mut order: Vec<(f64, f64, usize)> = if size.y > size.x {
+        boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.y, aabb.max.y, i)).collect()
+    } else {
+        boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.x, aabb.max.x, i)).collect()
+    };
+    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+    let mut found = Vec::new();
+    for (position, (_, high, first)) in order.iter().enumerate() {
+        for (_, _, second) in order[position + 1..].iter().take_while(|(low, ..)| low <= high) {
+            let (i, j) = (*first.min(second), *first.max(second));
+            if boxes[i].overlaps(&boxes[j]) && relevant(i, j) {
+                let (a, b) = (&movers[i], &movers[j]);
+                found.extend(
+                    first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to).map(|fraction| (i, j, fraction)),
+                );
+            }
+        }
+    }
+    found.sort_unstable_by_key(|(i, j, _)| (*i, *j));
+    found
+}
+
+/// Axis-aligned box around everything the body covers during the step.
+fn swept_box(mover: &Mover<'_>) -> Aabb {
+    let start = mover.shape.aabb(mover.from);
+    if mover.from == mover.to {
+        return start.grown(CONTACT);
+    }
+    // Seen from the straight motion of the body origin, a turning point leaves its chord by the height of the arc.
+    let turn = wrap_angle(mover.to.orientation - mover.from.orientation);
+    let bulge = mover.shape.bounding_radius() * (1.0 - (0.5 * turn).cos());
+    start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT)
+}
+
+/// Earliest fraction of the step at which the footprint is not covered by the road, looked at every 0.25 m of motion and
+/// at both ends; `None` if it stays on the road.
+pub fn departs_road(road: &RoadNetwork, shape: &Shape, from: Pose, to: Pose) -> Option<f64> {
+    let motion = Motion::new(from, to);
+    let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
+    let looks = (travel / ROAD_CHECK_SPACING).ceil().max(1.0) as usize;
+    (0..=looks).map(|look| look as f64 / looks as f64).find(|fraction| !road.covers(shape, motion.pose_at(*fraction)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,186 @@
+use super::*;
+use crate::geometry::shape::Lcg;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+fn car() -> Shape {
+    Shape::rectangle(4.0, 2.0)
+}
+
+fn at(x: f64, y: f64, orientation: f64) -> Pose {
+    Pose::new(x, y, orientation)
+}
+
+/// The fraction, wherever in the world and in whichever order the two bodies are given.
+fn contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pose) -> Option<f64> {
+    let found = first_contact(a, a0, a1, b, b0, b1);
+    let frame = at(400.0, -9000.0, 1.3);
+    let moved = |p: Pose| Pose {
+        position: frame.world_from_body(p.position),
+        orientation: wrap_angle(p.orientation + frame.orientation),
+    };
+    let elsewhere = first_contact(b, moved(b0), moved(b1), a, moved(a0), moved(a1));
+    match (found, elsewhere) {
+        (Some(here), Some(there)) => assert!((here - there).abs() < 2e-4, "{here} {there}"),
+        _ => assert_eq!(found, elsewhere),
+    }
+    found
+}
+
+#[test]
+fn the_fraction_of_straight_contacts_agrees_with_hand_computed_values() {
+    let motorcycle = || Shape::rectangle(2.0, 0.8);
+    let pole = || Shape::circle(0.1);
+    let wall = || Shape::rectangle(30.0, 0.2);
+    let table = [
+        // Two motorcycles at 50 m/s for 0.1 s on crossing roads: fronts at -1.5 + 5 t, sides at -0.4.
+        (
+            motorcycle(),
+            at(-2.5, 0.0, 0.0),
+            at(2.5, 0.0, 0.0),
+            motorcycle(),
+            at(0.0, -2.5, FRAC_PI_2),
+            at(0.0, 2.5, FRAC_PI_2),
+            Some(0.22),
+        ),
+        // Two poles pass through each other at 2000 m/s: 100 - 200 t = 0.2.
+        (pole(), at(-50.0, 0.0, 0.0), at(50.0, 0.0, 0.0), pole(), at(50.0, 0.0, 0.0), at(-50.0, 0.0, 0.0), Some(0.499)),
+        // Through a thin wall: front at 2 + 100 t, wall from 9.9.
+        (
+            car(),
+            at(0.0, 0.0, 0.0),
+            at(100.0, 0.0, 0.0),
+            wall(),
+            at(10.0, 0.0, FRAC_PI_2),
+            at(10.0, 0.0, FRAC_PI_2),
+            Some(0.079),
+        ),
+        // Rear-end: gap 1 m, 4 m/s faster over 0.5 s.
+        (car(), at(0.0, 0.0, 0.0), at(10.0, 0.0, 0.0), car(), at(5.0, 0.0, 0.0), at(13.0, 0.0, 0.0), Some(0.5)),
+        // Opposite lanes, 5 mm between the sides.
+        (car(), at(-20.0, 0.0, 0.0), at(20.0, 0.0, 0.0), car(), at(20.0, 2.005, PI), at(-20.0, 2.005, PI), None),
+        // The same with 5 mm of overlap: fronts meet at 36 - 80 t = 0.
+        (car(), at(-20.0, 0.0, 0.0), at(20.0, 0.0, 0.0), car(), at(20.0, 1.995, PI), at(-20.0, 1.995, PI), Some(0.45)),
+        // One crosses just behind the other.
+        (car(), at(0.0, 0.0, 0.0), at(10.0, 0.0, 0.0), pole(), at(-2.2, -5.0, 0.0), at(-2.2, 5.0, 0.0), None),
+        // In contact from the start, and parting.
+        (car(), at(0.0, 0.0, 0.0), at(0.0, 0.0, 0.0), car(), at(3.0, 0.0, 0.0), at(9.0, 0.0, 0.0), Some(0.0)),
+        // Touching exactly at the end.
+        (car(), at(0.0, 0.0, 0.0), at(3.0, 0.0, 0.0), car(), at(7.0, 0.0, 0.0), at(7.0, 0.0, 0.0), Some(1.0)),
+        (car(), at(0.0, 0.0, 0.0), at(2.99, 0.0, 0.0), car(), at(7.0, 0.0, 0.0), at(7.0, 0.0, 0.0), None),
+        // Nobody moves.
+        (car(), at(0.0, 0.0, 0.0), at(0.0, 0.0, 0.0), car(), at(0.0, 2.1, 0.0), at(0.0, 2.1, 0.0), None),
+    ];
+    for (case, (a, a0, a1, b, b0, b1, expected)) in table.into_iter().enumerate() {
+        match (contact(&a, a0, a1, &b, b0, b1), expected) {
+            (Some(found), Some(expected)) => {
+                assert!((found - expected).abs() < 1e-4, "case {case}: {found}, not {expected}")
+            }
+            (found, expected) => assert_eq!(found, expected, "case {case}"),
+        }
+    }
+}
+
+#[test]
+fn a_car_that_only_turns_hits_the_pole_beside_it() {
+    // In the car's frame the pole is at 1.5 (sin, cos) of the turn; contact at 1.5 cos = 1 + 0.1.
+    let pole = (Shape::circle(0.1), at(0.0, 1.5, 0.0));
+    let expected = (1.1f64 / 1.5).acos() / FRAC_PI_2;
+    let found = contact(&car(), at(0.0, 0.0, 0.0), at(0.0, 0.0, FRAC_PI_2), &pole.0, pole.1, pole.1);
+    assert!((found.expect("the side sweeps over the pole") - expected).abs() < 1e-4);
+}
+
+#[test]
+fn a_body_turns_the_shorter_way() {
+    // From 170 to -170 degrees over 180 the ends of the car stay away from a pole at its side.
+    let pole = (Shape::circle(0.1), at(0.0, 1.5, 0.0));
+    let (from, to) = (at(0.0, 0.0, PI - 0.17), at(0.0, 0.0, -PI + 0.17));
+    assert_eq!(contact(&car(), from, to, &pole.0, pole.1, pole.1), None);
+}
+
+#[test]
+fn a_round_body_may_spin_beside_a_wall() {
+    let wall = (Shape::rectangle(30.0, 2.0), at(0.0, 2.001, 0.0));
+    assert_eq!(contact(&Shape::circle(1.0), at(0.0, 0.0, 0.0), at(5.0, 0.0, 3.0), &wall.0, wall.1, wall.1), None);
+}
+
+#[test]
+fn every_part_of_a_group_counts_and_the_earliest_contact_is_reported() {
+    let trailer = Shape::group(vec![Shape::rectangle_at(2.0, 2.0, Point::new(-10.0, 0.0), 0.0), car()]);
+    let pole = Shape::circle(0.5);
+    // The pole crosses the gap between the parts, or meets the front at 10 - 20 t = 2.5.
+    assert_eq!(
+        contact(&trailer, at(0.0, 0.0, 0.0), at(0.0, 0.0, 0.0), &pole, at(-5.5, -9.0, 0.0), at(-5.5, 9.0, 0.0)),
+        None
+    );
+    let found = contact(&trailer, at(0.0, 0.0, 0.0), at(0.0, 0.0, 0.0), &pole, at(10.0, 0.0, 0.0), at(-10.0, 0.0, 0.0));
+    assert!((found.expect("head-on") - 0.375).abs() < 1e-4);
+}
+
+fn shapes() -> [Shape; 5] {
+    let points = |list: &[(f64, f64)]| list.iter().map(|(x, y)| Point::new(*x, *y)).collect::<Vec<_>>();
+    [
+        Shape::rectangle(4.5, 1.8),
+        Shape::rectangle_at(8.0, 2.5, Point::new(1.5, 0.0), 0.2),
+        Shape::circle_at(0.4, Point::new(0.3, 0.1)),
+        Shape::polygon(&points(&[(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 4.0), (0.0, 4.0)]))
+            .expect("an L"),
+        Shape::group(vec![Shape::circle_at(0.5, Point::new(-3.0, 0.0)), Shape::rectangle(3.0, 1.0)]),
+    ]
+}
+
+fn random_mover<'a>(random: &mut Lcg, shapes: &'a [Shape], half_size: f64) -> Mover<'a> {
+    let shape = &shapes[random.within(0.0, shapes.len() as f64 - 1e-9) as usize];
+    let from = at(random.within(-half_size, half_size), random.within(-half_size, half_size), random.within(-PI, PI));
+    let to = Pose {
+        position: from.position + Point::new(random.within(-8.0, 8.0), random.within(-8.0, 8.0)),
+        orientation: wrap_angle(from.orientation + random.within(-2.5, 2.5)),
+    };
+    Mover { shape, from, to }
+}
+
+#[test]
+fn random_motions_agree_with_dense_sampling() {
+    const SAMPLES: usize = 1000;
+    let (shapes, mut random) = (shapes(), Lcg::new(5));
+    let mut counts = [0, 0];
+    for round in 0..1000 {
+        let [a, b] = [random_mover(&mut random, &shapes, 6.0), random_mover(&mut random, &shapes, 6.0)];
+        let (motion_a, motion_b) = (Motion::new(a.from, a.to), Motion::new(b.from, b.to));
+        let distance = |t: f64| a.shape.distance(motion_a.pose_at(t), b.shape, motion_b.pose_at(t));
+        let sampled = (0..=SAMPLES).map(|i| i as f64 / SAMPLES as f64).find(|t| distance(*t) == 0.0);
+        let found = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);
+        if let Some(found) = found {
+            assert!(distance(found) <= CONTACT, "{round}: apart at the reported contact");
+        }
+        if let Some(sampled) = sampled {
+            assert!(found.is_some_and(|found| found <= sampled), "{round}: {found:?} after {sampled}");
+        }
+        counts[usize::from(found.is_some())] += 1;
+    }
+    assert!(counts.iter().all(|n| *n > 200), "{counts:?}: the sample must hold both cases");
+}
+
+#[test]
+fn the_broad_phase_finds_what_trying_all_pairs_finds_in_ascending_order() {
+    let shapes = shapes();
+    for (seed, half_size) in [(1, 10.0), (2, 40.0), (3, 120.0)] {
+        let mut random = Lcg::new(seed);
+        let mut movers: Vec<Mover> = (0..80).map(|_| random_mover(&mut random, &shapes, half_size)).collect();
+        movers[3].to = movers[3].from;
+        let is_relevant = |i: usize, j: usize| i % 5 != j % 5;
+        let mut expected = Vec::new();
+        for (i, a) in movers.iter().enumerate() {
+            for (j, b) in movers.iter().enumerate().skip(i + 1).filter(|(j, _)| is_relevant(i, *j)) {
+                let found = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);
+                expected.extend(found.map(|fraction| (i, j, fraction)));
+            }
+        }
+        assert!(!expected.is_empty());
+        assert_eq!(contacts(&movers, is_relevant), expected);
+    }
+}
+
+#[test]
+fn nobody_is_in_contact_with_nobody() {
+    assert_eq!(contacts(&[], |_, _| true), []);
+}
