@@ -1,0 +1,464 @@
+"""The run folder: its Parquet columns, its one writer and its one reader. pyarrow is loaded on first use.
+
+A run folder holds outcomes.parquet, states.parquet, plans.parquet, timing.parquet, run.json and scenario.xml. The same
+run gives the same bytes. Absent numbers are null.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import os
+import platform
+import shutil
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import ResultsError
+from interdrive.run import PHASES, PLAN_STATUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import pyarrow as pa
+
+    from interdrive.run import Run
+
+#: Version of the folder's layout, written to run.json; raised when a column changes its name or meaning.
+FORMAT = 1
+
+#: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
+_OTHER_FILES = ("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and what it says, with unit."""
+
+    name: str
+    kind: str
+    text: str
+    nullable: bool = False
+
+
+#: Columns of every table. A "label" is a text from a short list and stored as such (dictionary encoded).
+COLUMNS: Mapping[str, tuple[Column, ...]] = {
+    "outcomes": (
+        Column("agent_id", "integer", "participant id of the agent"),
+        Column("planner", "label", "name of its planner"),
+        Column("outcome", "label", "how it ended, one of interdrive.run.OUTCOMES, or running"),
+        Column("time_step", "integer", "when it ended"),
+        Column("partner_id", "integer", "the other participant of a collision", nullable=True),
+        Column("off_road", "truth", "the collision was with the edge of the road"),
+        Column("impact_speed", "number", "size of the relative velocity at a collision [m/s]", nullable=True),
+        Column("message", "text", "why, in words"),
+    ),
+    "states": (
+        Column("time_step", "integer", ""),
+        Column("participant_id", "integer", ""),
+        Column("kind", "label", "car, truck, ... (interdrive.scenario.KINDS)"),
+        Column("is_agent", "truth", "driven by a planner, otherwise replayed"),
+        Column("x", "number", "centre of the footprint [m]"),
+        Column("y", "number", "centre of the footprint [m]"),
+        Column("orientation", "number", "heading [rad]"),
+        Column("velocity", "number", "speed along the heading [m/s]"),
+        Column("acceleration", "number", "[m/s²]", nullable=True),
+        Column("yaw_rate", "number", "[rad/s]", nullable=True),
+        Column("length", "number", "of the footprint [m]"),
+        Column("width", "number", "of the footprint [m]"),
+    ),
+    "plans": (
+        Column("time_step", "integer", "when the plan was made"),
+        Column("agent_id", "integer", "whose plan it is"),
+        Column("status", "label", "how it came about, one of interdrive.run.PLAN_STATUS"),
+        Column("cost", "number", "cost of the chosen trajectory", nullable=True),
+        Column("point", "integer", "point i is i * dt after time_step; a plan without points keeps one row, point 0"),
+        Column("x", "number", "centre of the footprint [m]", nullable=True),
+        Column("y", "number", "centre of the footprint [m]", nullable=True),
+        Column("orientation", "number", "heading [rad]", nullable=True),
+        Column("velocity", "number", "[m/s]", nullable=True),
+        Column("acceleration", "number", "[m/s²]", nullable=True),
+    ),
+    "timing": (
+        Column("time_step", "integer", ""),
+        Column("phase", "label", "one of interdrive.run.PHASES; the phases of a time step add up to the step"),
+        Column("seconds", "number", "wall time [s]"),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a run folder says: four Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary."""
+
+    outcomes: pa.Table
+    states: pa.Table
+    plans: pa.Table
+    timing: pa.Table
+    info: dict[str, Any]
+
+
+def outcome_table(run: Run) -> pa.Table:
+    """How every agent ended, one row each, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
+    ended = run.outcomes
+    return _table(
+        "outcomes",
+        agent_id=ended.agent_id,
+        planner=_labels(ended.planner),
+        outcome=_labels(ended.outcome),
+        time_step=ended.time_step,
+        partner_id=np.ma.masked_equal(ended.partner_id, -1),
+        off_road=ended.off_road,
+        impact_speed=ended.impact_speed,
+        message=ended.message,
+    )
+
+
+def states_table(run: Run) -> pa.Table:
+    """One row per time step and participant that is present then, in that order, as an Arrow table."""
+    states = run.states
+    step, row = np.nonzero(states.valid.T)
+    moving = {
+        name: getattr(states, name)[row, step]
+        for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+    }
+    return _table(
+        "states",
+        time_step=states.first_time_step + step,
+        participant_id=states.ids[row],
+        kind=_labels(states.kinds, row),
+        is_agent=states.is_agent[row],
+        length=states.length[row],
+        width=states.width[row],
+        **moving,
+    )
+
+
+def plans_table(run: Run) -> pa.Table:
+    """One row per plan and point, sorted by time step, agent and point, as an Arrow table."""
+    plans = run.plans
+    present = np.isfinite(plans.x)
+    if present.shape[1]:
+        present[:, 0] = True
+        row, point = np.nonzero(present)
+        along = {
+            name: getattr(plans, name)[row, point] for name in ("x", "y", "orientation", "velocity", "acceleration")
+        }
+    else:
+        row, point = np.arange(len(plans.time_step)), np.zeros(len(plans.time_step), dtype=np.int64)
+        along = dict.fromkeys(("x", "y", "orientation", "velocity", "acceleration"), np.full(len(row), np.nan))
+    return _table(
+        "plans",
+        time_step=plans.time_step[row],
+        agent_id=plans.agent_id[row],
+        status=_labels(PLAN_STATUS, plans.status[row]),
+        cost=plans.cost[row],
+        point=point,
+        **along,
+    )
+
+
+def timing_table(run: Run) -> pa.Table:
+    """Wall time per time step and phase, as an Arrow table."""
+    names = (*PHASES, *sorted(set(run.timings.phase) - set(PHASES)))
+    order = {phase: index for index, phase in enumerate(names)}
+    index = np.array([order[phase] for phase in run.timings.phase], dtype=np.int64)
+    return _table("timing", time_step=run.timings.time_step, phase=_labels(names, index), seconds=run.timings.seconds)
+
+
+def information(run: Run) -> dict[str, Any]:
+    """What run.json says: everything that is needed to know and to repeat the run, as plain values."""
+    scenario = run.scenario
+    return {
+        "format": FORMAT,
+        "scenario": {
+            "name": scenario.name,
+            "benchmark_id": scenario.benchmark_id,
+            "path": None if scenario.path is None else str(scenario.path.resolve()),
+            "sha256": scenario.sha256,
+            "dt": scenario.dt,
+            "notes": list(scenario.notes),
+        },
+        "settings": run.settings,
+        "seed": run.settings.get("seed"),
+        "digest": run.digest,
+        "finished": run.finished,
+        "notes": list(run.notes),
+        "versions": {
+            "interdrive": _version("interdrive"),
+            "python": platform.python_version(),
+            "numpy": _version("numpy"),
+            "commonroad-io": _version("commonroad-io"),
+        },
+        "platform": {"system": platform.platform(), "machine": platform.machine(), "cpus": os.cpu_count()},
+    }
+
+
+def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Writes the run folder, whole or not at all, and returns its path.
+
+    Everything goes into a hidden folder beside the target, reaches the disk, and is then renamed. Nothing is left
+    behind if that fails.
+
+    Args:
+        run: What to write.
+        folder: New or empty folder, or one that holds another run.
+        overwrite: Replace the other run. A folder with anything else in it is never touched.
+
+    Raises:
+        ResultsError: if the folder cannot be used or written; one line with path and cause.
+    """
+    from interdrive.files import write_scenario  # noqa: PLC0415 - commonroad-io takes a second to load
+
+    target = check_target(folder, overwrite=overwrite)
+    with _replacing(target) as partial:
+        partial.mkdir()
+        for name, table in (
+            ("outcomes", outcome_table(run)),
+            ("states", states_table(run)),
+            ("plans", plans_table(run)),
+            ("timing", timing_table(run)),
+        ):
+            _write_parquet(table, partial / f"{name}.parquet")
+        text = json.dumps(_finite(information(run)), indent=2, ensure_ascii=False, allow_nan=False)
+        _write_bytes(text.encode() + b"\n", partial / "run.json")
+        _write_bytes(write_scenario(run), partial / "scenario.xml")
+    return target
+
+
+def load(folder: str | Path) -> Results:
+    """Reads a run folder.
+
+    Raises:
+        ResultsError: if the folder or one of its files is missing, damaged or of another format; one line.
+    """
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    folder = Path(folder)
+    info = _read_information(folder)
+    tables = {}
+    for name in COLUMNS:
+        path = folder / f"{name}.parquet"
+        try:
+            tables[name] = pq.read_table(path, partitioning=None)
+        except FileNotFoundError:
+            raise ResultsError(f"{path}: this file of the run is missing") from None
+        except (OSError, pa.ArrowException) as cause:
+            raise ResultsError(f"{path}: cannot be read: {_line(cause)}") from cause
+        if not tables[name].schema.equals(_schema(name), check_metadata=False):
+            raise ResultsError(f"{path}: the columns are not those of a run ({', '.join(tables[name].column_names)})")
+    return Results(**tables, info=info)
+
+
+def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
+    """The folder a run can be saved to, as an absolute path; useful before a long simulation.
+
+    Raises:
+        ResultsError: if something is there that must not be replaced.
+    """
+    target = Path(folder).resolve()
+    try:
+        if not target.exists():
+            nearest = next(parent for parent in target.parents if parent.exists())
+            if not nearest.is_dir():
+                raise ResultsError(f"{folder}: {nearest} is not a folder")
+            if not os.access(nearest, os.W_OK | os.X_OK):
+                raise ResultsError(f"{folder}: there is no permission to write in {nearest}")
+            return target
+        if not target.is_dir():
+            raise ResultsError(f"{folder}: a file of that name is in the way")
+        inside = sorted(entry.name for entry in target.iterdir())
+    except OSError as cause:
+        raise ResultsError(f"{folder}: cannot be used as a run folder: {_line(cause)}") from cause
+    known = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
+    foreign = [name for name in inside if name not in known]
+    if inside and ("run.json" not in inside or foreign):
+        example = (foreign or inside)[0]
+        raise ResultsError(
+            f"{folder}: this folder holds other things ({example}) and is left alone; choose another one"
+        )
+    if inside and not overwrite:
+        raise ResultsError(f"{folder}: a run is there already; ask for overwriting or choose another folder")
+    return target
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A path to write one file to, which takes the place of `path` if all goes well and vanishes if not.
+
+    Raises:
+        ResultsError: if the file cannot be written; one line with path and cause.
+    """
+    with _replacing(Path(path).resolve()) as partial:
+        yield partial
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    # Keeps the ending: writers of pictures choose the format by it.
+    partial = target.with_name(f".{target.name}.{os.getpid()}.partial{target.suffix}")
+    created: list[Path] = []
+    try:
+        for parent in reversed([parent for parent in target.parents if not parent.exists()]):
+            parent.mkdir(exist_ok=True)
+            created.append(parent)
+        _remove(partial)
+        yield partial
+        _move(partial, target)
+    except BaseException as cause:
+        _remove(partial)
+        for parent in reversed(created):
+            if parent.exists() and not any(parent.iterdir()):
+                parent.rmdir()
+        if isinstance(cause, (OSError, _arrow_exception())):
+            raise ResultsError(f"{target}: cannot be written: {_line(cause)}") from cause
+        raise
+
+
+def _move(partial: Path, target: Path) -> None:
+    if partial.is_dir():
+        _sync(partial)
+    old = target.with_name(f".{target.name}.{os.getpid()}.old")
+    if not target.is_dir():
+        partial.replace(target)
+    else:
+        target.rename(old)
+        try:
+            partial.rename(target)
+        except BaseException:
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+    _sync(target.parent)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _sync(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _write_bytes(data: bytes, path: Path) -> None:
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _write_parquet(table: pa.Table, path: Path) -> None:
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
+    labels = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
+    with path.open("wb") as file:
+        # Numbers hardly repeat: splitting their bytes compresses better than looking for repetitions.
+        pq.write_table(
+            table, file, compression="zstd", compression_level=1, use_dictionary=labels, use_byte_stream_split=numbers
+        )
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _read_information(folder: Path) -> dict[str, Any]:
+    path = folder / "run.json"
+    try:
+        info = json.loads(path.read_bytes())
+    except (FileNotFoundError, NotADirectoryError):
+        raise ResultsError(f"{folder}: this is not a run folder, it has no run.json") from None
+    except (OSError, ValueError) as cause:
+        raise ResultsError(f"{path}: cannot be read: {_line(cause)}") from cause
+    if not isinstance(info, dict) or info.get("format") != FORMAT:
+        found = info.get("format") if isinstance(info, dict) else None
+        raise ResultsError(f"{path}: format {found} is not the one this version reads ({FORMAT})")
+    return info
+
+
+def _schema(name: str) -> pa.Schema:
+    import pyarrow as pa  # noqa: PLC0415
+
+    types = {
+        "integer": pa.int64(),
+        "number": pa.float64(),
+        "truth": pa.bool_(),
+        "text": pa.string(),
+        "label": pa.dictionary(pa.int32(), pa.string()),
+    }
+    return pa.schema(
+        pa.field(
+            column.name, types[column.kind], column.nullable, {"description": column.text} if column.text else None
+        )
+        for column in COLUMNS[name]
+    )
+
+
+def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike
+    import pyarrow as pa  # noqa: PLC0415
+
+    schema = _schema(name)
+    # from_pandas: nan and masked entries become null.
+    arrays = [
+        pa.array(columns[field.name], type=field.type, from_pandas=field.nullable)
+        if not isinstance(columns[field.name], pa.Array)
+        else columns[field.name]
+        for field in schema
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array
+    """Texts from a short list; `index` picks from `names`, without it every name stands for one row."""
+    import pyarrow as pa  # noqa: PLC0415
+
+    places: dict[str, int] = {}
+    place = np.array([places.setdefault(name, len(places)) for name in names], dtype=np.int32)
+    picked = place if index is None else place[index]
+    return pa.DictionaryArray.from_arrays(pa.array(picked, pa.int32()), pa.array(list(places), pa.string()))
+
+
+def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """The same value with infinities and nan as texts, which JSON can hold; arrays and paths become plain values."""
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _finite(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return str(value) if isinstance(value, Path) else value
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _arrow_exception() -> type[Exception]:
+    import pyarrow as pa  # noqa: PLC0415
+
+    exception: type[Exception] = pa.ArrowException
+    return exception
+
+
+def _line(cause: BaseException) -> str:
+    """The cause on one line; for errors of the operating system without their number."""
+    text = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause)
+    return " ".join(text.split()) or type(cause).__name__

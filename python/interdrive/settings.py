@@ -1,0 +1,224 @@
+"""Dotted names onto nested frozen dataclasses: what `--set`, TOML files and run.json have in common."""
+
+from __future__ import annotations
+
+import difflib
+import enum
+import math
+import re
+import types
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
+
+_WORDS: dict[object, str] = {
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    str: "a text",
+    type(None): "none",
+}
+
+
+class _MismatchError(Exception):
+    """The value does not fit the type; never leaves this module."""
+
+
+def bind(defaults: T, values: Mapping[str, Any]) -> T:
+    """A copy of `defaults` in which the named fields have the given values.
+
+    Args:
+        defaults: Instance of a frozen dataclass, whose fields may be frozen dataclasses again.
+        values: Dotted name ("planner.frenet.horizon") -> a text as typed on a command line, or a value as TOML and
+            JSON give it. Texts are converted to the type of the field; tuples are written "1, 2, 3", absence "none".
+
+    Returns:
+        A new instance. Its dataclasses judge ranges themselves, in `__post_init__`.
+
+    Raises:
+        InputError: for an unknown name (with the nearest one), a group where a value is needed, a value of another
+            type, or a value that a dataclass refuses; the text starts with the dotted name.
+    """
+    known = flatten(defaults)
+    for key in values:
+        if key not in known:
+            raise InputError(_unknown(key, list(known)))
+    return _rebuilt(defaults, values, "")
+
+
+def flatten(instance: DataclassInstance) -> dict[str, Any]:
+    """Every field of nested dataclasses under its dotted name, as plain values; `bind` takes them back."""
+    return {name: _plain(getattr(owner, leaf)) for name, owner, leaf in _leaves(instance, "")}
+
+
+def dotted(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested tables, as a TOML file has them, under dotted names."""
+    flat: dict[str, Any] = {}
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            flat.update({f"{key}.{inner}": item for inner, item in dotted(value).items()})
+        else:
+            flat[key] = value
+    return flat
+
+
+def described(instance: DataclassInstance) -> list[tuple[str, Any, str]]:
+    """(dotted name, value, one line of text from the docstring) of every field, for listings."""
+    return [
+        (name, _plain(getattr(owner, leaf)), _documentation(type(owner), leaf))
+        for name, owner, leaf in _leaves(instance, "")
+    ]
+
+
+def _leaves(instance: DataclassInstance, prefix: str) -> Iterator[tuple[str, DataclassInstance, str]]:
+    for item in fields(instance):
+        value = getattr(instance, item.name)
+        if is_dataclass(value) and not isinstance(value, type):
+            yield from _leaves(value, f"{prefix}{item.name}.")
+        else:
+            yield f"{prefix}{item.name}", instance, item.name
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, enum.Enum):
+        return value.name.lower()
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _unknown(key: str, known: list[str]) -> str:
+    inside = [name for name in known if name.startswith(f"{key}.")]
+    if inside:
+        return f"{key}: this is a group of settings, name one of {', '.join(inside[:6])}{', ...' * (len(inside) > 6)}"
+    same_ending = [name for name in known if name.endswith(f".{key}")]
+    near = same_ending or difflib.get_close_matches(key, known, n=1, cutoff=0.5)
+    if not near:
+        leaf = {name.rpartition(".")[2]: name for name in known}
+        near = [leaf[name] for name in difflib.get_close_matches(key.rpartition(".")[2], list(leaf), n=1)]
+    return f"{key}: there is no such setting" + (f"; did you mean {' or '.join(near[:3])}?" if near else "")
+
+
+def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
+    hints = get_type_hints(type(instance))
+    changes: dict[str, Any] = {}
+    for item in fields(instance):
+        name, old = f"{prefix}{item.name}", getattr(instance, item.name)
+        if is_dataclass(old) and not isinstance(old, type):
+            new = _rebuilt(old, values, f"{name}.")
+            if new is not old:
+                changes[item.name] = new
+        elif name in values:
+            try:
+                changes[item.name] = _converted(values[name], hints[item.name])
+            except _MismatchError:
+                text = _documentation(type(instance), item.name)
+                unit = re.search(r"\[[^\]]+\]", text)
+                expected = _expectation(hints[item.name]) + (f" {unit.group()}" if unit else "")
+                raise InputError(f"{name}: expected {expected}, not {values[name]!r}") from None
+    if not changes:
+        return instance
+    try:
+        return replace(instance, **changes)
+    except InputError as refusal:
+        text, group = str(refusal), prefix.rstrip(".")
+        raise InputError(text if text.startswith(prefix) or not group else f"{group}: {text}") from None
+
+
+def _converted(value: object, hint: object) -> object:
+    """The value as the type says.
+
+    Raises:
+        _MismatchError: if it cannot be understood as that type.
+    """
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return _first(value, sorted(arguments, key=lambda kind: kind is str))
+    if origin is Literal:
+        texts = {str(item): item for item in arguments}
+        return _chosen(str(value), texts)
+    if origin is tuple:
+        return _tuple(value, arguments)
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        return _chosen(str(value).lower(), {item.name.lower(): item for item in hint})
+    if hint not in _WORDS:
+        raise TypeError(f"settings cannot have the type {hint!r}")
+    return _scalar(value, hint)
+
+
+def _scalar(value: object, kind: object) -> object:
+    if kind is type(None) and str(value).strip().lower() == "none":
+        return None
+    if kind is bool and str(value).strip().lower() in ("true", "false"):
+        return str(value).strip().lower() == "true"
+    if kind is str and isinstance(value, str):
+        return value
+    if kind in (int, float) and isinstance(value, str | int | float) and not isinstance(value, bool):
+        if kind is int and isinstance(value, float):
+            raise _MismatchError
+        try:
+            number = int(value) if kind is int else float(value)
+        except (ValueError, OverflowError):
+            raise _MismatchError from None
+        if not math.isnan(number):
+            return number
+    raise _MismatchError
+
+
+def _first(value: object, kinds: list[object]) -> object:
+    for kind in kinds:
+        try:
+            return _converted(value, kind)
+        except _MismatchError:
+            continue
+    raise _MismatchError
+
+
+def _chosen(text: str, choices: Mapping[str, object]) -> object:
+    if text.strip() not in choices:
+        raise _MismatchError
+    return choices[text.strip()]
+
+
+def _tuple(value: object, kinds: tuple[object, ...]) -> tuple[object, ...]:
+    if isinstance(value, str):
+        inner = value.strip().removeprefix("[").removesuffix("]").strip().removesuffix(",")
+        value = [item.strip() for item in inner.split(",")] if inner else []
+    if not isinstance(value, list | tuple):
+        raise _MismatchError
+    items: list[object] = list(value)
+    if len(kinds) == 2 and kinds[1] is Ellipsis:
+        kinds = (kinds[0],) * len(items)
+    if len(items) != len(kinds):
+        raise _MismatchError
+    return tuple(_converted(item, kind) for item, kind in zip(items, kinds, strict=True))
+
+
+def _expectation(hint: object) -> str:
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return " or ".join(_expectation(item) for item in arguments)
+    if origin is Literal:
+        return "one of " + ", ".join(str(item) for item in arguments)
+    if origin is tuple and arguments[-1:] == (Ellipsis,):
+        return f"a list, each item {_expectation(arguments[0])}"
+    if origin is tuple:
+        return f"a list of {len(arguments)} items ({', '.join(_expectation(item) for item in arguments)})"
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        return "one of " + ", ".join(item.name.lower() for item in hint)
+    return _WORDS[hint]
+
+
+def _documentation(owner: type, field: str) -> str:
+    """What the class docstring says behind "field:" (the unit stands there in brackets); "" if it says nothing."""
+    end = r"\n\s*\w+: |\s\w+: [A-Z\[]|\n\s*\n|\Z"
+    found = re.search(rf"(?:^|(?<=[.\s])){field}: (.*?)(?={end})", owner.__doc__ or "", re.DOTALL)
+    return " ".join(found.group(1).split()) if found else ""
