@@ -1,0 +1,346 @@
+"""Who is driven: planning problems of the file, and recorded vehicles with a goal derived from their recording."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive import _core
+from interdrive.check import candidates
+from interdrive.errors import InputError, NoRouteError
+from interdrive.handles import core_shape
+from interdrive.scenario import KINDS, GoalState, InitialState, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interdrive.scenario import PlanningProblem, Scenario
+
+#: Footprint of a planning problem's vehicle: BMW 320i, CommonRoad vehicle type 2 [m].
+PLANNING_PROBLEM_LENGTH, PLANNING_PROBLEM_WIDTH = 4.508, 1.610
+
+#: Recorded accelerations are differences of noisy positions in many data sets; an agent starts within this [m/s²].
+_START_ACCELERATION_MAX = 3.0
+
+
+@dataclass(frozen=True)
+class AgentSettings:
+    """Which recorded vehicles can become agents.
+
+    Attributes:
+        min_displacement: A vehicle must get at least this far away from where it starts [m].
+    """
+
+    min_displacement: float = 10.0
+
+
+@dataclass(frozen=True)
+class GoalSettings:
+    """Goals derived from recordings: the stretch of lane around the last recorded state.
+
+    Attributes:
+        length_before: The stretch begins this far before the last recorded position [m].
+        length_after: It ends this far behind it [m].
+        time_early: The agent may arrive this much earlier than recorded [s]; inf: as early as it likes.
+        time_late: It is late when it arrives more than this after the recorded time [s].
+        velocity_tolerance: Allowed difference from the last recorded speed [m/s].
+        orientation_tolerance: Allowed difference from the lane's direction there [rad].
+    """
+
+    length_before: float = 5.0
+    length_after: float = 5.0
+    time_early: float = math.inf
+    time_late: float = 1.0
+    velocity_tolerance: float = 5.0
+    orientation_tolerance: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        for name in ("length_before", "length_after", "time_early", "time_late"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"goal.{name} must not be negative, is {getattr(self, name)}")
+        for name in ("velocity_tolerance", "orientation_tolerance"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"goal.{name} must be positive, is {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class Agent:
+    """A vehicle that is driven by a planner.
+
+    Attributes:
+        id: Unique among all participants.
+        origin: "planning problem" or "recorded".
+        kind: One of `interdrive.scenario.KINDS`.
+        shape: Footprint in the body frame.
+        initial_state: As recorded or as the planning problem states it.
+        goal: Alternatives.
+        vehicle: Limits.
+        route: Route and reference path.
+        native_goal: The goal for the core.
+    """
+
+    id: int
+    origin: str
+    kind: str
+    shape: Shape
+    initial_state: InitialState
+    goal: tuple[GoalState, ...]
+    vehicle: _core.Vehicle
+    route: _core.Route
+    native_goal: _core.Goal
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """An agent before its route is known."""
+
+    id: int
+    names: tuple[int, ...]  # ids under which the user may ask for it
+    origin: str
+    kind: str
+    shape: Shape
+    initial_state: InitialState
+    goal: tuple[GoalState, ...]
+    velocity_max: float
+
+
+def select(
+    scenario: Scenario,
+    road: _core.RoadNetwork,
+    agents: str | int | Sequence[int],
+    *,
+    agent_settings: AgentSettings,
+    goal_settings: GoalSettings,
+    seed: int,
+) -> tuple[list[Agent], list[str]]:
+    """Chooses and prepares the agents.
+
+    Args:
+        scenario: The scenario.
+        road: Its road network.
+        agents: "all" (planning problems and every recorded vehicle that can be one), a number (planning problems
+            first, then recorded vehicles chosen with the seed), or ids.
+        agent_settings: Which vehicles can be agents.
+        goal_settings: How goals are derived.
+        seed: For the choice of a number.
+
+    Returns:
+        The agents, sorted by id, and one line per vehicle that stays recorded although it could have been meant.
+
+    Raises:
+        InputError: Unknown id, an id that cannot be an agent, or no agent left.
+        NoRouteError: An agent asked for by id has no route.
+    """
+    proposals, reasons, notes = _proposals(scenario, road, agent_settings, goal_settings)
+    explicit = not isinstance(agents, str | int)
+    chosen = _choose(proposals, reasons, agents, seed)
+    built: list[Agent] = []
+    waiting = list(chosen)
+    while waiting:
+        proposal = waiting.pop(0)
+        try:
+            built.append(_build(proposal, road))
+        except InputError as error:
+            if explicit:
+                raise
+            notes.append(f"{error}; it stays recorded" if proposal.origin == "recorded" else str(error))
+            if isinstance(agents, int):
+                spare = [p for p in _order(proposals, seed) if p not in chosen]
+                if spare:
+                    chosen.append(spare[0])
+                    waiting.append(spare[0])
+    if not built:
+        why = f" ({notes[-1]})" if notes else ""
+        raise InputError(f"{scenario.name}: no vehicle can become an agent{why}; `interdrive check` lists the reasons")
+    return sorted(built, key=lambda agent: agent.id), notes
+
+
+def _order(proposals: list[_Proposal], seed: int) -> list[_Proposal]:
+    """Planning problems first, then recorded vehicles in an order that the seed decides."""
+    problems = [p for p in proposals if p.origin == "planning problem"]
+    recorded = [p for p in proposals if p.origin == "recorded"]
+    order = np.random.default_rng(seed).permutation(len(recorded))
+    return problems + [recorded[i] for i in order]
+
+
+def _choose(
+    proposals: list[_Proposal], reasons: dict[int, str], agents: str | int | Sequence[int], seed: int
+) -> list[_Proposal]:
+    if isinstance(agents, str):
+        if agents != "all":
+            raise InputError(f"agents must be 'all', a number or ids, not {agents!r}")
+        return list(proposals)
+    if isinstance(agents, int):
+        if agents < 1:
+            raise InputError(f"the number of agents must be at least 1, not {agents}")
+        if agents > len(proposals):
+            raise InputError(f"{agents} agents asked for, but only {len(proposals)} vehicles can be agents")
+        return _order(proposals, seed)[:agents]
+    chosen: list[_Proposal] = []
+    for wanted in agents:
+        found = next((p for p in proposals if wanted in p.names), None)
+        if found is None:
+            known = ", ".join(str(p.id) for p in proposals[:20]) or "none"
+            why = reasons.get(int(wanted), "there is no such vehicle")
+            raise InputError(f"agent {wanted}: {why}; possible agents: {known}{', ...' if len(proposals) > 20 else ''}")
+        if found not in chosen:
+            chosen.append(found)
+    return chosen
+
+
+def _proposals(
+    scenario: Scenario, road: _core.RoadNetwork, agent_settings: AgentSettings, goal_settings: GoalSettings
+) -> tuple[list[_Proposal], dict[int, str], list[str]]:
+    notes: list[str] = []
+    reasons: dict[int, str] = {}
+    proposals: list[_Proposal] = []
+    obstacles = scenario.obstacles
+    taken = {int(i) for i in obstacles.ids} | {problem.id for problem in scenario.planning_problems}
+    driven_by_problem: set[int] = set()
+    for problem in scenario.planning_problems:
+        if not problem.goal:
+            reasons[problem.id] = "its planning problem has no goal"
+            notes.append(f"planning problem {problem.id} has no goal and is left out")
+            continue
+        proposal, note = _from_problem(scenario, problem, taken)
+        driven_by_problem.update(i for i in proposal.names if i in obstacles.ids)
+        taken.add(proposal.id)
+        if note:
+            notes.append(note)
+        proposals.append(proposal)
+    found = candidates(scenario, min_displacement=agent_settings.min_displacement)
+    for obstacle_id, accepted, reason in zip(found.ids.tolist(), found.accepted.tolist(), found.reasons, strict=True):
+        if any(obstacle_id == p.id for p in proposals):
+            continue
+        if accepted:
+            proposals.append(_from_recording(scenario, road, obstacle_id, goal_settings))
+        else:
+            reasons[obstacle_id] = reason
+    return proposals, reasons, notes
+
+
+def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int]) -> tuple[_Proposal, str]:
+    """A planning problem's agent; if a recorded vehicle stands at its start, it is that vehicle."""
+    state, obstacles = problem.initial_state, scenario.obstacles
+    shape = Shape("rectangle", length=PLANNING_PROBLEM_LENGTH, width=PLANNING_PROBLEM_WIDTH)
+    kind, agent_id, names, note = "car", problem.id, (problem.id,), ""
+    column = state.time_step
+    if 0 <= column < obstacles.n_steps:
+        distance = np.hypot(obstacles.x[:, column] - state.x, obstacles.y[:, column] - state.y)
+        same = obstacles.valid[:, column] & ~obstacles.is_static & (distance < 1.0)
+        for row in np.flatnonzero(same)[:1]:
+            agent_id = int(obstacles.ids[row])
+            kind, shape, names = obstacles.kinds[row], obstacles.shapes[row], (problem.id, agent_id)
+            note = f"planning problem {problem.id} starts where recorded vehicle {agent_id} is: they are one agent"
+    if agent_id == problem.id and problem.id in {int(i) for i in obstacles.ids} and not note:
+        agent_id = max(taken) + 1
+        note = f"planning problem {problem.id} has the id of an obstacle elsewhere: its agent is {agent_id}"
+        names = (agent_id,)
+    return _Proposal(agent_id, names, "planning problem", kind, shape, state, problem.goal, state.velocity), note
+
+
+def _from_recording(
+    scenario: Scenario, road: _core.RoadNetwork, obstacle_id: int, settings: GoalSettings
+) -> _Proposal:
+    obstacles = scenario.obstacles
+    row = int(np.searchsorted(obstacles.ids, obstacle_id))
+    steps = np.flatnonzero(obstacles.valid[row])
+    first, last = int(steps[0]), int(steps[-1])
+
+    def value(table: np.ndarray, column: int) -> float:
+        return float(table[row, column])
+
+    initial = InitialState(
+        time_step=first,
+        x=value(obstacles.x, first),
+        y=value(obstacles.y, first),
+        orientation=value(obstacles.orientation, first),
+        velocity=value(obstacles.velocity, first),
+        acceleration=value(obstacles.acceleration, first),
+    )
+    x, y = value(obstacles.x, last), value(obstacles.y, last)
+    orientation, velocity = value(obstacles.orientation, last), value(obstacles.velocity, last)
+    areas, lane_orientation = _goal_areas(road, x, y, orientation, settings)
+    early = settings.time_early / scenario.dt
+    goal = GoalState(
+        areas=areas,
+        lanelet_ids=(),
+        time_step=(
+            first + 1 if math.isinf(early) else max(first + 1, last - round(early)),
+            last + round(settings.time_late / scenario.dt),
+        ),
+        velocity=(max(0.0, velocity - settings.velocity_tolerance), velocity + settings.velocity_tolerance),
+        orientation=(
+            lane_orientation - settings.orientation_tolerance,
+            lane_orientation + settings.orientation_tolerance,
+        ),
+    )
+    return _Proposal(
+        id=obstacle_id,
+        names=(obstacle_id,),
+        origin="recorded",
+        kind=obstacles.kinds[row],
+        shape=obstacles.shapes[row],
+        initial_state=initial,
+        goal=(goal,),
+        velocity_max=float(np.nanmax(obstacles.velocity[row])),
+    )
+
+
+def _goal_areas(
+    road: _core.RoadNetwork, x: float, y: float, orientation: float, settings: GoalSettings
+) -> tuple[tuple[Shape, ...], float]:
+    """The stretch of lane around a pose, and the lane's direction there; off the lanes a rectangle."""
+    found = road.matching(x, y, orientation, 1.0, math.pi / 2)
+    if found:
+        lanelet, s, _, heading_error = found[0]
+        polygons = road.lane_stretch(lanelet, s, settings.length_before, settings.length_after)
+        if polygons:
+            shapes = tuple(Shape("polygon", vertices=np.asarray(polygon)) for polygon in polygons)
+            return shapes, orientation - heading_error
+    length = settings.length_before + settings.length_after
+    ahead = 0.5 * (settings.length_after - settings.length_before)
+    center = (x + ahead * math.cos(orientation), y + ahead * math.sin(orientation))
+    return (Shape("rectangle", length=length, width=4.0, center=center, orientation=orientation),), orientation
+
+
+def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
+    state = proposal.initial_state
+    goal = _core.Goal(
+        [
+            ([core_shape(area) for area in alternative.areas], alternative.time_step, alternative.velocity, alternative.orientation)
+            for alternative in proposal.goal
+        ]
+    )
+    try:
+        route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal)
+    except NoRouteError as error:
+        raise NoRouteError(f"agent {proposal.id}: {error}") from None
+    except InputError as error:
+        raise InputError(f"agent {proposal.id}: {error}") from None
+    length, width = core_shape(proposal.shape).extent
+    code = KINDS.index(proposal.kind)
+    vehicle = _core.Vehicle(code, length, width)
+    if 1.2 * proposal.velocity_max > vehicle.velocity_max:
+        vehicle = _core.Vehicle(code, length, width, velocity_max=1.2 * proposal.velocity_max)
+    acceleration = float(np.clip(state.acceleration, -_START_ACCELERATION_MAX, _START_ACCELERATION_MAX))
+    yaw_rate = state.yaw_rate
+    if not math.isfinite(yaw_rate):
+        # The steering of a recorded vehicle is not recorded: it is taken to follow its lane.
+        index = round(route.start_s / route.length * (len(route.reference_curvature) - 1))
+        yaw_rate = state.velocity * float(route.reference_curvature[index])
+    return Agent(
+        id=proposal.id,
+        origin=proposal.origin,
+        kind=proposal.kind,
+        shape=proposal.shape,
+        initial_state=replace(state, acceleration=acceleration, yaw_rate=yaw_rate),
+        goal=proposal.goal,
+        vehicle=vehicle,
+        route=route,
+        native_goal=goal,
+    )

@@ -1,0 +1,178 @@
+"""Predictors: what will the others do? One call per step for all participants, from present and past alone.
+
+A predictor is anything with one method, `predict(scene) -> Predictions`. Native ones are plain records of settings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+from interdrive import _core
+from interdrive.errors import InputError
+from interdrive.plugins import find
+
+if TYPE_CHECKING:
+    from interdrive._core import Predictions, Scene
+
+__all__ = [
+    "NATIVE",
+    "ConstantVelocity",
+    "GroundTruth",
+    "LaneFollowing",
+    "Predictor",
+    "PredictorSettings",
+    "native",
+    "resolve",
+]
+
+
+@runtime_checkable
+class Predictor(Protocol):
+    """Contract of a predictor.
+
+    `predict` gets a scene (all participants that are present, with their past) and returns `Predictions` for the same
+    time step: any number of modes with probabilities, means and 2x2 covariances of the centre per step (step `k` is
+    `(k + 1) * dt` from now), a validity mask. Whoever is left out is taken to go straight on.
+    """
+
+    def predict(self, scene: Scene) -> Predictions:
+        """Expectations for the participants of the scene."""
+        ...
+
+
+def _positive(owner: str, **values: float) -> None:
+    for name, value in values.items():
+        if not value > 0:
+            raise InputError(f"predictor.{owner}.{name} must be positive, not {value}")
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    """Straight on with the present velocity; who stands, stays.
+
+    Attributes:
+        position_sigma: Standard deviation of the position now [m].
+        acceleration_sigma: Standard deviation of the acceleration along the heading [m/s²]; the spread along the
+            heading grows with the square of time.
+        lateral_rate: Growth of the standard deviation across the heading [m/s].
+    """
+
+    position_sigma: float = 0.15
+    acceleration_sigma: float = 0.8
+    lateral_rate: float = 0.25
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _positive("constant_velocity", position_sigma=self.position_sigma)
+
+
+@dataclass(frozen=True)
+class LaneFollowing:
+    """Along every lane that fits the pose (one mode each), speed kept, slower in curves; off the lanes straight on.
+
+    Attributes:
+        position_sigma: Standard deviation of the position now [m].
+        acceleration_sigma: Standard deviation of the acceleration along the heading [m/s²].
+        lateral_rate: Growth of the standard deviation across the heading [m/s].
+        modes_max: Number of lanes followed at most (1 to 8).
+        lateral_acceleration: Up to this lateral acceleration curves are driven without slowing down [m/s²].
+        deceleration: Deceleration before curves [m/s²].
+        return_time: Time in which an offset from the lane's centre is given up [s].
+    """
+
+    position_sigma: float = 0.15
+    acceleration_sigma: float = 0.8
+    lateral_rate: float = 0.15
+    modes_max: int = 3
+    lateral_acceleration: float = 3.0
+    deceleration: float = 2.0
+    return_time: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _positive(
+            "lane_following",
+            position_sigma=self.position_sigma,
+            lateral_acceleration=self.lateral_acceleration,
+            deceleration=self.deceleration,
+            return_time=self.return_time,
+        )
+        if not 1 <= self.modes_max <= 8:
+            raise InputError(f"predictor.lane_following.modes_max must be 1 to 8, not {self.modes_max}")
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """The recorded future of vehicles that replay it; agents are expected to follow their lanes.
+
+    For studies only: no planner in a car could know it. Vehicles that leave the recording are not expected anywhere.
+    """
+
+
+@dataclass(frozen=True)
+class PredictorSettings:
+    """Settings of all native predictors.
+
+    Attributes:
+        horizon: How far to predict [s].
+        constant_velocity: Settings of `constant_velocity`.
+        lane_following: Settings of `lane_following`, and of `ground_truth` for agents.
+    """
+
+    horizon: float = 3.0
+    constant_velocity: ConstantVelocity = field(default_factory=ConstantVelocity)
+    lane_following: LaneFollowing = field(default_factory=LaneFollowing)
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        if not 0 < self.horizon <= 30:
+            raise InputError(f"predictor.horizon must be more than 0 and at most 30 s, not {self.horizon}")
+
+
+#: Names of the native predictors, each with one line of explanation.
+NATIVE = {
+    "constant_velocity": "straight on with the present velocity",
+    "lane_following": "along every lane that fits, speed kept, slower in curves",
+    "ground_truth": "the recorded future of vehicles that replay it (for studies only)",
+}
+
+
+def resolve(predictor: object, settings: PredictorSettings) -> object:
+    """A native record or an object with `predict` from a name, `module:object`, record, object or factory.
+
+    Raises:
+        InputError: Unknown name (with the nearest valid one), or something that is no predictor.
+    """
+    if isinstance(predictor, str):
+        if predictor == "ground_truth":
+            return GroundTruth()
+        if predictor in NATIVE:
+            return getattr(settings, predictor)
+        predictor = find(predictor, tuple(NATIVE), "predictor")
+    if isinstance(predictor, ConstantVelocity | LaneFollowing | GroundTruth):
+        return predictor
+    if isinstance(predictor, type):
+        predictor = predictor()
+    if isinstance(predictor, Predictor):
+        return predictor
+    raise InputError(f"{predictor!r} is no predictor: it has no method predict(scene)")
+
+
+def native(record: object, settings: PredictorSettings, recorded: _core.Scenario) -> _core.Predictor | None:
+    """The core's predictor for a native record; None for one written in Python."""
+    if isinstance(record, ConstantVelocity):
+        return _core.Predictor.constant_velocity(record.position_sigma, record.acceleration_sigma, record.lateral_rate)
+    if isinstance(record, LaneFollowing | GroundTruth):
+        lanes = record if isinstance(record, LaneFollowing) else settings.lane_following
+        return _core.Predictor.lane_following(
+            lanes.position_sigma,
+            lanes.acceleration_sigma,
+            lanes.lateral_rate,
+            lanes.modes_max,
+            lanes.lateral_acceleration,
+            lanes.deceleration,
+            lanes.return_time,
+            recorded if isinstance(record, GroundTruth) else None,
+        )
+    return None
