@@ -29,8 +29,8 @@ OUTCOMES = (
 #: How a plan came about; the position is the code in `Plans.status`.
 PLAN_STATUS = ("none", "planned", "emergency_braking", "infeasible", "error")
 
-#: Phases of a step, in their order; the timings of a step add up over them.
-PHASES = ("observe", "predict", "plan", "plan_python", "advance", "record")
+#: Phases of a step, in their order; the timings of a step add up over them. "record" is what pictures ask for.
+PHASES = ("observe", "predict", "plan", "plan_python", "record", "advance")
 
 
 @dataclass(frozen=True)

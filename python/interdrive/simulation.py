@@ -239,26 +239,22 @@ class Simulation:
         Raises:
             PredictorError: The predictor raised or returned garbage.
         """
-        world, clock, times = self.world, time.perf_counter, [time.perf_counter()]
+        world, clock, marks = self.world, time.perf_counter, [time.perf_counter()]
         time_step = world.time_step
         scene = world.scene()
-        times.append(clock())
+        marks.append(clock())
         predictions = self._predict(scene)
-        times.append(clock())
+        marks.append(clock())
         plans = world.plan(scene, predictions)
-        times.append(clock())
+        marks.append(clock())
         self._plan_python(scene, predictions, plans)
-        times.append(clock())
-        if self._snapshots_of in world.driving:
+        marks.append(clock())
+        if self._snapshots_of is not None and self._snapshots_of in world.driving:
             self._snapshots.append(_snapshot(world, scene, predictions, self._snapshots_of))
-            times[-1] = times[-1]  # pictures are nobody's planning time: they count as recording, below
-        after_snapshot = clock()
+        marks.append(clock())
         world.step(plans)
-        advanced = clock()
-        self._timings.append((time_step, ()))
-        record = (after_snapshot - times[4]) + (clock() - advanced)
-        phases = (*np.diff(times).tolist(), advanced - after_snapshot, record)
-        self._timings[-1] = (time_step, phases)
+        marks.append(clock())
+        self._timings.append((time_step, tuple(np.diff(marks).tolist())))
 
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
         horizon = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
