@@ -1,0 +1,390 @@
+"""commonroad-io's scenarios, states and goals as our arrays."""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.files.document import Facts, polygon
+from interdrive.files.motion import Floats, Track, completed, track, wrapped
+from interdrive.files.shapes import Foreign, middle_of, shape_of
+from interdrive.scenario import GoalState, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+#: Coordinates beyond this [m] are no place on earth in any projection; larger ones would lose millimetres.
+LARGEST_COORDINATE = 1e9
+#: Obstacles times steps of a table; more is a mistyped time step, not a recording.
+LARGEST_TABLE = 50_000_000
+#: Speed limits above this [m/s] are taken for a wrong unit and left out.
+LARGEST_SPEED_LIMIT = 150.0
+LAST_TIME_STEP = 2**31 - 1
+
+_KINDS = {
+    "priorityVehicle": "priority_vehicle",
+    "parkedVehicle": "parked_vehicle",
+    "constructionZone": "construction_zone",
+    "roadBoundary": "structure",
+    "building": "structure",
+    "pillar": "structure",
+    "median_strip": "structure",
+}
+_PLAIN_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "train", "taxi")
+# Name in the file of each column that an initial state may lack; commonroad-io fills it with 0.
+_ELEMENTS = ("orientation", "velocity", "acceleration", "yawRate")
+
+
+@dataclass
+class _Notes:
+    """Collects ids per remark, so that each remark becomes one line."""
+
+    ids: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, remark: str, number: int) -> None:
+        if number not in self.ids[remark]:
+            self.ids[remark].append(number)
+
+    def lines(self) -> tuple[str, ...]:
+        return tuple(f"{remark}: {_listed(ids)}" for remark, ids in self.ids.items())
+
+
+def _listed(ids: list[int]) -> str:
+    shown = ", ".join(str(number) for number in sorted(ids)[:5])
+    return shown if len(ids) <= 5 else f"{shown} and {len(ids) - 5} more"
+
+
+def converted(
+    scenario: Foreign, problems: Foreign, *, file: str, path: Path | None, sha256: str, facts: Facts
+) -> Scenario:
+    """commonroad-io's scenario and planning problem set as a `Scenario`.
+
+    Args:
+        scenario: `commonroad.scenario.scenario.Scenario`.
+        problems: `commonroad.planning.planning_problem.PlanningProblemSet`, or None.
+        file: What to call the input in messages.
+        path: File that it came from, or None.
+        sha256: Of that file.
+        facts: What the file says and commonroad-io loses; empty for objects from memory.
+
+    Returns:
+        The scenario, its coordinates all finite.
+
+    Raises:
+        InputError: Anything that makes it unusable, named.
+    """
+    dt = float(scenario.dt)
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise InputError(f"{file}: the time step size (dt) is {dt}; it must be a number of seconds above 0")
+    notes = _Notes()
+    benchmark_id = facts.benchmark_id or str(scenario.scenario_id)
+    lanelets = _lanelets(scenario.lanelet_network, file, notes)
+    obstacles = _obstacles(scenario, dt, file, facts, notes)
+    table = {} if problems is None else problems.planning_problem_dict
+    planning_problems = tuple(
+        _planning_problem(table[number], lanelets, file, facts, notes) for number in sorted(table)
+    )
+    return Scenario(
+        name=path.stem if path is not None else benchmark_id,
+        benchmark_id=benchmark_id,
+        dt=dt,
+        lanelets=lanelets,
+        obstacles=obstacles,
+        planning_problems=planning_problems,
+        path=path,
+        sha256=sha256,
+        notes=notes.lines(),
+    )
+
+
+def _require_finite(values: Floats | tuple[float, ...], what: str, file: str) -> None:
+    if not np.all(np.abs(values) < LARGEST_COORDINATE):
+        raise InputError(f"{file}: {what} has a coordinate or value that is not finite or beyond 1e9; correct it")
+
+
+# Lanelets
+
+
+def _lanelets(network: Foreign, file: str, notes: _Notes) -> Lanelets:
+    lanelets = sorted(network.lanelets, key=lambda lanelet: int(lanelet.lanelet_id))
+    if not lanelets:
+        raise InputError(f"{file}: has no lanelets; a scenario needs a road network")
+    ids = np.array([lanelet.lanelet_id for lanelet in lanelets], dtype=np.int64)
+    left, right = [], []
+    for lanelet in lanelets:
+        bounds = [np.array(side, dtype=np.float64) for side in (lanelet.left_vertices, lanelet.right_vertices)]
+        for bound in bounds:
+            _require_finite(bound, f"lanelet {lanelet.lanelet_id}", file)
+            if bound.ndim != 2 or len(bound) < 2:
+                raise InputError(f"{file}: a bound of lanelet {lanelet.lanelet_id} has fewer than 2 points; add some")
+        left.append(np.ascontiguousarray(bounds[0][:, :2]))
+        right.append(np.ascontiguousarray(bounds[1][:, :2]))
+    signs = {sign.traffic_sign_id: sign for sign in network.traffic_signs}
+
+    def neighbours(side: str) -> tuple[Any, Any]:
+        numbers = [getattr(lanelet, f"adj_{side}") for lanelet in lanelets]
+        same = [bool(getattr(lanelet, f"adj_{side}_same_direction")) for lanelet in lanelets]
+        return np.array([-1 if number is None else number for number in numbers], dtype=np.int64), np.array(same)
+
+    adjacent_left, left_same = neighbours("left")
+    adjacent_right, right_same = neighbours("right")
+    return Lanelets(
+        ids=ids,
+        left=tuple(left),
+        right=tuple(right),
+        predecessors=tuple(tuple(int(i) for i in lanelet.predecessor or ()) for lanelet in lanelets),
+        successors=tuple(tuple(int(i) for i in lanelet.successor or ()) for lanelet in lanelets),
+        adjacent_left=adjacent_left,
+        adjacent_left_same_direction=left_same,
+        adjacent_right=adjacent_right,
+        adjacent_right_same_direction=right_same,
+        speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
+        types=tuple(tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or ())) for lanelet in lanelets),
+    )
+
+
+def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> float:
+    """Lowest limit among the lanelet's signs [m/s]; every country's list of signs names this one MAX_SPEED."""
+    limits = []
+    for number in lanelet.traffic_signs or ():
+        for element in signs[number].traffic_sign_elements if number in signs else ():
+            if element.traffic_sign_element_id.name != "MAX_SPEED":
+                continue
+            try:
+                limit = float(element.additional_values[0])
+            except (IndexError, ValueError):
+                limit = np.nan
+            if 0.0 < limit <= LARGEST_SPEED_LIMIT:
+                limits.append(limit)
+            else:
+                notes.add("speed limits without a sensible value left out, traffic signs", int(number))
+    return min(limits, default=np.nan)
+
+
+def _check_footprint(shape: Shape, what: str, file: str) -> None:
+    sizes = {"rectangle": (shape.length, shape.width), "circle": (shape.radius,)}.get(shape.kind, ())
+    _require_finite((*sizes, *shape.center, shape.orientation), what, file)
+    _require_finite(shape.vertices, what, file)
+    if not all(size > 0.0 for size in sizes) or (shape.kind == "polygon" and len(shape.vertices) < 3):
+        raise InputError(f"{file}: the shape of {what} has no area; give it a size above 0")
+    for member in shape.members:
+        _check_footprint(member, what, file)
+
+
+# States
+
+
+def _scalar(value: Foreign) -> float:
+    """A number; the middle of an interval; nan for nothing."""
+    if value is None:
+        return float("nan")
+    if hasattr(value, "start"):
+        return 0.5 * (float(value.start) + float(value.end))
+    return float(value)
+
+
+def _first_step(value: Foreign) -> int:
+    return int(value.start) if hasattr(value, "start") else int(value)
+
+
+def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) -> tuple[int, tuple[float, ...], bool]:
+    """Time step, columns as in `motion.COLUMNS` (nan: not stated) and whether anything was uncertain."""
+    values = vars(state)
+    position = values.get("position")
+    time_step = values.get("time_step")
+    if position is None or time_step is None:
+        raise InputError(f"{file}: {what} has a state without position or time; add it")
+    exact = isinstance(position, (np.ndarray, list, tuple))
+    x, y = position[:2] if exact else middle_of(shape_of(position))
+    numbers = [values.get(name) for name in ("orientation", "velocity", "acceleration", "yaw_rate")]
+    if stated is not None:
+        numbers = [number if tag in stated else None for number, tag in zip(numbers, _ELEMENTS, strict=True)]
+    uncertain = not exact or hasattr(time_step, "start") or any(hasattr(number, "start") for number in numbers)
+    orientation, velocity, acceleration, yaw_rate = (_scalar(number) for number in numbers)
+    velocity_y = _scalar(values.get("velocity_y"))
+    if not np.isnan(velocity_y) and np.isnan(orientation):
+        # A point mass has no heading: its two velocities are those along the axes of the world.
+        speed = float(np.hypot(velocity, velocity_y))
+        if speed > 1e-3:
+            orientation = float(np.arctan2(velocity_y, velocity))
+        velocity = speed
+    row = (float(x), float(y), orientation, velocity, acceleration, yaw_rate)
+    return _first_step(time_step), row, uncertain
+
+
+# Obstacles
+
+
+def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _Notes) -> Obstacles:
+    for name, attribute in (("environment", "environment_obstacle"), ("phantom", "phantom_obstacle")):
+        for obstacle in getattr(scenario, attribute, ()):
+            notes.add(f"{name} obstacles left out", int(obstacle.obstacle_id))
+    statics = {int(obstacle.obstacle_id) for obstacle in scenario.static_obstacles}
+    sources = sorted(
+        [*scenario.static_obstacles, *scenario.dynamic_obstacles], key=lambda obstacle: int(obstacle.obstacle_id)
+    )
+    ids = [int(obstacle.obstacle_id) for obstacle in sources]
+    for first, second in itertools.pairwise(ids):
+        if first == second:
+            raise InputError(f"{file}: two obstacles have the id {first}; give each its own")
+    tracks, shapes = [], []
+    for obstacle, number in zip(sources, ids, strict=True):
+        tracks.append(_track(obstacle, number in statics, dt, file, facts.stated.get(number), notes))
+        shape = facts.footprints.get(number) or shape_of(obstacle.obstacle_shape)
+        _check_footprint(shape, f"obstacle {number}", file)
+        shapes.append(shape)
+    is_static = np.array([number in statics for number in ids], dtype=np.bool_)
+    kinds = tuple(_kind(obstacle) for obstacle in sources)
+    return _tables(ids, kinds, tuple(shapes), is_static, tracks, file)
+
+
+def _kind(obstacle: Foreign) -> str:
+    value = str(getattr(obstacle.obstacle_type, "value", "unknown"))
+    return value if value in _PLAIN_KINDS else _KINDS.get(value, "unknown")
+
+
+def _track(
+    obstacle: Foreign, is_static: bool, dt: float, file: str, stated: frozenset[str] | None, notes: _Notes
+) -> Track:
+    number = int(obstacle.obstacle_id)
+    prediction = None if is_static else obstacle.prediction
+    trajectory = getattr(prediction, "trajectory", None)
+    if prediction is not None and trajectory is None:
+        notes.add("set-based predictions left out, the obstacle is there at its initial time step only", number)
+    states = [(obstacle.initial_state, stated)]
+    states += [(state, None) for state in trajectory.state_list] if trajectory is not None else []
+    rows = []
+    for state, names in states:
+        step, row, uncertain = _row(state, names, f"obstacle {number}", file)
+        if uncertain:
+            notes.add("uncertain states replaced by their middle, obstacles", number)
+        if step < 0:
+            raise InputError(f"{file}: obstacle {number} has the time step {step}; time steps start at 0")
+        rows.append((step, row))
+    recorded = track(rows)
+    _require_finite(recorded.values[:, :2], f"obstacle {number}", file)
+    given = recorded.values[:, 2:]
+    _require_finite(given[~np.isnan(given)], f"obstacle {number}", file)
+    if is_static:
+        recorded.values[:, 3:] = 0.0
+    result = completed(recorded, dt)
+    for name in result.derived:
+        notes.add(f"{name.replace('_', ' ')} derived from the motion, obstacles", number)
+    if len(result.time_steps) > 1 and np.any(np.diff(result.time_steps) > 1):
+        notes.add("absent between recorded time steps, obstacles", number)
+    return result
+
+
+def _tables(
+    ids: list[int],
+    kinds: tuple[str, ...],
+    shapes: tuple[Shape, ...],
+    is_static: NDArray[np.bool_],
+    tracks: list[Track],
+    file: str,
+) -> Obstacles:
+    last = [0 if static else int(one.time_steps[-1]) for one, static in zip(tracks, is_static, strict=True)]
+    n_steps = max(last, default=0) + 1
+    if n_steps * max(len(ids), 1) > LARGEST_TABLE:
+        number = ids[int(np.argmax(last))]
+        raise InputError(f"{file}: obstacle {number} has the time step {n_steps - 1}; is that a typing error?")
+    table = np.full((6, len(ids), n_steps), np.nan)
+    for row, (one, static) in enumerate(zip(tracks, is_static, strict=True)):
+        if static:
+            table[:, row, :] = one.values[0][:, None]
+        else:
+            table[:, row, one.time_steps] = one.values.T
+    x, y, orientation, velocity, acceleration, yaw_rate = table
+    return Obstacles(
+        ids=np.array(ids, dtype=np.int64),
+        kinds=kinds,
+        shapes=shapes,
+        is_static=is_static,
+        x=x,
+        y=y,
+        orientation=orientation,
+        velocity=velocity,
+        acceleration=acceleration,
+        yaw_rate=yaw_rate,
+        valid=np.isfinite(x),
+    )
+
+
+# Planning problems
+
+
+def _planning_problem(problem: Foreign, lanelets: Lanelets, file: str, facts: Facts, notes: _Notes) -> PlanningProblem:
+    number = int(problem.planning_problem_id)
+    what = f"planning problem {number}"
+    step, row, uncertain = _row(problem.initial_state, facts.stated_by_problem.get(number), what, file)
+    if uncertain:
+        notes.add("uncertain initial states replaced by their middle, planning problems", number)
+    x, y, orientation, velocity, acceleration, yaw_rate = row
+    if np.isnan(orientation) or np.isnan(velocity):
+        raise InputError(f"{file}: the initial state of {what} lacks orientation or velocity; add it")
+    _require_finite((x, y, orientation, velocity), what, file)
+    initial = InitialState(
+        time_step=step,
+        x=x,
+        y=y,
+        orientation=float(wrapped(np.array(orientation))),
+        velocity=velocity,
+        acceleration=0.0 if np.isnan(acceleration) else acceleration,
+        yaw_rate=yaw_rate,
+    )
+    states = problem.goal.state_list
+    if not states:
+        notes.add("no goal, planning problems", number)
+    by_lanelet = problem.goal.lanelets_of_goal_position or {}
+    goal = tuple(
+        _goal_state(state, by_lanelet.get(index, ()), lanelets, what, file) for index, state in enumerate(states)
+    )
+    return PlanningProblem(number, initial, goal)
+
+
+def _goal_state(state: Foreign, lanelet_ids: Iterable[int], lanelets: Lanelets, what: str, file: str) -> GoalState:
+    values = vars(state)
+    ids = tuple(int(number) for number in lanelet_ids)
+    if ids:
+        areas = tuple(_lanelet_area(number, lanelets, what, file) for number in ids)
+    elif values.get("position") is None:
+        areas = ()
+    elif isinstance(values["position"], np.ndarray):
+        raise InputError(f"{file}: the goal of {what} is a point, which nothing can reach; give an area")
+    else:
+        area = shape_of(values["position"])
+        areas = area.members if area.kind == "group" else (area,)
+    for area in areas:
+        _check_footprint(area, f"the goal of {what}", file)
+    time_step = values.get("time_step")
+    first, last = _interval(time_step) or (0.0, float(LAST_TIME_STEP))
+    return GoalState(
+        areas=areas,
+        lanelet_ids=ids,
+        time_step=(int(first), int(last)),
+        velocity=_interval(values.get("velocity")),
+        orientation=_interval(values.get("orientation")),
+    )
+
+
+def _interval(value: Foreign) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    if hasattr(value, "start"):
+        return float(value.start), float(value.end)
+    return float(value), float(value)
+
+
+def _lanelet_area(number: int, lanelets: Lanelets, what: str, file: str) -> Shape:
+    row = int(np.searchsorted(lanelets.ids, number))
+    if row == len(lanelets.ids) or lanelets.ids[row] != number:
+        raise InputError(f"{file}: the goal of {what} is lanelet {number}, which does not exist; correct the reference")
+    return polygon(np.concatenate((lanelets.left[row], lanelets.right[row][::-1])))

@@ -1,0 +1,274 @@
+"""The XML of a CommonRoad file before commonroad-io sees it: what is refused, and what commonroad-io would lose.
+
+commonroad-io 2026.1 drops centre and orientation of a recorded obstacle's rectangle, refuses footprints of several
+parts, and fills values that an initial state lacks with 0. So footprints and the names of stated values are read here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.scenario import Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+VERSIONS = ("2018b", "2020a")
+OBSTACLE_TAGS = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
+
+# Elements whose text is a number that float() takes but a coordinate may not be; 1e999 overflows to infinity.
+_NOT_FINITE = re.compile(rb">\s*[-+]?(?:nan|inf|infinity|[0-9.]+e\+?[0-9]{3,})\s*<", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the XML says and commonroad-io does not hand on.
+
+    Attributes:
+        benchmark_id: As written; commonroad-io rewrites ids that it cannot parse.
+        stated: Names of the elements in the initial state, by obstacle id.
+        stated_by_problem: The same by planning problem id.
+        footprints: Footprints by obstacle id.
+    """
+
+    benchmark_id: str = ""
+    stated: dict[int, frozenset[str]] = field(default_factory=dict)
+    stated_by_problem: dict[int, frozenset[str]] = field(default_factory=dict)
+    footprints: dict[int, Shape] = field(default_factory=dict)
+
+
+def parse(data: bytes, file: str) -> Element:
+    """Root element of an XML document without entities, document types or anything from outside.
+
+    Args:
+        data: The document.
+        file: Its name, for messages.
+
+    Returns:
+        The root element.
+
+    Raises:
+        InputError: Not XML, broken off, or with a document type declaration (entities, XML bombs).
+    """
+    import defusedxml  # noqa: PLC0415 - paid for only by those who read files
+    from defusedxml.ElementTree import fromstring  # noqa: PLC0415
+
+    if not data.strip():
+        raise InputError(f"{file}: the file is empty; give a CommonRoad file")
+    try:
+        root: Element = fromstring(data, forbid_dtd=True)
+    except defusedxml.DefusedXmlException as error:
+        raise InputError(
+            f"{file}: has a document type declaration or entities, refused for safety; remove the <!DOCTYPE ...>"
+        ) from error
+    except (ParseError, ValueError, LookupError) as error:
+        if data.lstrip()[:1] != b"<" and not data.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
+            raise InputError(f"{file}: not an XML file; give a CommonRoad .xml or .pb file") from error
+        raise InputError(f"{file}: broken XML ({error}); is the file complete?") from error
+    return root
+
+
+def check(root: Element, data: bytes, file: str) -> None:
+    """Refuses what cannot become a scenario, and adds elements without meaning that commonroad-io insists on.
+
+    Args:
+        root: Root element; changed in place.
+        data: The bytes that it came from.
+        file: Name for messages.
+
+    Raises:
+        InputError: Not a CommonRoad document, unsupported version, useless dt, no lanelets, broken bounds, the same id
+            twice, coordinates that are not finite, goal lanelets that do not exist.
+    """
+    _check_header(root, file)
+    _check_ids(root, file)
+    if _NOT_FINITE.search(data):
+        _refuse_not_finite(root, file)
+    for lanelet in root.iterfind("lanelet"):
+        counts = [len(lanelet.findall(f"{side}/point")) for side in ("leftBound", "rightBound")]
+        if counts[0] != counts[1] or min(counts) < 2:
+            raise InputError(
+                f"{file}: lanelet {lanelet.get('id')} has {counts[0]} points on its left bound and {counts[1]} on its "
+                "right one; give both the same number, at least 2"
+            )
+    lanelet_ids = {lanelet.get("id") for lanelet in root.iterfind("lanelet")}
+    for problem in root.iterfind("planningProblem"):
+        for reference in problem.iterfind("goalState/position/lanelet"):
+            if reference.get("ref") not in lanelet_ids:
+                raise InputError(
+                    f"{file}: the goal of planning problem {problem.get('id')} is lanelet {reference.get('ref')}, "
+                    "which does not exist; correct the reference"
+                )
+
+
+def _check_header(root: Element, file: str) -> None:
+    if root.tag != "commonRoad":
+        raise InputError(f"{file}: the root element is <{root.tag}>, not <commonRoad>; give a CommonRoad scenario")
+    version = root.get("commonRoadVersion")
+    if version not in VERSIONS:
+        raise InputError(f"{file}: CommonRoad version {version} is not supported; convert it to {VERSIONS[-1]}")
+    text = root.get("timeStepSize", "missing")
+    try:
+        dt = float(text)
+    except ValueError:
+        dt = math.nan
+    if not (math.isfinite(dt) and dt > 0.0):
+        raise InputError(f"{file}: the time step size (dt) is {text}; it must be a number of seconds above 0")
+    if root.find("lanelet") is None:
+        raise InputError(f"{file}: has no lanelets; a scenario needs a road network")
+    if not root.get("benchmarkID"):
+        root.set("benchmarkID", "ZAM_Unnamed-1_1_T-1")
+    if root.get("tags") is None:
+        root.set("tags", "")
+    if root.find("scenarioTags") is None:
+        SubElement(root, "scenarioTags")
+
+
+def _check_ids(root: Element, file: str) -> None:
+    for name, tags in (
+        ("lanelets", ("lanelet",)),
+        ("obstacles", OBSTACLE_TAGS),
+        ("planning problems", ("planningProblem",)),
+    ):
+        seen = set()
+        for number in (integer_id(element, file) for tag in tags for element in root.iterfind(tag)):
+            if number in seen:
+                raise InputError(f"{file}: two {name} have the id {number}; give each its own")
+            seen.add(number)
+
+
+def integer_id(element: Element, file: str) -> int:
+    """The id of an element, or `InputError` if it has none."""
+    text = element.get("id", "missing")
+    try:
+        return int(text)
+    except ValueError:
+        raise InputError(f"{file}: a <{element.tag}> has the id '{text}'; it must be a whole number") from None
+
+
+def _refuse_not_finite(root: Element, file: str) -> None:
+    for owner in root:
+        for element in owner.iter():
+            try:
+                finite = math.isfinite(float(element.text or "0"))
+            except ValueError:
+                continue
+            if not finite and element.tag not in ("additionalValue", "gpsLatitude", "gpsLongitude"):
+                where = f"{owner.tag} {owner.get('id')}" if owner.get("id") else owner.tag
+                raise InputError(
+                    f"{file}: {where} has the value {(element.text or '').strip()} in <{element.tag}>; "
+                    "replace it by a finite number"
+                )
+
+
+def facts(root: Element, file: str) -> Facts:
+    """Takes out of the XML what commonroad-io loses, and makes footprints such that it reads them.
+
+    Args:
+        root: Root element; footprints are simplified in place.
+        file: Name for messages.
+
+    Returns:
+        The facts.
+
+    Raises:
+        InputError: A footprint that cannot be read.
+    """
+    stated = {}
+    footprints = {}
+    for tag in ("obstacle", "staticObstacle", "dynamicObstacle"):
+        for element in root.iterfind(tag):
+            number = integer_id(element, file)
+            initial = element.find("initialState")
+            if initial is None:
+                raise InputError(f"{file}: obstacle {number} has no initial state; add one")
+            stated[number] = frozenset(child.tag for child in initial)
+            shape = element.find("shape")
+            if shape is None or len(shape) == 0:
+                raise InputError(f"{file}: obstacle {number} has no shape; add one")
+            try:
+                footprint = _footprint(list(_primitives(shape)))
+            except (ValueError, AttributeError, TypeError) as error:
+                raise InputError(f"{file}: the shape of obstacle {number} cannot be read; correct it") from error
+            if footprint is not None:
+                footprints[number] = footprint
+                _simplify(shape)
+    by_problem = {
+        integer_id(element, file): frozenset(child.tag for child in element.iterfind("initialState/*"))
+        for element in root.iterfind("planningProblem")
+    }
+    return Facts(root.get("benchmarkID", ""), stated, by_problem, footprints)
+
+
+def _primitives(shape: Element) -> Iterator[Element]:
+    for child in shape:
+        if child.tag in ("shapeGroup", "shape"):
+            yield from _primitives(child)
+        else:
+            yield child
+
+
+def _footprint(primitives: list[Element]) -> Shape | None:
+    """The footprint, or None for kinds of shape that only commonroad-io knows."""
+    shapes = [_primitive(element) for element in primitives]
+    members = tuple(shape for shape in shapes if shape is not None)
+    if len(members) != len(shapes):
+        return None
+    return members[0] if len(members) == 1 else Shape("group", members=members)
+
+
+def _primitive(element: Element) -> Shape | None:
+    if element.tag == "rectangle":
+        shift = element.findtext("originXShift")
+        center = (-float(shift), 0.0) if shift is not None else _center(element)
+        return Shape(
+            "rectangle",
+            length=_number(element, "length"),
+            width=_number(element, "width"),
+            center=center,
+            orientation=float(element.findtext("orientation") or 0.0),
+        )
+    if element.tag == "circle":
+        return Shape("circle", radius=_number(element, "radius"), center=_center(element))
+    if element.tag == "polygon":
+        points = [(_number(point, "x"), _number(point, "y")) for point in element.iterfind("point")]
+        return polygon(np.array(points, dtype=np.float64).reshape(-1, 2))
+    return None
+
+
+def polygon(vertices: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> Shape:
+    """A polygon from its vertices [m], shape (vertices, 2 or 3); a repeated last one is dropped."""
+    vertices = np.ascontiguousarray(vertices[:, :2], dtype=np.float64)
+    if len(vertices) > 1 and np.array_equal(vertices[0], vertices[-1]):
+        vertices = vertices[:-1]
+    return Shape("polygon", vertices=vertices)
+
+
+def _number(element: Element, tag: str) -> float:
+    return float(element.findtext(tag) or "missing")
+
+
+def _center(element: Element) -> tuple[float, float]:
+    center = element.find("center")
+    return (0.0, 0.0) if center is None else (_number(center, "x"), _number(center, "y"))
+
+
+def _simplify(shape: Element) -> None:
+    """Replaces a footprint by a square, which every commonroad-io reads; the real one is in the facts."""
+    for child in list(shape):
+        shape.remove(child)
+    rectangle = SubElement(shape, "rectangle")
+    for tag in ("length", "width"):
+        SubElement(rectangle, tag).text = "1.0"
+
+
+def tree(root: Element) -> ElementTree:
+    """The root element as the tree that commonroad-io works on."""
+    return ElementTree(root)

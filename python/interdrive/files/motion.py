@@ -1,0 +1,98 @@
+"""Recorded states of one obstacle as columns, and the derivation of what a recording does not state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+#: Below this speed [m/s] the direction of motion says nothing about the heading.
+STANDING_SPEED = 0.1
+COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+
+
+@dataclass
+class Track:
+    """States of one obstacle, sorted by time step, without repetition.
+
+    Attributes:
+        time_steps: Shape (states,).
+        values: Columns as in `COLUMNS`, nan where not stated, shape (states, 6).
+        derived: Names of the columns of which something was derived.
+    """
+
+    time_steps: NDArray[np.int64]
+    values: Floats
+    derived: tuple[str, ...] = field(default=())
+
+
+def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
+    """Rows of (time step, columns), in any order, as a track.
+
+    Where a time step comes twice (an initial state repeated in the trajectory), the first row counts, and values that
+    it lacks are taken from the later one.
+    """
+    by_step: dict[int, list[float]] = {}
+    for time_step, values in rows:
+        known = by_step.setdefault(time_step, list(values))
+        for column, value in enumerate(values):
+            if np.isnan(known[column]):
+                known[column] = value
+    steps = sorted(by_step)
+    return Track(np.array(steps, dtype=np.int64), np.array([by_step[step] for step in steps], dtype=np.float64))
+
+
+def completed(recorded: Track, dt: float) -> Track:
+    """The track with every missing value derived.
+
+    Heading from the direction of motion (a vehicle that stands keeps its heading; one that never moves gets 0), speed
+    from the motion along the heading, acceleration and yaw rate from their changes; differences are central inside and
+    one-sided at the ends. A single state gets 0 for what is missing. Headings are wrapped to [-pi, pi].
+
+    Args:
+        recorded: At least one state; positions are complete.
+        dt: Time between steps [s].
+
+    Returns:
+        A track without nan.
+    """
+    x, y, orientation, velocity, acceleration, yaw_rate = recorded.values.T.copy()
+    time: Floats = recorded.time_steps.astype(np.float64) * dt
+    missing = np.isnan(recorded.values)
+    if missing[:, 2:4].any():
+        x_dot, y_dot = _rate(x, time), _rate(y, time)
+        if missing[:, 2].any():
+            heading = _heading_of_motion(x_dot, y_dot)
+            orientation = np.where(missing[:, 2], heading, orientation)
+        along = x_dot * np.cos(orientation) + y_dot * np.sin(orientation)
+        velocity = np.where(missing[:, 3], along, velocity)
+    if missing[:, 4].any():
+        acceleration = np.where(missing[:, 4], _rate(velocity, time), acceleration)
+    if missing[:, 5].any():
+        yaw_rate = np.where(missing[:, 5], _rate(np.unwrap(orientation), time), yaw_rate)
+    orientation = wrapped(orientation)
+    values = np.column_stack((x, y, orientation, velocity, acceleration, yaw_rate))
+    derived = tuple(name for column, name in enumerate(COLUMNS) if missing[:, column].any())
+    return Track(recorded.time_steps, values, derived)
+
+
+def wrapped(angle: Floats) -> Floats:
+    """Angles [rad] wrapped to [-pi, pi]; those already there are left as they are, bit for bit."""
+    outside = np.abs(angle) > np.pi
+    return np.where(outside, np.arctan2(np.sin(angle), np.cos(angle)), angle)
+
+
+def _rate(values: Floats, time: Floats) -> Floats:
+    return np.gradient(values, time) if len(values) > 1 else np.zeros_like(values)
+
+
+def _heading_of_motion(x_dot: Floats, y_dot: Floats) -> Floats:
+    moving = np.hypot(x_dot, y_dot) > STANDING_SPEED
+    if not moving.any():
+        return np.zeros_like(x_dot)
+    heading = np.arctan2(y_dot, x_dot)
+    last_moving = np.maximum.accumulate(np.where(moving, np.arange(len(moving)), -1))
+    return heading[np.where(last_moving < 0, np.argmax(moving), last_moving)]

@@ -1,0 +1,185 @@
+"""Opening CommonRoad files. Together with convert.py and write.py the only place that imports commonroad-io."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import logging
+import re
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.errors import InputError, InterdriveError
+from interdrive.files import document
+from interdrive.files.convert import converted
+from interdrive.files.shapes import Foreign
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+    from xml.etree.ElementTree import Element
+
+    from interdrive.scenario import Scenario
+
+#: Endings of protobuf files; everything else is taken for XML.
+PROTOBUF_ENDINGS = (".pb", ".proto", ".protobuf")
+
+
+def read_scenario(path: str | os.PathLike[str]) -> Scenario:
+    """A CommonRoad file as arrays: roads, recorded traffic, planning problems.
+
+    Reads XML of the versions 2018b and 2020a and the protobuf files of the installed commonroad-io: up to 2024.3 one
+    `.pb` file; from 2026.1 on three of them, found by name beside the given one: `X.pb` (traffic), `X-SC.pb` (planning
+    problems, may be absent) and the map, named by the leading part of `X` (`DEU_Muc-1` for `DEU_Muc-1_2_T-1`).
+
+    What a recording does not state is derived from its positions, see `Obstacles`; an obstacle with a set-based
+    prediction or none at all is there at its initial time step only; uncertain states become their middle; phantom and
+    environment obstacles are left out. `Scenario.notes` says which of these happened, and to whom.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The scenario; `path` and `sha256` are set.
+
+    Raises:
+        InputError: The file cannot be used; one line that names it and says what to do.
+    """
+    path = Path(path)
+    file = str(path)
+    data = _bytes(path)
+    sha256 = hashlib.sha256(data).hexdigest()
+    with _quiet(file) as remarks:
+        if path.suffix.lower() in PROTOBUF_ENDINGS:
+            scenario, problems = _open_protobuf(path, data)
+            facts = document.Facts()
+        else:
+            root = document.parse(data, file)
+            document.check(root, data, file)
+            facts = document.facts(root, file)
+            scenario, problems = _open_xml(root, data)
+        result = converted(scenario, problems, file=file, path=path, sha256=sha256, facts=facts)
+    return _with_remarks(result, remarks)
+
+
+def scenario_from_commonroad(scenario: Foreign, planning_problem_set: Foreign = None) -> Scenario:
+    """A scenario that commonroad-io has already loaded, or that was built with its classes, as arrays.
+
+    Args:
+        scenario: `commonroad.scenario.scenario.Scenario`. It is not changed.
+        planning_problem_set: `commonroad.planning.planning_problem.PlanningProblemSet`, or None for no problems.
+
+    Returns:
+        The scenario; `path` is None. commonroad-io fills what an initial state of a file lacks with 0, so such values
+        count as stated here; read the file with `read_scenario` to have them derived.
+
+    Raises:
+        InputError: The objects cannot be used; one line that says why.
+    """
+    file = f"scenario {getattr(scenario, 'scenario_id', '')}".strip()
+    if not (hasattr(scenario, "lanelet_network") and hasattr(scenario, "dynamic_obstacles")):
+        raise InputError(f"{type(scenario).__name__} is not a commonroad.scenario.scenario.Scenario")
+    with _quiet(file) as remarks:
+        facts = document.Facts()
+        result = converted(scenario, planning_problem_set, file=file, path=None, sha256="", facts=facts)
+    return _with_remarks(result, remarks)
+
+
+def _bytes(path: Path) -> bytes:
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give a CommonRoad file in it")
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
+
+
+def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
+    from commonroad.common.reader.file_reader_xml import XMLFileReader  # noqa: PLC0415 - a fifth of a second
+
+    class Reader(XMLFileReader):  # type: ignore[misc] # commonroad-io has no types
+        """Works on the document that was checked, so that nothing is parsed twice."""
+
+        def _parse_file(self) -> None:
+            self._tree = document.tree(root)
+
+    opened: tuple[Foreign, Foreign] = Reader(data).open(lanelet_assignment=False)
+    return opened
+
+
+def _open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
+    try:
+        from commonroad.common.file_reader import FileFormat  # noqa: PLC0415
+    except ImportError:
+        return _open_protobuf_parts(path)
+    from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
+
+    opened: tuple[Foreign, Foreign] = CommonRoadFileReader(data, file_format=FileFormat.PROTOBUF).open()
+    return opened
+
+
+def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
+    """commonroad-io from 2026.1 on: map, traffic and planning problems in a file each."""
+    from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
+
+    name = path.stem.removesuffix("-SC")
+    traffic = path.with_name(name + path.suffix)
+    problems = path.with_name(f"{name}-SC{path.suffix}")
+    roads = path.with_name("_".join(name.split("_")[:2]) + path.suffix)
+    for part, meaning in ((traffic, "traffic"), (roads, "map")):
+        if not part.is_file():
+            raise InputError(f"{path}: the {meaning} file {part.name} is not beside it; put it there or convert to XML")
+    reader = CommonRoadFileReader(filename_map=roads, filename_dynamic=traffic, filename_scenario=problems)
+    if problems.is_file():
+        scenario, problem_set, _cooperative = reader.open_all()
+        return scenario, problem_set
+    return reader.open_map_dynamic(), None
+
+
+@contextmanager
+def _quiet(file: str) -> Iterator[list[str]]:
+    """Collects what commonroad-io logs or warns of, and turns whatever it raises into one `InputError`."""
+    remarks: list[str] = []
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            remarks.append(record.getMessage())
+
+    logger = logging.getLogger("commonroad")
+    collector = Collector(logging.WARNING)
+    propagate = logger.propagate
+    logger.propagate = False
+    logger.addHandler(collector)
+    try:
+        with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
+            warnings.simplefilter("always")
+            yield remarks
+        remarks += [str(one.message) for one in caught if not issubclass(one.category, DeprecationWarning)]
+    except InterdriveError:
+        raise
+    except Exception as error:
+        text = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{file}: commonroad-io cannot read it ({type(error).__name__}: {text or 'no reason given'}); "
+            "is it a valid CommonRoad file?"
+        ) from error
+    finally:
+        logger.removeHandler(collector)
+        logger.propagate = propagate
+
+
+def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:
+    """Adds one line per kind of remark; those about its own old formats concern nobody."""
+    kinds: dict[str, list[str]] = {}
+    for remark in remarks:
+        text = " ".join(remark.split())[:200]
+        if "deprecated" not in text and "After 2020a format" not in text:
+            kinds.setdefault(re.sub(r"\d+", "#", text), []).append(text)
+    lines = (texts[0] + (f" ({len(texts)} like this)" if len(texts) > 1 else "") for texts in kinds.values())
+    return dataclasses.replace(scenario, notes=(*scenario.notes, *(f"commonroad-io: {line}" for line in lines)))
