@@ -1,0 +1,103 @@
+"""interdrive: multi-agent driving simulation on real CommonRoad scenarios.
+
+    import interdrive as idr
+
+    run = idr.simulate("t_junction", agents="all")
+    print(run.outcomes.outcome)
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from interdrive._core import Predictions, Scene, View, __version__
+    from interdrive.agents import AgentSettings, GoalSettings
+    from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
+    from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
+    from interdrive.planners import Frenet, Planner, PlannerSettings, Trajectory
+    from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Predictor, PredictorSettings
+    from interdrive.results import load, save
+    from interdrive.run import Run
+    from interdrive.scenario import Scenario
+    from interdrive.simulation import Simulation, SimulationSettings, simulate
+
+# Modules are imported when a name is first used: `interdrive --help` needs none of them.
+_HOME = {
+    "Predictions": "_core",
+    "Scene": "_core",
+    "View": "_core",
+    "__version__": "_core",
+    "AgentSettings": "agents",
+    "GoalSettings": "agents",
+    "InputError": "errors",
+    "InterdriveError": "errors",
+    "NoRouteError": "errors",
+    "PredictorError": "errors",
+    "ResultsError": "errors",
+    "read_scenario": "files",
+    "scenario_from_commonroad": "files",
+    "shipped_scenario": "files",
+    "shipped_scenarios": "files",
+    "Frenet": "planners",
+    "Planner": "planners",
+    "PlannerSettings": "planners",
+    "Trajectory": "planners",
+    "ConstantVelocity": "predictors",
+    "GroundTruth": "predictors",
+    "LaneFollowing": "predictors",
+    "Predictor": "predictors",
+    "PredictorSettings": "predictors",
+    "load": "results",
+    "save": "results",
+    "Run": "run",
+    "Scenario": "scenario",
+    "Simulation": "simulation",
+    "SimulationSettings": "simulation",
+    "simulate": "simulation",
+}
+
+__all__ = [
+    "AgentSettings",
+    "ConstantVelocity",
+    "Frenet",
+    "GoalSettings",
+    "GroundTruth",
+    "InputError",
+    "InterdriveError",
+    "LaneFollowing",
+    "NoRouteError",
+    "Planner",
+    "PlannerSettings",
+    "Predictions",
+    "Predictor",
+    "PredictorError",
+    "PredictorSettings",
+    "ResultsError",
+    "Run",
+    "Scenario",
+    "Scene",
+    "Simulation",
+    "SimulationSettings",
+    "Trajectory",
+    "View",
+    "__version__",
+    "load",
+    "read_scenario",
+    "save",
+    "scenario_from_commonroad",
+    "shipped_scenario",
+    "shipped_scenarios",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+    if name not in _HOME:
+        raise AttributeError(f"module 'interdrive' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"interdrive.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

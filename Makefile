@@ -1,0 +1,50 @@
+# Every target does its own set-up on a bare machine: python3 (3.11 or later), a C compiler and cargo are enough.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
+export PYTHONWARNINGS ?=
+export MPLBACKEND := Agg
+
+.PHONY: demo test check bench format clean
+
+$(VENV)/.tools: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['dev'], sep='\n')" > $(VENV)/requirements.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(VENV)/requirements.txt
+	touch $@
+
+$(VENV)/.installed: $(VENV)/.tools $(RUST)
+	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --quiet
+	touch $@
+
+demo: $(VENV)/.installed ## the T-junction: every car plans for itself
+	$(BIN)/interdrive run t_junction --agents all --out demo --overwrite --png --gif
+	@echo "pictures and tables are in demo/"
+
+test: $(VENV)/.installed ## all tests
+	cargo test --release --quiet -p interdrive-core
+	$(BIN)/python -m pytest -q
+
+check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
+	cargo fmt --all --check
+	cargo clippy --all-targets --quiet -- -D warnings
+	cargo test --release --quiet -p interdrive-core --test layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest interdrive._core --ignore-missing-stub --allowlist tests/stubtest_allowlist.txt
+	$(BIN)/lint-imports
+	$(BIN)/python scenarios/make.py --check
+
+bench: $(VENV)/.installed ## one table: time per step, phases, memory, start
+	$(BIN)/python benchmarks/table.py
+
+format: $(VENV)/.tools ## writes what `make check` wants to see
+	cargo fmt --all
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:
+	rm -rf $(VENV) target demo out

@@ -1,0 +1,73 @@
+//! Parameter records of native planners.
+
+use interdrive_core::plan::frenet::{Candidates, Comfort, CostWeights, FrenetSettings};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays;
+use crate::errors::{InputError, exception};
+
+#[pyclass(frozen, name = "FrenetSettings", module = "interdrive._core")]
+pub struct PyFrenetSettings(pub FrenetSettings);
+
+/// Takes the value of a key out of a dict; it must be there.
+fn take<'py, T>(values: &Bound<'py, PyDict>, name: &str) -> PyResult<T>
+where
+    T: for<'a> FromPyObject<'a, 'py>,
+{
+    let missing = || InputError::new_err(format!("planner.frenet.{name} is missing"));
+    let value = values.get_item(name)?.ok_or_else(missing)?;
+    value.extract().map_err(|_| InputError::new_err(format!("planner.frenet.{name} cannot be {value}")))
+}
+
+/// Writes a record's fields from a dict and back, by one list of names.
+macro_rules! record {
+    ($read:ident, $write:ident, $record:ty, $prefix:literal, [$($field:ident),* $(,)?]) => {
+        fn $read(values: &Bound<'_, PyDict>, record: &mut $record) -> PyResult<()> {
+            $(record.$field = take(values, concat!($prefix, stringify!($field)))?;)*
+            Ok(())
+        }
+        fn $write(values: &Bound<'_, PyDict>, record: &$record) -> PyResult<()> {
+            $(values.set_item(concat!($prefix, stringify!($field)), record.$field)?;)*
+            Ok(())
+        }
+    };
+}
+
+record!(read_planner, write_planner, FrenetSettings, "", [
+    level, horizon, t_min, d_max, low_velocity, prediction_margin_length, prediction_margin_width, rear_cone_angle,
+    rear_cone_distance, collision_mode_probability, stop_targets, lazy,
+]);
+record!(read_weights, write_weights, CostWeights, "weights.", [
+    velocity_offset, distance_to_reference, lateral_jerk, longitudinal_jerk, acceleration, jerk, lateral_velocity,
+    lateral_acceleration, longitudinal_velocity, longitudinal_acceleration, orientation_offset, distance_to_obstacles,
+    prediction,
+]);
+record!(read_comfort, write_comfort, Comfort, "comfort.", [
+    time_gap, standstill_gap, deceleration, lateral_acceleration, velocity_step, cruise_velocity_min,
+]);
+
+#[pymethods]
+impl PyFrenetSettings {
+    /// From a dict of dotted names; every name must be there.
+    #[new]
+    fn new(values: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut settings = FrenetSettings::default();
+        read_planner(values, &mut settings)?;
+        read_weights(values, &mut settings.weights)?;
+        read_comfort(values, &mut settings.comfort)?;
+        let named = |error: interdrive_core::error::Error| InputError::new_err(format!("planner.frenet.{error}"));
+        settings.validate().map_err(named)?;
+        Ok(Self(settings))
+    }
+
+    /// The core's defaults as a dict of dotted names.
+    #[staticmethod]
+    fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let (values, settings) = (PyDict::new(py), FrenetSettings::default());
+        write_planner(&values, &settings)?;
+        write_weights(&values, &settings.weights)?;
+        write_comfort(&values, &settings.comfort)?;
+        Ok(values)
+    }
+}
