@@ -1,0 +1,100 @@
+"""One table: time per step and phase, start to first step, memory; median of runs, each in its own process.
+
+The scenario is the six-lane highway of the development set if it is there (INTERDRIVE_SCENARIOS, default
+../shared/scenarios), and always the shipped ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+HIGHWAY = "highway/USA_US101-23_1_T-1.xml"
+
+
+def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
+    """Runs once in this process; times in seconds, memory in bytes."""
+    start = time.perf_counter()
+    import numpy as np
+
+    from interdrive.run import PHASES
+    from interdrive.simulation import Simulation
+
+    simulation = Simulation(scenario, agents=agents if agents == "all" else int(agents), threads=threads)
+    simulation.step()
+    first_step = time.perf_counter() - start
+    run = simulation.run()
+    n_steps = len(run.timings.time_step) // len(PHASES)
+    seconds = run.timings.seconds.reshape(n_steps, len(PHASES))
+    driving = np.array([np.count_nonzero(run.plans.time_step == t) for t in np.unique(run.plans.time_step)])
+    full = driving >= 0.9 * driving.max()
+    result = {
+        "agents": float(driving.max()),
+        "participants": float(len(run.states.ids)),
+        "steps": float(n_steps),
+        "first_step": first_step,
+        "step": float(np.median(seconds.sum(axis=1))),
+        "full_step": float(np.median(seconds[full].sum(axis=1))),
+        "full_steps": float(full.sum()),
+        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0,
+    }
+    for name, share in zip(PHASES, seconds[full].sum(axis=0) / seconds[full].sum(), strict=True):
+        result[f"share_{name}"] = float(share)
+    return result
+
+
+def command_start(scenario: str, agents: str) -> float:
+    """Seconds from the start of the command line to the first step."""
+    code = (
+        "import sys, time; from interdrive import simulation as s; original = s.Simulation.step\n"
+        "def step(self):\n    original(self); print(time.time()); sys.stdout.flush(); import os; os._exit(0)\n"
+        "s.Simulation.step = step\n"
+        f"from interdrive.cli import main; sys.argv = ['interdrive', 'run', {scenario!r}, '--agents', {agents!r}]; main()"
+    )
+    start = time.time()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return float(done.stdout.strip().splitlines()[-1]) - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--one", nargs=3, metavar=("SCENARIO", "AGENTS", "THREADS"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one:
+        scenario, agents, threads = arguments.one
+        print(json.dumps(measure(scenario, agents, int(threads))))
+        return
+    folder = Path(os.environ.get("INTERDRIVE_SCENARIOS", "../shared/scenarios"))
+    cases = [("t_junction", "all", 2), ("intersection", "all", 2), ("highway", "24", 2)]
+    if (folder / HIGHWAY).exists():
+        cases = [(str(folder / HIGHWAY), "24", 2), (str(folder / HIGHWAY), "24", 1), (str(folder / HIGHWAY), "all", 2), *cases]
+    else:
+        print(f"{folder / HIGHWAY} is not there: only the shipped scenarios are measured")
+    print("| scenario | agents | participants | threads | ms per step (all agents) | ms per step (whole run) | plan | predict | advance | observe | start to first step | memory |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
+    for scenario, agents, threads in cases:
+        runs = []
+        for _ in range(arguments.repeat):
+            command = [sys.executable, __file__, "--one", scenario, agents, str(threads)]
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            runs.append(json.loads(done.stdout))
+        middle = {key: statistics.median(run[key] for run in runs) for key in runs[0]}
+        start = statistics.median(command_start(scenario, agents) for _ in range(arguments.repeat))
+        shares = " | ".join(f"{100 * middle['share_' + phase]:.0f} %" for phase in ("plan", "predict", "advance", "observe"))
+        print(
+            f"| {Path(scenario).stem} | {middle['agents']:.0f} | {middle['participants']:.0f} | {threads} "
+            f"| {1e3 * middle['full_step']:.2f} | {1e3 * middle['step']:.2f} | {shares} "
+            f"| {start:.2f} s | {middle['memory'] / 2**20:.0f} MiB |"
+        )
+
+
+if __name__ == "__main__":
+    main()
