@@ -1,0 +1,230 @@
+"""What a scenario holds, before anything is run: its size, its traffic, and who can become an agent and why not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive.scenario import GoalState, Lanelets, PlanningProblem, Scenario
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+    Bools = NDArray[np.bool_]
+
+#: Kinds of recorded obstacles that a planner can drive.
+DRIVABLE_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "taxi", "priority_vehicle")
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Which recorded obstacles can become agents; one row per obstacle, sorted by id.
+
+    Attributes:
+        ids: Obstacle ids, shape (obstacles,).
+        accepted: Can become an agent, shape (obstacles,).
+        reasons: Why not; "" where accepted.
+    """
+
+    ids: Ints
+    accepted: Bools
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ProblemSummary:
+    """A planning problem for people: where it starts, how fast [m/s], and its goal in words."""
+
+    id: int
+    x: float
+    y: float
+    velocity: float
+    start_lanelet_ids: tuple[int, ...]
+    goal: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """What a scenario holds.
+
+    Attributes:
+        name: Name of the scenario.
+        benchmark_id: The id written in the file.
+        dt: Time between steps [s].
+        n_steps: Number of recorded time steps, the first included.
+        duration: From the first to the last recorded time step [s].
+        n_lanelets: Number of lanelets.
+        lane_length: Length of all lanelets' centre lines together [m].
+        extent: Size of the map along x and y [m].
+        speed_limits: Lowest and highest speed limit [m/s]; nan where no lanelet has one.
+        kinds: Number of obstacles per kind, the most frequent first.
+        n_static: Number of static obstacles among them.
+        planning_problems: Sorted by id.
+        candidates: Which recorded vehicles can become agents, and why not.
+        notes: What was repaired, derived or left out while reading.
+    """
+
+    name: str
+    benchmark_id: str
+    dt: float
+    n_steps: int
+    duration: float
+    n_lanelets: int
+    lane_length: float
+    extent: tuple[float, float]
+    speed_limits: tuple[float, float]
+    kinds: tuple[tuple[str, int], ...]
+    n_static: int
+    planning_problems: tuple[ProblemSummary, ...]
+    candidates: Candidates
+    notes: tuple[str, ...]
+
+
+def candidates(scenario: Scenario, min_displacement: float = 10.0) -> Candidates:
+    """Which recorded obstacles can become agents.
+
+    An obstacle can if it is a vehicle (`DRIVABLE_KINDS`), not static, has at least two states, starts on a lanelet and
+    gets far enough away from its start to have somewhere to go.
+
+    Args:
+        scenario: The scenario.
+        min_displacement: How far it must get from where it starts, as the crow flies [m].
+
+    Returns:
+        One row per obstacle.
+    """
+    obstacles = scenario.obstacles
+    rows = np.arange(len(obstacles.ids))
+    first = obstacles.valid.argmax(axis=1)
+    x, y = obstacles.x[rows, first], obstacles.y[rows, first]
+    distance = np.hypot(obstacles.x - x[:, None], obstacles.y - y[:, None])
+    displacement = np.where(obstacles.valid, distance, 0.0).max(axis=1, initial=0.0)
+    n_states = obstacles.valid.sum(axis=1)
+    on_lanelet = np.count_nonzero(lanelets_at(scenario.lanelets, x, y), axis=1) > 0
+
+    def reason(row: int) -> str:
+        if obstacles.is_static[row]:
+            return "static obstacle"
+        if obstacles.kinds[row] not in DRIVABLE_KINDS:
+            return f"{obstacles.kinds[row].replace('_', ' ')}, not a vehicle that a planner can drive"
+        if n_states[row] < 2:
+            return "recorded at one time step only"
+        if displacement[row] < min_displacement:
+            return f"gets {displacement[row]:.1f} m away from its start, less than {min_displacement:g} m"
+        return "" if on_lanelet[row] else "starts off every lanelet"
+
+    reasons = tuple(reason(row) for row in rows.tolist())
+    return Candidates(obstacles.ids, np.array([not text for text in reasons], dtype=np.bool_), reasons)
+
+
+def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
+    """What a scenario holds: the numbers and words behind `interdrive check`.
+
+    Args:
+        scenario: The scenario.
+        min_displacement: See `candidates` [m].
+
+    Returns:
+        The inspection.
+    """
+    lanelets, obstacles = scenario.lanelets, scenario.obstacles
+    points = np.concatenate((*lanelets.left, *lanelets.right))
+    width, height = (points.max(axis=0) - points.min(axis=0)).tolist()
+    limits = lanelets.speed_limit[np.isfinite(lanelets.speed_limit)]
+    lowest, highest = (float(limits.min()), float(limits.max())) if limits.size else (np.nan, np.nan)
+    kinds = sorted(Counter(obstacles.kinds).items(), key=lambda entry: (-entry[1], entry[0]))
+    return Inspection(
+        name=scenario.name,
+        benchmark_id=scenario.benchmark_id,
+        dt=scenario.dt,
+        n_steps=obstacles.n_steps,
+        duration=(obstacles.n_steps - 1) * scenario.dt,
+        n_lanelets=len(lanelets.ids),
+        lane_length=_lane_length(lanelets),
+        extent=(width, height),
+        speed_limits=(lowest, highest),
+        kinds=tuple(kinds),
+        n_static=int(obstacles.is_static.sum()),
+        planning_problems=tuple(_summary(problem, scenario) for problem in scenario.planning_problems),
+        candidates=candidates(scenario, min_displacement),
+        notes=scenario.notes,
+    )
+
+
+def lanelets_at(lanelets: Lanelets, x: Floats, y: Floats) -> Bools:
+    """Which lanelets each point lies on: inside the polygon between their bounds (even-odd rule) or on its edge.
+
+    Args:
+        lanelets: The roads.
+        x: Shape (points,) [m].
+        y: Shape (points,) [m].
+
+    Returns:
+        Shape (points, lanelets). False for nan.
+    """
+    inside = np.zeros((len(x), len(lanelets.ids)), dtype=np.bool_)
+    for column, (left, right) in enumerate(zip(lanelets.left, lanelets.right, strict=True)):
+        polygon = np.concatenate((left, right[::-1]))
+        low, high = polygon.min(axis=0), polygon.max(axis=0)
+        near = np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
+        if near.size:
+            inside[near, column] = _inside(polygon, x[near], y[near])
+    return inside
+
+
+def _inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
+    x0, y0 = polygon.T
+    x1, y1 = np.roll(polygon, -1, axis=0).T
+    crosses = (y0 > y[:, None]) != (y1 > y[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = x0 + (y[:, None] - y0) * (x1 - x0) / (y1 - y0)
+    odd = (crosses & (x[:, None] < at)).sum(axis=1) % 2 == 1
+    inside: Bools = odd | _on_edge(x[:, None] - x0, y[:, None] - y0, x1 - x0, y1 - y0)
+    return inside
+
+
+def _on_edge(x: Floats, y: Floats, edge_x: Floats, edge_y: Floats) -> Bools:
+    """Whether a point, given from the start of each edge, is within a micrometre of any of them."""
+    length_squared = np.maximum(edge_x**2 + edge_y**2, 1e-18)
+    along = np.clip((x * edge_x + y * edge_y) / length_squared, 0.0, 1.0)
+    near: Bools = np.hypot(x - along * edge_x, y - along * edge_y).min(axis=1) < 1e-6
+    return near
+
+
+def _lane_length(lanelets: Lanelets) -> float:
+    centers = (0.5 * (left + right) for left, right in zip(lanelets.left, lanelets.right, strict=True))
+    return float(sum(np.hypot(*np.diff(center, axis=0).T).sum() for center in centers))
+
+
+def _summary(problem: PlanningProblem, scenario: Scenario) -> ProblemSummary:
+    start = problem.initial_state
+    here = lanelets_at(scenario.lanelets, np.array([start.x]), np.array([start.y]))[0]
+    goal = " or ".join(_in_words(state, scenario.dt) for state in problem.goal) or "no goal"
+    start_lanelet_ids = tuple(scenario.lanelets.ids[here].tolist())
+    return ProblemSummary(problem.id, start.x, start.y, start.velocity, start_lanelet_ids, goal)
+
+
+def _in_words(goal: GoalState, dt: float) -> str:
+    if goal.lanelet_ids:
+        plural = "s" if len(goal.lanelet_ids) > 1 else ""
+        where = f"lanelet{plural} " + ", ".join(str(number) for number in goal.lanelet_ids)
+    elif goal.areas:
+        centers = [area.center if area.kind != "polygon" else area.vertices.mean(axis=0) for area in goal.areas]
+        where = " or ".join(
+            f"a {area.kind} at ({x:.1f}, {y:.1f})" for area, (x, y) in zip(goal.areas, centers, strict=True)
+        )
+    else:
+        where = "anywhere"
+    first, last = goal.time_step
+    words = [where, f"step {first} to {last} ({first * dt:.1f} to {last * dt:.1f} s)"]
+    if goal.velocity is not None:
+        words.append(f"speed {goal.velocity[0]:.1f} to {goal.velocity[1]:.1f} m/s")
+    if goal.orientation is not None:
+        degrees = np.degrees(goal.orientation)
+        words.append(f"heading {degrees[0]:.0f} to {degrees[1]:.0f} degrees")
+    return ", ".join(words)
