@@ -1,0 +1,180 @@
+//! The roads: lanelets and their relations, which of them are here, and where it is drivable.
+
+mod coverage;
+mod edges;
+mod follow;
+mod grid;
+mod lanelet;
+mod open_ends;
+mod surface;
+#[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
+
+pub use edges::Segment;
+pub use lanelet::Lanelet;
+
+use crate::error::{Error, Result};
+use crate::geometry::{Aabb, Point, Pose, wrap_angle};
+use coverage::DrivableArea;
+use follow::LaneCurve;
+use surface::{Surface, strip};
+
+/// A lanelet as a file states it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LaneletInput {
+    /// Its id.
+    pub id: i64,
+    /// Left bound in driving direction, world frame [m].
+    pub left: Vec<Point>,
+    /// Right bound; CommonRoad gives it as many vertices as the left one.
+    pub right: Vec<Point>,
+    /// Ids of the lanelets that lead into it.
+    pub predecessors: Vec<i64>,
+    /// Ids of the lanelets into which it leads.
+    pub successors: Vec<i64>,
+    /// Id of the left neighbour, and whether it runs in the same direction.
+    pub adjacent_left: Option<(i64, bool)>,
+    /// Id of the right neighbour, and whether it runs in the same direction.
+    pub adjacent_right: Option<(i64, bool)>,
+    /// Speed limit [m/s]; NaN: unknown.
+    pub speed_limit: f64,
+}
+
+/// How the drivable area is made from lanelets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RoadSettings {
+    /// Gaps and overlaps up to this width [m] are errors of the map, not edges of the road.
+    pub gap_tolerance: f64,
+    /// Where the map ends, the road goes on straight for this long [m].
+    pub open_end_length: f64,
+}
+
+impl Default for RoadSettings {
+    fn default() -> Self {
+        Self { gap_tolerance: 0.1, open_end_length: 120.0 }
+    }
+}
+
+/// A lanelet that fits a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaneMatch {
+    /// Index of the lanelet.
+    pub lanelet: usize,
+    /// Arc length of the foot on its centre line [m].
+    pub s: f64,
+    /// Distance to the centre line [m], left positive.
+    pub d: f64,
+    /// Orientation minus direction of the lane [rad], in (-pi, pi].
+    pub heading_error: f64,
+}
+
+/// All lanelets of a map, sorted by id, with a grid index. Immutable.
+///
+/// What belongs to no lanelet but is drivable: straight continuations beyond open ends (a lanelet without successor or
+/// predecessor, whose neighbours in the same direction have none either, and behind which no other lanelet lies), and
+/// small gaps between lanelets that are stated to follow each other (up to 3 m) or to be neighbours (up to 0.5 m).
+#[derive(Debug, Clone)]
+pub struct RoadNetwork {
+    lanelets: Vec<Lanelet>,
+    settings: RoadSettings,
+    /// Successors of every lanelet, the straightest first.
+    straightest_successors: Vec<Vec<usize>>,
+    straightest_predecessors: Vec<Vec<usize>>,
+    curves: Vec<LaneCurve>,
+    area: DrivableArea,
+}
+
+impl RoadNetwork {
+    /// Checks the lanelets, completes their relations and builds the index.
+    ///
+    /// Relations stated on one side only are completed, unknown ids dropped, and so are successors that start more
+    /// than 10 m from the end. Lanelets that share a bound become neighbours if nothing else is stated.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the lanelet: no lanelet at all, an id used twice, a bound with fewer than two vertices, a
+    /// coordinate that is not a number, a centre line without length; or naming the setting that is negative.
+    pub fn new(inputs: Vec<LaneletInput>, settings: RoadSettings) -> Result<Self> {
+        for (name, value) in [("gap_tolerance", settings.gap_tolerance), ("open_end_length", settings.open_end_length)]
+        {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(Error::invalid(format!("road setting {name} must be a length, not {value}")));
+            }
+        }
+        let lanelets = lanelet::linked(inputs)?;
+        let mut fillers = open_ends::continuations(&lanelets, settings.open_end_length);
+        fillers.extend(open_ends::seams(&lanelets));
+        let mut triangles = Vec::new();
+        for (i, lanelet) in lanelets.iter().enumerate() {
+            strip(&lanelet.left, &lanelet.right, Some(i as u32), &mut triangles);
+        }
+        for filler in &fillers {
+            strip(&filler.left, &filler.right, None, &mut triangles);
+        }
+        let surface = Surface::new(triangles, settings.gap_tolerance);
+        let edges = edges::road_edges(&lanelets, &fillers, &surface, settings.gap_tolerance.max(0.01));
+        let (straightest_successors, straightest_predecessors) = follow::straightest(&lanelets);
+        let mut road = Self {
+            area: DrivableArea::new(surface, edges, settings.gap_tolerance),
+            lanelets,
+            settings,
+            straightest_successors,
+            straightest_predecessors,
+            curves: Vec::new(),
+        };
+        road.curves = (0..road.lanelets.len()).map(|i| LaneCurve::of(&road, i)).collect();
+        Ok(road)
+    }
+
+    /// All lanelets, ascending ids.
+    pub fn lanelets(&self) -> &[Lanelet] {
+        &self.lanelets
+    }
+
+    /// The settings it was built with.
+    pub fn settings(&self) -> &RoadSettings {
+        &self.settings
+    }
+
+    /// Index of the lanelet with an id.
+    pub fn index_of(&self, id: i64) -> Option<usize> {
+        self.lanelets.binary_search_by_key(&id, |lanelet| lanelet.id).ok()
+    }
+
+    /// Lanelets that contain a point, ascending. A point on a common border is in both.
+    pub fn lanelets_at(&self, point: Point) -> Vec<usize> {
+        self.area.surface.lanelets(&Aabb { min: point, max: point }, |triangle| triangle.contains(point))
+    }
+
+    /// Lanelets at most `radius` [m] away from a point, ascending.
+    pub fn lanelets_near(&self, point: Point, radius: f64) -> Vec<usize> {
+        let around = Aabb { min: point, max: point }.grown(radius);
+        self.area.surface.lanelets(&around, |triangle| triangle.is_within(point, radius))
+    }
+
+    /// Lanelets within `tolerance` [m] of the position whose direction differs by at most `angle_max` [rad]. Best first:
+    /// those that contain the position, then by heading error, then by offset, then by id.
+    pub fn matching(&self, pose: Pose, tolerance: f64, angle_max: f64) -> Vec<LaneMatch> {
+        let inside = self.lanelets_at(pose.position);
+        let mut matches: Vec<LaneMatch> = self
+            .lanelets_near(pose.position, tolerance)
+            .into_iter()
+            .map(|lanelet| {
+                let foot = self.lanelets[lanelet].center.project(pose.position);
+                let heading_error = wrap_angle(pose.orientation - self.curves[lanelet].heading_at(foot.s));
+                LaneMatch { lanelet, s: foot.s, d: foot.d, heading_error }
+            })
+            .filter(|found| found.heading_error.abs() <= angle_max)
+            .collect();
+        matches.sort_by(|a, b| {
+            let outside = |found: &LaneMatch| !inside.contains(&found.lanelet);
+            outside(a)
+                .cmp(&outside(b))
+                .then(a.heading_error.abs().total_cmp(&b.heading_error.abs()))
+                .then(a.d.abs().total_cmp(&b.d.abs()))
+                .then(a.lanelet.cmp(&b.lanelet))
+        });
+        matches
+    }
+}

@@ -1,0 +1,159 @@
+//! Whether a footprint is on the road: its centre is, and no road edge crosses it.
+
+use super::RoadNetwork;
+use super::edges::Segment;
+use super::grid::Buckets;
+use super::surface::Surface;
+use crate::geometry::shape::{OrientedBox, Shape};
+use crate::geometry::{Aabb, Point, Pose};
+
+/// What a grid cell is, as far as that can be said of all of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ground {
+    /// No road edge and nothing drivable.
+    OffRoad,
+    /// No road edge, all drivable.
+    Road,
+    /// A road edge is in it or within the tolerance of it.
+    Edge,
+}
+
+/// Surface, road edges and their index.
+#[derive(Debug, Clone)]
+pub(super) struct DrivableArea {
+    pub(super) surface: Surface,
+    edges: Vec<Segment>,
+    buckets: Buckets,
+    ground: Vec<Ground>,
+}
+
+impl DrivableArea {
+    pub(super) fn new(surface: Surface, edges: Vec<Segment>, tolerance: f64) -> Self {
+        let grid = surface.grid;
+        let buckets = Buckets::fill(grid.n_cells(), edges.len(), |i, add| {
+            grid.visit_convex(&[edges[i].a, edges[i].b], tolerance, &mut *add);
+        });
+        let ground_of = |cell: usize| match (buckets.of(cell).is_empty(), surface.is_near(grid.center_of(cell))) {
+            (false, _) => Ground::Edge,
+            (true, true) => Ground::Road,
+            (true, false) => Ground::OffRoad,
+        };
+        let ground = (0..grid.n_cells()).map(ground_of).collect();
+        Self { surface, edges, buckets, ground }
+    }
+
+    #[inline]
+    fn is_on_road(&self, point: Point) -> bool {
+        self.surface.grid.cell_of(point).is_some_and(|cell| match self.ground[cell] {
+            Ground::Road => true,
+            Ground::OffRoad => false,
+            Ground::Edge => self.surface.is_near(point),
+        })
+    }
+
+    /// Every cell under the box is road, or none: the answer; `None` if road edges are about.
+    #[inline]
+    fn uniform(&self, aabb: &Aabb) -> Option<bool> {
+        let Some(range) = self.surface.grid.range(aabb) else { return Some(false) };
+        let mut cells = self.surface.grid.cells(range);
+        let first = self.ground[cells.next()?];
+        (first != Ground::Edge && cells.all(|cell| self.ground[cell] == first)).then_some(first == Ground::Road)
+    }
+
+    fn edges_near(&self, aabb: &Aabb, out: &mut Vec<u32>) {
+        out.clear();
+        let Some(range) = self.surface.grid.range(aabb) else { return };
+        for cell in self.surface.grid.cells(range) {
+            out.extend(self.buckets.of(cell).iter().filter(|i| {
+                let edge = &self.edges[**i as usize];
+                Aabb::around([edge.a, edge.b]).overlaps(aabb)
+            }));
+        }
+        out.sort_unstable();
+        out.dedup();
+    }
+}
+
+impl RoadNetwork {
+    /// Border of the drivable area: pieces of lanelet borders (and of the sides of continuations beyond open ends)
+    /// beside which, `gap_tolerance` further out, nothing is drivable. Pieces shorter than twice the tolerance are left
+    /// out.
+    pub fn road_edges(&self) -> &[Segment] {
+        &self.area.edges
+    }
+
+    /// Indices of the road edges whose bounding box touches the box: ascending, each once. `out` is cleared first.
+    pub fn edges_near(&self, aabb: &Aabb, out: &mut Vec<u32>) {
+        self.area.edges_near(aabb, out);
+    }
+
+    /// The point is drivable: within `gap_tolerance` of a lanelet or of the continuation of an open end.
+    pub fn is_on_road(&self, point: Point) -> bool {
+        self.area.is_on_road(point)
+    }
+
+    /// A footprint, smaller by `gap_tolerance` all around, lies on the road: the centres of its parts do and no road
+    /// edge crosses them.
+    pub fn covers(&self, shape: &Shape, pose: Pose) -> bool {
+        let aabb = shape.aabb(pose);
+        if let Some(answer) = self.area.uniform(&aabb) {
+            return answer;
+        }
+        let mut near = Vec::new();
+        self.area.edges_near(&aabb, &mut near);
+        shape.parts().iter().all(|part| {
+            let sum = part.vertices.iter().fold(Point::default(), |sum, vertex| sum + *vertex);
+            let center = pose.world_from_body(sum * (part.vertices.len() as f64).recip());
+            self.is_on_road(center)
+                && near.iter().map(|i| &self.area.edges[*i as usize]).all(|edge| {
+                    let (a, b) = (pose.body_from_world(edge.a), pose.body_from_world(edge.b));
+                    !enters(&part.vertices, part.radius, a, b, self.settings.gap_tolerance)
+                })
+        })
+    }
+
+    /// `covers` for an oriented box, for planners. `scratch` is overwritten; nothing else is allocated.
+    pub fn box_is_covered(&self, footprint: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
+        let inner = OrientedBox {
+            half_length: (footprint.half_length - self.settings.gap_tolerance).max(0.0),
+            half_width: (footprint.half_width - self.settings.gap_tolerance).max(0.0),
+            ..*footprint
+        };
+        let aabb = inner.aabb();
+        if let Some(answer) = self.area.uniform(&aabb) {
+            return answer;
+        }
+        if !self.is_on_road(inner.center) {
+            return false;
+        }
+        self.area.edges_near(&aabb, scratch);
+        scratch.iter().all(|i| {
+            let edge = &self.area.edges[*i as usize];
+            !inner.overlaps_segment(edge.a, edge.b)
+        })
+    }
+}
+
+/// A segment comes deeper than `margin` [m] into a convex part (vertices counter-clockwise; one vertex: a circle).
+fn enters(vertices: &[Point], radius: f64, a: Point, b: Point, margin: f64) -> bool {
+    if let [center] = vertices {
+        let along = b - a;
+        let fraction = ((*center - a).dot(along) / along.norm_squared().max(1e-18)).clamp(0.0, 1.0);
+        return center.distance(a.lerp(b, fraction)) < radius - margin;
+    }
+    let (mut from, mut to) = (0.0_f64, 1.0_f64);
+    for (i, &vertex) in vertices.iter().enumerate() {
+        let side = vertices[(i + 1) % vertices.len()] - vertex;
+        let inwards = side.left() * side.norm().max(1e-12).recip();
+        let (depth_a, depth_b) = (inwards.dot(a - vertex) - margin, inwards.dot(b - vertex) - margin);
+        if depth_a < 0.0 && depth_b < 0.0 {
+            return false;
+        }
+        if depth_a < 0.0 {
+            from = from.max(depth_a / (depth_a - depth_b));
+        } else if depth_b < 0.0 {
+            to = to.min(depth_a / (depth_a - depth_b));
+        }
+    }
+    from < to
+}

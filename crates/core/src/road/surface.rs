@@ -1,0 +1,142 @@
+//! The drivable area as triangles in a grid: what lies under a point.
+
+use super::grid::{Buckets, Grid};
+use super::lanelet::Lanelet;
+use crate::geometry::{Aabb, Point};
+
+/// Slack [m] on triangle sides, so that a point on the seam of two triangles is in one of them.
+const SEAM_TOLERANCE: f64 = 1e-7;
+/// Triangles smaller than this [m²] cover nothing.
+const AREA_MIN: f64 = 1e-9;
+
+/// Counter-clockwise triangle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Triangle {
+    pub(super) corners: [Point; 3],
+    /// Index of its lanelet; `None`: a seam or the continuation beyond an open end.
+    pub(super) lanelet: Option<u32>,
+}
+
+impl Triangle {
+    #[inline]
+    pub(super) fn contains(&self, point: Point) -> bool {
+        (0..3).all(|i| {
+            let side = self.corners[(i + 1) % 3] - self.corners[i];
+            let offset = side.cross(point - self.corners[i]);
+            offset >= 0.0 || offset * offset <= SEAM_TOLERANCE * SEAM_TOLERANCE * side.norm_squared()
+        })
+    }
+
+    /// The point is inside or at most this far [m] away.
+    pub(super) fn is_within(&self, point: Point, distance: f64) -> bool {
+        self.contains(point)
+            || (0..3).any(|i| {
+                let start = self.corners[i];
+                let side = self.corners[(i + 1) % 3] - start;
+                let offset = point - start;
+                let fraction = (offset.dot(side) / side.norm_squared()).clamp(0.0, 1.0);
+                offset.distance(side * fraction) <= distance
+            })
+    }
+
+    /// Fractions of the segment from `a` to `b` between which it lies inside.
+    pub(super) fn clip(&self, a: Point, b: Point) -> Option<(f64, f64)> {
+        let (mut from, mut to) = (0.0_f64, 1.0_f64);
+        for i in 0..3 {
+            let side = self.corners[(i + 1) % 3] - self.corners[i];
+            let slack = SEAM_TOLERANCE * side.norm();
+            let at_a = side.cross(a - self.corners[i]) + slack;
+            let at_b = side.cross(b - self.corners[i]) + slack;
+            if at_a < 0.0 && at_b < 0.0 {
+                return None;
+            }
+            if at_a < 0.0 {
+                from = from.max(at_a / (at_a - at_b));
+            } else if at_b < 0.0 {
+                to = to.min(at_a / (at_a - at_b));
+            }
+        }
+        (from < to).then_some((from, to))
+    }
+}
+
+/// All triangles of the map and their grid.
+#[derive(Debug, Clone)]
+pub(super) struct Surface {
+    pub(super) grid: Grid,
+    pub(super) triangles: Vec<Triangle>,
+    buckets: Buckets,
+    tolerance: f64,
+}
+
+impl Surface {
+    /// Triangles enter all cells within `tolerance` [m].
+    pub(super) fn new(triangles: Vec<Triangle>, tolerance: f64) -> Self {
+        let around = Aabb::around(triangles.iter().flat_map(|triangle| triangle.corners)).grown(1.0 + tolerance);
+        let grid = Grid::over(&around);
+        let buckets = Buckets::fill(grid.n_cells(), triangles.len(), |i, add| {
+            grid.visit_convex(&triangles[i].corners, tolerance, &mut *add);
+        });
+        Self { grid, triangles, buckets, tolerance }
+    }
+
+    /// Triangles that touch a cell or are within the tolerance of it.
+    #[inline]
+    pub(super) fn in_cell(&self, cell: usize) -> impl Iterator<Item = &Triangle> {
+        self.buckets.of(cell).iter().map(|i| &self.triangles[*i as usize])
+    }
+
+    /// The point is inside a triangle or within the tolerance of one.
+    pub(super) fn is_near(&self, point: Point) -> bool {
+        self.grid.cell_of(point).is_some_and(|cell| {
+            self.in_cell(cell).any(|triangle| triangle.contains(point))
+                || self.in_cell(cell).any(|triangle| triangle.is_within(point, self.tolerance))
+        })
+    }
+
+    /// Lanelets with a triangle in the cells of a box that satisfies the test, ascending.
+    pub(super) fn lanelets(&self, aabb: &Aabb, test: impl Fn(&Triangle) -> bool) -> Vec<usize> {
+        let Some(range) = self.grid.range(aabb) else { return Vec::new() };
+        let mut found: Vec<usize> = self
+            .grid
+            .cells(range)
+            .flat_map(|cell| self.in_cell(cell))
+            .filter_map(|triangle| triangle.lanelet.filter(|_| test(triangle)))
+            .map(|lanelet| lanelet as usize)
+            .collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+}
+
+/// Triangles of the strip between two bounds with equally many vertices. Pairwise strips cover a lanelet whose outline
+/// crosses itself as well as any other.
+pub(super) fn strip(left: &[Point], right: &[Point], lanelet: Option<u32>, out: &mut Vec<Triangle>) {
+    for i in 0..left.len() - 1 {
+        let [a, b, c, d] = [right[i], right[i + 1], left[i + 1], left[i]];
+        // The diagonal that leaves both halves counter-clockwise, so that nothing outside is covered.
+        let area = |p: Point, q: Point, r: Point| (q - p).cross(r - p);
+        let halves = if area(a, b, c).min(area(a, c, d)) >= area(a, b, d).min(area(b, c, d)) {
+            [[a, b, c], [a, c, d]]
+        } else {
+            [[a, b, d], [b, c, d]]
+        };
+        for [p, q, r] in halves {
+            let twice_area = area(p, q, r);
+            if twice_area.abs() > 2.0 * AREA_MIN {
+                let corners = if twice_area > 0.0 { [p, q, r] } else { [p, r, q] };
+                out.push(Triangle { corners, lanelet });
+            }
+        }
+    }
+}
+
+/// A lanelet turns its inside out somewhere: a bound runs backwards or the bounds cross.
+pub(super) fn is_twisted(lanelet: &Lanelet) -> bool {
+    let (left, right) = (&lanelet.left, &lanelet.right);
+    (0..left.len() - 1).any(|i| {
+        let [a, b, c, d] = [right[i], right[i + 1], left[i + 1], left[i]];
+        (b - a).cross(c - a) < -AREA_MIN || (c - a).cross(d - a) < -AREA_MIN
+    })
+}
