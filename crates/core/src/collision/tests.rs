@@ -1,5 +1,6 @@
 use super::*;
 use crate::geometry::shape::Lcg;
+use crate::road::{LaneletInput, RoadSettings};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 fn car() -> Shape {
@@ -183,4 +184,33 @@ fn the_broad_phase_finds_what_trying_all_pairs_finds_in_ascending_order() {
 #[test]
 fn nobody_is_in_contact_with_nobody() {
     assert_eq!(contacts(&[], |_, _| true), []);
+}
+
+/// One straight lane along x, 4 m wide, 200 m long.
+fn straight_road() -> RoadNetwork {
+    let border = |y: f64| (0..=20).map(|i| Point::new(f64::from(i) * 10.0, y)).collect::<Vec<_>>();
+    let lanelet = LaneletInput {
+        id: 1,
+        left: border(2.0),
+        right: border(-2.0),
+        predecessors: Vec::new(),
+        successors: Vec::new(),
+        adjacent_left: None,
+        adjacent_right: None,
+        speed_limit: f64::NAN,
+    };
+    RoadNetwork::new(vec![lanelet], RoadSettings::default()).expect("one lanelet")
+}
+
+#[test]
+fn a_car_departs_when_its_footprint_crosses_the_border_even_if_it_comes_back() {
+    let road = straight_road();
+    let ahead = at(100.0, 0.0, 0.0);
+    assert_eq!(departs_road(&road, &car(), ahead, at(110.0, 0.9, 0.0)), None);
+    // Its side reaches the border of the lane, 1 m away, after a third of the way; the road may allow 0.1 m more.
+    let found = departs_road(&road, &car(), ahead, at(103.0, 3.0, 0.0)).expect("3 m to the side");
+    assert!((0.33..=0.46).contains(&found), "{found}");
+    // Crosswise it sticks out in the middle of half a turn, and fits at both ends.
+    assert!(departs_road(&road, &Shape::rectangle(4.6, 1.0), ahead, at(100.0, 0.0, PI)).is_some());
+    assert_eq!(departs_road(&road, &car(), at(100.0, 3.0, 0.0), ahead), Some(0.0));
 }
