@@ -18,24 +18,23 @@ use crate::errors::{InputError, detached, exception};
 #[pyclass(frozen, name = "Shape", module = "interdrive._core")]
 pub struct PyShape(pub Shape);
 
+fn checked(shape: Shape) -> PyResult<PyShape> {
+    shape.check().map_err(exception)?;
+    Ok(PyShape(shape))
+}
+
 #[pymethods]
 impl PyShape {
     #[staticmethod]
     #[pyo3(signature = (length, width, x=0.0, y=0.0, orientation=0.0))]
     fn rectangle(length: f64, width: f64, x: f64, y: f64, orientation: f64) -> PyResult<Self> {
-        if !(length > 0.0 && width > 0.0 && length.is_finite() && width.is_finite()) {
-            return Err(InputError::new_err(format!("a rectangle of {length} m by {width} m is impossible")));
-        }
-        Ok(Self(Shape::rectangle_at(length, width, Point::new(x, y), orientation)))
+        checked(Shape::rectangle_at(length, width, Point::new(x, y), orientation))
     }
 
     #[staticmethod]
     #[pyo3(signature = (radius, x=0.0, y=0.0))]
     fn circle(radius: f64, x: f64, y: f64) -> PyResult<Self> {
-        if !(radius > 0.0 && radius.is_finite()) {
-            return Err(InputError::new_err(format!("a circle with a radius of {radius} m is impossible")));
-        }
-        Ok(Self(Shape::circle_at(radius, Point::new(x, y))))
+        checked(Shape::circle_at(radius, Point::new(x, y)))
     }
 
     #[staticmethod]

@@ -11,7 +11,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::scenario::{PyGoal, PyRoute, PyVehicle};
+use crate::scenario::{PyGoal, PyRoadNetwork, PyRoute, PyVehicle};
 
 /// One field of the past of some rows: shape (rows, history), the last column is now.
 fn past<'py, T: numpy::Element + Copy>(
@@ -110,6 +110,15 @@ impl PyScene {
 }
 
 participants_seen!(PyScene);
+
+#[pymethods]
+impl PyScene {
+    /// The roads.
+    #[getter]
+    fn road(&self) -> PyRoadNetwork {
+        PyRoadNetwork(Arc::clone(&self.road))
+    }
+}
 
 /// What one agent knows. `ids`, `x`, ... are the participants that it sees; its own state is `state`.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
