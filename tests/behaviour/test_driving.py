@@ -1,0 +1,109 @@
+"""What the planner `frenet` does in small worlds."""
+
+import numpy as np
+import pytest
+
+from interdrive import GroundTruth, simulate
+from interdrive.testing import Car, crossing, problem, straight_road, world
+
+PREDICTORS = ["constant_velocity", "lane_following", "ground_truth"]
+
+
+def track(run, agent_id):
+    """x, y, velocity of an agent while it is there."""
+    row = int(np.searchsorted(run.states.ids, agent_id))
+    there = run.states.valid[row]
+    return run.states.x[row, there], run.states.y[row, there], run.states.velocity[row, there]
+
+
+def test_an_agent_on_an_empty_road_arrives_in_time_in_the_middle_of_its_lane():
+    scenario = world(straight_road(), problems=[problem(100, 20.0, 0.6, goal=(110.0, 0.0), time_step=(80, 100))])
+    run = simulate(scenario, threads=1)
+    x, y, velocity = track(run, 100)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert abs(y[-1]) < 0.1
+    assert np.abs(np.diff(velocity)).max() / 0.1 < 3.0
+    assert x[0] == 20.0
+
+
+@pytest.mark.parametrize("predictor", PREDICTORS)
+def test_a_car_standing_in_the_lane_is_not_hit_whatever_predictor_is_used(predictor):
+    scenario = world(
+        straight_road(300.0), cars=[Car(7, 120.0)], problems=[problem(100, 20.0, velocity=15.0, goal=(200.0, 0.0), time_step=(0, 120))]
+    )
+    run = simulate(scenario, predictor=predictor, threads=1)
+    assert run.outcomes.outcome == ("time_limit",)
+    x, _, velocity = track(run, 100)
+    assert velocity[-1] < 0.3
+    assert 105.0 < x[-1] < 115.5  # bumper to bumper 0 to 10 m behind it
+
+
+def test_an_agent_overtakes_nobody_through_the_car_ahead_but_follows_it():
+    scenario = world(
+        straight_road(400.0),
+        cars=[Car(7, 60.0, velocity=8.0)],
+        problems=[problem(100, 20.0, velocity=15.0, goal=(300.0, 0.0), time_step=(0, 150))],
+        steps=250,
+    )
+    run = simulate(scenario, threads=1)
+    assert run.outcomes.outcome[0] != "collision"
+    x, _, velocity = track(run, 100)
+    assert velocity[100] == pytest.approx(8.0, abs=1.0)
+
+
+def test_an_agent_lets_a_car_pass_that_it_would_meet_at_a_crossing():
+    scenario = world(
+        crossing(),
+        cars=[Car(7, 0.0, -50.0, velocity=10.0, orientation=np.pi / 2)],
+        problems=[problem(100, -50.0, goal=(60.0, 0.0), time_step=(0, 140))],
+        steps=100,
+    )
+    run = simulate(scenario, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+def test_two_agents_that_would_meet_at_a_crossing_both_arrive():
+    problems = [
+        problem(100, -50.0, goal=(60.0, 0.0), time_step=(0, 140)),
+        problem(200, 0.0, -47.0, orientation=np.pi / 2, goal=(0.0, 60.0), goal_orientation=np.pi / 2, time_step=(0, 140)),
+    ]
+    run = simulate(world(crossing(), problems=problems), threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+
+
+def test_an_agent_that_can_only_brake_brakes_as_hard_as_it_can():
+    scenario = world(
+        straight_road(), cars=[Car(7, 42.0)], problems=[problem(100, 20.0, velocity=15.0, goal=(150.0, 0.0), time_step=(0, 60))]
+    )
+    run = simulate(scenario, threads=1)
+    # 17.5 m to the car, 15 m/s: at 11.5 m/s² it stops after 9.8 m.
+    assert run.outcomes.outcome == ("time_limit",)
+    x, _, velocity = track(run, 100)
+    assert velocity[-1] == pytest.approx(0.0, abs=0.3)
+
+
+def test_an_agent_starts_exactly_at_its_recorded_state():
+    scenario = world(straight_road(), cars=[Car(7, 30.0, 0.4, velocity=9.0)], steps=60)
+    run = simulate(scenario, agents=[7], threads=1)
+    states = run.states
+    assert (states.x[0, 0], states.y[0, 0], states.orientation[0, 0], states.velocity[0, 0]) == (30.0, 0.4, 0.0, 9.0)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+def test_an_agent_that_reached_its_goal_is_in_nobodys_way():
+    problems = [
+        problem(100, 60.0, velocity=10.0, goal=(80.0, 0.0), time_step=(0, 60)),
+        problem(200, 20.0, velocity=10.0, goal=(80.0, 0.0), time_step=(0, 90)),
+    ]
+    run = simulate(world(straight_road(), problems=problems), threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    assert run.outcomes.time_step[0] < run.outcomes.time_step[1]
+
+
+def test_ground_truth_knows_a_recorded_car_that_will_stop():
+    run = simulate(
+        world(straight_road(), cars=[Car(7, 40.0, velocity=5.0, last=30)], problems=[problem(100, 10.0, goal=(90.0, 0.0), time_step=(0, 90))]),
+        predictor=GroundTruth(),
+        threads=1,
+    )
+    assert run.outcomes.outcome == ("goal_reached",)
