@@ -53,9 +53,9 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
     file = str(path)
     data = _bytes(path)
     sha256 = hashlib.sha256(data).hexdigest()
-    with _quiet(file) as remarks:
+    with quiet(file) as remarks:
         if path.suffix.lower() in PROTOBUF_ENDINGS:
-            scenario, problems = _open_protobuf(path, data)
+            scenario, problems = open_protobuf(path, data)
             facts = document.Facts()
         else:
             root = document.parse(data, file)
@@ -83,7 +83,7 @@ def scenario_from_commonroad(scenario: Foreign, planning_problem_set: Foreign = 
     file = f"scenario {getattr(scenario, 'scenario_id', '')}".strip()
     if not (hasattr(scenario, "lanelet_network") and hasattr(scenario, "dynamic_obstacles")):
         raise InputError(f"{type(scenario).__name__} is not a commonroad.scenario.scenario.Scenario")
-    with _quiet(file) as remarks:
+    with quiet(file) as remarks:
         facts = document.Facts()
         result = converted(scenario, planning_problem_set, file=file, path=None, sha256="", facts=facts)
     return _with_remarks(result, remarks)
@@ -113,7 +113,8 @@ def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
     return opened
 
 
-def _open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
+def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
+    """commonroad-io's scenario and planning problem set from protobuf, in the format of its version."""
     try:
         from commonroad.common.file_reader import FileFormat  # noqa: PLC0415
     except ImportError:
@@ -143,7 +144,7 @@ def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
 
 
 @contextmanager
-def _quiet(file: str) -> Iterator[list[str]]:
+def quiet(file: str) -> Iterator[list[str]]:
     """Collects what commonroad-io logs or warns of, and turns whatever it raises into one `InputError`."""
     remarks: list[str] = []
 

@@ -1,0 +1,195 @@
+"""The road part of a CommonRoad 2020a document: from the scenario's file where it can be had, else from the arrays."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tempfile
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.files import document
+from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from interdrive.scenario import Scenario
+
+ROAD_TAGS = ("lanelet", "trafficSign", "trafficLight", "intersection")
+UNKNOWN_LOCATION = (
+    "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>"
+)
+#: Of a scenario that has no date of its own; never the clock's, so that equal runs give equal bytes.
+NO_DATE = "1970-01-01"
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a document says about itself.
+
+    Attributes:
+        author: As in the original. affiliation: The same. source: The same. date: The same.
+        location: The `location` element as text.
+        tags: Names of the scenario tags, without "simulated".
+    """
+
+    author: str = "interdrive"
+    affiliation: str = ""
+    source: str = ""
+    date: str = NO_DATE
+    location: str = UNKNOWN_LOCATION
+    tags: tuple[str, ...] = ()
+
+
+def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
+    """Header and road part of a document for a scenario.
+
+    Args:
+        scenario: The scenario; its file is read again if it is still there and unchanged.
+
+    Returns:
+        The header, the elements of the road (lanelets, signs, lights, intersections, in the order of the format) as
+        text, and the ids that they use.
+    """
+    root = _original(scenario)
+    if root is None:
+        root = _from_arrays(scenario)
+    elif root.get("commonRoadVersion") == "2018b":
+        _modernise(root)
+    elements = [element for tag in ROAD_TAGS for element in root.iterfind(tag)]
+    ids = {int(element.get("id", "0")) for element in elements}
+    ids |= {int(incoming.get("id", "0")) for incoming in root.iterfind("intersection/incoming")}
+    return _header(root), [_text(element) for element in elements], ids
+
+
+def _text(element: Element) -> str:
+    """An element without the white space between its children, which would be most of the file."""
+    for inner in element.iter():
+        inner.tail = None
+        if len(inner) and not (inner.text or "").strip():
+            inner.text = None
+    return tostring(element, encoding="unicode")
+
+
+def _header(root: Element) -> Header:
+    tags = root.find("scenarioTags")
+    names = root.get("tags", "").split() if tags is None or len(tags) == 0 else [tag.tag for tag in tags]
+    date = root.get("date", "")
+    location = root.find("location")
+    header = Header(
+        author=root.get("author", "") or "interdrive",
+        affiliation=root.get("affiliation", ""),
+        source=root.get("source", ""),
+        date=date if _DATE.fullmatch(date) else NO_DATE,
+        tags=tuple(name for name in names if name != "simulated"),
+    )
+    return header if location is None else replace(header, location=_text(deepcopy(location)))
+
+
+def _original(scenario: Scenario) -> Element | None:
+    """Root element of the scenario's file, or None if it is gone, has changed, or there never was one."""
+    if scenario.path is None:
+        return None
+    try:
+        data = scenario.path.read_bytes()
+        if hashlib.sha256(data).hexdigest() != scenario.sha256:
+            return None
+        if scenario.path.suffix.lower() in PROTOBUF_ENDINGS:
+            data = _xml_from_protobuf(scenario.path, data)
+        return document.parse(data, str(scenario.path))
+    except (OSError, InputError):
+        return None
+
+
+def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
+    from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile  # noqa: PLC0415
+    from commonroad.common.util import FileFormat  # noqa: PLC0415
+    from commonroad.planning.planning_problem import PlanningProblemSet  # noqa: PLC0415
+
+    with quiet(str(path)), tempfile.TemporaryDirectory() as folder:
+        scenario, _problems = open_protobuf(path, data)
+        target = Path(folder) / "roads.xml"
+        writer = CommonRoadFileWriter(
+            scenario, PlanningProblemSet(), "", "", "", set(), decimal_precision=8, file_format=FileFormat.XML
+        )
+        writer.write_to_file(str(target), OverwriteExistingFile.SKIP)
+        return target.read_bytes()
+
+
+def _modernise(root: Element) -> None:
+    """Lanelets of 2018b as those of 2020a: limits become signs, and every lanelet has a type."""
+    limits = {}
+    for lanelet in root.iterfind("lanelet"):
+        limit = lanelet.find("speedLimit")
+        if limit is not None:
+            lanelet.remove(limit)
+            limits[int(lanelet.get("id", "0"))] = float(limit.text or "nan")
+        if lanelet.find("laneletType") is None:
+            SubElement(lanelet, "laneletType").text = "unknown"
+    _add_speed_signs(root, limits)
+
+
+def _from_arrays(scenario: Scenario) -> Element:
+    lanelets = scenario.lanelets
+    known = set(lanelets.ids.tolist())
+    root = Element("commonRoad")
+    for row, number in enumerate(lanelets.ids.tolist()):
+        lanelet = SubElement(root, "lanelet", id=str(number))
+        for tag, bound in (("leftBound", lanelets.left[row]), ("rightBound", lanelets.right[row])):
+            side = SubElement(lanelet, tag)
+            for x, y in bound.tolist():
+                _add_point(side, x, y)
+        for tag, relations in (("predecessor", lanelets.predecessors[row]), ("successor", lanelets.successors[row])):
+            for other in relations:
+                if other in known:
+                    SubElement(lanelet, tag, ref=str(other))
+        neighbours: Iterable[tuple[str, int, bool]] = (
+            ("adjacentLeft", int(lanelets.adjacent_left[row]), bool(lanelets.adjacent_left_same_direction[row])),
+            ("adjacentRight", int(lanelets.adjacent_right[row]), bool(lanelets.adjacent_right_same_direction[row])),
+        )
+        for tag, other, same in neighbours:
+            if other in known:
+                SubElement(lanelet, tag, ref=str(other), drivingDir="same" if same else "opposite")
+        for kind in lanelets.types[row] or ("unknown",):
+            SubElement(lanelet, "laneletType").text = kind
+    limits = zip(lanelets.ids.tolist(), lanelets.speed_limit.tolist(), strict=True)
+    _add_speed_signs(root, {number: limit for number, limit in limits if np.isfinite(limit)})
+    return root
+
+
+def _add_point(parent: Element, x: float, y: float) -> None:
+    point = SubElement(parent, "point")
+    for tag, value in (("x", x), ("y", y)):
+        SubElement(point, tag).text = f"{value:.8f}"
+
+
+def _add_speed_signs(root: Element, limits: dict[int, float]) -> None:
+    """One sign per limit [m/s]. 274 is Germany's number, which commonroad-io takes for the limit of any country."""
+    used = [int(element.get("id", "0")) for element in root.iter() if element.get("id")]
+    lanelets = {int(lanelet.get("id", "0")): lanelet for lanelet in root.iterfind("lanelet")}
+    for count, limit in enumerate(sorted(set(limits.values())), start=1):
+        sign_id = str(max(used, default=0) + count)
+        owners = [lanelets[number] for number in sorted(limits) if limits[number] == limit]
+        for lanelet in owners:
+            _insert_sign_reference(lanelet, sign_id)
+        sign = SubElement(root, "trafficSign", id=sign_id)
+        element = SubElement(sign, "trafficSignElement")
+        SubElement(element, "trafficSignID").text = "274"
+        SubElement(element, "additionalValue").text = repr(limit)
+        start = owners[0].find("rightBound/point")
+        if start is not None:
+            SubElement(sign, "position").append(fromstring(tostring(start)))
+
+
+def _insert_sign_reference(lanelet: Element, sign_id: str) -> None:
+    """Signs stand before lights in the format."""
+    lights = [index for index, child in enumerate(lanelet) if child.tag == "trafficLightRef"]
+    lanelet.insert(lights[0] if lights else len(lanelet), Element("trafficSignRef", ref=sign_id))

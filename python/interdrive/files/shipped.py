@@ -1,0 +1,34 @@
+"""The scenarios that come with the package; `scenarios/make.py` makes them."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+from interdrive.errors import InputError
+
+
+def shipped_scenarios() -> tuple[str, ...]:
+    """Names of the scenarios that come with the package, sorted."""
+    return tuple(sorted(entry.name[: -len(".xml")] for entry in _folder().iterdir() if entry.name.endswith(".xml")))
+
+
+def shipped_scenario(name: str) -> Path:
+    """The file of a scenario that comes with the package.
+
+    Args:
+        name: One of `shipped_scenarios()`.
+
+    Returns:
+        Its path.
+
+    Raises:
+        InputError: No such scenario; the text lists the names.
+    """
+    if name not in shipped_scenarios():
+        raise InputError(f"no shipped scenario '{name}'; there are {', '.join(shipped_scenarios())}")
+    return _folder() / f"{name}.xml"
+
+
+def _folder() -> Path:
+    return Path(str(files("interdrive"))) / "data"

@@ -1,0 +1,248 @@
+"""A finished run as a CommonRoad 2020a document, written by hand: commonroad-io's versions write it differently."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from interdrive.files.roads import road_elements
+from interdrive.scenario import GoalState, PlanningProblem, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from interdrive.run import Run, States
+
+    Floats = NDArray[np.float64]
+
+#: Decimals of every number; a hundredth of a micrometre.
+DECIMALS = 8
+#: Corners of the polygon that stands for a circle off its origin.
+CIRCLE_CORNERS = 32
+
+_MOVING = {
+    "car": "car",
+    "truck": "truck",
+    "bus": "bus",
+    "motorcycle": "motorcycle",
+    "bicycle": "bicycle",
+    "pedestrian": "pedestrian",
+    "priority_vehicle": "priorityVehicle",
+    "train": "train",
+    "taxi": "taxi",
+    "parked_vehicle": "car",
+}
+_STANDING = {"construction_zone": "constructionZone", "structure": "roadBoundary"} | dict.fromkeys(
+    ("car", "truck", "bus", "motorcycle", "bicycle", "priority_vehicle", "train", "taxi", "parked_vehicle"),
+    "parkedVehicle",
+)
+_COLUMNS = {"velocity": "velocity", "acceleration": "acceleration", "yaw_rate": "yawRate"}
+
+
+@dataclass
+class _Ids:
+    """Gives every participant and planning problem an id that nothing else in the document has."""
+
+    taken: set[int]
+
+    def free(self, wanted: int) -> int:
+        number = wanted if wanted > 0 and wanted not in self.taken else max(self.taken, default=0) + 1
+        self.taken.add(number)
+        return number
+
+
+def write_scenario(run: Run) -> bytes:
+    """The simulated world as a CommonRoad 2020a document, which commonroad-io and tools that build on it read.
+
+    - Roads, signs, lights and intersections are those of the scenario's file if it is still there unchanged; otherwise
+      lanelets and their speed limits are written from the scenario, signs, lights and intersections are lost.
+    - Every participant is an obstacle: agents and recorded vehicles with the states of the run, static ones as static
+      obstacles of the kinds that the format has for them. Rectangles and circles off their origin and footprints of
+      several parts (as their convex hull) become polygons, since commonroad-io 2026.1 reads no others.
+    - Planning problems are kept. Ids must be unique and positive in this format: obstacles whose id belongs to the
+      road, then planning problems whose id belongs to an obstacle or the road, get the next free ones.
+
+    Args:
+        run: The run, finished or not.
+
+    Returns:
+        The document in UTF-8, all numbers with 8 decimals; equal runs give equal bytes.
+    """
+    scenario = run.scenario
+    header, roads, road_ids = road_elements(scenario)
+    ids = _Ids(set(road_ids))
+    footprints = dict(zip(scenario.obstacles.ids.tolist(), scenario.obstacles.shapes, strict=True))
+    static, dynamic = [], []
+    for row, participant in enumerate(run.states.ids.tolist()):
+        if not run.states.valid[row].any():
+            continue
+        number = ids.free(participant)
+        size = Shape("rectangle", float(run.states.length[row]), float(run.states.width[row]))
+        shape = _footprint(footprints.get(participant, size))
+        if run.states.is_static[row]:
+            static.append(_static_obstacle(run.states, row, number, shape))
+        else:
+            dynamic.append(_dynamic_obstacle(run.states, row, number, shape))
+    problems = [_planning_problem(problem, ids.free(problem.id)) for problem in scenario.planning_problems]
+    attributes = {
+        "timeStepSize": _number(scenario.dt),
+        "commonRoadVersion": "2020a",
+        "author": header.author,
+        "affiliation": header.affiliation,
+        "source": f"{header.source}; simulated with interdrive" if header.source else "simulated with interdrive",
+        "benchmarkID": scenario.benchmark_id,
+        "date": header.date,
+    }
+    opening = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
+    parts = [
+        "<?xml version='1.0' encoding='UTF-8'?>",
+        f"<commonRoad {opening}>",
+        header.location,
+        f"<scenarioTags>{''.join(f'<{tag}/>' for tag in (*header.tags, 'simulated'))}</scenarioTags>",
+        *roads,
+        *static,
+        *dynamic,
+        *problems,
+        "</commonRoad>\n",
+    ]
+    return "\n".join(parts).encode()
+
+
+def _number(value: float) -> str:
+    """Plain decimal notation, which is all that the format allows."""
+    text = f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _exact(tag: str, value: float) -> str:
+    return f"<{tag}><exact>{_number(value)}</exact></{tag}>"
+
+
+def _interval(tag: str, values: tuple[float, float]) -> str:
+    first, last = values
+    return f"<{tag}><intervalStart>{_number(first)}</intervalStart><intervalEnd>{_number(last)}</intervalEnd></{tag}>"
+
+
+def _point(x: float, y: float, tag: str = "point") -> str:
+    return f"<{tag}><x>{_number(x)}</x><y>{_number(y)}</y></{tag}>"
+
+
+# Obstacles
+
+
+def _static_obstacle(states: States, row: int, number: int, shape: str) -> str:
+    kind = _STANDING.get(states.kinds[row], "unknown")
+    first = int(states.valid[row].argmax())
+    state = _state("initialState", states, row, first, 0, ("velocity",))
+    return f'<staticObstacle id="{number}"><type>{kind}</type><shape>{shape}</shape>{state}</staticObstacle>'
+
+
+def _dynamic_obstacle(states: States, row: int, number: int, shape: str) -> str:
+    kind = _MOVING.get(states.kinds[row], "unknown")
+    columns = np.flatnonzero(states.valid[row]).tolist()
+    # All states of a trajectory must have the same values.
+    names = tuple(name for name in _COLUMNS if np.isfinite(getattr(states, name)[row, columns]).all())
+    first, *later = (
+        _state("state" if index else "initialState", states, row, column, states.first_time_step + column, names)
+        for index, column in enumerate(columns)
+    )
+    trajectory = "\n".join(["<trajectory>", *later, "</trajectory>"]) if later else ""
+    return (
+        f'<dynamicObstacle id="{number}"><type>{kind}</type><shape>{shape}</shape>\n{first}\n{trajectory}'
+        "</dynamicObstacle>"
+    )
+
+
+def _state(tag: str, states: States, row: int, column: int, time_step: int, names: tuple[str, ...]) -> str:
+    position = _point(states.x[row, column], states.y[row, column])
+    orientation = _exact("orientation", states.orientation[row, column])
+    values = "".join(_exact(_COLUMNS[name], getattr(states, name)[row, column]) for name in names)
+    time = f"<time><exact>{time_step}</exact></time>"
+    return f"<{tag}><position>{position}</position>{orientation}{time}{values}</{tag}>"
+
+
+def _footprint(shape: Shape) -> str:
+    off_origin = shape.center != (0.0, 0.0) or shape.orientation != 0.0
+    if shape.kind == "group" or (off_origin and shape.kind != "polygon"):
+        return _area(Shape("polygon", vertices=_hull(np.concatenate(list(_corners(shape))))))
+    return _area(shape)
+
+
+def _area(shape: Shape) -> str:
+    """A shape in the words of the format; centre and orientation only where they are not 0."""
+    off_origin = shape.center != (0.0, 0.0) or shape.orientation != 0.0
+    center = _point(*shape.center, tag="center") if off_origin else ""
+    if shape.kind == "rectangle":
+        turn = f"<orientation>{_number(shape.orientation)}</orientation>" if off_origin else ""
+        size = f"<length>{_number(shape.length)}</length><width>{_number(shape.width)}</width>"
+        return f"<rectangle>{size}{turn}{center}</rectangle>"
+    if shape.kind == "circle":
+        return f"<circle><radius>{_number(shape.radius)}</radius>{center}</circle>"
+    if shape.kind == "polygon":
+        return f"<polygon>{''.join(_point(x, y) for x, y in shape.vertices.tolist())}</polygon>"
+    return "".join(_area(member) for member in shape.members)
+
+
+def _corners(shape: Shape) -> Iterable[Floats]:
+    if shape.kind == "group":
+        for member in shape.members:
+            yield from _corners(member)
+    elif shape.kind == "polygon":
+        yield shape.vertices
+    elif shape.kind == "circle":
+        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_CORNERS, endpoint=False)
+        yield np.array(shape.center) + shape.radius * np.column_stack((np.cos(angle), np.sin(angle)))
+    else:
+        cos, sin = np.cos(shape.orientation), np.sin(shape.orientation)
+        corners = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (shape.length, shape.width)
+        yield np.array(shape.center) + corners @ np.array([[cos, sin], [-sin, cos]])
+
+
+def _hull(points: Floats) -> Floats:
+    """Convex hull, counter-clockwise (Andrew's monotone chain)."""
+    ordered = sorted(set(map(tuple, points.tolist())))
+
+    def chain(sequence: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+        hull: list[tuple[float, ...]] = []
+        for x, y in sequence:
+            while len(hull) > 1:
+                (x0, y0), (x1, y1) = hull[-2:]
+                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
+                    break
+                hull.pop()
+            hull.append((x, y))
+        return hull[:-1]
+
+    return np.array(chain(ordered) + chain(ordered[::-1]))
+
+
+# Planning problems
+
+
+def _planning_problem(problem: PlanningProblem, number: int) -> str:
+    start = problem.initial_state
+    yaw_rate = 0.0 if np.isnan(start.yaw_rate) else start.yaw_rate
+    initial = (
+        f"<initialState><position>{_point(start.x, start.y)}</position>{_exact('orientation', start.orientation)}"
+        f"{_exact('time', start.time_step)}{_exact('velocity', start.velocity)}"
+        f"{_exact('acceleration', start.acceleration)}{_exact('yawRate', yaw_rate)}{_exact('slipAngle', 0.0)}"
+        "</initialState>"
+    )
+    goals = "\n".join(_goal_state(goal) for goal in problem.goal)
+    return f'<planningProblem id="{number}">{initial}\n{goals}</planningProblem>'
+
+
+def _goal_state(goal: GoalState) -> str:
+    if goal.lanelet_ids:
+        areas = "".join(f'<lanelet ref="{number}"/>' for number in goal.lanelet_ids)
+    else:
+        areas = "".join(_area(area) for area in goal.areas)
+    position = f"<position>{areas}</position>" if areas else ""
+    orientation = "" if goal.orientation is None else _interval("orientation", goal.orientation)
+    velocity = "" if goal.velocity is None else _interval("velocity", goal.velocity)
+    return f"<goalState>{position}{orientation}{_interval('time', goal.time_step)}{velocity}</goalState>"
