@@ -10,7 +10,7 @@ from interdrive.errors import InputError
 
 def shipped_scenarios() -> tuple[str, ...]:
     """Names of the scenarios that come with the package, sorted."""
-    return tuple(sorted(entry.name[: -len(".xml")] for entry in _folder().iterdir() if entry.name.endswith(".xml")))
+    return tuple(sorted(path.stem for path in _folder().glob("*.xml")))
 
 
 def shipped_scenario(name: str) -> Path:
