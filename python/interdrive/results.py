@@ -12,7 +12,7 @@ import math
 import os
 import platform
 import shutil
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -339,10 +339,12 @@ def _move(partial: Path, target: Path) -> None:
 
 
 def _remove(path: Path) -> None:
+    """Removes what can be removed: the reason why the writing failed is the one to report."""
     if path.is_dir():
         shutil.rmtree(path, ignore_errors=True)
     else:
-        path.unlink(missing_ok=True)
+        with suppress(OSError):
+            path.unlink()
 
 
 def _sync(folder: Path) -> None:

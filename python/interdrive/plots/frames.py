@@ -1,0 +1,370 @@
+"""Single frames of a film: the road is drawn once per camera position, each frame only what moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import font_manager
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from PIL import Image, ImageDraw, ImageFont
+
+from interdrive.plots.participants import (
+    INK,
+    MARKS,
+    RECORDED,
+    RECORDED_EDGE,
+    agent_colors,
+    body_outlines,
+    heading_mark,
+    outlines,
+    placed,
+)
+from interdrive.plots.road import road_artists
+from interdrive.plots.view import View, view_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from interdrive.plots.view import Floats
+    from interdrive.run import Run, Snapshot
+
+#: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
+_WIDTH, _ASPECT_MIN, _ASPECT_MAX = 1200, 0.22, 0.66
+
+#: What a camera that follows an agent shows [m], and how far ahead of the agent it looks.
+_FOLLOW_WIDTH, _AHEAD = 110.0, 18.0
+
+#: An agent that is done leaves its marker for this long; a collision stays marked [s].
+_MARK_TIME = 2.0
+
+#: Predictions are drawn with an ellipse of 95 % probability every so many seconds.
+_ELLIPSE_EVERY, _ELLIPSE_SCALE = 0.5, float(np.sqrt(-2.0 * np.log(0.05)))
+
+#: Height of the strip with the legend [px].
+_STRIP = 30
+
+_REJECTED, _UNKNOWN, _PREDICTION, _CHOSEN = "#b0a0a0", "#9a9a9a", "#7a3b8f", "#000000"
+_COST_COLORS = mpl.colormaps["viridis"]
+
+
+@dataclass
+class _Layers:
+    """What moves, in drawing order; every layer is refilled for each frame."""
+
+    candidates: Any = field(default_factory=lambda: LineCollection([], linewidths=0.6))
+    predictions: Any = field(default_factory=lambda: LineCollection([], colors=_PREDICTION, linewidths=0.8))
+    ellipses: Any = field(
+        default_factory=lambda: PolyCollection([], facecolors=[(0.48, 0.23, 0.56, 0.10)], edgecolors="none")
+    )
+    plans: Any = field(default_factory=lambda: LineCollection([], linewidths=1.8, capstyle="round", alpha=0.9))
+    bodies: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.6))
+    noses: Any = field(default_factory=lambda: PolyCollection([], facecolors=[(1, 1, 1, 0.85)], edgecolors="none"))
+    wrecks: Any = field(
+        default_factory=lambda: PolyCollection([], facecolors="none", edgecolors="#D55E00", linewidths=0.9)
+    )
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(
+            (self.ellipses, self.candidates, self.predictions, self.plans, self.wrecks, self.bodies, self.noses)
+        )
+
+
+class Stage:
+    """Draws single frames of a run."""
+
+    def __init__(self, run: Run, agent_id: int | None, *, follow: bool) -> None:
+        self.run, self.agent_id = run, agent_id
+        self.bodies = body_outlines(run)
+        self.colors = agent_colors(run)
+        self.crowded = len(run.agents) > 30
+        self.row = {number: row for row, number in enumerate(run.states.ids.tolist())}
+        self.plan_rows = _rows_by_time_step(run.plans.time_step)
+        self.snapshots = {shot.time_step: shot for shot in run.snapshots if shot.agent_id == agent_id}
+        self.view = view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
+        self.centers: Floats | None = None
+        if follow and agent_id is not None:
+            height = _FOLLOW_WIDTH * _ASPECT_MAX
+            self.view = View(self.view.angle, (0.0, 0.0), _FOLLOW_WIDTH, height)
+            self.centers = _camera_path(run, self.row[agent_id])
+        height = 2 * round(0.5 * _WIDTH * self.view.height / self.view.width)
+        self.size = (_WIDTH, height + _STRIP)
+        self.scale = _WIDTH / self.view.width  # px per metre
+        figure = Figure(figsize=(_WIDTH / 100, height / 100), dpi=100)
+        self.canvas = FigureCanvasAgg(figure)
+        self.axes = figure.add_axes((0, 0, 1, 1))
+        self.axes.set_axis_off()
+        figure.set_facecolor("white")
+        self.layers = _Layers()
+        for layer in self.layers:
+            self.axes.add_collection(layer, autolim=False)
+            layer.set_animated(True)
+        self.road: list[Any] = []
+        self.background: Any = None
+        self.road_around: Floats | None = None
+        self.fonts = {
+            size: ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size) for size in (10, 11, 13, 14, 17)
+        }
+        self.legend = self._legend()
+
+    def frame(self, column: int) -> Image.Image:
+        """The picture of one column of the states, as RGB."""
+        self._aim(column)
+        self.canvas.restore_region(self.background)
+        labels = self._fill(column)
+        renderer = self.canvas.get_renderer()
+        for layer in self.layers:
+            layer.draw(renderer)
+        picture = Image.fromarray(np.asarray(self.canvas.buffer_rgba())).convert("RGB")
+        frame = Image.new("RGB", self.size, "white")
+        frame.paste(picture, (0, 0))
+        frame.paste(self.legend, (0, picture.height))
+        self._write_texts(ImageDraw.Draw(frame), labels, column)
+        return frame
+
+    def _aim(self, column: int) -> None:
+        """Points the camera and draws the road, if it does not look at the same place as before."""
+        if self.background is not None and self.centers is None:
+            return
+        if self.centers is not None:
+            self.view = self.view.centered_at(self.centers[column])
+        center = np.array(self.view.center)
+        if self.road_around is None or np.hypot(*(center - self.road_around)) > 0.45 * self.view.width:
+            # Enough road for a while of following.
+            wide = View(self.view.angle, self.view.center, 2.0 * self.view.width, 2.5 * self.view.height)
+            for artist in self.road:
+                artist.remove()
+            self.road = [*road_artists(self.run.scenario.lanelets, wide, 0.9), *self._goals()]
+            for artist in self.road:
+                self.axes.add_collection(artist, autolim=False)
+            self.road_around = center
+        self.axes.set(xlim=self.view.x_limits, ylim=self.view.y_limits)
+        self.canvas.draw()
+        self.background = self.canvas.copy_from_bbox(self.axes.figure.bbox)
+
+    def _goals(self) -> list[Any]:
+        made = []
+        for agent in self.run.agents:
+            if self.agent_id in (None, agent.id):
+                areas = [self.view.picture_from_world(line) for area in agent.goal_areas for line in outlines(area)]
+                color = self.colors[agent.id]
+                made.append(
+                    PolyCollection(areas, facecolors="none", edgecolors=color, linewidths=0.7, linestyles=[(0, (3, 2))])
+                )
+        return made
+
+    def _fill(self, column: int) -> list[tuple[Floats, str, str, str]]:
+        """Fills all layers; returns what is to be written: place in the picture [m], text, colour, marker."""
+        states, now = self.run.states, self.run.states.first_time_step + column
+        areas, fills, edges, noses, labels = [], [], [], [], []
+        for row in np.flatnonzero(states.valid[:, column]).tolist():
+            number = int(states.ids[row])
+            pose = states.x[row, column], states.y[row, column], states.orientation[row, column]
+            color = self.colors.get(number)
+            for outline in self.bodies[row]:
+                areas.append(self.view.picture_from_world(placed(outline, *pose)))
+                fills.append(color or ("#8a8a8a" if states.is_static[row] else "#b9b9b9"))
+                edges.append(INK if color else RECORDED_EDGE)
+            if not states.is_static[row] and states.kinds[row] != "pedestrian":
+                mark = heading_mark(states.length[row], states.width[row])
+                noses.append(self.view.picture_from_world(placed(mark, *pose)))
+            if not states.is_static[row]:
+                labels.append((self._beside(row, column), str(number), color or RECORDED_EDGE, ""))
+        self.layers.bodies.set_verts(areas)
+        self.layers.bodies.set(facecolors=fills, edgecolors=edges)
+        self.layers.noses.set_verts(noses)
+        self._fill_plans(now)
+        self._fill_snapshot(self.snapshots.get(now))
+        return labels + self._fill_ended(now)
+
+    def _beside(self, row: int, column: int) -> Floats:
+        """Where the id goes: above the footprint in the picture."""
+        states = self.run.states
+        center = self.view.picture_from_world(np.array([states.x[row, column], states.y[row, column]]))
+        angle = states.orientation[row, column] - self.view.angle
+        up = 0.5 * (abs(np.sin(angle)) * states.length[row] + abs(np.cos(angle)) * states.width[row])
+        place: Floats = center + np.array([0.0, up + 8.0 / self.scale])
+        return place
+
+    def _fill_plans(self, now: int) -> None:
+        plans, lines, colors = self.run.plans, [], []
+        for index in self.plan_rows.get(now, ()):
+            number = int(plans.agent_id[index])
+            points = np.stack([plans.x[index], plans.y[index]], axis=1)
+            points = points[np.isfinite(points).all(axis=1)]
+            if len(points) > 1:
+                lines.append(self.view.picture_from_world(points))
+                colors.append(_CHOSEN if number == self.agent_id and self.snapshots else self.colors.get(number, INK))
+        self.layers.plans.set_segments(lines)
+        self.layers.plans.set_color(colors)
+
+    def _fill_snapshot(self, shot: Snapshot | None) -> None:
+        candidates, predictions, ellipses = self.layers.candidates, self.layers.predictions, self.layers.ellipses
+        if shot is None:
+            candidates.set_segments([])
+            predictions.set_segments([])
+            ellipses.set_verts([])
+            return
+        lines = self.view.picture_from_world(np.stack([shot.candidate_x, shot.candidate_y], axis=-1))
+        order, colors = _candidate_colors(shot)
+        candidates.set_segments([line[np.isfinite(line).all(axis=1)] for line in lines[order]])
+        candidates.set_color(colors)
+        means = np.stack([shot.prediction_x, shot.prediction_y], axis=-1)
+        predictions.set_segments(list(self.view.picture_from_world(means)))
+        every = max(1, round(_ELLIPSE_EVERY / self.run.scenario.dt))
+        rings = _ellipses(means[:, every - 1 :: every], shot.prediction_covariance[:, every - 1 :: every])
+        ellipses.set_verts(self.view.picture_from_world(rings))
+
+    def _fill_ended(self, now: int) -> list[tuple[Floats, str, str, str]]:
+        """Marks agents that are done; a crashed one stays as an outline."""
+        states, ended, labels, wrecks = self.run.states, self.run.outcomes, [], []
+        for number, outcome, at in zip(ended.agent_id.tolist(), ended.outcome, ended.time_step.tolist(), strict=True):
+            age = (now - at) * self.run.scenario.dt
+            row = self.row.get(number)
+            if row is None or age < 0 or outcome == "running" or (age > _MARK_TIME and outcome != "collision"):
+                continue
+            columns = np.flatnonzero(states.valid[row])
+            if not len(columns):
+                continue
+            pose = tuple(table[row, columns[-1]] for table in (states.x, states.y, states.orientation))
+            place = self.view.picture_from_world(np.array(pose[:2]))
+            labels.append((place, "", MARKS[outcome].color, MARKS[outcome].marker))
+            if outcome == "collision":
+                wrecks += [self.view.picture_from_world(placed(line, *pose)) for line in self.bodies[row]]
+                labels.append((self._beside(row, int(columns[-1])), str(number), "#D55E00", ""))
+        self.layers.wrecks.set_verts(wrecks)
+        return labels
+
+    def _write_texts(self, draw: ImageDraw.ImageDraw, labels: list[tuple[Floats, str, str, str]], column: int) -> None:
+        (x0, _), (_, y1) = self.view.x_limits, self.view.y_limits
+        for place, text, color, marker in labels:
+            x, y = (place[0] - x0) * self.scale, (y1 - place[1]) * self.scale
+            if not (-20 < x < self.size[0] + 20 and -20 < y < self.size[1] - _STRIP):
+                continue
+            if marker:
+                _draw_marker(draw, x, y, marker, color)
+            else:
+                font = self.fonts[
+                    (10 if self.crowded else 11) if color == RECORDED_EDGE else (11 if self.crowded else 13)
+                ]
+                draw.text((x, y), text, fill=color, font=font, anchor="mm", stroke_width=2, stroke_fill="white")
+        clock = f"{(self.run.states.first_time_step + column) * self.run.scenario.dt:.1f} s"
+        draw.text((12, 10), clock, fill=INK, font=self.fonts[17], anchor="la", stroke_width=3, stroke_fill="white")
+
+    def _legend(self) -> Image.Image:
+        """The strip below the picture: what colours mean, and the scale."""
+        strip = Image.new("RGB", (self.size[0], _STRIP), "white")
+        draw = ImageDraw.Draw(strip)
+        draw.line((0, 0, self.size[0], 0), fill="#cccccc")
+        middle, x = _STRIP // 2 + 1, 12
+        items: list[tuple[str, str]] = [(RECORDED, "recorded traffic"), ("agents", "agents and their plans")]
+        if self.snapshots:
+            items[1:] = [
+                ("agents", "agents"),
+                (_CHOSEN, f"plan of {self.agent_id}"),
+                ("cost", "candidates, cheap to costly"),
+            ]
+            items += [(_REJECTED, "rejected"), (_PREDICTION, "prediction, 95 %")]
+        for color, text in items:
+            for step in range(24):
+                tone = color
+                if color == "agents":
+                    tone = list(self.colors.values() or [INK])[step * min(4, len(self.colors) or 1) // 24]
+                elif color == "cost":
+                    tone = mpl.colors.to_hex(_COST_COLORS(0.95 * step / 23))
+                draw.line((x + step, middle - 2, x + step, middle + 2), fill=tone)
+            draw.text((x + 30, middle), text, fill=INK, font=self.fonts[14], anchor="lm")
+            x += 30 + int(draw.textlength(text, font=self.fonts[14])) + 18
+        nice = np.array([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
+        metres = int(nice[np.argmin(np.abs(np.log(nice / (0.08 * self.view.width))))])
+        right = self.size[0] - 14
+        left = right - metres * self.scale
+        for line in (
+            (left, middle, right, middle),
+            (left, middle - 4, left, middle + 4),
+            (right, middle - 4, right, middle + 4),
+        ):
+            draw.line(line, fill=INK, width=1)
+        draw.text((left - 6, middle), f"{metres} m", fill=INK, font=self.fonts[14], anchor="rm")
+        for outcome in dict.fromkeys(self.run.outcomes.outcome):
+            mark = MARKS[outcome]
+            width = 16 + int(draw.textlength(mark.text, font=self.fonts[14])) + 18
+            if outcome != "running" and x + width < left - 60:
+                _draw_marker(draw, x + 5, middle, mark.marker, mark.color)
+                draw.text((x + 16, middle), mark.text, fill=INK, font=self.fonts[14], anchor="lm")
+                x += width
+        return strip
+
+
+def _rows_by_time_step(time_step: Any) -> dict[int, range]:  # noqa: ANN401 - sorted integer array
+    steps, first = np.unique(time_step, return_index=True)
+    last = np.append(first[1:], len(time_step))
+    return {int(step): range(int(a), int(b)) for step, a, b in zip(steps, first, last, strict=True)}
+
+
+def _camera_path(run: Run, row: int) -> Floats:
+    """Where the camera looks per column [m]: ahead of the agent, smoothed; it waits before the start and at the end."""
+    states = run.states
+    columns = np.flatnonzero(states.valid[row])
+    position = np.stack([states.x[row, columns], states.y[row, columns]], axis=1)
+    heading = states.orientation[row, columns]
+    target = position + _AHEAD * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    held = np.clip(np.arange(states.n_steps), columns[0], columns[-1]) - columns[0]
+    width = max(1, round(1.0 / run.scenario.dt))
+    padded = np.pad(target[held], ((width, width), (0, 0)), mode="edge")
+    window = np.ones(2 * width + 1) / (2 * width + 1)
+    return np.stack([np.convolve(padded[:, axis], window, mode="valid") for axis in (0, 1)], axis=1)
+
+
+def _candidate_colors(shot: Snapshot) -> tuple[Any, list[Any]]:
+    """Drawing order of the candidates (rejected, not evaluated, costly, cheap) and their colours in that order."""
+    rejected = np.array([bool(reason) for reason in shot.rejection], dtype=bool)
+    cost = np.where(rejected, np.nan, shot.cost)
+    known = np.isfinite(cost)
+    rank = np.zeros(len(cost))
+    # By rank: a few very costly ones would otherwise use up all the colours.
+    rank[known] = np.argsort(np.argsort(cost[known])) / max(1, known.sum() - 1)
+    order = np.lexsort((-rank, known, ~rejected))
+    colors = [
+        mpl.colors.to_rgba(_REJECTED, 0.22)
+        if rejected[i]
+        else (*_COST_COLORS(0.95 * rank[i])[:3], 0.75 - 0.45 * rank[i])
+        if known[i]
+        else mpl.colors.to_rgba(_UNKNOWN, 0.35)
+        for i in order
+    ]
+    return order, colors
+
+
+def _ellipses(means: Floats, covariance: Floats) -> Floats:
+    """Outlines of the 95 % ellipses [m], shape (ellipses, vertices, 2)."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    means, covariance = means.reshape(-1, 2), covariance.reshape(-1, 2, 2)
+    finite = np.isfinite(means).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    values, vectors = np.linalg.eigh(covariance[finite])
+    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    rings: Floats = means[finite][:, None] + _ELLIPSE_SCALE * (axes @ circle).transpose(0, 2, 1)
+    return rings
+
+
+def _draw_marker(draw: ImageDraw.ImageDraw, x: float, y: float, marker: str, color: str) -> None:
+    """The marker of an outcome, with the shapes of the still picture."""
+    r = 6.0
+    if marker in "XP*":
+        ways = {"X": [45, 135], "P": [0, 90], "*": [0, 60, 120]}[marker]
+        for width, fill in ((6, "white"), (3, color)):
+            for way in np.radians(ways):
+                dx, dy = (r + 1) * np.cos(way), (r + 1) * np.sin(way)
+                draw.line((x - dx, y - dy, x + dx, y + dy), fill=fill, width=width)
+    elif marker == "o":
+        draw.ellipse((x - r, y - r, x + r, y + r), fill=color, outline=INK)
+    else:
+        corners = {"s": [45, 135, 225, 315], "D": [0, 90, 180, 270], "^": [-90, 30, 150], "v": [90, 210, 330]}[marker]
+        draw.polygon(
+            [(x + 1.3 * r * np.cos(a), y + 1.3 * r * np.sin(a)) for a in np.radians(corners)], fill=color, outline=INK
+        )

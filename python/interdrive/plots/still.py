@@ -1,0 +1,325 @@
+"""One picture of a whole run: where everybody drove, coloured by time, and how it ended."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from interdrive.errors import ResultsError
+from interdrive.plots.participants import (
+    GOAL,
+    INK,
+    MARKS,
+    RECORDED,
+    RECORDED_EDGE,
+    body_outlines,
+    outlines,
+    placed,
+)
+from interdrive.plots.road import road_artists
+from interdrive.plots.view import view_of
+from interdrive.results import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from interdrive.plots.view import Floats, View
+    from interdrive.run import Run
+
+_MM = 1.0 / 25.4
+_WIDTH, _HEIGHT_MAX, _PAD = 180.0 * _MM, 150.0 * _MM, 0.5 * _MM
+
+#: Height of the strip with legend and colour bar, per row of the legend [in].
+_STRIP, _STRIP_ROW = 3.0 * _MM, 4.2 * _MM
+
+#: Viridis without its pale end, which is lost on a light road.
+_TIME_COLORS = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.0, 0.93, 256)))
+
+_GOAL_FILL, _GOAL_DASHES = (0.0, 0.447, 0.698, 0.06), (0, (3, 2))
+
+_FONT = 7.0
+_HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
+_WIDE_HALO = [patheffects.withStroke(linewidth=2.4, foreground="white")]
+
+#: Ends that get the agent's id, in this colour.
+_WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error"), "#a03000"
+
+
+def draw_run(run: Run) -> Figure:
+    """A figure of the run, 180 mm wide: trajectories coloured by time over the road, outcomes as markers.
+
+    Args:
+        run: Finished or interrupted.
+
+    Returns:
+        A matplotlib figure without pyplot; `save_figure` or `savefig` write it as PNG, PDF or SVG.
+    """
+    view = view_of(run).shaped(0.2, _HEIGHT_MAX / _WIDTH)
+    handles = _legend_handles(run)
+    columns = 4
+    strip = _STRIP + _STRIP_ROW * max(2, -(-len(handles) // columns))
+    height = _WIDTH * view.height / view.width
+    figure = Figure(figsize=(_WIDTH, height + strip), dpi=300)
+    FigureCanvasAgg(figure)
+    total = height + strip
+    axes = figure.add_axes((_PAD / _WIDTH, strip / total, 1.0 - 2.0 * _PAD / _WIDTH, (height - _PAD) / total))
+    axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
+    axes.set_aspect("equal", adjustable="box")
+    for side in axes.spines.values():
+        side.set(color=RECORDED, linewidth=0.5)
+    for artist in road_artists(run.scenario.lanelets, view):
+        axes.add_collection(artist, autolim=False)
+    _draw_goals(axes, run, view)
+    _draw_recorded(axes, run, view)
+    times = _draw_trajectories(axes, run, view)
+    ends = _draw_ends(axes, run, view)
+    _draw_labels(axes, run, view, ends)
+    _draw_scale(axes, run, view)
+    figure.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 0.0),
+        ncols=columns,
+        fontsize=_FONT,
+        frameon=False,
+        handletextpad=0.3,
+        columnspacing=1.0,
+        borderpad=0.2,
+        labelspacing=0.35,
+    )
+    _draw_color_bar(figure, times, total)
+    return figure
+
+
+def save_figure(figure: Figure, path: str | Path) -> None:
+    """Writes a figure, whole or not at all; the file ending (png, pdf, svg) chooses the format.
+
+    Raises:
+        ResultsError: for another ending or a file that cannot be written.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in ("png", "pdf", "svg"):
+        raise ResultsError(f"{path}: pictures end in .png, .pdf or .svg")
+    # Editable text in vector files, and the same bytes for the same run.
+    options = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "interdrive"}
+    metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
+    with replacing(path) as partial, mpl.rc_context(options):
+        figure.savefig(partial, format=kind, metadata=metadata)
+
+
+def _tracks(run: Run, row: int, view: View) -> tuple[Floats, Floats]:
+    """Positions in the picture [m], shape (steps, 2), and times [s] of a participant while it is present."""
+    states = run.states
+    steps = np.flatnonzero(states.valid[row])
+    points = np.stack([states.x[row, steps], states.y[row, steps]], axis=1)
+    times: Floats = run.scenario.dt * (states.first_time_step + steps).astype(np.float64)
+    return view.picture_from_world(points), times
+
+
+def _footprint(run: Run, row: int, step: int, body: list[Floats], view: View) -> list[Floats]:
+    states = run.states
+    pose = states.x[row, step], states.y[row, step], states.orientation[row, step]
+    return [view.picture_from_world(placed(line, *pose)) for line in body]
+
+
+def _draw_goals(axes: Axes, run: Run, view: View) -> None:
+    areas = [
+        view.picture_from_world(line) for agent in run.agents for area in agent.goal_areas for line in outlines(area)
+    ]
+    axes.add_collection(
+        PolyCollection(
+            areas, facecolors=[_GOAL_FILL], edgecolors=GOAL, linewidths=0.4, linestyles=[_GOAL_DASHES], zorder=2
+        ),
+        autolim=False,
+    )
+
+
+def _draw_recorded(axes: Axes, run: Run, view: View) -> None:
+    states, bodies = run.states, body_outlines(run)
+    lines, areas, colors = [], [], []
+    for row in np.flatnonzero(~states.is_agent & states.valid.any(axis=1)).tolist():
+        lines.append(_tracks(run, row, view)[0])
+        last = int(np.flatnonzero(states.valid[row])[-1])
+        for outline in _footprint(run, row, last, bodies[row], view):
+            areas.append(outline)
+            colors.append("#6f6f6f" if states.is_static[row] else "#b4b4b4")
+    axes.add_collection(LineCollection(lines, colors=RECORDED, linewidths=0.5, alpha=0.7, zorder=3), autolim=False)
+    axes.add_collection(
+        PolyCollection(areas, facecolors=colors, edgecolors=RECORDED_EDGE, linewidths=0.3, zorder=3), autolim=False
+    )
+
+
+def _draw_trajectories(axes: Axes, run: Run, view: View) -> Normalize:
+    """Draws lines and footprints of the agents; returns the range of times."""
+    states, bodies, dt = run.states, body_outlines(run), run.scenario.dt
+    agents = np.flatnonzero(states.is_agent & states.valid.any(axis=1)).tolist()
+    width = float(np.clip(2.2 - 0.04 * len(agents), 1.0, 1.8))
+    spans = [np.flatnonzero(states.valid[row])[[0, -1]] for row in agents] or [np.zeros(2, dtype=np.int64)]
+    first, last = min(span[0] for span in spans), max(span[1] for span in spans)
+    times = Normalize((states.first_time_step + first) * dt, (states.first_time_step + max(last, first + 1)) * dt)
+    for order, row in enumerate(agents):
+        points, at = _tracks(run, row, view)
+        zorder = 4.0 + 0.5 * order / max(1, len(agents))
+        axes.add_collection(
+            LineCollection([points], colors="white", linewidths=width + 0.9, alpha=0.7, zorder=zorder), autolim=False
+        )
+        segments = np.stack([points[:-1], points[1:]], axis=1)
+        # Short overlapping strokes would show their round ends; butt ends leave no seam at this spacing.
+        line = LineCollection(list(segments), cmap=_TIME_COLORS, norm=times, linewidths=width, zorder=zorder + 0.01)
+        line.set_array(0.5 * (at[:-1] + at[1:]))
+        line.set_capstyle("projecting")
+        axes.add_collection(line, autolim=False)
+        for step in _shown_steps(run, row, every_second=len(agents) <= 8):
+            color = _TIME_COLORS(times((states.first_time_step + step) * dt))
+            axes.add_collection(
+                PolyCollection(
+                    _footprint(run, row, step, bodies[row], view),
+                    facecolors=[(*color[:3], 0.16)],
+                    edgecolors=[color],
+                    linewidths=0.5,
+                    zorder=3.5,
+                ),
+                autolim=False,
+            )
+    return times
+
+
+def _shown_steps(run: Run, row: int, *, every_second: bool) -> list[int]:
+    """Columns at which a footprint is drawn: first, last, and whole seconds in between unless they would overlap."""
+    states = run.states
+    steps = np.flatnonzero(states.valid[row])
+    shown = [int(steps[0])]
+    if every_second:
+        for step in steps[:: max(1, round(1.0 / run.scenario.dt))]:
+            way = np.hypot(*(table[row, step] - table[row, shown[-1]] for table in (states.x, states.y)))
+            if way > 1.25 * states.length[row]:
+                shown.append(int(step))
+    return [*shown, int(steps[-1])]
+
+
+def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floats]]:
+    """Marks starts and outcomes; returns first and last position per agent."""
+    ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
+    ends = {}
+    for row, number in enumerate(run.states.ids.tolist()):
+        if number not in ended or not run.states.valid[row].any():
+            continue
+        points, _ = _tracks(run, row, view)
+        ends[number] = points[0], points[-1]
+        mark = MARKS[ended[number]]
+        axes.plot(*points[0], "o", ms=2.2, mfc="white", mec=INK, mew=0.6, zorder=5)
+        axes.plot(*points[-1], mark.marker, ms=mark.size, mfc=mark.color, mec=INK, mew=0.5, zorder=6)
+    return ends
+
+
+def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats, Floats]]) -> None:
+    """Puts every agent's id beside its start, and beside its end if it went wrong, where the fewest things are."""
+    scale = 72.0 * _WIDTH / view.width  # points per metre
+    size = _FONT - 1.0 if len(ends) <= 30 else _FONT - 2.0
+    crowd = _crowd(run, view) * scale
+    window = np.array([view.x_limits[0], view.y_limits[0], view.x_limits[1], view.y_limits[1]]) * scale
+    ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
+    wanted = [(number, start, INK) for number, (start, _) in ends.items()]
+    wanted += [(number, end, _WRONG_INK) for number, (_, end) in ends.items() if ended[number] in _WRONG]
+    boxes: list[Floats] = []
+    for number, anchor, color in wanted:
+        half = 0.5 * np.array([0.62 * size * len(str(number)) + 1.0, size])
+        best, best_cost = np.zeros(4), np.inf
+        for reach in (4.0, 8.0, 13.0):
+            for angle in np.radians([90, 270, 180, 0, 135, 45, 225, 315]):
+                way = np.array([np.cos(angle), np.sin(angle)])
+                center = anchor * scale + way * (reach + half * (0.6 + 0.4 * np.abs(way)))
+                box = np.concatenate([center - half, center + half])
+                cost = 0.3 * reach + ((crowd >= box[:2]) & (crowd <= box[2:])).all(axis=1).sum()
+                cost += sum(40.0 for other in boxes if (box[:2] < other[2:]).all() and (other[:2] < box[2:]).all())
+                cost += 100.0 * bool((box[:2] < window[:2]).any() or (box[2:] > window[2:]).any())
+                if cost < best_cost:
+                    best, best_cost = box, cost
+        boxes.append(best)
+        place = 0.5 * (best[:2] + best[2:]) / scale
+        if np.hypot(*(place - anchor)) * scale > 12.0:
+            axes.plot(*np.stack([anchor, place]).T, "-", color=color, lw=0.3, zorder=6.5)
+        style: dict[str, Any] = {
+            "fontsize": size,
+            "color": color,
+            "ha": "center",
+            "va": "center",
+            "path_effects": _HALO,
+        }
+        axes.text(place[0], place[1], str(number), zorder=7, clip_on=True, **style)
+
+
+def _crowd(run: Run, view: View) -> Floats:
+    """Points [m] that labels had better not cover: the agents' tracks."""
+    rows = np.flatnonzero(run.states.is_agent & run.states.valid.any(axis=1)).tolist()
+    tracks = [_tracks(run, row, view)[0] for row in rows]
+    return np.concatenate([np.empty((0, 2)), *(track[:: max(1, len(track) // 60)] for track in tracks)])
+
+
+def _draw_scale(axes: Axes, run: Run, view: View) -> None:
+    """A scale bar and, in a turned picture, the world's axes, in the emptiest corners."""
+    metre = view.width / (_WIDTH / _MM)  # metres per millimetre of paper
+    corners = _free_corners(run, view)
+    nice = np.array([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
+    length = float(nice[np.argmin(np.abs(np.log(nice / (0.12 * view.width))))])
+    inside = corners[0] - np.sign(corners[0] - view.center) * 5.0 * metre
+    x, y = inside[0] - (length if corners[0][0] > view.center[0] else 0.0), inside[1] - metre
+    ends = ([x, x, x, x + length, x + length, x + length], [y + metre * tick for tick in (-0.7, 0.7, 0, 0, -0.7, 0.7)])
+    axes.add_line(Line2D(*ends, color=INK, linewidth=0.9, zorder=8, path_effects=_WIDE_HALO))
+    style: dict[str, Any] = {"fontsize": _FONT, "color": INK, "ha": "center", "path_effects": _HALO, "zorder": 8}
+    axes.text(x + 0.5 * length, y + metre, f"{length:g} m", va="bottom", **style)
+    if view.angle:
+        origin = corners[1] - np.sign(corners[1] - view.center) * 8.0 * metre
+        for name, way in (("x", np.array([1.0, 0.0])), ("y", np.array([0.0, 1.0]))):
+            along = view.picture_from_world(way) * metre
+            arrow = {"arrowstyle": "-|>", "lw": 0.7, "color": INK, "mutation_scale": 5, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", tuple(origin + 4.5 * along), tuple(origin), arrowprops=arrow, zorder=8)
+            label = origin + 6.0 * along
+            axes.text(label[0], label[1], name, va="center", **style)
+
+
+def _free_corners(run: Run, view: View) -> list[Floats]:
+    """Corners of the view [m], those with the fewest tracks around them first."""
+    crowd, reach = _crowd(run, view), np.array([0.25 * view.width, 0.4 * view.height])
+    corners = [np.array([x, y]) for y in view.y_limits for x in view.x_limits]
+    return sorted(corners, key=lambda corner: int((np.abs(crowd - corner) < reach).all(axis=1).sum()))
+
+
+def _legend_handles(run: Run) -> list[Any]:
+    handles: list[Any] = []
+    for outcome, mark in MARKS.items():
+        count = run.outcomes.outcome.count(outcome)
+        if count:
+            style: dict[str, Any] = {"marker": mark.marker, "ms": mark.size, "mfc": mark.color, "mec": INK, "mew": 0.5}
+            handles.append(Line2D([], [], ls="", label=f"{mark.text} ({count})", **style))
+    handles.append(Line2D([], [], ls="", marker="o", ms=2.6, mfc="white", mec=INK, mew=0.6, label="start"))
+    if any(agent.goal_areas for agent in run.agents):
+        handles.append(Patch(fc=_GOAL_FILL, ec=GOAL, lw=0.4, ls=_GOAL_DASHES, label="goal area"))
+    if (~run.states.is_agent).any():
+        handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.3, label="recorded traffic"))
+    return handles
+
+
+def _draw_color_bar(figure: Figure, times: Normalize, total: float) -> None:
+    bar = figure.add_axes((1.0 - 47.0 * _MM / _WIDTH, 6.2 * _MM / total, 44.0 * _MM / _WIDTH, 1.8 * _MM / total))
+    bar.imshow(
+        np.linspace(0.0, 1.0, 256)[None],
+        aspect="auto",
+        cmap=_TIME_COLORS,
+        extent=(times.vmin or 0.0, times.vmax or 1.0, 0.0, 1.0),
+    )
+    bar.set(yticks=[])
+    bar.tick_params(labelsize=_FONT - 1, length=2, width=0.5, pad=1)
+    bar.text(-0.03, 0.5, "time [s]", fontsize=_FONT, ha="right", va="center", transform=bar.transAxes)
+    for side in bar.spines.values():
+        side.set_linewidth(0.5)

@@ -1,0 +1,293 @@
+"""Pictures: what they show, that they are written whole, and quickly. That they look good was judged by eye."""
+
+from __future__ import annotations
+
+import os
+import stat
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from interdrive.errors import InputError, MissingExtraError, ResultsError
+from interdrive.plots import animate_run, check_animation, draw_run, save_figure
+from interdrive.plots.frames import Stage
+from interdrive.plots.participants import MARKS, outlines
+from interdrive.plots.road import road_artists
+from interdrive.plots.view import View, view_of
+from interdrive.run import OUTCOMES
+from interdrive.scenario import Shape
+from invented_run import along, invented_run
+from PIL import Image
+
+
+@pytest.fixture(scope="module")
+def run():
+    return invented_run()
+
+
+def without_agents(run):
+    none = np.array([], dtype=np.int64)
+    nobody = replace(
+        run.outcomes,
+        agent_id=none,
+        planner=(),
+        outcome=(),
+        time_step=none,
+        partner_id=none,
+        off_road=none.astype(bool),
+        impact_speed=none.astype(float),
+        message=(),
+    )
+    states = replace(run.states, is_agent=np.zeros(len(run.states.ids), dtype=bool))
+    return replace(run, agents=(), outcomes=nobody, states=states, snapshots=())
+
+
+def turned(run, angle):
+    """The same run with the whole world turned."""
+    rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    states = run.states
+    x, y = np.moveaxis(np.stack([states.x, states.y], axis=-1) @ rotation, -1, 0)
+    return replace(run, states=replace(states, x=x, y=y, orientation=states.orientation + angle))
+
+
+def colors_of(image):
+    return {color for _, color in image.getcolors(1 << 24)}
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_a_still_is_written_in_the_format_of_its_ending_and_the_same_each_time(run, tmp_path, ending):
+    for name in ("a", "b"):
+        save_figure(draw_run(run), tmp_path / f"{name}.{ending}")
+    assert (tmp_path / f"a.{ending}").read_bytes() == (tmp_path / f"b.{ending}").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"a.{ending}", f"b.{ending}"]
+
+
+def test_a_still_is_180_mm_wide_and_the_map_keeps_its_proportions(run):
+    figure = draw_run(run)
+    assert figure.get_figwidth() * 25.4 == pytest.approx(180.0)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    box = axes.get_window_extent()
+    assert box.width / (x1 - x0) == pytest.approx(box.height / (y1 - y0), rel=0.02)
+
+
+def test_a_still_names_every_agent_and_every_outcome_that_occurred(run):
+    figure = draw_run(run)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert {"1", "2", "3", "4"} <= set(texts)
+    assert texts.count("2") == 2  # a crashed one at its end, too
+    legend = [text.get_text() for text in figure.legends[0].get_texts()]
+    for entry in (
+        "goal reached (1)",
+        "goal reached late (1)",
+        "collision (1)",
+        "planner error (1)",
+        "recorded traffic",
+    ):
+        assert entry in legend
+
+
+def test_every_outcome_has_its_own_marker_and_colour():
+    assert set(MARKS) == {*OUTCOMES, "running"}
+    looks = [(mark.marker, mark.color) for mark in MARKS.values()]
+    assert len(set(looks)) == len(looks)
+
+
+def test_a_still_without_agents_shows_the_recorded_traffic(run):
+    figure = draw_run(without_agents(run))
+    assert [text.get_text() for text in figure.legends[0].get_texts()][-1] == "recorded traffic"
+
+
+def test_a_still_that_cannot_be_written_is_refused_in_one_line(run, tmp_path):
+    with pytest.raises(ResultsError, match=r"pictures end in .png, .pdf or .svg"):
+        save_figure(draw_run(run), tmp_path / "run.docx")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultsError, match="cannot be written"):
+        save_figure(draw_run(run), tmp_path / "file" / "run.png")
+
+
+def test_the_view_holds_all_agents_and_not_the_whole_map(run):
+    view = view_of(run)
+    for row in np.flatnonzero(run.states.is_agent):
+        valid = run.states.valid[row]
+        x, y = view.picture_from_world(np.stack([run.states.x[row], run.states.y[row]], axis=1)[valid]).T
+        assert view.x_limits[0] < x.min()
+        assert x.max() < view.x_limits[1]
+        assert view.y_limits[0] < y.min()
+        assert y.max() < view.y_limits[1]
+    assert view.width < 120.0  # the road is 160 m long
+
+
+@pytest.mark.parametrize("angle", np.radians([50.0, 90.0, 140.0, 230.0]))
+def test_a_long_diagonal_or_upright_road_lies_flat_in_the_picture_and_traffic_drives_right(run, angle):
+    straight = replace(run, states=replace(run.states, is_agent=run.states.ids == 2))
+    view = view_of(turned(straight, angle))
+    assert view.width > 2.0 * view.height
+    forward = view.picture_from_world(np.array([np.cos(angle), np.sin(angle)]))
+    assert forward[0] > 0.9
+
+
+def test_a_compact_scene_is_not_turned(run):
+    assert view_of(run).angle == 0.0
+
+
+def test_a_view_grows_to_the_shape_of_the_paper_around_its_centre():
+    view = View(0.0, (5.0, 6.0), 100.0, 10.0).shaped(0.2, 0.8)
+    assert (view.width, view.height, view.center) == (100.0, 20.0, (5.0, 6.0))
+    assert View(0.0, (0.0, 0.0), 10.0, 40.0).shaped(0.2, 0.8).width == 50.0
+
+
+def test_lines_between_lanes_are_markings_and_the_outer_ones_edges(run):
+    view = View(0.0, (40.0, 0.0), 200.0, 200.0)
+    _, _, dashed, solid, edges = road_artists(run.scenario.lanelets, view)
+    assert {round(float(y), 2) for line in dashed.get_segments() for x, y in line if x < 70} == {1.75}
+    assert {round(float(y), 2) for line in solid.get_segments() for x, y in line if x < 70} == {5.25}
+    at_40 = {round(float(y), 2) for line in edges.get_segments() for x, y in line if 38 < x < 42}
+    assert at_40 == {-1.75, 8.75}
+
+
+def test_there_is_no_edge_across_the_mouth_of_a_side_road(run):
+    lanelets = run.scenario.lanelets
+    longer = [np.concatenate([bound, [[bound[0, 0], 1.0]]]) for bound in (lanelets.left[3], lanelets.right[3])]
+    joined = replace(lanelets, left=(*lanelets.left[:3], longer[0]), right=(*lanelets.right[:3], longer[1]))
+    edges = road_artists(joined, View(0.0, (60.0, 0.0), 20.0, 20.0))[-1].get_segments()
+    across = [line for line in edges if (np.abs(line[:, 1] + 1.75) < 0.01).all()]
+    # Pieces are 2 m long: a mouth of 3.5 m stays free but for less than a piece.
+    free = [line for line in across if (line[:, 0].min() < 59.5) and (line[:, 0].max() > 60.0)]
+    assert not free
+
+
+@pytest.mark.parametrize(
+    ("shape", "extent"),
+    [
+        (Shape("rectangle", length=4.0, width=2.0), (4.0, 2.0)),
+        (Shape("rectangle", length=4.0, width=2.0, orientation=np.pi / 2), (2.0, 4.0)),
+        (Shape("circle", radius=0.5, center=(3.0, 0.0)), (1.0, 1.0)),
+        (Shape("polygon", vertices=np.array([(0.0, 0.0), (3.0, 0.0), (0.0, 1.0)])), (3.0, 1.0)),
+    ],
+)
+def test_outlines_of_shapes_have_their_size(shape, extent):
+    assert np.ptp(outlines(shape)[0], axis=0) == pytest.approx(extent)
+    assert len(outlines(Shape("group", members=(shape, shape)))) == 2
+
+
+def test_a_film_has_a_frame_per_time_step_in_real_time_and_holds_the_end(run, tmp_path):
+    frames = []
+    animate_run(run, tmp_path / "run.gif", on_frame=lambda done, total: frames.append((done, total)))
+    assert frames == [(k, 60) for k in range(1, 61)]
+    durations = []
+    with Image.open(tmp_path / "run.gif") as film:
+        for index in range(film.n_frames):
+            film.seek(index)
+            durations.append(film.info["duration"])
+    assert sum(durations) == 59 * 100 + 2000
+    assert [path.name for path in tmp_path.iterdir()] == ["run.gif"]
+
+
+def test_fewer_frames_per_second_take_the_same_time(run, tmp_path):
+    animate_run(run, tmp_path / "run.gif", fps=4)
+    with Image.open(tmp_path / "run.gif") as film:
+        assert film.n_frames <= 25
+        film.seek(1)
+        assert film.info["duration"] == 250
+
+
+def test_a_frame_shows_agents_in_colour_and_recorded_vehicles_in_grey(run):
+    stage = Stage(run, None, follow=False)
+    colors = colors_of(stage.frame(30))
+    assert (0x00, 0x72, 0xB2) in colors  # agent 1
+    assert (0x8A, 0x8A, 0x8A) in colors  # the parked car
+    assert (0xCC, 0x79, 0xA7) in colors  # agent 4, a bus
+
+
+def test_a_crashed_agent_stays_marked_from_the_moment_of_the_collision(run):
+    stage = Stage(run, None, follow=False)
+    wreck = lambda column: (stage.frame(column), len(stage.layers.wrecks.get_paths()))[1]  # noqa: E731
+    assert [wreck(46), wreck(47), wreck(59)] == [0, 1, 1]
+
+
+def test_a_chosen_agent_shows_what_it_considered_and_the_camera_follows_it(run):
+    stage = Stage(run, 2, follow=True)
+    stage.frame(10)
+    assert len(stage.layers.candidates.get_segments()) == 120
+    assert len(stage.layers.predictions.get_segments()) == len(run.snapshots[10].prediction_id)
+    assert len(stage.layers.ellipses.get_paths()) == 6 * len(run.snapshots[10].prediction_id)
+    before = np.array(stage.view.center)
+    stage.frame(30)
+    moved = np.array(stage.view.center) - before
+    assert moved == pytest.approx(along(5 + 17 * 3.0, 3.5)[0] - along(5 + 17 * 1.0, 0)[0], abs=2.0)
+    stage.frame(59)  # after its end there is nothing to show
+    assert not stage.layers.candidates.get_segments()
+
+
+def test_an_ellipse_holds_95_percent_of_what_its_covariance_says(run):
+    stage = Stage(run, 2, follow=True)
+    stage.frame(0)
+    chance = np.random.default_rng(0)
+    shot = run.snapshots[0]
+    samples = chance.multivariate_normal(
+        [shot.prediction_x[0, 4], shot.prediction_y[0, 4]], shot.prediction_covariance[0, 4], 4000
+    )
+    ring = stage.layers.ellipses.get_paths()[0]
+    assert ring.contains_points(stage.view.picture_from_world(samples)).mean() == pytest.approx(0.95, abs=0.02)
+
+
+def test_a_run_with_nobody_to_drive_still_makes_a_film(run, tmp_path):
+    animate_run(without_agents(run), tmp_path / "run.gif", fps=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "error", "message"),
+    [
+        ("run.avi", {}, ResultsError, r"films end in .gif or .mp4"),
+        ("run.gif", {"fps": 0}, InputError, "fps must be positive"),
+        ("run.gif", {"agent_id": 99}, InputError, "agent 99 is not one of the run"),
+    ],
+)
+def test_a_film_that_cannot_be_made_is_refused_in_one_line(run, tmp_path, name, arguments, error, message):
+    with pytest.raises(error, match=message):
+        animate_run(run, tmp_path / name, **arguments)
+    assert not list(tmp_path.iterdir())
+
+
+def fake_ffmpeg(folder, script, monkeypatch):
+    program = folder / "bin" / "ffmpeg"
+    program.parent.mkdir()
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
+
+
+def test_mp4_goes_through_ffmpeg_as_raw_frames(run, tmp_path, monkeypatch):
+    fake_ffmpeg(tmp_path, 'for last; do :; done; wc -c > "$last"', monkeypatch)
+    animate_run(run, tmp_path / "run.mp4", fps=2)
+    width, height = Stage(run, None, follow=False).size
+    assert width % 2 == height % 2 == 0
+    assert int((tmp_path / "run.mp4").read_text()) == 3 * width * height * (13 + 4)  # 4 held at the end
+
+
+def test_mp4_says_in_one_line_what_ffmpeg_or_its_absence_says(run, tmp_path, monkeypatch):
+    fake_ffmpeg(tmp_path, "echo Unknown encoder >&2; exit 1", monkeypatch)
+    with pytest.raises(ResultsError, match="ffmpeg failed: Unknown encoder"):
+        animate_run(run, tmp_path / "run.mp4", fps=2)
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(MissingExtraError, match="MP4 needs ffmpeg"):
+        check_animation(tmp_path / "run.mp4")
+    assert [path.name for path in tmp_path.iterdir()] == ["bin"]
+
+
+def test_an_interrupted_film_leaves_nothing_behind(run, tmp_path):
+    def stop(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        animate_run(run, tmp_path / "run.gif", on_frame=stop)
+    assert not list(tmp_path.iterdir())
+
+
+def test_150_frames_take_less_than_15_seconds(run, tmp_path):
+    begin = time.perf_counter()
+    animate_run(run, tmp_path / "run.gif", agent_id=2)
+    assert (time.perf_counter() - begin) * 150 / 60 < 15.0
