@@ -97,15 +97,21 @@ impl Polyline {
 
     /// Nearest foot over all segments; a point beyond an end has its foot at the end.
     pub fn project(&self, point: Point) -> Projection {
+        self.project_between(point, 0.0, self.length())
+    }
+
+    /// Nearest foot among the arc lengths from `from` to `to` [m], which are clamped to the ends.
+    pub fn project_between(&self, point: Point, from: f64, to: f64) -> Projection {
         let mut best = Projection { s: 0.0, d: 0.0, distance: f64::INFINITY };
-        for (i, pair) in self.points.windows(2).enumerate() {
-            let delta = pair[1] - pair[0];
-            let offset = point - pair[0];
-            let fraction = (offset.dot(delta) / delta.norm_squared()).clamp(0.0, 1.0);
+        for i in self.segment_at(from)..=self.segment_at(to.max(from)) {
+            let (start, span) = (self.arc_lengths[i], self.arc_lengths[i + 1] - self.arc_lengths[i]);
+            let (low, high) = (((from - start) / span).clamp(0.0, 1.0), ((to - start) / span).clamp(0.0, 1.0));
+            let delta = self.points[i + 1] - self.points[i];
+            let offset = point - self.points[i];
+            let fraction = (offset.dot(delta) / delta.norm_squared()).max(low).min(high.max(low));
             let distance = offset.distance(delta * fraction);
             if distance < best.distance {
-                let s = self.arc_lengths[i] + fraction * (self.arc_lengths[i + 1] - self.arc_lengths[i]);
-                best = Projection { s, d: distance.copysign(delta.cross(offset)), distance };
+                best = Projection { s: start + fraction * span, d: distance.copysign(delta.cross(offset)), distance };
             }
         }
         best

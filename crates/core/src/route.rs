@@ -1,0 +1,143 @@
+//! From a start pose to a goal: which lanelets, and the reference path along them.
+
+mod corridor;
+mod search;
+#[cfg(test)]
+mod tests;
+
+use crate::error::{Error, Result};
+use crate::geometry::polyline::ReferencePath;
+use crate::geometry::shape::PlacedShape;
+use crate::geometry::{Point, Pose};
+use crate::road::{LaneMatch, RoadNetwork};
+use corridor::Corridor;
+use search::Step;
+
+/// Spacing [m] at which a path is tested for being inside a goal area.
+const GOAL_SAMPLING: f64 = 0.1;
+/// The path is tested this far [m] beyond the goal area's place on the lanelet.
+const GOAL_MARGIN: f64 = 30.0;
+/// How far [m] an arc length on the smooth path may differ from that on the centre lines.
+const HINT_WINDOW: f64 = 20.0;
+
+/// How routes and paths are made.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RouteSettings {
+    /// A lane change takes this long at the start velocity [s] ...
+    pub lane_change_time: f64,
+    /// ... but no less than this length [m], where there is room.
+    pub lane_change_length_min: f64,
+    /// The path goes on this far beyond the goal [m].
+    pub extension: f64,
+    /// The path begins at least this far before the start [m].
+    pub lead_in: f64,
+    /// The start may lie outside its lanelet by this much [m].
+    pub start_tolerance: f64,
+    /// Without a goal position the route is this long [m], if the road is.
+    pub free_length: f64,
+}
+
+impl Default for RouteSettings {
+    fn default() -> Self {
+        Self {
+            lane_change_time: 4.0,
+            lane_change_length_min: 30.0,
+            extension: 150.0,
+            lead_in: 35.0,
+            start_tolerance: 1.5,
+            free_length: 400.0,
+        }
+    }
+}
+
+/// Lanelets from start to goal and a smooth path along their middle.
+#[derive(Debug, Clone)]
+pub struct Route {
+    /// Indices of the lanelets in driving order; both lanelets of a lane change are in it.
+    pub lanelets: Vec<usize>,
+    /// Along the lane centres, with blends where the lane changes, from before the start to beyond the goal.
+    pub path: ReferencePath,
+    /// Arc length of the start on the path [m].
+    pub start_s: f64,
+    /// Arc length where the path first enters a goal area [m]; NaN if the goal has no position. If the path only passes
+    /// beside the areas, both goal arc lengths are those of the nearest area's centre.
+    pub goal_entry_s: f64,
+    /// Arc length where the path leaves the goal areas for the last time [m]; NaN if the goal has no position.
+    pub goal_exit_s: f64,
+    /// Number of lane changes.
+    pub lane_changes: usize,
+}
+
+/// The route with the fewest lane changes; among those the shortest; among those by lanelet ids.
+///
+/// It starts on a lanelet that the start pose matches (within `start_tolerance` and 90 degrees) and ends on one whose
+/// centre line crosses a goal area or that contains an area's centre. Where several overlap, a lateral offset of 1 m at
+/// start or goal counts like 5 m of length. Without goal areas it follows the lane straight on.
+///
+/// # Errors
+/// `NoRoute` if start or goal lie on no lanelet or are not connected; the text names the lanelets.
+pub fn find_route(
+    road: &RoadNetwork,
+    start: Pose,
+    velocity: f64,
+    goal_areas: &[PlacedShape],
+    settings: &RouteSettings,
+) -> Result<Route> {
+    let starts = road.matching(start, settings.start_tolerance, std::f64::consts::FRAC_PI_2);
+    if starts.is_empty() {
+        return Err(Error::NoRoute(format!(
+            "no lanelet within {} m of the start ({:.2}, {:.2}) leads in its direction",
+            settings.start_tolerance, start.position.x, start.position.y
+        )));
+    }
+    let (steps, start_s, goal) = if goal_areas.is_empty() {
+        let first = starts[0];
+        let chain = road.paths_from(first.lanelet, first.s, settings.free_length, 1).remove(0);
+        (chain.into_iter().map(Step::ahead).collect(), first.s, None)
+    } else {
+        let found = search::search(road, &starts, start.position, &search::goal_places(road, goal_areas)?)?;
+        (found.steps, found.start_s, Some(found.goal))
+    };
+    let blend_length = (settings.lane_change_time * velocity.max(0.0)).max(settings.lane_change_length_min);
+    let corridor = Corridor::along(road, &steps, start_s, goal.as_ref(), blend_length, settings);
+    let path = ReferencePath::through(&corridor.points)?;
+    let start_s = near_hint(&path, start.position, corridor.start_hint);
+    let (goal_entry_s, goal_exit_s) = match goal {
+        Some(_) => goal_interval(&path, goal_areas, start_s, corridor.goal_hint),
+        None => (f64::NAN, f64::NAN),
+    };
+    Ok(Route {
+        lane_changes: steps.iter().filter(|step| step.is_change).count(),
+        lanelets: steps.into_iter().map(|step| step.lanelet).collect(),
+        path,
+        start_s,
+        goal_entry_s,
+        goal_exit_s,
+    })
+}
+
+/// Arc length of a point on the path, near where it is on the centre lines.
+fn near_hint(path: &ReferencePath, point: Point, hint: f64) -> f64 {
+    path.project_near(point, hint, HINT_WINDOW).map_or(hint.clamp(0.0, path.length()), |foot| foot.0)
+}
+
+/// Where the path is inside a goal area, from the start to a little beyond the goal.
+fn goal_interval(path: &ReferencePath, areas: &[PlacedShape], start_s: f64, goal_hint: f64) -> (f64, f64) {
+    let last = (goal_hint + GOAL_MARGIN).max(start_s + GOAL_MARGIN).min(path.length());
+    let n = ((last - start_s) / GOAL_SAMPLING).floor().max(0.0) as usize;
+    let arc_lengths = (0..=n).map(|i| start_s + i as f64 * GOAL_SAMPLING);
+    let inside = arc_lengths.filter(|s| {
+        let position = path.at(*s).position;
+        areas.iter().any(|area| area.contains(position))
+    });
+    let interval = inside.fold((f64::NAN, f64::NAN), |(entry, _), s| (if entry.is_nan() { s } else { entry }, s));
+    if !interval.0.is_nan() {
+        return interval;
+    }
+    let beside = areas
+        .iter()
+        .filter_map(|area| path.project_near(area.center(), goal_hint, HINT_WINDOW + GOAL_MARGIN))
+        .min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let s = beside.map_or(goal_hint, |foot| foot.0).max(start_s);
+    (s, s)
+}

@@ -1,0 +1,237 @@
+//! The sequence of lanelets: Dijkstra over lanelets with lane changes first, length second.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use super::{LaneMatch, RoadNetwork};
+use crate::error::{Error, Result};
+use crate::geometry::Point;
+use crate::geometry::shape::PlacedShape;
+
+/// One metre beside the centre line counts like this length [m].
+const OFFSET_COST: f64 = 5.0;
+/// Spacing [m] at which a centre line is tested for crossing a goal area.
+const CROSSING_SAMPLING: f64 = 0.25;
+/// A goal area on no lanelet belongs to those this near [m] to its centre.
+const GOAL_TOLERANCE: f64 = 3.0;
+/// The start may be this far [m] beyond the end of a goal area and still count as being there.
+const PASSED_TOLERANCE: f64 = 0.1;
+
+/// One lanelet of a route.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Step {
+    pub(super) lanelet: usize,
+    /// It is reached from the step before by a lane change, not over its start.
+    pub(super) is_change: bool,
+}
+
+impl Step {
+    pub(super) fn ahead(lanelet: usize) -> Self {
+        Self { lanelet, is_change: false }
+    }
+}
+
+/// Where a goal area is on a lanelet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct GoalPlace {
+    pub(super) lanelet: usize,
+    /// Arc lengths of the centre line [m] between which the area is.
+    pub(super) entry: f64,
+    pub(super) exit: f64,
+    /// Distance of the area's centre from the centre line [m].
+    offset: f64,
+}
+
+/// What the search finds.
+#[derive(Debug)]
+pub(super) struct Found {
+    pub(super) steps: Vec<Step>,
+    /// Arc length of the start on the first lanelet [m].
+    pub(super) start_s: f64,
+    /// On the last lanelet.
+    pub(super) goal: GoalPlace,
+}
+
+/// Places of the goal areas on all lanelets whose centre line crosses one or that contain the centre of one.
+pub(super) fn goal_places(road: &RoadNetwork, areas: &[PlacedShape]) -> Result<Vec<GoalPlace>> {
+    let mut places = Vec::new();
+    for area in areas {
+        let center = area.center();
+        let reach = 0.5 * (area.aabb().max - area.aabb().min).norm();
+        let containing = road.lanelets_at(center);
+        let before = places.len();
+        for lanelet in road.lanelets_near((area.aabb().min + area.aabb().max) * 0.5, reach) {
+            places.extend(crossing(road, lanelet, area));
+        }
+        let beside = |lanelet: usize| {
+            let foot = road.lanelets()[lanelet].center.project(center);
+            GoalPlace { lanelet, entry: foot.s, exit: foot.s, offset: foot.distance }
+        };
+        for lanelet in containing {
+            if !places[before..].iter().any(|place| place.lanelet == lanelet) {
+                places.push(beside(lanelet));
+            }
+        }
+        if places.len() == before {
+            places.extend(road.lanelets_near(center, GOAL_TOLERANCE).into_iter().map(beside));
+        }
+    }
+    if places.is_empty() {
+        let center = areas.first().map(PlacedShape::center).unwrap_or_default();
+        return Err(Error::NoRoute(format!("the goal at ({:.2}, {:.2}) lies on no lanelet", center.x, center.y)));
+    }
+    Ok(places)
+}
+
+/// The centre line of the lanelet inside the area, from first to last.
+fn crossing(road: &RoadNetwork, lanelet: usize, area: &PlacedShape) -> Option<GoalPlace> {
+    let line = &road.lanelets()[lanelet].center;
+    let n = (line.length() / CROSSING_SAMPLING).ceil().max(1.0) as usize;
+    let arc_lengths = (0..=n).map(|i| line.length() * i as f64 / n as f64);
+    let mut inside = arc_lengths.filter(|s| area.contains(line.at(*s)));
+    let entry = inside.next()?;
+    let exit = inside.next_back().unwrap_or(entry);
+    Some(GoalPlace { lanelet, entry, exit, offset: line.project(area.center()).distance })
+}
+
+/// Lane changes first, then length [m].
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Cost {
+    lane_changes: usize,
+    length: f64,
+}
+
+impl Cost {
+    const UNREACHED: Self = Self { lane_changes: usize::MAX, length: f64::INFINITY };
+
+    fn plus(self, lane_changes: usize, length: f64) -> Self {
+        Self { lane_changes: self.lane_changes + lane_changes, length: self.length + length }
+    }
+
+    fn order(&self, other: &Self) -> Ordering {
+        self.lane_changes.cmp(&other.lane_changes).then(self.length.total_cmp(&other.length))
+    }
+}
+
+/// A node to look at; the heap gives the cheapest first, equal ones by number.
+#[derive(Debug, PartialEq)]
+struct Entry {
+    cost: Cost,
+    node: usize,
+}
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.cost.order(&self.cost).then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// Every lanelet is two nodes: beside the start (reached without passing its start, so what lies behind the start
+/// position is not ahead), and entered over its start.
+struct Search<'a> {
+    road: &'a RoadNetwork,
+    /// Cost up to the start of the lanelet.
+    costs: Vec<Cost>,
+    from: Vec<Option<usize>>,
+    heap: BinaryHeap<Entry>,
+}
+
+impl Search<'_> {
+    fn relax(&mut self, node: usize, cost: Cost, from: Option<usize>) {
+        if cost.order(&self.costs[node]) == Ordering::Less {
+            self.costs[node] = cost;
+            self.from[node] = from;
+            self.heap.push(Entry { cost, node });
+        }
+    }
+
+    fn lanelet(&self, node: usize) -> usize {
+        node % self.road.lanelets().len()
+    }
+
+    fn is_beside_start(&self, node: usize) -> bool {
+        node < self.road.lanelets().len()
+    }
+}
+
+/// The best sequence from one of the starts to one of the goals.
+pub(super) fn search(road: &RoadNetwork, starts: &[LaneMatch], position: Point, goals: &[GoalPlace]) -> Result<Found> {
+    let n = road.lanelets().len();
+    let mut search =
+        Search { road, costs: vec![Cost::UNREACHED; 2 * n], from: vec![None; 2 * n], heap: BinaryHeap::new() };
+    let inside = road.lanelets_at(position);
+    for start in starts {
+        // Beginning in a lanelet beside the one with the start is a lane change in all but name.
+        let lane_changes = usize::from(!inside.is_empty() && !inside.contains(&start.lanelet));
+        search.relax(start.lanelet, Cost { lane_changes, length: OFFSET_COST * start.d.abs() - start.s }, None);
+    }
+    let start_on = |lanelet: usize| road.lanelets()[lanelet].center.project(position).s;
+    while let Some(Entry { cost, node }) = search.heap.pop() {
+        if cost.order(&search.costs[node]) == Ordering::Greater {
+            continue;
+        }
+        let here = search.lanelet(node);
+        let lanelet = &road.lanelets()[here];
+        for &next in &lanelet.successors {
+            search.relax(n + next, cost.plus(0, lanelet.length), Some(node));
+        }
+        for (beside, _) in [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten().filter(|side| side.1) {
+            if search.is_beside_start(node) {
+                search.relax(beside, cost.plus(1, start_on(here) - start_on(beside)), Some(node));
+            } else {
+                search.relax(n + beside, cost.plus(1, 0.0), Some(node));
+            }
+        }
+    }
+    let reached =
+        goals.iter().flat_map(|goal| [(goal.lanelet, goal), (n + goal.lanelet, goal)]).filter_map(|(node, goal)| {
+            let passed = search.is_beside_start(node) && start_on(goal.lanelet) > goal.exit + PASSED_TOLERANCE;
+            let cost = search.costs[node];
+            (cost.lane_changes != usize::MAX && !passed)
+                .then(|| (cost.plus(0, 0.5 * (goal.entry + goal.exit) + OFFSET_COST * goal.offset), node, goal))
+        });
+    let best = reached.min_by(|a, b| a.0.order(&b.0).then(a.1.cmp(&b.1)));
+    let Some((_, node, goal)) = best else {
+        let id = |lanelet: usize| road.lanelets()[lanelet].id;
+        return Err(Error::NoRoute(format!(
+            "no way leads from lanelet {} to lanelet {}",
+            id(starts[0].lanelet),
+            id(goals[0].lanelet)
+        )));
+    };
+    Ok(trace(&search, starts, node, goal))
+}
+
+/// Walks back from the goal's node.
+fn trace(search: &Search, starts: &[LaneMatch], node: usize, goal: &GoalPlace) -> Found {
+    let mut steps = Vec::new();
+    let mut at = node;
+    loop {
+        let before = search.from[at];
+        let lanelet = search.lanelet(at);
+        let is_change = before.is_some_and(|before| {
+            let previous = &search.road.lanelets()[search.lanelet(before)];
+            let beside = [previous.adjacent_left, previous.adjacent_right].contains(&Some((lanelet, true)));
+            // Entering a node beside the start is always a lane change; a successor may be a neighbour too in odd maps.
+            search.is_beside_start(at)
+                || beside && !(previous.successors.contains(&lanelet) && search.is_beside_start(before))
+        });
+        steps.push(Step { lanelet, is_change });
+        match before {
+            Some(before) => at = before,
+            None => break,
+        }
+    }
+    steps.reverse();
+    let first = steps[0].lanelet;
+    let start_s = starts.iter().find(|start| start.lanelet == first).map_or(0.0, |start| start.s);
+    Found { steps, start_s, goal: *goal }
+}

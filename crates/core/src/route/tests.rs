@@ -1,0 +1,206 @@
+use super::*;
+use crate::geometry::shape::Shape;
+use crate::road::LaneletInput;
+use crate::road::testing::*;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+const SPEED: f64 = 10.0;
+
+fn box_at(x: f64, y: f64, length: f64, width: f64) -> PlacedShape {
+    PlacedShape { shape: Shape::rectangle(length, width), pose: Pose::new(x, y, 0.0) }
+}
+
+fn find(road: &RoadNetwork, start: Pose, areas: &[PlacedShape]) -> Result<Route> {
+    find_route(road, start, SPEED, areas, &RouteSettings::default())
+}
+
+fn route(road: &RoadNetwork, start: Pose, areas: &[PlacedShape]) -> Route {
+    find(road, start, areas).expect("there is a route")
+}
+
+fn ids(road: &RoadNetwork, route: &Route) -> Vec<i64> {
+    route.lanelets.iter().map(|i| road.lanelets()[*i].id).collect()
+}
+
+fn positions(route: &Route) -> Vec<(f64, Point)> {
+    (0..route.path.length() as usize).map(|i| (i as f64, route.path.at(i as f64).position)).collect()
+}
+
+/// Sections of three parallel lanes: ids 11, 12, 13 (right to left) from x = 0, then 21, 22, 23, and so on.
+fn sections(n: i64, length: f64) -> RoadNetwork {
+    let mut lanelets: Vec<LaneletInput> = Vec::new();
+    for section in 1..=n {
+        let (from, to) = ((section - 1) as f64 * length, section as f64 * length);
+        for lane_number in 1..=3 {
+            let y = (lane_number - 1) as f64 * LANE_WIDTH;
+            let id = 10 * section + lane_number;
+            lanelets.push(with_successors(lane(id, &straight((from, y), (to, y))), &[id + 10]));
+        }
+    }
+    open(lanelets)
+}
+
+#[test]
+fn on_one_lane_the_path_is_its_middle_and_reaches_beyond_start_and_goal() {
+    let road = straight_road(1);
+    let route = route(&road, Pose::new(60.0, 0.4, 0.02), &[box_at(120.0, 0.0, 10.0, 3.0)]);
+    assert_eq!((ids(&road, &route), route.lane_changes), (vec![1], 0));
+    assert!(positions(&route).iter().all(|(_, p)| p.y.abs() < 1e-6));
+    assert!(route.start_s >= 30.0 && route.path.length() >= route.goal_exit_s + 149.0);
+    assert!(
+        (route.goal_entry_s - route.start_s - 55.0).abs() < 0.15
+            && (route.goal_exit_s - route.goal_entry_s - 10.0).abs() < 0.2
+    );
+}
+
+#[test]
+fn at_a_fork_the_branch_with_the_goal_is_taken() {
+    let road = fork();
+    for (x, y, branch) in [(80.0, 0.0, 2), (69.0, 14.0, 3)] {
+        let found = route(&road, Pose::new(10.0, 0.0, 0.0), &[box_at(x, y, 3.0, 3.0)]);
+        assert_eq!(ids(&road, &found), [1, branch]);
+    }
+}
+
+#[test]
+fn two_roads_lead_into_a_merge() {
+    let road = merge();
+    for (start, first) in [(Pose::new(5.0, 0.0, 0.0), 1), (Pose::new(30.0, -19.0, FRAC_PI_2), 2)] {
+        let found = route(&road, start, &[box_at(90.0, 0.0, 5.0, 3.0)]);
+        assert_eq!(ids(&road, &found), [first, 3]);
+        assert!((found.path.at(found.start_s).position.distance(start.position)) < 0.5);
+    }
+}
+
+#[test]
+fn a_start_beside_the_road_belongs_to_the_nearest_lane() {
+    let road = straight_road(2);
+    for (y, lane_id) in [(-3.2, 1), (-1.75, 1), (1.74, 1), (1.76, 2), (6.7, 2)] {
+        let found = route(&road, Pose::new(50.0, y, 0.1), &[]);
+        assert_eq!(ids(&road, &found), [lane_id], "y = {y}");
+    }
+    assert!(matches!(find(&road, Pose::new(50.0, -3.4, 0.0), &[]), Err(Error::NoRoute(_))));
+    assert!(matches!(find(&road, Pose::new(50.0, 0.0, PI), &[]), Err(Error::NoRoute(_))), "against the direction");
+}
+
+#[test]
+fn of_overlapping_lanes_the_start_takes_the_one_that_leads_to_the_goal() {
+    let road = crossing();
+    let start = Pose::new(0.3, -0.2, 0.7);
+    assert_eq!(ids(&road, &route(&road, start, &[box_at(40.0, 0.0, 3.0, 3.0)])), [1]);
+    assert_eq!(ids(&road, &route(&road, start, &[box_at(0.0, 40.0, 3.0, 3.0)])), [2]);
+}
+
+#[test]
+fn a_lane_change_blends_from_one_middle_to_the_other_within_its_length() {
+    let road = straight_road(2);
+    let found = route(&road, Pose::new(50.0, 0.0, 0.0), &[box_at(180.0, 3.5, 6.0, 2.0)]);
+    assert_eq!((ids(&road, &found), found.lane_changes), (vec![1, 2], 1));
+    for (s, p) in positions(&found) {
+        let (before, after) = (p.x < 48.0, p.x > 50.0 + 4.0 * SPEED + 2.0);
+        assert!(p.y > -0.05 && p.y < 3.55, "no overshoot at {s}");
+        assert!(!(before && p.y > 0.05 || after && p.y < 3.45), "not outside the blend at {s}");
+    }
+    assert!(found.path.curvature().iter().all(|k| k.abs() < 0.02));
+}
+
+#[test]
+fn three_lanes_are_crossed_one_after_the_other_before_the_goal() {
+    for (road, expected) in [(straight_road(3), vec![1, 2, 3]), (sections(1, 150.0), vec![11, 12, 13])] {
+        let found = route(&road, Pose::new(20.0, 0.0, 0.0), &[box_at(120.0, 7.0, 6.0, 2.0)]);
+        assert_eq!((ids(&road, &found), found.lane_changes), (expected, 2));
+        assert!((found.path.at(found.goal_entry_s).position.y - 7.0).abs() < 0.1);
+        assert!(found.path.curvature().iter().all(|k| k.abs() < 0.05));
+    }
+}
+
+#[test]
+fn a_blend_may_run_over_several_short_lanelets_of_the_same_lanes() {
+    let road = sections(10, 15.0);
+    let found = route(&road, Pose::new(5.0, 0.0, 0.0), &[box_at(130.0, 3.5, 6.0, 2.0)]);
+    assert_eq!(found.lane_changes, 1);
+    assert!(found.path.curvature().iter().all(|k| k.abs() < 0.02), "40 m long, although the lanelets are 15 m");
+}
+
+#[test]
+fn a_blend_stays_within_the_stretch_that_both_lanes_share() {
+    // Lane 2 begins at x = 60 and lane 1 ends at x = 90.
+    let road = open(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (60.0, 0.0))), &[2]),
+        lane(2, &straight((60.0, 0.0), (90.0, 0.0))),
+        with_successors(lane(3, &straight((60.0, 3.5), (90.0, 3.5))), &[4]),
+        lane(4, &straight((90.0, 3.5), (200.0, 3.5))),
+    ]);
+    let found = route(&road, Pose::new(10.0, 0.0, 0.0), &[box_at(180.0, 3.5, 6.0, 2.0)]);
+    assert_eq!(ids(&road, &found), [1, 2, 3, 4]);
+    for (_, p) in positions(&found) {
+        assert!(!(p.x < 59.0 && p.y > 0.1 || p.x > 91.0 && p.y < 3.4), "{p:?}");
+    }
+}
+
+#[test]
+fn fewer_lane_changes_count_more_than_length() {
+    // From lane 1 the goal on lane 4 is 100 m away over the neighbour 2, or 180 m by the detour 3.
+    let detour: Vec<Point> =
+        [(50.0, 0.0), (50.0, -60.0), (140.0, -60.0), (140.0, 3.5)].map(|(x, y)| Point::new(x, y)).to_vec();
+    let road = open(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[3]),
+        with_successors(lane(2, &straight((0.0, 3.5), (50.0, 3.5))), &[4]),
+        with_successors(lane(3, &detour), &[5]),
+        with_successors(lane(4, &straight((50.0, 3.5), (140.0, 3.5))), &[5]),
+        lane(5, &straight((140.0, 3.5), (200.0, 3.5))),
+    ]);
+    let found = route(&road, Pose::new(10.0, 0.0, 0.0), &[box_at(190.0, 3.5, 4.0, 3.0)]);
+    assert_eq!(ids(&road, &found), [1, 3, 5]);
+}
+
+#[test]
+fn a_goal_behind_the_start_on_a_ring_is_reached_once_around() {
+    let road = ring();
+    let found = route(&road, Pose::new(14.2, 14.1, 2.356), &[box_at(19.5, 5.0, 2.0, 2.0)]);
+    assert_eq!(ids(&road, &found), [1, 2, 3, 4, 1]);
+    assert!(found.goal_entry_s - found.start_s > 100.0);
+}
+
+#[test]
+fn a_goal_behind_the_start_on_a_road_without_return_has_no_route() {
+    let road = straight_road(2);
+    let Err(Error::NoRoute(message)) = find(&road, Pose::new(100.0, 0.0, 0.0), &[box_at(40.0, 0.0, 4.0, 3.0)]) else {
+        panic!("found one")
+    };
+    assert!(message.contains("from lanelet 1 to lanelet 1"), "{message}");
+    assert!(find(&road, Pose::new(40.0, 0.0, 0.0), &[box_at(40.0, 0.0, 4.0, 3.0)]).is_ok(), "inside it, it has");
+}
+
+#[test]
+fn a_goal_off_every_lanelet_has_no_route() {
+    assert!(matches!(
+        find(&straight_road(1), Pose::default(), &[box_at(50.0, 30.0, 3.0, 3.0)]),
+        Err(Error::NoRoute(_))
+    ));
+}
+
+#[test]
+fn a_goal_area_beside_the_path_is_reached_at_its_foot() {
+    let road = straight_road(1);
+    let found = route(&road, Pose::new(20.0, 0.0, 0.0), &[box_at(100.0, 1.2, 4.0, 1.0)]);
+    assert_eq!(found.goal_entry_s, found.goal_exit_s);
+    assert!((found.goal_entry_s - found.start_s - 80.0).abs() < 0.01);
+}
+
+#[test]
+fn of_several_goal_areas_the_span_from_first_to_last_counts() {
+    let road = straight_road(1);
+    let found = route(&road, Pose::new(20.0, 0.0, 0.0), &[box_at(110.0, 0.0, 4.0, 2.0), box_at(100.0, 0.0, 4.0, 2.0)]);
+    assert!((found.goal_entry_s - found.start_s - 78.0).abs() < 0.15);
+    assert!((found.goal_exit_s - found.start_s - 92.0).abs() < 0.15);
+}
+
+#[test]
+fn without_a_goal_position_the_lane_is_followed_straight_on() {
+    let road = fork();
+    let found = route(&road, Pose::new(10.0, 0.0, 0.0), &[]);
+    assert_eq!(ids(&road, &found), [1, 2]);
+    assert!(found.goal_entry_s.is_nan() && found.goal_exit_s.is_nan());
+    assert!(found.path.length() - found.start_s > 200.0);
+}
