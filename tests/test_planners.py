@@ -1,0 +1,66 @@
+"""Native planner records, and planners written by users."""
+
+import math
+
+import numpy as np
+import pytest
+from drivers import Straight
+
+from interdrive import Frenet, InputError, Trajectory, _core
+from interdrive.planners import FrenetWeights, native_planner
+from interdrive.settings import flatten
+from interdrive.testing import PlannerContractError, check_planner
+
+
+def test_the_defaults_of_the_record_are_those_of_the_core():
+    ours, core = flatten(Frenet()), _core.FrenetSettings.defaults()
+    assert ours.keys() == core.keys()
+    assert all(math.isclose(ours[key], core[key]) for key in core)
+
+
+def test_an_impossible_setting_is_refused_by_its_name():
+    with pytest.raises(InputError, match=r"planner\.frenet\.level must be 0 to 4"):
+        Frenet(level=9)
+    with pytest.raises(InputError, match=r"planner\.frenet\.jerk"):
+        Frenet(weights=FrenetWeights(jerk=-1.0))
+
+
+def test_a_planner_in_python_has_no_native_record():
+    assert native_planner(Straight()) is None
+
+
+def test_a_planner_that_keeps_the_contract_passes_the_check():
+    ends = check_planner(Straight)
+    assert ends["an empty road"] == "goal_reached"
+    assert ends["a standing car ahead"] == "collision"
+
+
+class Leaping(Straight):
+    def plan(self, view, predictions):
+        plan = super().plan(view, predictions)
+        return Trajectory(plan.x + np.linspace(0, 300, 31), plan.y, plan.orientation, plan.velocity)
+
+
+class Random(Straight):
+    def plan(self, view, predictions):
+        plan = super().plan(view, predictions)
+        return Trajectory(plan.x + np.linspace(0, 0.1, 31) * np.random.rand(), plan.y, plan.orientation, plan.velocity)
+
+
+class Nothing:
+    def plan(self, view, predictions):
+        return None
+
+
+class Broken:
+    def plan(self, view, predictions):
+        return 1 / 0
+
+
+@pytest.mark.parametrize(
+    ("planner", "words"),
+    [(Leaping, "moves at"), (Random, "did not plan the same"), (Nothing, "NoneType"), (Broken, "ZeroDivisionError")],
+)
+def test_a_planner_that_breaks_the_contract_fails_the_check(planner, words):
+    with pytest.raises(PlannerContractError, match=words):
+        check_planner(planner)
