@@ -1,0 +1,72 @@
+"""The command line, the only place that prints. Heavy modules are imported by the commands, not before.
+
+Exit codes: 0 all right; 1 an agent ended with planner_error, or `verify` found a difference; 2 something the user gave
+cannot be used (one line on stderr); 130 interrupted; 141 the reader of the output went away.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any, NoReturn
+
+import click
+
+from interdrive.cli.check import check
+from interdrive.cli.run import run
+from interdrive.cli.settings import settings
+from interdrive.cli.verify import verify
+from interdrive.errors import InterdriveError
+
+INTERRUPTED, READER_GONE = 130, 141
+
+
+class _Commands(click.Group):
+    """A group that turns everything that is not a bug into one line and an exit code."""
+
+    def main(self, *args: Any, **kwargs: Any) -> NoReturn:  # noqa: ANN401 - click's signature
+        """Runs a command and exits; what click does not understand is one line, too."""
+        kwargs["standalone_mode"] = False
+        try:
+            code = super().main(*args, **kwargs)
+        except click.exceptions.NoArgsIsHelpError as error:
+            error.show()
+            code = error.exit_code
+        except click.ClickException as error:
+            code = _complain(error.format_message(), error.exit_code)
+        sys.exit(code if isinstance(code, int) else 0)
+
+    def invoke(self, ctx: click.Context) -> int:
+        """The exit code of the chosen command."""
+        try:
+            code = super().invoke(ctx)
+            sys.stdout.flush()
+        except InterdriveError as error:
+            return _complain(str(error), 2)
+        except KeyboardInterrupt as stop:
+            click.echo(str(stop) or "interrupted, nothing written", err=True)
+            return INTERRUPTED
+        except BrokenPipeError:
+            # The interpreter would flush stdout once more and complain.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return READER_GONE
+        except OSError as error:
+            return _complain(": ".join(str(part) for part in (error.filename, error.strerror or error) if part), 2)
+        return code if isinstance(code, int) else 0
+
+
+def _complain(text: str, code: int) -> int:
+    click.echo(f"error: {' '.join(text.split())}", err=True)
+    return code
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="interdrive")
+def main() -> None:
+    """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
+
+
+for _command in (run, check, verify, settings):
+    main.add_command(_command)
+
+__all__ = ["main"]

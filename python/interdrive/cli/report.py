@@ -1,0 +1,226 @@
+"""What the commands print: tables, counts, notes, progress. Loads rich."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.table import Table
+
+from interdrive.run import OUTCOMES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from interdrive.check import Inspection
+    from interdrive.run import Run
+
+#: More rows than this are shown only if something went wrong in them.
+_ROWS_MAX, _NOTES_MAX = 40, 12
+
+_STYLES = {
+    "goal_reached": "green",
+    "goal_reached_late": "yellow",
+    "time_limit": "yellow",
+    "goal_missed": "yellow",
+    "infeasible": "red",
+    "collision": "bold red",
+    "planner_error": "bold red",
+}
+
+
+class _Output(Console):
+    """Leaves a closed pipe to the command's exit code."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+def _output() -> Console:
+    console = _Output(highlight=False)
+    if not console.is_terminal:
+        console.width = 120
+    return console
+
+
+class Report:
+    """Progress of a command, on stderr; shown only if stderr is a terminal."""
+
+    def __init__(self, bar: Progress) -> None:
+        """Starts without knowing how much there is to do."""
+        self._bar = bar
+        self._task = bar.add_task("", total=None)
+
+    def say(self, text: str) -> None:
+        """Something is going on that cannot be counted."""
+        # A task that was counted once cannot go back to not being counted.
+        self._bar.remove_task(self._task)
+        self._task = self._bar.add_task(escape(text), total=None)
+
+    def step(self, time_step: int, driving: int, agents: int, last: int) -> None:
+        """A time step was simulated; `last` is the latest possible one."""
+        text = f"step {time_step}, {driving} of {agents} agents drive"
+        self._bar.update(self._task, description=text, completed=time_step, total=max(last, time_step))
+
+    def frames(self, name: str) -> Callable[[int, int], None]:
+        """A counter for the frames of a film."""
+        return lambda done, total: self._bar.update(
+            self._task, description=f"drawing {name}", completed=done, total=total
+        )
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[Report]:
+    """A progress bar that leaves no trace."""
+    console = Console(stderr=True)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn()
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
+        yield Report(bar)
+
+
+def print_run(run: Run, folder: Path) -> None:
+    """Outcome table, counts, notes, speed, and where the results are."""
+    console = _output()
+    ended = run.outcomes
+    shown = list(range(len(ended.agent_id)))
+    if len(shown) > _ROWS_MAX:
+        shown = [row for row in shown if ended.outcome[row] != "goal_reached"][:_ROWS_MAX]
+    if shown:
+        console.print(_outcome_table(run, shown))
+    hidden = len(ended.agent_id) - len(shown)
+    if hidden:
+        console.print(f"{hidden} more in outcomes.parquet", style="dim")
+    counts = Counter(ended.outcome)
+    parts = [f"[{_STYLES.get(name, '')}]{counts[name]} {name}[/]" for name in (*OUTCOMES, "running") if counts[name]]
+    agents = f"{len(ended.agent_id)} agent{'s' * (len(ended.agent_id) != 1)}"
+    console.print(f"{escape(run.scenario.name)}, {agents}: " + ", ".join(parts))
+    _print_notes(console, run.notes, "run.json")
+    console.print(_speed(run))
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+
+
+def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
+    ended = run.outcomes
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "message"):
+        table.add_column(name, justify="right" if name in ("agent", "time [s]", "impact [m/s]") else "left")
+    several = len(set(ended.planner)) > 1
+    if several:
+        table.add_column("planner")
+    for row in rows:
+        partner = (
+            "road edge" if ended.off_road[row] else str(ended.partner_id[row]) if ended.partner_id[row] >= 0 else ""
+        )
+        impact = f"{ended.impact_speed[row]:.1f}" if np.isfinite(ended.impact_speed[row]) else ""
+        cells = [
+            str(ended.agent_id[row]),
+            f"[{_STYLES.get(ended.outcome[row], '')}]{ended.outcome[row]}[/]",
+            f"{ended.time_step[row] * run.scenario.dt:.1f}",
+            partner,
+            impact,
+            escape(ended.message[row]),
+        ]
+        table.add_row(*cells, *([escape(ended.planner[row])] if several else []))
+    return table
+
+
+def _print_notes(console: Console, notes: Sequence[str], where: str) -> None:
+    for note in notes[:_NOTES_MAX]:
+        console.print(f"note: {escape(note)}", style="dim", soft_wrap=True)
+    if len(notes) > _NOTES_MAX:
+        console.print(f"{len(notes) - _NOTES_MAX} more notes in {where}", style="dim")
+
+
+def _speed(run: Run) -> str:
+    """Median time of a step and how much faster than real time that is."""
+    steps, index = np.unique(run.timings.time_step, return_inverse=True)
+    if not len(steps):
+        return "no step was made"
+    seconds = float(np.median(np.bincount(index, weights=run.timings.seconds)))
+    factor = run.scenario.dt / seconds if seconds > 0 else float("inf")
+    return f"{len(steps)} steps, {1000 * seconds:.1f} ms per step (median), {factor:.3g} times real time"
+
+
+def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equal: bool) -> None:
+    """Whether the digests are equal; if not, what else differs."""
+    console = _output()
+    if equal:
+        console.print(f"[green]equal[/]: digest {stored['digest']}", soft_wrap=True)
+        return
+    console.print(
+        f"[bold red]different[/]: digest {repeated['digest']}, in run.json {stored['digest']}", soft_wrap=True
+    )
+    for group in ("versions", "platform"):
+        for name, now in repeated[group].items():
+            then = stored.get(group, {}).get(name)
+            if then != now:
+                console.print(f"{name}: now {now}, then {then}", soft_wrap=True, markup=False)
+
+
+def print_inspection(found: Inspection) -> None:
+    """What a scenario holds."""
+    console = _output()
+    limits = "none stated" if np.isnan(found.speed_limits[0]) else "{:.1f} to {:.1f} m/s".format(*found.speed_limits)
+    kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in found.kinds) or "none"
+    static = f" ({found.n_static} static)" if found.n_static else ""
+    able = found.candidates.ids[found.candidates.accepted].tolist()
+    table = Table(box=None, show_header=False, pad_edge=False, title=escape(found.name), title_justify="left")
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    table.add_row("benchmark id", escape(found.benchmark_id))
+    table.add_row("time", f"{found.n_steps} steps of {found.dt:g} s, {found.duration:.1f} s in all")
+    size = "{:.0f} m by {:.0f} m".format(*found.extent)
+    table.add_row("roads", f"{found.n_lanelets} lanelets, {found.lane_length:.0f} m of lanes, {size}")
+    table.add_row("speed limits", limits)
+    table.add_row("traffic", kinds + static)
+    for problem in found.planning_problems:
+        start = f"({problem.x:.1f}, {problem.y:.1f}), {problem.velocity:.1f} m/s"
+        on = (
+            f", lanelet {', '.join(map(str, problem.start_lanelet_ids))}"
+            if problem.start_lanelet_ids
+            else ", off every lanelet"
+        )
+        table.add_row(f"problem {problem.id}", f"from {start}{on}; to {problem.goal}")
+    table.add_row(
+        "can be agents", f"{len(able)} vehicles: {', '.join(map(str, able))}" if able else "no recorded vehicle"
+    )
+    console.print(table)
+    _print_reasons(console, found)
+    _print_notes(console, found.notes, "Scenario.notes")
+    console.print()
+
+
+def _print_reasons(console: Console, found: Inspection) -> None:
+    """Who cannot become an agent and why; vehicles with the same reason share a row."""
+    groups: dict[str, list[str]] = {}
+    for number, reason in zip(found.candidates.ids.tolist(), found.candidates.reasons, strict=True):
+        if reason:
+            groups.setdefault(reason, []).append(str(number))
+    if not groups:
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("cannot be agents", overflow="fold")
+    table.add_column("because", overflow="fold")
+    for reason, numbers in groups.items():
+        table.add_row(", ".join(numbers), escape(reason))
+    console.print(table)
+
+
+def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:
+    """Name, default and meaning of settings."""
+    console = _output()
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("setting", no_wrap=True)
+    table.add_column("default", overflow="fold")
+    table.add_column("meaning", overflow="fold")
+    for name, value, text in rows:
+        plain = f"{value:.6g}" if isinstance(value, float) else str(value)
+        plain = plain.lower() if value is None or isinstance(value, bool) else plain
+        table.add_row(name, escape(plain), escape(text))
+    console.print(table)

@@ -1,0 +1,350 @@
+"""The command line: what it passes on, what it prints, how it exits. The simulation itself is replaced here."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from interdrive import files, results, simulation
+from interdrive.cli import main
+from interdrive.errors import InputError
+from interdrive.results import load
+from invented_run import invented_run
+
+RUN = invented_run()
+GOOD = replace(
+    RUN, outcomes=replace(RUN.outcomes, outcome=("goal_reached", "collision", "goal_reached_late", "goal_missed"))
+)
+
+
+class Simulated:
+    """Stands in for `simulate`: keeps its arguments, returns a run or raises."""
+
+    def __init__(self):
+        self.arguments, self.result = None, GOOD
+
+    def __call__(self, scenario, *, on_step=None, **arguments):
+        self.arguments = {"scenario": scenario, **arguments}
+        for step in range(3):
+            on_step(step, 3 - step, 3, 10)
+        if isinstance(self.result, BaseException):
+            raise self.result
+        if isinstance(scenario, str | Path) and Path(scenario).exists():
+            path = Path(scenario)
+            source = replace(
+                self.result.scenario, path=path, name=path.stem, sha256=hashlib.sha256(path.read_bytes()).hexdigest()
+            )
+            return replace(self.result, scenario=source)
+        return self.result
+
+
+@pytest.fixture
+def simulated(monkeypatch):
+    stand_in = Simulated()
+    monkeypatch.setattr(simulation, "simulate", stand_in)
+    monkeypatch.setattr(files, "write_scenario", lambda run: b"<commonRoad/>")
+    return stand_in
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty working folder with a scenario file in it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bend.xml").write_text("<commonRoad/>")
+    return tmp_path
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(main, list(arguments))
+
+
+def refused(result):
+    """The one line of a refusal."""
+    assert result.exit_code == 2, result.output
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("error: ")
+    return lines[0].removeprefix("error: ")
+
+
+def test_a_run_is_simulated_saved_and_reported(simulated, here):
+    done = invoke("run", "bend.xml", "--out", "made")
+    assert done.exit_code == 0, done.output
+    assert load("made").info["digest"] == GOOD.digest
+    for text in (
+        "bend, 4 agents: 1 goal_reached, 1 goal_reached_late, 1 goal_missed, 1 collision",
+        "with parked_vehicle 22",
+        "note: vehicle 21 stays recorded: it leaves the map",
+        "60 steps, 17.0 ms per step (median), 5.88 times real time",
+        "results in made",
+    ):
+        assert text in done.stdout
+    row = next(line for line in done.stdout.splitlines() if line.split()[:2] == ["2", "collision"])
+    assert row.split()[2:5] == ["4.7", "22", "17.0"]
+    assert done.stderr == ""  # no terminal, no progress bar
+
+
+def test_without_choices_everybody_plans_with_the_defaults(simulated, here):
+    assert invoke("run", "bend.xml").exit_code == 0
+    assert simulated.arguments == {
+        "scenario": "bend.xml",
+        "agents": "all",
+        "planner": "frenet",
+        "predictor": "lane_following",
+        "settings": simulation.SimulationSettings(),
+        "seed": 0,
+        "threads": None,
+        "snapshots_of": None,
+    }
+
+
+@pytest.mark.parametrize(("text", "agents"), [("all", "all"), ("5", 5), ("5,7", (5, 7)), ("5,", (5,))])
+def test_agents_are_all_a_number_or_ids(simulated, here, text, agents):
+    assert invoke("run", "bend.xml", "--agents", text).exit_code == 0
+    assert simulated.arguments["agents"] == agents
+
+
+def test_the_command_line_wins_over_the_file_and_the_file_over_the_defaults(simulated, here):
+    (here / "sub").mkdir()
+    (here / "sub" / "there.xml").write_text("<commonRoad/>")
+    (here / "sub" / "run.toml").write_text(
+        'scenario = "there.xml"\nagents = [1, 2]\nseed = 3\npredictor = "constant_velocity"\n'
+        "[run]\nplanner = 'frenet'\nthreads = 2\n"
+        "[planner.frenet]\nhorizon = 2.0\nlevel = 1\n[view]\nsensor_radius = 50\n"
+    )
+    assert invoke("run", "--config", "sub/run.toml", "--seed", "9", "--set", "planner.frenet.level=3").exit_code == 0
+    given = simulated.arguments
+    assert (given["scenario"], given["agents"], given["seed"]) == ("sub/there.xml", (1, 2), 9)
+    assert (given["predictor"], given["threads"]) == ("constant_velocity", 2)
+    assert given["settings"].planner.frenet.horizon == 2.0
+    assert given["settings"].planner.frenet.level == 3
+    assert given["settings"].view.sensor_radius == 50.0
+
+
+def test_without_a_folder_every_run_gets_its_own(simulated, here):
+    for _ in range(3):
+        assert invoke("run", "bend.xml").exit_code == 0
+    assert sorted(path.name for path in (here / "out").iterdir()) == ["bend", "bend-2", "bend-3"]
+
+
+def test_a_planner_error_is_saved_and_exits_with_1(simulated, here):
+    simulated.result = RUN
+    done = invoke("run", "bend.xml", "--out", "made")
+    assert done.exit_code == 1
+    assert "ZeroDivisionError: division by zero" in done.stdout
+    assert load("made").outcomes["outcome"].to_pylist()[3] == "planner_error"
+
+
+def test_pictures_lie_beside_the_tables(simulated, here):
+    assert invoke("run", "bend.xml", "--out", "made", "--png", "--agent-view", "2").exit_code == 0
+    assert simulated.arguments["snapshots_of"] == 2
+    assert {"run.png", "run.gif"} <= {path.name for path in (here / "made").iterdir()}
+    again = invoke("run", "bend.xml", "--out", "made", "--overwrite")
+    assert again.exit_code == 0
+    assert not (here / "made" / "run.png").exists()
+
+
+def test_quiet_prints_nothing(simulated, here):
+    done = invoke("run", "bend.xml", "--quiet")
+    assert (done.exit_code, done.output) == (0, "")
+
+
+def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, here):
+    n = 100
+    outcome = ["goal_reached"] * n
+    outcome[41] = "infeasible"
+    many = replace(
+        GOOD.outcomes,
+        agent_id=np.arange(1000, 1000 + n),
+        planner=("frenet",) * n,
+        outcome=tuple(outcome),
+        time_step=np.full(n, 50),
+        partner_id=np.full(n, -1),
+        off_road=np.zeros(n, dtype=bool),
+        impact_speed=np.full(n, np.nan),
+        message=("",) * n,
+    )
+    simulated.result = replace(GOOD, outcomes=many, notes=tuple(f"note {k}" for k in range(30)))
+    text = invoke("run", "bend.xml").stdout
+    assert re.findall(r"^ *(1\d\d\d) ", text, re.M) == ["1041"]
+    assert "99 more in outcomes.parquet" in text
+    assert "100 agents: 99 goal_reached, 1 infeasible" in text
+    assert "18 more notes in run.json" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run"], "run: which scenario?"),
+        (["run", "nowhere.xml"], "nowhere.xml: no such file; shipped scenarios are"),
+        (["run", "bend.xml", "--set", "planner.frenet.horizn=3"], "did you mean planner.frenet.horizon?"),
+        (["run", "bend.xml", "--set", "planner.frenet.horizon=long"], "expected a number [s], not 'long'"),
+        (["run", "bend.xml", "--set", "step.replan_every=0"], "step.replan_every must be at least 1, not 0"),
+        (["run", "bend.xml", "--set", "seed"], "--set seed: write it as name=value"),
+        (["run", "bend.xml", "--seed", "x"], "--seed: expected a whole number, not 'x'"),
+        (["run", "bend.xml", "--agent-view", "x"], "--agent-view: expected a whole number or none, not 'x'"),
+        (["run", "bend.xml", "--config", "none.toml"], "none.toml: no such file"),
+        (["run", "bend.xml", "--config", "bend.xml"], "bend.xml: not a configuration file: "),
+        (["run", "bend.xml", "--config", "typo.toml"], "typo.toml: sed: there is no such entry; did you mean seed?"),
+        (
+            ["run", "bend.xml", "--config", "wrong.toml"],
+            "wrong.toml: view.sensor_radius: expected a number [m], not 'far'",
+        ),
+        (["run", "bend.xml", "--out", "."], "this folder holds other things (bend.xml) and is left alone"),
+        (["run", "bend.xml", "--out", "bend.xml"], "a file of that name is in the way"),
+        (["run", "bend.xml", "--mp4"], "MP4 needs ffmpeg"),
+        (["run", "bend.xml", "--sed", "3"], "No such option '--sed'"),
+        (["walk"], "No such command 'walk'"),
+        (["verify", "nowhere"], "nowhere: this is not a run folder, it has no run.json"),
+        (["settings", "nothing"], "nothing: no setting starts like that"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_line_before_the_simulation(
+    simulated, here, arguments, message, monkeypatch
+):
+    monkeypatch.setenv("PATH", "")
+    (here / "typo.toml").write_text("sed = 3\n")
+    (here / "wrong.toml").write_text('[view]\nsensor_radius = "far"\n')
+    assert message in refused(invoke(*arguments))
+    assert simulated.arguments is None
+    assert not (here / "out").exists()
+
+
+def test_the_name_of_a_shipped_scenario_may_be_misspelt(simulated, here, monkeypatch):
+    monkeypatch.setattr(files, "shipped_scenarios", lambda: ("highway", "t_junction"))
+    assert invoke("run", "t_junction").exit_code == 0
+    assert simulated.arguments["scenario"] == "t_junction"
+    assert "did you mean the shipped scenario t_junction?" in refused(invoke("run", "t_juntcion"))
+
+
+def test_errors_of_the_simulation_are_one_line(simulated, here):
+    simulated.result = InputError("agent 9:\n  there is no such vehicle")
+    assert refused(invoke("run", "bend.xml")) == "agent 9: there is no such vehicle"
+    assert not (here / "out").exists()
+
+
+@pytest.mark.parametrize("result", [KeyboardInterrupt(), replace(GOOD, finished=False)])
+def test_an_interrupted_run_writes_nothing_and_exits_with_130(simulated, here, result):
+    simulated.result = result
+    done = invoke("run", "bend.xml")
+    assert (done.exit_code, done.stdout, done.stderr) == (130, "", "interrupted, nothing written\n")
+    assert not (here / "out").exists()
+
+
+def test_an_interrupt_while_drawing_keeps_the_run(simulated, here, monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("interdrive.plots.draw_run", stop)
+    done = invoke("run", "bend.xml", "--out", "made", "--png")
+    assert (done.exit_code, done.stderr) == (130, "interrupted while drawing; the run is in made\n")
+    assert load("made").info["digest"] == GOOD.digest
+
+
+def test_a_full_disk_is_one_line_and_leaves_nothing(simulated, here, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(results, "_write_parquet", full)
+    line = refused(invoke("run", "bend.xml", "--out", "made"))
+    assert line == f"{here / 'made'}: cannot be written: No space left on device"
+    assert [path.name for path in here.iterdir()] == ["bend.xml"]
+
+
+def test_verify_repeats_the_run_as_it_was(simulated, here):
+    assert invoke("run", "bend.xml", "--out", "made", "--agents", "1,2", "--seed", "4").exit_code == 0
+    settings = {**GOOD.settings, "agents": [1, 2], "seed": 4, "planner": {"1": "frenet", "2": "a.b:C"}}
+    info = json.loads((here / "made" / "run.json").read_text())
+    info["settings"] = settings | {"settings": {"planner.frenet.horizon": 2.0}}
+    (here / "made" / "run.json").write_text(json.dumps(info))
+    done = invoke("verify", "made", "--threads", "1")
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("equal: digest 000")
+    given = simulated.arguments
+    assert (given["agents"], given["seed"], given["threads"]) == ([1, 2], 4, 1)
+    assert given["planner"] == {1: "frenet", 2: "a.b:C"}
+    assert given["settings"].planner.frenet.horizon == 2.0
+
+
+def test_verify_exits_with_1_and_shows_both_digests_if_they_differ(simulated, here):
+    invoke("run", "bend.xml", "--out", "made")
+    simulated.result = replace(GOOD, digest="1" * 64)
+    done = invoke("verify", "made")
+    assert done.exit_code == 1
+    assert "1" * 64 in done.stdout
+    assert "0" * 64 in done.stdout
+
+
+def test_verify_refuses_another_scenario_file_and_takes_a_moved_one(simulated, here):
+    invoke("run", "bend.xml", "--out", "made")
+    (here / "bend.xml").rename(here / "moved.xml")
+    assert "cannot be read (No such file or directory); --scenario says where it is" in refused(
+        invoke("verify", "made")
+    )
+    assert invoke("verify", "made", "--scenario", "moved.xml").exit_code == 0
+    (here / "moved.xml").write_text("<other/>")
+    assert "has changed since the run" in refused(invoke("verify", "made", "--scenario", "moved.xml"))
+
+
+def test_check_prints_what_a_scenario_holds_and_goes_on_after_a_bad_one(here, monkeypatch):
+    monkeypatch.setattr(files, "read_scenario", lambda path: RUN.scenario if path == "bend.xml" else _refuse(path))
+    done = invoke("check", "bad.xml", "bend.xml")
+    assert done.exit_code == 2
+    assert done.stderr == "error: bad.xml: no lanelets\n"
+    for text in (
+        "ZAM_Bend-1_1_T-1",
+        "4 lanelets",
+        "60 steps of 0.1 s, 5.9 s in all",
+        "pedestrian, not a vehicle",
+        "static obstacle",
+    ):
+        assert text in done.stdout
+
+
+def _refuse(path):
+    raise InputError(f"{path}: no lanelets")
+
+
+def test_settings_lists_names_defaults_and_meaning():
+    done = invoke("settings", "view")
+    assert done.exit_code == 0
+    assert done.stdout.splitlines()[1].split()[:2] == ["view.sensor_radius", "80"]
+
+
+def python(*arguments, **options):
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False, **options)
+
+
+def test_help_is_quick_and_needs_no_heavy_module():
+    python("-m", "interdrive", "--help")
+    begin = time.perf_counter()
+    shown = python("-X", "importtime", "-m", "interdrive", "--help")
+    assert time.perf_counter() - begin < 0.6  # twice what is promised: the machine may be busy
+    assert shown.returncode == 0
+    for module in ("numpy", "matplotlib", "pyarrow", "commonroad", "rich"):
+        assert f" {module}\n" not in shown.stderr
+
+
+def test_python_m_interdrive_is_the_same_command():
+    assert python("-m", "interdrive", "--help").stdout.startswith("Usage: interdrive [OPTIONS] COMMAND")
+
+
+def test_a_reader_that_goes_away_is_no_error_message():
+    script = "import sys; from interdrive.cli import main; main(['settings'])"
+    reading, writing = os.pipe()
+    os.close(reading)
+    gone = subprocess.run([sys.executable, "-c", script], stdout=writing, stderr=subprocess.PIPE, check=False)
+    os.close(writing)
+    assert (gone.returncode, gone.stderr) == (141, b"")
