@@ -1,11 +1,11 @@
 //! Parameter records of native planners.
 
-use interdrive_core::plan::frenet::{Candidates, Comfort, CostWeights, FrenetSettings};
+use interdrive_core::plan::frenet::{Candidates, Comfort, CostWeights, FrenetSettings, N_TERMS, Rejection};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::errors::{InputError, exception};
+use crate::errors::InputError;
 
 #[pyclass(frozen, name = "FrenetSettings", module = "interdrive._core")]
 pub struct PyFrenetSettings(pub FrenetSettings);
@@ -70,4 +70,40 @@ impl PyFrenetSettings {
         write_comfort(&values, &settings.comfort)?;
         Ok(values)
     }
+}
+
+/// Words for a rejection; empty for an admissible sample.
+fn words(rejection: Rejection, collision_id: i64) -> String {
+    match rejection {
+        Rejection::Admissible => String::new(),
+        Rejection::Acceleration => "acceleration".into(),
+        Rejection::Curvature => "curvature".into(),
+        Rejection::SteeringRate => "steering rate".into(),
+        Rejection::YawRate => "yaw rate".into(),
+        Rejection::LateralAcceleration => "lateral acceleration".into(),
+        Rejection::NegativeSpeed => "negative speed".into(),
+        Rejection::LeftPath => "left the reference path".into(),
+        Rejection::Collision => format!("collision with {collision_id}"),
+        Rejection::OffRoad => "off the road".into(),
+    }
+}
+
+/// All samples of a plan as a dict of arrays: x, y (samples, points); terms (samples, terms); cost, end_time,
+/// end_velocity, end_offset (samples,); rejection (words per sample); chosen (-1 for none); desired_velocity.
+pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResult<Bound<'py, PyDict>> {
+    let (n, n_points) = (candidates.len(), candidates.n_points);
+    let reasons = candidates.rejection.iter().zip(&candidates.collision_id).map(|(r, id)| words(*r, *id));
+    let dict = PyDict::new(py);
+    dict.set_item("x", arrays::grid(py, candidates.x.clone(), [n, n_points])?)?;
+    dict.set_item("y", arrays::grid(py, candidates.y.clone(), [n, n_points])?)?;
+    dict.set_item("terms", arrays::grid(py, candidates.terms.clone(), [n, N_TERMS])?)?;
+    dict.set_item("term_names", CostWeights::NAMES.to_vec())?;
+    dict.set_item("cost", arrays::row(py, candidates.cost.clone()))?;
+    dict.set_item("end_time", arrays::row(py, candidates.end_time.clone()))?;
+    dict.set_item("end_velocity", arrays::row(py, candidates.end_velocity.clone()))?;
+    dict.set_item("end_offset", arrays::row(py, candidates.end_offset.clone()))?;
+    dict.set_item("rejection", reasons.collect::<Vec<_>>())?;
+    dict.set_item("chosen", candidates.chosen.map_or(-1, |chosen| chosen as i64))?;
+    dict.set_item("desired_velocity", candidates.desired_velocity)?;
+    Ok(dict)
 }
