@@ -33,10 +33,16 @@ impl DrivableArea {
         let buckets = Buckets::fill(grid.n_cells(), edges.len(), |i, add| {
             grid.visit_convex(&[edges[i].a, edges[i].b], tolerance, &mut *add);
         });
-        let ground_of = |cell: usize| match (buckets.of(cell).is_empty(), surface.is_near(grid.center_of(cell))) {
-            (false, _) => Ground::Edge,
-            (true, true) => Ground::Road,
-            (true, false) => Ground::OffRoad,
+        // Without an edge in it, a cell is of one kind everywhere, but for gaps and holes that are too small to count:
+        // one of the points lies beside them.
+        let ground_of = |cell: usize| {
+            if !buckets.of(cell).is_empty() {
+                Ground::Edge
+            } else if grid.samples_of(cell).into_iter().any(|point| surface.is_near(point)) {
+                Ground::Road
+            } else {
+                Ground::OffRoad
+            }
         };
         let ground = (0..grid.n_cells()).map(ground_of).collect();
         Self { surface, edges, buckets, ground }

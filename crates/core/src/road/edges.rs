@@ -1,9 +1,15 @@
 //! The border of the drivable area: pieces of lanelet borders beside which nothing is drivable.
 
+use super::grid::Buckets;
 use super::lanelet::Lanelet;
 use super::open_ends::Filler;
 use super::surface::{Surface, is_twisted};
 use crate::geometry::Point;
+
+/// Enclosed holes up to this size are errors of the map: slits between lanelets that part in a junction.
+const HOLE_AREA_MAX: f64 = 1.0;
+/// Circumference of such a hole [m], at most.
+const HOLE_EDGE_MAX: f64 = 15.0;
 
 /// A straight piece of something.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +31,8 @@ struct Border<'a> {
 ///
 /// A point of a border is edge if the point `gap_tolerance` further out lies on nothing drivable. That is decided
 /// exactly, by clipping the shifted border against the triangles of the surface; pieces of less than twice the
-/// tolerance are dropped, so gaps and overlaps up to the tolerance leave no trace.
+/// tolerance are dropped, so gaps and overlaps up to the tolerance leave no trace, and so are the edges of enclosed
+/// holes of less than 1 m².
 pub(super) fn road_edges(
     lanelets: &[Lanelet],
     fillers: &[Filler],
@@ -49,7 +56,50 @@ pub(super) fn road_edges(
     for border in fillers.iter().flat_map(|filler| &filler.borders) {
         seek(border, false);
     }
-    edges
+    without_small_holes(edges, surface, 3.0 * gap_tolerance)
+}
+
+/// Drops connected edges (ends within `reach` [m] of each other) that surround a small hole.
+fn without_small_holes(edges: Vec<Segment>, surface: &Surface, reach: f64) -> Vec<Segment> {
+    let grid = surface.grid;
+    let buckets = Buckets::fill(grid.n_cells(), edges.len(), |i, add| {
+        grid.visit_convex(&[edges[i].a, edges[i].b], reach, &mut *add);
+    });
+    // Union-find; every group is named by its first edge.
+    let mut groups: Vec<usize> = (0..edges.len()).collect();
+    let root = |groups: &[usize], mut i: usize| {
+        while groups[i] != i {
+            i = groups[i];
+        }
+        i
+    };
+    for cell in 0..grid.n_cells() {
+        let here = buckets.of(cell);
+        for (k, &i) in here.iter().enumerate() {
+            for &j in &here[..k] {
+                let (i, j) = (i as usize, j as usize);
+                let ends = |edge: Segment| [edge.a, edge.b];
+                let meet = ends(edges[i]).iter().any(|p| ends(edges[j]).iter().any(|q| p.distance(*q) <= reach));
+                if meet {
+                    let (a, b) = (root(&groups, i), root(&groups, j));
+                    groups[a.max(b)] = a.min(b);
+                }
+            }
+        }
+    }
+    for i in 0..groups.len() {
+        groups[i] = root(&groups, i);
+    }
+    let mut lengths = vec![0.0; edges.len()];
+    let mut areas = vec![0.0; edges.len()];
+    for (edge, &group) in edges.iter().zip(&groups) {
+        lengths[group] += edge.a.distance(edge.b);
+        // What is not drivable lies to the left of an edge, so a hole is surrounded counter-clockwise.
+        areas[group] += 0.5 * (edge.a - edges[group].a).cross(edge.b - edges[group].a);
+    }
+    let is_hole =
+        |group: usize| lengths[group] <= HOLE_EDGE_MAX && areas[group] > -1e-3 && areas[group] <= HOLE_AREA_MAX;
+    edges.iter().zip(&groups).filter(|(_, group)| !is_hole(**group)).map(|(edge, _)| *edge).collect()
 }
 
 /// Arc lengths of the vertices.

@@ -54,9 +54,11 @@ impl Grid {
         inside.then(|| local.y as usize * self.columns + local.x as usize)
     }
 
-    pub(super) fn center_of(&self, cell: usize) -> Point {
+    /// Centre of a cell and four points around it.
+    pub(super) fn samples_of(&self, cell: usize) -> [Point; 5] {
         let (row, column) = (cell / self.columns, cell % self.columns);
-        self.origin + Point::new(column as f64 + 0.5, row as f64 + 0.5) * self.size
+        [(0.5, 0.5), (0.2, 0.3), (0.7, 0.2), (0.8, 0.7), (0.3, 0.8)]
+            .map(|(x, y)| self.origin + Point::new(column as f64 + x, row as f64 + y) * self.size)
     }
 
     /// Cells that touch a box; `None` if there is none.

@@ -320,3 +320,21 @@ fn behind_a_merge_a_stretch_of_lane_comes_from_the_straight_branch() {
     let first = Aabb::around(road.lane_stretch(2, 5.0, 20.0, 5.0).remove(0));
     assert_eq!((first.min.x, first.max.x, first.max.y), (35.0, 50.0, 1.75));
 }
+
+#[test]
+fn a_slit_between_lanes_is_no_edge_but_a_median_is() {
+    // Two lanes that part from x = 20 to 24, up to `width`, and meet again.
+    let parting = |width: f64| {
+        let mut lanelets = parallel_lanes(2, 50.0);
+        for (x, share) in [(21, 0.5), (22, 1.0), (23, 0.5)] {
+            lanelets[1].right[x].y += share * width;
+        }
+        closed(lanelets)
+    };
+    let inner = |road: &RoadNetwork| {
+        road.road_edges().iter().filter(|e| e.a.y > 1.0 && e.a.y < 4.0 && e.a.x > 1.0 && e.a.x < 49.0).count()
+    };
+    assert_eq!(inner(&parting(0.3)), 0);
+    assert!(inner(&parting(2.0)) > 3);
+    assert!(is_covered(&parting(0.3), 22.0, 1.75, 0.0) && !is_covered(&parting(2.0), 22.0, 1.75, 0.0));
+}

@@ -74,7 +74,7 @@ pub struct ReferencePath {
 
 impl ReferencePath {
     /// A smooth path near the points: noise and kinks are rounded (see the module `smoothing`), typically by less than
-    /// 0.3 m, by more only at kinks of over 20 degrees and in bends tighter than 5 m.
+    /// 0.3 m, by more only at kinks of over 25 degrees and in bends tighter than 4 m.
     ///
     /// # Errors
     /// `InvalidInput` if a coordinate is not a number or fewer than two different points are given.
@@ -200,27 +200,23 @@ impl ReferencePath {
             let offset = p - at.position;
             (offset.dot(at.tangent()), at.tangent().cross(offset), at.curvature)
         };
-        // Ahead of the lower end and behind the upper end: the foot is between.
-        let mut low = nearest.1.saturating_sub(1).max(from) as f64 * self.spacing;
-        let mut high = (nearest.1 + 1).min(to) as f64 * self.spacing;
-        let (ahead_low, d_low, _) = ahead(low);
-        let (ahead_high, d_high, _) = ahead(high);
-        if ahead_low <= 0.0 {
-            return (ahead_low > -END_TOLERANCE)
-                .then_some((low, d_low))
-                .filter(|foot| foot.1.abs() <= PROJECTION_REACH);
+        // The point is ahead of the lower end and behind the upper end of the interval with the foot, and the nearest
+        // knot is one of both.
+        let knot_s = nearest.1 as f64 * self.spacing;
+        let (ahead_knot, d_knot, _) = ahead(knot_s);
+        let is_ahead = ahead_knot > 0.0;
+        let other = if is_ahead { (nearest.1 + 1).min(to) } else { nearest.1.saturating_sub(1).max(from) };
+        let other_s = other as f64 * self.spacing;
+        if other == nearest.1 {
+            return (ahead_knot.abs() < END_TOLERANCE && d_knot.abs() <= PROJECTION_REACH).then_some((knot_s, d_knot));
         }
-        if ahead_high >= 0.0 {
-            return (ahead_high < END_TOLERANCE)
-                .then_some((high, d_high))
-                .filter(|foot| foot.1.abs() <= PROJECTION_REACH);
-        }
-        let mut s = nearest.1 as f64 * self.spacing;
-        let mut d = 0.0;
+        let (mut low, mut high) = if is_ahead { (knot_s, other_s) } else { (other_s, knot_s) };
+        let mut s = knot_s;
+        let (mut d, mut residual) = (0.0, f64::INFINITY);
         for _ in 0..60 {
             let (distance_ahead, offset, curvature) = ahead(s);
-            d = offset;
-            if distance_ahead.abs() < 1e-11 {
+            (d, residual) = (offset, distance_ahead.abs());
+            if residual < 1e-11 {
                 break;
             }
             if distance_ahead > 0.0 {
@@ -232,7 +228,7 @@ impl ReferencePath {
             let newton = s + distance_ahead / slope;
             s = if slope > 0.05 && newton > low && newton < high { newton } else { 0.5 * (low + high) };
         }
-        (d.abs() <= PROJECTION_REACH).then_some((s, d))
+        (residual < END_TOLERANCE && d.abs() <= PROJECTION_REACH).then_some((s, d))
     }
 }
 

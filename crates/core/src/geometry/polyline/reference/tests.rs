@@ -70,7 +70,7 @@ fn a_right_angle_becomes_a_bend_that_a_car_can_drive() {
     let points = [Point::new(0.0, 0.0), Point::new(40.0, 0.0), Point::new(40.0, 40.0)];
     let path = ReferencePath::through(&points).expect("valid");
     let sharpest = largest(path.curvature().iter().copied());
-    assert!(sharpest < 0.4, "{sharpest}");
+    assert!(sharpest < 0.45, "{sharpest}");
 }
 
 #[test]
