@@ -232,6 +232,10 @@ fn shared(a: &[Point], b: &[Point], reversed: bool) -> bool {
     if a[0].distance(first) > SHARED_BOUND_DISTANCE || a[a.len() - 1].distance(last) > SHARED_BOUND_DISTANCE {
         return false;
     }
+    let other = |i: usize| if reversed { b[b.len() - 1 - i] } else { b[i] };
+    if a.len() == b.len() && (0..a.len()).all(|i| a[i].distance(other(i)) <= SHARED_BOUND_DISTANCE) {
+        return true;
+    }
     let near = |points: &[Point], line: &[Point]| {
         Polyline::new(line).is_ok_and(|line| points.iter().all(|p| line.project(*p).distance <= SHARED_BOUND_DISTANCE))
     };

@@ -338,3 +338,53 @@ fn a_slit_between_lanes_is_no_edge_but_a_median_is() {
     assert!(inner(&parting(2.0)) > 3);
     assert!(is_covered(&parting(0.3), 22.0, 1.75, 0.0) && !is_covered(&parting(2.0), 22.0, 1.75, 0.0));
 }
+
+// --- peculiar maps ---
+
+#[test]
+fn coordinates_of_five_million_metres_change_nothing() {
+    let near = fork();
+    let far = |lanelet: &Lanelet| LaneletInput {
+        successors: lanelet.successors.iter().map(|i| near.lanelets()[*i].id).collect(),
+        ..shifted(
+            LaneletInput {
+                left: lanelet.left.clone(),
+                right: lanelet.right.clone(),
+                ..lane(lanelet.id, &straight((0.0, 0.0), (1.0, 0.0)))
+            },
+            691_000.0,
+            5_334_000.0,
+        )
+    };
+    let road = open(near.lanelets().iter().map(far).collect());
+    assert_eq!(road.road_edges().len(), near.road_edges().len());
+    assert!((edge_length(&road) - edge_length(&near)).abs() < 1e-3);
+    assert!(is_covered(&road, 691_053.0, 5_334_000.5, 0.1) && !is_covered(&road, 691_080.0, 5_334_004.0, 0.0));
+}
+
+#[test]
+fn bounds_with_different_numbers_of_vertices_are_paired_by_relative_length() {
+    let mut lanelet = lane(1, &straight((0.0, 0.0), (40.0, 0.0)));
+    lanelet.left = vec![lanelet.left[0], lanelet.left[10], lanelet.left[40]];
+    let road = closed(vec![lanelet]);
+    let lanelet = &road.lanelets()[0];
+    assert_eq!(lanelet.left.len(), lanelet.right.len());
+    assert!((lanelet.length - 40.0).abs() < 1e-9 && (lanelet.width_at(17.3) - LANE_WIDTH).abs() < 1e-9);
+    assert!((edge_length(&road) - 87.0).abs() < 1e-6);
+}
+
+#[test]
+fn near_duplicate_vertices_and_very_short_lanelets_are_harmless() {
+    let mut first = with_successors(lane(1, &straight((0.0, 0.0), (30.0, 0.0))), &[2]);
+    for bound in [&mut first.left, &mut first.right] {
+        let twin = bound[7] + Point::new(1e-9, 0.0);
+        bound.insert(8, twin);
+    }
+    let short = with_successors(lane(2, &straight((30.0, 0.0), (30.15, 0.0))), &[3]);
+    let road = closed(vec![first, short, lane(3, &straight((30.15, 0.0), (60.0, 0.0)))]);
+    assert!((5..55).all(|x| is_covered(&road, f64::from(x), 0.9, 0.0) && !is_covered(&road, f64::from(x), 1.1, 0.0)));
+    let (pose, curvature) = road.chain_pose(&[0, 1, 2], 10.0, 20.1, 0.0);
+    assert!(
+        pose.position.distance(Point::new(30.1, 0.0)) < 1e-6 && pose.orientation.abs() < 1e-9 && curvature.abs() < 1e-9
+    );
+}
