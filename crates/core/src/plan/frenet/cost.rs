@@ -3,7 +3,7 @@
 //! each adds something positive, so every partial sum is a lower bound.
 
 use super::super::PlanRequest;
-use super::frame::{Start, Waypoint};
+use super::frame::Waypoint;
 use super::obstacles::Obstacles;
 use super::sample::{Lateral, Motion, Samples};
 use super::settings::{CostWeights, N_TERMS};
@@ -27,7 +27,6 @@ impl TableCosts {
     pub(super) fn compute(
         &mut self,
         samples: &Samples,
-        start: &Start,
         desired_velocity: f64,
         weights: &CostWeights,
         path: &ReferencePath,
@@ -37,20 +36,13 @@ impl TableCosts {
         self.velocity_offset.resize(samples.len(), 0.0);
         self.total.clear();
         self.total.resize(samples.len(), f64::INFINITY);
-        // Where the path is straight as far as anybody gets, K is 1.
-        let furthest = samples.furthest.iter().fold(start.s, |a, b| a.max(*b));
-        let is_straight = is_straight(path, start.s, furthest);
         for (index, row) in samples.rows.iter().enumerate() {
             if row.rejection != super::Rejection::Admissible {
                 continue;
             }
             let motions = samples.motions(index);
             self.curvature.clear();
-            if is_straight {
-                self.curvature.resize(motions.len(), 0.0);
-            } else {
-                self.curvature.extend(motions.iter().map(|motion| path.curvature_at(motion.s)));
-            }
+            self.curvature.extend(motions.iter().map(|motion| curvature_at(path, motion.s)));
             let (table, t) = samples.lateral(index);
             let lanes = index * n_lanes..(index + 1) * n_lanes;
             let sums = &mut self.velocity_offset[lanes.clone()];
@@ -78,10 +70,13 @@ impl TableCosts {
     }
 }
 
-fn is_straight(path: &ReferencePath, from: f64, to: f64) -> bool {
-    let last = path.curvature().len() - 1;
-    let (first, end) = ((from / path.spacing()) as usize, (to / path.spacing()) as usize + 1);
-    path.curvature()[first.min(last)..=end.min(last)].iter().all(|curvature| *curvature == 0.0)
+/// `path.at(s).curvature` without the rest.
+#[inline]
+fn curvature_at(path: &ReferencePath, s: f64) -> f64 {
+    let knots = path.curvature();
+    let position = s / path.spacing();
+    let i = (position as usize).min(knots.len() - 2);
+    knots[i] + (knots[i + 1] - knots[i]) * (position - i as f64)
 }
 
 /// Weighted sum of the first four terms.

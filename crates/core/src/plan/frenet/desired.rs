@@ -144,11 +144,12 @@ fn goal(request: &PlanRequest, start: &Start, comfort: &Comfort) -> (f64, Option
     let seconds = |steps: f64| steps * request.dt;
     let until = |time_step: i64| seconds((time_step - request.time_step) as f64);
     let is_early = until(goal.time_step.0) > 0.0;
-    let stop = is_early.then(|| exit - GOAL_END_GAP - request.vehicle.rear_axle_to_center);
+    let stop = is_early.then_some(exit - GOAL_END_GAP - request.vehicle.rear_axle_to_center);
     if center >= entry {
         let room = (exit - GOAL_END_GAP - center).max(0.0);
         let inside = goal_velocity.unwrap_or(start.velocity);
-        let waiting = if is_early { (room / until(goal.time_step.0)).min((comfort.deceleration * room).sqrt()) } else { inside };
+        let waiting =
+            if is_early { (room / until(goal.time_step.0)).min((comfort.deceleration * room).sqrt()) } else { inside };
         return (inside.min(waiting), stop);
     }
     (arrival_velocity(goal, entry.min(exit) - center, exit - entry, onwards, comfort, until), stop)

@@ -3,8 +3,8 @@
 //! Recorded initial states are noisy: the start itself may exceed a limit. Then the limit begins at the value of the
 //! start (and a tenth of the excess more) and shrinks linearly to its true value over 1.5 s.
 
-use super::frame::Waypoint;
 use super::super::PlanRequest;
+use super::frame::Waypoint;
 use crate::vehicle::Vehicle;
 
 /// Time in which an excess of the start must be gone [s].
@@ -67,7 +67,7 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    pub(super) fn new(request: &PlanRequest, horizon: f64, start_curvature: f64) -> Self {
+    pub(super) fn new(request: &PlanRequest, n_points: usize, start_curvature: f64) -> Self {
         let vehicle = *request.vehicle;
         let state = &request.state;
         let lateral = (state.velocity * state.velocity * start_curvature).abs();
@@ -77,7 +77,7 @@ impl Limits {
             lateral - vehicle.lateral_acceleration_max,
         ];
         Self {
-            n_points: (horizon / request.dt).round().max(1.0) as usize + 1,
+            n_points,
             dt: request.dt,
             acceleration_max: vehicle.acceleration_max,
             velocity_max: vehicle.velocity_max,

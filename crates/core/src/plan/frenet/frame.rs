@@ -48,8 +48,8 @@ impl Start {
     /// described in the frame of its path.
     ///
     /// Steering of a creeping or standing agent cannot be observed: it is taken to keep the present direction
-    /// relative to the path (d'' = 0), within the limits.
-    pub(super) fn new(request: &PlanRequest) -> Result<Self, String> {
+    /// relative to the path (d'' = 0), within the limits. The same if the yaw rate is not to be trusted.
+    pub(super) fn new(request: &PlanRequest, yaw_rate_counts: bool) -> Result<Self, String> {
         let state = request.state;
         let path = &request.route.path;
         let velocity = if (-CREEPING..0.0).contains(&state.velocity) { 0.0 } else { state.velocity };
@@ -70,7 +70,7 @@ impl Start {
         let turn = at.curvature_rate * d + at.curvature * d_prime;
         let limit = request.vehicle.curvature_max();
         let parallel = ((at.curvature + turn * tan * cos * cos / stretch) * cos / stretch).clamp(-limit, limit);
-        let curvature = start_curvature(request).unwrap_or(parallel);
+        let curvature = start_curvature(request).filter(|_| yaw_rate_counts).unwrap_or(parallel);
         let swing = curvature * stretch / cos - at.curvature;
         let s_dot = velocity * cos / stretch;
         let inertia = s_dot * s_dot / cos * (stretch * tan * swing - turn);

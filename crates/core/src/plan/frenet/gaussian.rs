@@ -248,7 +248,8 @@ mod tests {
     fn brute_force(variance_x: f64, covariance: f64, variance_y: f64, center: (f64, f64), half: (f64, f64)) -> f64 {
         let n = 1000;
         let determinant = variance_x * variance_y - covariance * covariance;
-        let bounds = |c: f64, h: f64, variance: f64| ((c - h).max(-7.0 * variance.sqrt()), (c + h).min(7.0 * variance.sqrt()));
+        let bounds =
+            |c: f64, h: f64, variance: f64| ((c - h).max(-7.0 * variance.sqrt()), (c + h).min(7.0 * variance.sqrt()));
         let (x0, x1) = bounds(center.0, half.0, variance_x);
         let (y0, y1) = bounds(center.1, half.1, variance_y);
         if x0 >= x1 || y0 >= y1 {

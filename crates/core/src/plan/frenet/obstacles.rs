@@ -87,7 +87,13 @@ pub(super) struct Obstacles {
 
 impl Obstacles {
     /// Prepares all participants of the request.
-    pub(super) fn prepare(&mut self, request: &PlanRequest, start: &Start, samples: &Samples, settings: &FrenetSettings) {
+    pub(super) fn prepare(
+        &mut self,
+        request: &PlanRequest,
+        start: &Start,
+        samples: &Samples,
+        settings: &FrenetSettings,
+    ) {
         self.tracks.clear();
         self.unsorted_sweeps.clear();
         self.unsorted_expectations.clear();
@@ -286,12 +292,16 @@ impl Obstacles {
         None
     }
 
+    /// No sample can get near anybody's expected position.
+    pub(super) fn nobody_is_expected(&self) -> bool {
+        self.expectations.is_empty()
+    }
+
     /// Sum of the prediction cost over the points `from..to` (at least 1) of a sample.
     pub(super) fn prediction_cost(&self, points: &[Waypoint], from: usize, to: usize) -> f64 {
         let half = (self.half_length, self.half_width);
         let mut sum = 0.0;
-        for i in from..to {
-            let point = &points[i];
+        for (i, point) in points.iter().enumerate().take(to).skip(from) {
             for expectation in &self.expectations[self.expectation_starts[i]..self.expectation_starts[i + 1]] {
                 sum += expectation.cost(point, half);
             }
@@ -404,14 +414,14 @@ fn part_box(part: &ConvexPart, pose: Pose) -> (OrientedBox, bool) {
         let axis = Point::from_angle(pose.orientation);
         return (OrientedBox { center, axis, half_length: part.radius, half_width: part.radius }, false);
     }
-    let area: f64 = (1..vertices.len() - 1)
-        .map(|i| 0.5 * (vertices[i] - vertices[0]).cross(vertices[i + 1] - vertices[0]))
-        .sum();
+    let area: f64 =
+        (1..vertices.len() - 1).map(|i| 0.5 * (vertices[i] - vertices[0]).cross(vertices[i + 1] - vertices[0])).sum();
     let mut best: Option<OrientedBox> = None;
     for i in 0..vertices.len() {
         let side = vertices[(i + 1) % vertices.len()] - vertices[i];
         let axis = side * (1.0 / side.norm());
-        let (mut low, mut high) = (Point::new(f64::INFINITY, f64::INFINITY), Point::new(f64::NEG_INFINITY, f64::NEG_INFINITY));
+        let (mut low, mut high) =
+            (Point::new(f64::INFINITY, f64::INFINITY), Point::new(f64::NEG_INFINITY, f64::NEG_INFINITY));
         for vertex in vertices {
             let local = Point::new(vertex.dot(axis), axis.cross(*vertex));
             low = Point::new(low.x.min(local.x), low.y.min(local.y));

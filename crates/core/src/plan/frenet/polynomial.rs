@@ -142,8 +142,8 @@ mod tests {
 
     #[test]
     fn squared_jerk_agrees_with_the_values_of_the_published_planner_over_its_first_tenth_of_a_second() {
-        // Cases A and B: longitudinal start 20, 10, 0.4; lateral start in time d, s_dot d', s_ddot d' + s_dot² d''.
-        let lateral = [0.5, 1.0, 0.4 * 0.1 + 100.0 * 0.05];
+        // Cases A and B: longitudinal start 20, 10, 0.4; lateral start by time 0.5, 0.1, 0.05.
+        let lateral = [0.5, 0.1, 0.05];
         for (end_time, v1, d1, j_lat, j_lon) in
             [(2.0, 8.0, 1.25, 1.214875, 1.145216), (1.4, 12.0, -0.75, 7.517354, 1.457373)]
         {

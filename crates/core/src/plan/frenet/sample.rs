@@ -331,8 +331,8 @@ fn grid(low: f64, high: f64, level: usize, extra: f64, out: &mut Vec<f64>) {
 /// Keeps the order; a value that is already there is not added.
 fn insert(values: &mut Vec<f64>, value: f64) {
     let position = values.partition_point(|v| *v < value);
-    let near = |i: usize| values.get(i).is_some_and(|v| (v - value).abs() < 1e-6);
-    if !near(position) && !(position > 0 && near(position - 1)) {
+    let is_new = values.iter().all(|v| (v - value).abs() > 1e-6);
+    if is_new {
         values.insert(position, value);
     }
 }
@@ -345,7 +345,8 @@ fn end_velocities(start: &Start, desired: f64, limits: &Limits, settings: &Frene
         .min(limits.velocity_max.max(start.velocity));
     grid(low, high, settings.level, low, out);
     let inner = out.len() - 1;
-    if desired > low && desired < high && inner > 1 {
+    let is_new = (desired - start.s_dot).abs() > 1e-6;
+    if is_new && desired > low && desired < high && inner > 1 {
         let nearest = ((desired - low) / (high - low) * inner as f64).round() as usize;
         out[nearest.clamp(1, inner - 1)] = desired;
     }
