@@ -1,0 +1,102 @@
+//! All samples of one plan with everything that can be said about them, for pictures and studies.
+
+use super::choose::{Refined, exhaustive};
+use super::evaluate::Evaluation;
+use super::feasibility::Rejection;
+use super::settings::N_TERMS;
+
+/// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
+/// lateral position), then stops, then braking, then the shifted previous plan, if there is one.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Candidates {
+    /// Points of every sample, dt apart.
+    pub n_points: usize,
+    /// Footprint centre [m], shape (samples, points).
+    pub x: Vec<f64>,
+    /// Footprint centre [m], shape (samples, points).
+    pub y: Vec<f64>,
+    /// Unweighted cost terms in the order of [`super::CostWeights::NAMES`], shape (samples, 13). NaN for samples that
+    /// no vehicle could drive.
+    pub terms: Vec<f64>,
+    /// Weighted sum of the terms; NaN likewise, shape (samples,).
+    pub cost: Vec<f64>,
+    /// Why a sample was rejected.
+    pub rejection: Vec<Rejection>,
+    /// Id of the participant that is hit; -1 for none. (Rejection `Collision`.)
+    pub collision_id: Vec<i64>,
+    /// When the manoeuvre ends [s].
+    pub end_time: Vec<f64>,
+    /// Speed along the path at its end [m/s].
+    pub end_velocity: Vec<f64>,
+    /// Lateral position at its end [m].
+    pub end_offset: Vec<f64>,
+    /// The chosen sample; `None` if none is admissible.
+    pub chosen: Option<usize>,
+    /// Desired speed [m/s].
+    pub desired_velocity: f64,
+}
+
+impl Candidates {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.cost.len()
+    }
+
+    /// There are none: the agent cannot be described in the frame of its path.
+    pub fn is_empty(&self) -> bool {
+        self.cost.is_empty()
+    }
+
+    /// Evaluates all samples to the end.
+    pub(super) fn of(evaluation: &mut Evaluation, desired_velocity: f64) -> Self {
+        let n_points = evaluation.limits.n_points;
+        let mut out = Self { n_points, desired_velocity, ..Self::default() };
+        for sample in 0..evaluation.len() {
+            out.push(evaluation, sample);
+        }
+        let admissible = out.rejection.iter().zip(&out.cost);
+        let bounds = admissible.map(|(r, cost)| if *r == Rejection::Admissible { *cost } else { f64::INFINITY });
+        let costs: Vec<f64> = bounds.collect();
+        out.chosen = exhaustive(costs.iter().copied(), |sample| Refined::Cost(costs[sample])).map(|(sample, _)| sample);
+        out
+    }
+
+    fn push(&mut self, evaluation: &mut Evaluation, sample: usize) {
+        let mut rejection = evaluation.write_points(sample, false);
+        let mut collision_id = -1;
+        let can_be_driven = rejection == Rejection::Admissible;
+        if can_be_driven {
+            if let Some(contact) = evaluation.contact() {
+                let request = evaluation.request;
+                collision_id = request.predictions.ids[request.others[contact.other].row];
+                rejection = Rejection::Collision;
+            } else if !evaluation.stays_on_road() {
+                rejection = Rejection::OffRoad;
+            }
+        }
+        let mut terms = [f64::NAN; N_TERMS];
+        if can_be_driven {
+            terms[..4].copy_from_slice(&evaluation.table_terms(sample));
+            terms[4..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
+            terms[N_TERMS - 1] = evaluation.obstacles.prediction_cost(evaluation.points(), 1, self.n_points);
+        }
+        let weights = evaluation.settings.weights.as_array();
+        self.cost.push(terms.iter().zip(weights).map(|(term, weight)| term * weight).sum());
+        self.terms.extend(terms);
+        self.rejection.push(rejection);
+        self.collision_id.push(collision_id);
+        self.x.extend(evaluation.points().iter().map(|point| point.center.x));
+        self.y.extend(evaluation.points().iter().map(|point| point.center.y));
+        let last = evaluation.points()[self.n_points - 1];
+        let (end_time, end_velocity, end_offset) = match evaluation.place(sample) {
+            Some((row, lane)) => {
+                let row = &evaluation.samples.rows[row];
+                (row.end_time, row.end_velocity, evaluation.samples.lanes[lane])
+            }
+            None => (evaluation.limits.horizon(), last.velocity, last.d),
+        };
+        self.end_time.push(end_time);
+        self.end_velocity.push(end_velocity);
+        self.end_offset.push(end_offset);
+    }
+}

@@ -1,0 +1,165 @@
+//! The cost of a sample. What follows from the tables alone is computed for all samples at once; terms that need the
+//! trajectory in the world are added to the few samples that get so far. The prediction term comes in blocks of points:
+//! each adds something positive, so every partial sum is a lower bound.
+
+use super::super::PlanRequest;
+use super::frame::Waypoint;
+use super::obstacles::Obstacles;
+use super::sample::{Lateral, Motion, Samples};
+use super::settings::{CostWeights, N_TERMS};
+use crate::geometry::polyline::ReferencePath;
+
+/// Points of the prediction term that are computed at once.
+pub(super) const BLOCK: usize = 6;
+
+/// Terms that follow from the tables, one entry per sample.
+#[derive(Debug, Clone, Default)]
+pub(super) struct TableCosts {
+    pub(super) velocity_offset: Vec<f64>,
+    /// Weighted sum of the terms from the tables.
+    pub(super) total: Vec<f64>,
+    /// Curvature of the path at the points of the row at hand.
+    curvature: Vec<f64>,
+}
+
+impl TableCosts {
+    /// Root of the summed squares of v - v_desired, with v² = (s_dot K)² + d_dot²; rejected rows get infinity.
+    pub(super) fn compute(
+        &mut self,
+        samples: &Samples,
+        desired_velocity: f64,
+        weights: &CostWeights,
+        path: &ReferencePath,
+    ) {
+        let n_lanes = samples.lanes.len();
+        self.velocity_offset.clear();
+        self.velocity_offset.resize(samples.len(), 0.0);
+        self.total.clear();
+        self.total.resize(samples.len(), f64::INFINITY);
+        for (index, row) in samples.rows.iter().enumerate() {
+            if row.rejection != super::Rejection::Admissible {
+                continue;
+            }
+            let motions = samples.motions(index);
+            self.curvature.clear();
+            self.curvature.extend(motions.iter().map(|motion| curvature_at(path, motion.s)));
+            let (table, t) = samples.lateral(index);
+            let lanes = index * n_lanes..(index + 1) * n_lanes;
+            let sums = &mut self.velocity_offset[lanes.clone()];
+            let over_arc = matches!(row.lateral, Lateral::OverArc(_));
+            for (i, (motion, curvature)) in motions.iter().zip(&self.curvature).enumerate() {
+                let first = (t * samples.n_points + i) * n_lanes;
+                let d = &table.d[first..first + n_lanes];
+                let d_1 = &table.d_1[first..first + n_lanes];
+                let along = motion.s_dot;
+                // d' s_dot = d_dot
+                let sideways = if over_arc { motion.s_dot } else { 1.0 };
+                for ((sum, d), d_1) in sums.iter_mut().zip(d).zip(d_1) {
+                    let (a, b) = (along * (1.0 - curvature * d), sideways * d_1);
+                    let offset = (a * a + b * b).sqrt() - desired_velocity;
+                    *sum += offset * offset;
+                }
+            }
+            let per_lane = t * n_lanes..(t + 1) * n_lanes;
+            let parts = table.offset[per_lane.clone()].iter().zip(&table.jerk[per_lane]);
+            for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[lanes]).zip(parts) {
+                *velocity_offset = velocity_offset.sqrt();
+                *total = from_tables(weights, *velocity_offset, *offset, *jerk, row.jerk);
+            }
+        }
+    }
+}
+
+/// `path.at(s).curvature` without the rest.
+#[inline]
+fn curvature_at(path: &ReferencePath, s: f64) -> f64 {
+    let knots = path.curvature();
+    let position = s / path.spacing();
+    let i = (position as usize).min(knots.len() - 2);
+    knots[i] + (knots[i + 1] - knots[i]) * (position - i as f64)
+}
+
+/// Weighted sum of the first four terms.
+pub(super) fn from_tables(weights: &CostWeights, velocity: f64, offset: f64, lateral: f64, longitudinal: f64) -> f64 {
+    weights.velocity_offset * velocity
+        + weights.distance_to_reference * offset
+        + weights.lateral_jerk * lateral
+        + weights.longitudinal_jerk * longitudinal
+}
+
+/// Motion of one sample in the Frenet frame, by time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FrenetMotion {
+    pub(super) s_dot: f64,
+    pub(super) s_ddot: f64,
+    pub(super) d_dot: f64,
+    pub(super) d_ddot: f64,
+}
+
+impl FrenetMotion {
+    pub(super) fn new(motion: &Motion, d_1: f64, d_2: f64, lateral: Lateral) -> Self {
+        let Motion { s_dot, s_ddot, .. } = *motion;
+        match lateral {
+            Lateral::OverTime(_) => Self { s_dot, s_ddot, d_dot: d_1, d_ddot: d_2 },
+            Lateral::OverArc(_) => {
+                Self { s_dot, s_ddot, d_dot: d_1 * s_dot, d_ddot: d_2 * s_dot * s_dot + d_1 * s_ddot }
+            }
+        }
+    }
+}
+
+/// The terms between those of the tables and the prediction, in the order of `CostWeights::NAMES`, from `acceleration`
+/// to `distance_to_obstacles`.
+pub(super) fn world_terms(
+    points: &[Waypoint],
+    motion: impl Fn(usize) -> FrenetMotion,
+    obstacles: &Obstacles,
+    request: &PlanRequest,
+) -> [f64; N_TERMS - 5] {
+    let dt = request.dt;
+    let n = points.len();
+    let rate = |i: usize| (points[i + 1].acceleration - points[i].acceleration) / dt;
+    let offset = |p: &Waypoint| p.tan_offset.atan();
+    let last_half = points[n - n / 2..].iter().map(|p| offset(p).powi(2)).sum::<f64>().sqrt();
+    [
+        simpson(n, dt, |i| points[i].acceleration),
+        (0..n - 1).map(|i| rate(i).powi(2) * dt).sum(),
+        simpson(n, dt, |i| motion(i).d_dot),
+        simpson(n, dt, |i| motion(i).d_ddot),
+        simpson(n, dt, |i| motion(i).s_dot),
+        simpson(n, dt, |i| motion(i).s_ddot),
+        last_half + offset(&points[n - 1]).powi(2),
+        obstacles.distance_cost(points, request),
+    ]
+}
+
+/// Weighted sum of the world terms.
+pub(super) fn weighted_world_terms(weights: &CostWeights, terms: &[f64; N_TERMS - 5]) -> f64 {
+    weights.as_array()[4..N_TERMS - 1].iter().zip(terms).map(|(weight, term)| weight * term).sum()
+}
+
+/// One of the world terms counts.
+pub(super) fn has_world_terms(weights: &CostWeights) -> bool {
+    weights.as_array()[4..N_TERMS - 1].iter().any(|weight| *weight > 0.0)
+}
+
+/// Integral of the squares of equidistant values by Simpson's rule; the trapezoidal rule over a last odd interval.
+fn simpson(n: usize, dt: f64, value: impl Fn(usize) -> f64) -> f64 {
+    let square = |i: usize| value(i) * value(i);
+    let pairs = (n - 1) / 2;
+    let sum: f64 = (0..pairs).map(|k| square(2 * k) + 4.0 * square(2 * k + 1) + square(2 * k + 2)).sum();
+    let rest = if (n - 1) % 2 == 1 { 0.5 * dt * (square(n - 2) + square(n - 1)) } else { 0.0 };
+    sum * dt / 3.0 + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_are_integrated_exactly_for_straight_lines() {
+        // Integral of t² from 0 to 3.
+        assert!((simpson(31, 0.1, |i| i as f64 * 0.1) - 9.0).abs() < 1e-12);
+        assert!((simpson(32, 3.0 / 31.0, |i| i as f64 * 3.0 / 31.0) - 9.0).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,243 @@
+//! Step-by-step evaluation of one sample: trajectory in the world with the limits of the vehicle, contacts, road, and
+//! the expensive parts of the cost.
+
+use super::super::PlanRequest;
+use super::choose::Refined;
+use super::cost::{BLOCK, FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
+use super::feasibility::{Limits, Rejection};
+use super::frame::{FrenetPoint, Start, Waypoint};
+use super::obstacles::{Contact, Obstacles};
+use super::previous::Previous;
+use super::sample::{Lateral, Samples};
+use super::settings::{FrenetSettings, N_TERMS};
+use crate::geometry::shape::OrientedBox;
+
+/// How far the evaluation of a sample has got.
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    /// Points in the pool, once it is admissible.
+    slot: Option<u32>,
+    /// Cost without prediction.
+    base: f64,
+    /// Sum of the prediction term so far, and the first point that is missing.
+    prediction: f64,
+    next_point: usize,
+}
+
+/// Memory of the evaluations of one plan.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Work {
+    progress: Vec<Progress>,
+    /// Trajectories of the admissible samples that were looked at.
+    pool: Vec<Waypoint>,
+    points: Vec<Waypoint>,
+    road: Vec<u32>,
+    /// Samples that are rejected for a contact alone.
+    pub(super) contacts: Vec<(u32, Contact)>,
+}
+
+impl Work {
+    fn reset(&mut self, n_samples: usize) {
+        self.progress.clear();
+        self.progress.resize(n_samples, Progress::default());
+        self.pool.clear();
+        self.contacts.clear();
+    }
+}
+
+/// Everything about one plan. Samples are numbered row by row, lane by lane; the last one is the previous plan.
+pub(super) struct Evaluation<'a> {
+    pub(super) request: &'a PlanRequest<'a>,
+    pub(super) settings: &'a FrenetSettings,
+    pub(super) start: &'a Start,
+    pub(super) limits: &'a Limits,
+    pub(super) samples: &'a mut Samples,
+    pub(super) costs: &'a TableCosts,
+    pub(super) obstacles: &'a mut Obstacles,
+    pub(super) previous: &'a Previous,
+    pub(super) work: &'a mut Work,
+    starts_on_road: bool,
+    prediction_weight: f64,
+    world_terms: bool,
+}
+
+impl<'a> Evaluation<'a> {
+    #[expect(clippy::too_many_arguments, reason = "takes the planner's memory apart, field by field")]
+    pub(super) fn new(
+        request: &'a PlanRequest<'a>,
+        settings: &'a FrenetSettings,
+        start: &'a Start,
+        limits: &'a Limits,
+        samples: &'a mut Samples,
+        costs: &'a TableCosts,
+        obstacles: &'a mut Obstacles,
+        previous: &'a Previous,
+        work: &'a mut Work,
+    ) -> Self {
+        work.reset(samples.len() + usize::from(previous.is_valid()));
+        let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
+        Self {
+            starts_on_road: request.road.box_is_covered(&footprint, &mut work.road),
+            prediction_weight: settings.weights.prediction,
+            world_terms: has_world_terms(&settings.weights),
+            request,
+            settings,
+            start,
+            limits,
+            samples,
+            costs,
+            obstacles,
+            previous,
+            work,
+        }
+    }
+
+    /// Number of samples.
+    pub(super) fn len(&self) -> usize {
+        self.work.progress.len()
+    }
+
+    /// Cost from the tables: a lower bound; infinite for samples of rejected rows.
+    pub(super) fn bounds(&self) -> impl Iterator<Item = f64> + use<'a> {
+        let previous = self.previous.is_valid().then_some(self.previous.total);
+        self.costs.total.iter().copied().chain(previous)
+    }
+
+    /// Row and lane of a sample; `None` for the previous plan.
+    pub(super) fn place(&self, sample: usize) -> Option<(usize, usize)> {
+        let n_lanes = self.samples.lanes.len();
+        (sample < self.samples.len()).then(|| (sample / n_lanes, sample % n_lanes))
+    }
+
+    /// One more step of work on a sample.
+    pub(super) fn refine(&mut self, sample: usize) -> Refined {
+        let n_points = self.limits.n_points;
+        let Some(slot) = self.work.progress[sample].slot else {
+            return self.admit(sample);
+        };
+        let mut progress = self.work.progress[sample];
+        let points = &self.work.pool[slot as usize * n_points..][..n_points];
+        let before = progress.prediction;
+        while progress.next_point < n_points && progress.prediction == before {
+            let end = (progress.next_point + BLOCK).min(n_points);
+            progress.prediction += self.obstacles.prediction_cost(points, progress.next_point, end);
+            progress.next_point = end;
+        }
+        self.work.progress[sample] = progress;
+        let cost = progress.base + self.prediction_weight * progress.prediction;
+        if progress.next_point == n_points { Refined::Cost(cost) } else { Refined::Bound(cost) }
+    }
+
+    /// The tests, and the cost without prediction.
+    fn admit(&mut self, sample: usize) -> Refined {
+        if self.write_points(sample, true) != Rejection::Admissible {
+            return Refined::Rejected;
+        }
+        if let Some(contact) = self.contact() {
+            self.work.contacts.push((sample as u32, contact));
+            return Refined::Rejected;
+        }
+        if !self.stays_on_road() {
+            return Refined::Rejected;
+        }
+        let mut base = self.table_cost(sample);
+        if self.world_terms {
+            base += weighted_world_terms(&self.settings.weights, &self.world_terms(sample));
+        }
+        let slot = (self.work.pool.len() / self.limits.n_points) as u32;
+        self.work.pool.extend_from_slice(&self.work.points);
+        self.work.progress[sample] = Progress { slot: Some(slot), base, prediction: 0.0, next_point: 1 };
+        let is_complete = self.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
+        if is_complete { Refined::Cost(base) } else { Refined::Bound(base) }
+    }
+
+    fn table_cost(&self, sample: usize) -> f64 {
+        self.costs.total.get(sample).copied().unwrap_or(self.previous.total)
+    }
+
+    /// The trajectory that was written last.
+    pub(super) fn points(&self) -> &[Waypoint] {
+        &self.work.points
+    }
+
+    /// Writes the trajectory of a sample, up to the first point that is not feasible if `stop_early`. Points that are
+    /// undefined (near the centre of the path's curvature) repeat the one before.
+    pub(super) fn write_points(&mut self, sample: usize, stop_early: bool) -> Rejection {
+        self.work.points.clear();
+        let Some((row, lane)) = self.place(sample) else {
+            self.work.points.extend_from_slice(&self.previous.points);
+            let points = &self.work.points;
+            return (1..points.len())
+                .fold(Rejection::Admissible, |found, i| found.or(self.limits.check(&points[i - 1], &points[i], i)));
+        };
+        self.samples.load_path(row, &self.request.route.path);
+        let mut found = self.samples.rows[row].rejection;
+        let (table, t) = self.samples.lateral(row);
+        let (n_points, n_lanes) = (self.samples.n_points, self.samples.lanes.len());
+        let over_time = matches!(self.samples.rows[row].lateral, Lateral::OverTime(_));
+        let center = self.request.vehicle.rear_axle_to_center;
+        for (i, (motion, at)) in self.samples.motions(row).iter().zip(self.samples.path(row)).enumerate() {
+            let k = (t * n_points + i) * n_lanes + lane;
+            let (s_dot, s_ddot) = (motion.s_dot, motion.s_ddot);
+            let (mut d_prime, mut d_prime2) = (table.d_1[k], table.d_2[k]);
+            if over_time {
+                d_prime /= s_dot;
+                d_prime2 = (d_prime2 - d_prime * s_ddot) / (s_dot * s_dot);
+            }
+            let frenet = FrenetPoint { s_dot, s_ddot, d: table.d[k], d_prime, d_prime2 };
+            let before = self.work.points.last().copied();
+            let point = Waypoint::new(at, &frenet, center);
+            match (point, before) {
+                (None, _) => found = found.or(Rejection::LeftPath),
+                (Some(point), Some(before)) => found = found.or(self.limits.check(&before, &point, i)),
+                (Some(_), None) => {}
+            }
+            if stop_early && found != Rejection::Admissible {
+                return found;
+            }
+            self.work.points.push(point.or(before).unwrap_or_default());
+        }
+        found
+    }
+
+    /// First contact of the trajectory that was written last.
+    pub(super) fn contact(&mut self) -> Option<Contact> {
+        self.obstacles.first_contact(&self.work.points, self.limits.dt, self.request)
+    }
+
+    /// The footprint stays on the road; an agent that starts (partly) beside it must do so once it is back.
+    pub(super) fn stays_on_road(&mut self) -> bool {
+        let (half_length, half_width) = (0.5 * self.request.vehicle.length, 0.5 * self.request.vehicle.width);
+        let mut was_on_road = self.starts_on_road;
+        let Work { points, road, .. } = &mut *self.work;
+        points.iter().skip(1).all(|point| {
+            let footprint = OrientedBox { center: point.center, axis: point.axis, half_length, half_width };
+            let covered = self.request.road.box_is_covered(&footprint, road);
+            was_on_road |= covered;
+            covered || !was_on_road
+        })
+    }
+
+    /// Terms of the cost that need the trajectory that was written last.
+    pub(super) fn world_terms(&self, sample: usize) -> [f64; N_TERMS - 5] {
+        let place = self.place(sample);
+        let motion = |i: usize| match place {
+            None => self.previous.motions[i],
+            Some((row, lane)) => {
+                let (table, t) = self.samples.lateral(row);
+                let k = (t * self.samples.n_points + i) * self.samples.lanes.len() + lane;
+                let lateral = self.samples.rows[row].lateral;
+                FrenetMotion::new(&self.samples.motions(row)[i], table.d_1[k], table.d_2[k], lateral)
+            }
+        };
+        world_terms(&self.work.points, motion, self.obstacles, self.request)
+    }
+
+    /// The first four terms of a sample.
+    pub(super) fn table_terms(&self, sample: usize) -> [f64; 4] {
+        let Some((row, lane)) = self.place(sample) else { return self.previous.terms };
+        let (table, t) = self.samples.lateral(row);
+        let k = t * self.samples.lanes.len() + lane;
+        [self.costs.velocity_offset[sample], table.offset[k], table.jerk[k], self.samples.rows[row].jerk]
+    }
+}

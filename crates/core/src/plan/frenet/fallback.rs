@@ -1,0 +1,166 @@
+//! What an agent does when no sample is admissible, in this order:
+//!
+//! 1. It stands (at most 0.1 m/s): it stays.
+//! 2. Some samples can be driven and stay on the road but hit somebody: of these the one with the smallest difference
+//!    of velocities at the contact, where one second more counts like 2 m/s less.
+//! 3. Full braking along the path of the previous plan, if the agent is still on it; else on the arc of the present
+//!    steering.
+//!
+//! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
+
+use super::super::{PlanRequest, PlanResult};
+use super::frame::start_curvature;
+use super::obstacles::Contact;
+use super::polynomial::Braking;
+use crate::geometry::shape::OrientedBox;
+use crate::geometry::{Point, wrap_angle};
+use crate::trajectory::{PlanStatus, State, Trajectory};
+
+/// Slower agents stand [m/s].
+pub(super) const STANDING: f64 = 0.1;
+/// Worth of one second before a contact [m/s²].
+const WORTH_OF_TIME: f64 = 2.0;
+/// Full braking as a fraction of the largest deceleration.
+const FULL_BRAKING: f64 = 0.9;
+/// The previous plan's path is taken if it passes the agent this closely: [m], [rad].
+const POSITION_TOLERANCE: f64 = 0.3;
+const HEADING_TOLERANCE: f64 = 0.1;
+
+/// How bad a contact is [m/s]; the least is best.
+pub(super) fn severity(contact: &Contact, dt: f64) -> f64 {
+    contact.closing_speed - WORTH_OF_TIME * contact.interval as f64 * dt
+}
+
+/// The agent stays where it is.
+pub(super) fn stay(request: &PlanRequest, n_points: usize) -> PlanResult {
+    let mut points = vec![State { velocity: 0.0, acceleration: 0.0, yaw_rate: 0.0, ..request.state }; n_points];
+    points[0] = request.state;
+    if n_points > 1 {
+        points[1].acceleration = -request.state.velocity / request.dt;
+    }
+    PlanResult {
+        trajectory: Trajectory { points },
+        status: PlanStatus::EmergencyBraking,
+        cost: f64::NAN,
+        message: String::new(),
+    }
+}
+
+/// A plan for a state that is not a number: there is nothing to drive.
+pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) -> PlanResult {
+    let trajectory = Trajectory { points: vec![request.state; n_points] };
+    PlanResult { trajectory, status: PlanStatus::Infeasible, cost: f64::NAN, message }
+}
+
+/// Full braking along the previous plan's path or the present arc. `reason` says why there is no better plan.
+pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
+    let ways = [along_previous(request, n_points), Some(along_arc(request, n_points))];
+    let mut last = None;
+    for points in ways.into_iter().flatten() {
+        let stays = stays_on_road(request, &points, scratch);
+        let result = PlanResult {
+            trajectory: Trajectory { points },
+            status: if stays { PlanStatus::EmergencyBraking } else { PlanStatus::Infeasible },
+            cost: f64::NAN,
+            message: if stays { String::new() } else { format!("{reason}, and full braking leaves the road") },
+        };
+        if stays {
+            return result;
+        }
+        last = last.or(Some(result));
+    }
+    last.expect("there is always the arc")
+}
+
+/// The footprint stays on the road once it is fully on it.
+fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>) -> bool {
+    let (length, width) = (request.vehicle.length, request.vehicle.width);
+    let mut was_on_road = false;
+    points.iter().all(|point| {
+        let covered = request.road.box_is_covered(&OrientedBox::new(point.pose(), length, width), scratch);
+        was_on_road |= covered;
+        covered || !was_on_road
+    })
+}
+
+/// Braking at the points; a vehicle that rolls backwards brakes likewise.
+fn braking(request: &PlanRequest) -> (f64, Braking) {
+    let state = &request.state;
+    let direction = if state.velocity < 0.0 { -1.0 } else { 1.0 };
+    let deceleration = FULL_BRAKING * request.vehicle.acceleration_max;
+    (direction, Braking::new(state.velocity.abs(), direction * state.acceleration, deceleration))
+}
+
+fn along_arc(request: &PlanRequest, n_points: usize) -> Vec<State> {
+    let (direction, braking) = braking(request);
+    let curvature = start_curvature(request).unwrap_or(0.0);
+    let state = request.state;
+    let rear_axle = request.vehicle.rear_axle_from_center(state.pose());
+    let at = |i: usize| {
+        let [distance, speed, acceleration, _] = braking.at(i as f64 * request.dt);
+        let turn = direction * distance * curvature;
+        let orientation = state.orientation + turn;
+        // Chord of the arc: its length is 2 sin(turn / 2) / curvature.
+        let half = 0.5 * turn;
+        let sinc = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
+        let position = rear_axle
+            + Point::from_angle(state.orientation + half) * (direction * distance * sinc)
+            + Point::from_angle(orientation) * request.vehicle.rear_axle_to_center;
+        let velocity = direction * speed;
+        State {
+            x: position.x,
+            y: position.y,
+            orientation,
+            velocity,
+            acceleration: direction * acceleration,
+            yaw_rate: curvature * velocity,
+        }
+    };
+    let mut points: Vec<State> = (0..n_points).map(at).collect();
+    points[0] = state;
+    points
+}
+
+/// The previous plan's path, moved onto the present pose, driven with full braking.
+fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> {
+    let old = request.previous?.points.get(request.previous_age..)?;
+    let (first, state) = (*old.first()?, request.state);
+    let turn = wrap_angle(state.orientation - first.orientation);
+    let is_near = first.pose().position.distance(state.pose().position) < POSITION_TOLERANCE
+        && turn.abs() < HEADING_TOLERANCE
+        && state.velocity > STANDING;
+    if !is_near || old.len() < 2 || old.iter().any(|point| !point.is_finite() || point.velocity < 0.0) {
+        return None;
+    }
+    let rear_axle = |point: &State| request.vehicle.rear_axle_from_center(point.pose());
+    let (origin, now) = (rear_axle(&first), rear_axle(&state));
+    let rotation = Point::from_angle(turn);
+    let (_, braking) = braking(request);
+    let mut points = Vec::with_capacity(n_points);
+    let (mut segment, mut passed) = (0, 0.0);
+    for i in 0..n_points {
+        let [distance, velocity, acceleration, _] = braking.at(i as f64 * request.dt);
+        let length = |k: usize| rear_axle(&old[k + 1]).distance(rear_axle(&old[k]));
+        while segment + 2 < old.len() && passed + length(segment) < distance {
+            passed += length(segment);
+            segment += 1;
+        }
+        let (a, b) = (&old[segment], &old[segment + 1]);
+        let (along, segment_length) = (distance - passed, length(segment));
+        let fraction = (along / segment_length.max(1e-6)).min(1.0);
+        let beyond = (along - segment_length).max(0.0);
+        let heading = a.orientation + wrap_angle(b.orientation - a.orientation) * fraction;
+        let offset = rear_axle(a).lerp(rear_axle(b), fraction) + Point::from_angle(heading) * beyond - origin;
+        let orientation = heading + (state.orientation - first.orientation);
+        let position = now
+            + rotation * offset.x
+            + rotation.left() * offset.y
+            + Point::from_angle(orientation) * request.vehicle.rear_axle_to_center;
+        let curvature = |p: &State| if p.velocity > STANDING { p.yaw_rate / p.velocity } else { 0.0 };
+        let curvature = curvature(a) + (curvature(b) - curvature(a)) * fraction;
+        let yaw_rate = curvature * velocity;
+        points.push(State { x: position.x, y: position.y, orientation, velocity, acceleration, yaw_rate });
+    }
+    points[0] = state;
+    Some(points)
+}

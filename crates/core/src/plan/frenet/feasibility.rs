@@ -1,0 +1,145 @@
+//! Can the vehicle drive it? Limits per point, with a way back for a start that violates them.
+//!
+//! Recorded initial states are noisy: the start itself may exceed a limit. Then the limit begins at the value of the
+//! start (and a tenth of the excess more) and shrinks linearly to its true value over 1.5 s.
+
+use super::super::PlanRequest;
+use super::frame::Waypoint;
+use crate::vehicle::Vehicle;
+
+/// Time in which an excess of the start must be gone [s].
+const RECOVERY_TIME: f64 = 1.5;
+/// Acceleration along the path may exceed that of the vehicle by this factor: on the inside of bends it does.
+const PATH_FACTOR: f64 = 1.25;
+/// Rounding, and steps of the path's curvature rate: [m/s²], [1/m].
+const ACCELERATION_ROUNDING: f64 = 1e-6;
+const CURVATURE_ROUNDING: f64 = 1e-3;
+/// Heading differences below this [rad] are never too fast.
+const HEADING_ROUNDING: f64 = 1e-4;
+
+/// Why a sample is not chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Rejection {
+    /// It may be driven.
+    Admissible = 0,
+    /// More acceleration or deceleration than the vehicle has.
+    Acceleration = 1,
+    /// More curvature than full steering gives.
+    Curvature = 2,
+    /// The steering would have to turn too fast.
+    SteeringRate = 3,
+    /// The heading changes faster than full steering allows at that speed.
+    YawRate = 4,
+    /// More lateral acceleration than the tyres hold.
+    LateralAcceleration = 5,
+    /// It goes backwards.
+    NegativeSpeed = 6,
+    /// It runs past an end of the reference path, or to the centre of its curvature.
+    LeftPath = 7,
+    /// It hits a participant.
+    Collision = 8,
+    /// The footprint leaves the road.
+    OffRoad = 9,
+}
+
+impl Rejection {
+    /// The first reason counts.
+    #[inline]
+    pub(super) fn or(self, other: Self) -> Self {
+        if self == Self::Admissible { other } else { self }
+    }
+}
+
+/// Limits of the vehicle, prepared for one plan.
+#[derive(Debug, Clone)]
+pub(super) struct Limits {
+    pub(super) n_points: usize,
+    pub(super) dt: f64,
+    pub(super) acceleration_max: f64,
+    pub(super) velocity_max: f64,
+    vehicle: Vehicle,
+    curvature_max: f64,
+    /// Tangent of the steering angle's largest change in one step.
+    steering_step: f64,
+    /// By how much the start exceeds the limits of deceleration, acceleration and lateral acceleration [m/s²].
+    excess: [f64; 3],
+}
+
+impl Limits {
+    pub(super) fn new(request: &PlanRequest, n_points: usize, start_curvature: f64) -> Self {
+        let vehicle = *request.vehicle;
+        let state = &request.state;
+        let lateral = (state.velocity * state.velocity * start_curvature).abs();
+        let excess = [
+            -state.acceleration - vehicle.acceleration_max,
+            state.acceleration - vehicle.forward_acceleration_max(state.velocity),
+            lateral - vehicle.lateral_acceleration_max,
+        ];
+        Self {
+            n_points,
+            dt: request.dt,
+            acceleration_max: vehicle.acceleration_max,
+            velocity_max: vehicle.velocity_max,
+            curvature_max: vehicle.curvature_max(),
+            steering_step: (vehicle.steering_rate_max * request.dt).min(1.5).tan(),
+            excess: excess.map(|e| 1.1 * e.max(0.0)),
+            vehicle,
+        }
+    }
+
+    /// Time of the last point [s].
+    pub(super) fn horizon(&self) -> f64 {
+        (self.n_points - 1) as f64 * self.dt
+    }
+
+    /// Share of the start's excess that is still allowed at a point.
+    #[inline]
+    fn recovery(&self, point: usize) -> f64 {
+        (1.0 - point as f64 * self.dt / RECOVERY_TIME).max(0.0)
+    }
+
+    /// A coarse check of the motion along the path that spares its samples the fine one.
+    #[inline]
+    pub(super) fn check_along_path(&self, s_dot: f64, s_ddot: f64, point: usize) -> Rejection {
+        let [braking, driving, _] = self.excess.map(|e| e * self.recovery(point));
+        let forward = self.vehicle.forward_acceleration_max(s_dot / PATH_FACTOR) + driving;
+        let backward = self.acceleration_max + braking;
+        if s_ddot > PATH_FACTOR * forward || s_ddot < -PATH_FACTOR * backward {
+            Rejection::Acceleration
+        } else {
+            Rejection::Admissible
+        }
+    }
+
+    /// Checks point number `point` and the step to it from `before`.
+    ///
+    /// The change of the steering angle atan(L k) is exact: its tangent is L (k2 - k1) / (1 + L² k1 k2).
+    #[inline]
+    pub(super) fn check(&self, before: &Waypoint, now: &Waypoint, point: usize) -> Rejection {
+        let [braking, driving, cornering] = self.excess.map(|e| e * self.recovery(point));
+        let forward = self.vehicle.forward_acceleration_max(now.velocity) + driving + ACCELERATION_ROUNDING;
+        let backward = self.acceleration_max + braking + ACCELERATION_ROUNDING;
+        if now.acceleration > forward || now.acceleration < -backward {
+            return Rejection::Acceleration;
+        }
+        let limit = self.curvature_max + CURVATURE_ROUNDING;
+        if now.curvature.abs() > limit {
+            return Rejection::Curvature;
+        }
+        let lateral = now.velocity * now.velocity * now.curvature.abs();
+        if lateral > self.vehicle.lateral_acceleration_max + cornering + ACCELERATION_ROUNDING {
+            return Rejection::LateralAcceleration;
+        }
+        let l = self.vehicle.wheelbase;
+        let step = (now.curvature - before.curvature).abs() - CURVATURE_ROUNDING;
+        if l * step > self.steering_step * (1.0 + l * l * now.curvature * before.curvature).max(0.0) {
+            return Rejection::SteeringRate;
+        }
+        let turn = before.axis.cross(now.axis).abs();
+        if turn > limit * before.velocity.max(now.velocity) * self.dt + HEADING_ROUNDING {
+            return Rejection::YawRate;
+        }
+        Rejection::Admissible
+    }
+}

@@ -1,0 +1,180 @@
+//! Sampling-based planning in the Frenet frame of the reference path.
+//!
+//! One plan: the present state is expressed in the frame of the path; samples join it to a grid of end conditions;
+//! the cheapest sample wins that the vehicle can drive, that hits nobody and that stays on the road. Only as much is
+//! evaluated as the choice needs (`choose`). If there is none, see `fallback`.
+//!
+//! Sources: Werling, Ziegler, Kammel, Thrun, ICRA 2010, doi 10.1109/ROBOT.2010.5509799 (samples); Trauth, Moller,
+//! Wuersching, Betz, FRENETIX, IEEE Access 2024, doi 10.1109/ACCESS.2024.3436835 (grid, cost, selection). Unlike the
+//! published planner, derivatives are complete, headings are continuous, end samples are not lost, jerk costs cover the
+//! whole plan, the state is converted afresh at every plan, corners of predicted participants count equally, and limits
+//! include steering rate and lateral acceleration.
+
+mod candidates;
+mod choose;
+mod cost;
+mod desired;
+mod evaluate;
+mod fallback;
+mod feasibility;
+mod frame;
+mod gaussian;
+mod obstacles;
+mod polynomial;
+mod previous;
+mod sample;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use candidates::Candidates;
+pub use feasibility::Rejection;
+pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
+
+use super::{PlanRequest, PlanResult};
+use crate::trajectory::{PlanStatus, State, Trajectory};
+use cost::TableCosts;
+use desired::Desired;
+use evaluate::{Evaluation, Work};
+use feasibility::Limits;
+use frame::{Start, Waypoint};
+use obstacles::Obstacles;
+use previous::Previous;
+use sample::{Inputs, Samples};
+
+/// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
+/// not depend on what was planned before with the same memory.
+#[derive(Debug, Clone, Default)]
+pub struct Scratch {
+    samples: Samples,
+    costs: TableCosts,
+    obstacles: Obstacles,
+    previous: Previous,
+    heap: choose::Heap,
+    work: Work,
+    road: Vec<u32>,
+}
+
+/// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
+///
+/// Recorded initial states are noisy: if an agent's first plan finds nothing with the yaw rate as stated, it is made
+/// again as if the agent drove parallel to its path.
+pub fn plan(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scratch) -> PlanResult {
+    let result = attempt(request, settings, scratch, true);
+    if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
+        return result;
+    }
+    let again = attempt(request, settings, scratch, false);
+    if again.status == PlanStatus::Planned { again } else { result }
+}
+
+fn attempt(
+    request: &PlanRequest,
+    settings: &FrenetSettings,
+    scratch: &mut Scratch,
+    yaw_rate_counts: bool,
+) -> PlanResult {
+    let n_points = n_points(request, settings);
+    if !request.state.is_finite() {
+        return fallback::refuse(request, n_points, "the present state is not a number".into());
+    }
+    let start = match Start::new(request, yaw_rate_counts) {
+        Ok(start) => start,
+        Err(reason) => return last_resort(request, n_points, &mut scratch.road, &format!("the agent {reason}")),
+    };
+    let limits = Limits::new(request, n_points, start.curvature);
+    let desired = Desired::new(request, &start, settings);
+    let Scratch { samples, costs, obstacles, previous, heap, work, road } = scratch;
+    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous), false);
+    let mut evaluation = Evaluation::new(request, settings, &start, &limits, samples, costs, obstacles, previous, work);
+    let choice = if settings.lazy {
+        choose::best_first(evaluation.bounds(), heap, |sample| evaluation.refine(sample))
+    } else {
+        choose::exhaustive(evaluation.bounds(), |sample| evaluation.refine(sample))
+    };
+    if let Some((sample, cost)) = choice {
+        evaluation.write_points(sample, true);
+        let trajectory = trajectory(request, &start, evaluation.points());
+        return PlanResult { trajectory, status: PlanStatus::Planned, cost, message: String::new() };
+    }
+    if start.velocity > fallback::STANDING
+        && let Some(trajectory) = least_bad(&mut evaluation)
+    {
+        return PlanResult { trajectory, status: PlanStatus::EmergencyBraking, cost: f64::NAN, message: String::new() };
+    }
+    last_resort(request, n_points, road, "no sample can be driven")
+}
+
+/// Points of a plan.
+fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
+    (settings.horizon / request.dt).round().max(1.0) as usize + 1
+}
+
+/// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan` (of its first
+/// attempt, where it makes two).
+pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
+    let n_points = n_points(request, settings);
+    let Some(start) = request.state.is_finite().then(|| Start::new(request, true).ok()).flatten() else {
+        return Candidates { n_points, desired_velocity: f64::NAN, ..Candidates::default() };
+    };
+    let limits = Limits::new(request, n_points, start.curvature);
+    let desired = Desired::new(request, &start, settings);
+    let mut scratch = Scratch::default();
+    let Scratch { samples, costs, obstacles, previous, work, .. } = &mut scratch;
+    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous), true);
+    let mut evaluation = Evaluation::new(request, settings, &start, &limits, samples, costs, obstacles, previous, work);
+    Candidates::of(&mut evaluation, desired.velocity)
+}
+
+/// Everything that is shared by the samples.
+fn prepare(
+    request: &PlanRequest,
+    settings: &FrenetSettings,
+    (start, desired, limits): (&Start, &Desired, &Limits),
+    (samples, costs, obstacles, previous): (&mut Samples, &mut TableCosts, &mut Obstacles, &mut Previous),
+    with_rejected: bool,
+) {
+    let path = &request.route.path;
+    samples.generate(&Inputs { start, desired, limits, settings, path, with_rejected });
+    costs.compute(samples, desired.velocity, &settings.weights, path);
+    previous.shift(request, start, limits, desired.velocity, &settings.weights);
+    obstacles.prepare(request, start, samples, settings);
+}
+
+/// Of the samples that hit somebody but can be driven and stay on the road, the least bad one.
+fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
+    let dt = evaluation.limits.dt;
+    let mut contacts = std::mem::take(&mut evaluation.work.contacts);
+    contacts.sort_by(|a, b| fallback::severity(&a.1, dt).total_cmp(&fallback::severity(&b.1, dt)).then(a.0.cmp(&b.0)));
+    let found = contacts.iter().find(|(sample, _)| {
+        evaluation.write_points(*sample as usize, true);
+        evaluation.stays_on_road()
+    });
+    let trajectory = found.map(|_| trajectory(evaluation.request, evaluation.start, evaluation.points()));
+    evaluation.work.contacts = contacts;
+    trajectory
+}
+
+/// Standing still or full braking.
+fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
+    if request.state.velocity.abs() <= fallback::STANDING {
+        fallback::stay(request, n_points)
+    } else {
+        fallback::brake(request, n_points, road, reason)
+    }
+}
+
+/// States of the footprint centre; headings continue that of the present state without jumps.
+fn trajectory(request: &PlanRequest, start: &Start, points: &[Waypoint]) -> Trajectory {
+    let state = |point: &Waypoint| State {
+        x: point.center.x,
+        y: point.center.y,
+        orientation: point.theta() + start.heading_shift,
+        velocity: point.velocity,
+        acceleration: point.acceleration,
+        yaw_rate: point.curvature * point.velocity,
+    };
+    let mut points: Vec<State> = points.iter().map(state).collect();
+    points[0] = request.state;
+    Trajectory { points }
+}

@@ -1,0 +1,474 @@
+//! The other participants as the planner sees them: swept boxes per time interval for the collision test, expected
+//! positions per point for the prediction cost. Made once per plan, only for what the samples can reach.
+
+use super::super::{Other, PlanRequest};
+use super::frame::{Start, Waypoint};
+use super::gaussian::Normal2;
+use super::sample::Samples;
+use super::settings::FrenetSettings;
+use crate::geometry::shape::{ConvexPart, OrientedBox};
+use crate::geometry::{Aabb, Point, Pose};
+
+/// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
+const COST_REACH: f64 = 7.071_067_811_865_476;
+/// Variance of the position of static obstacles [m²].
+const STATIC_VARIANCE: f64 = 0.02;
+/// Somebody behind may be left to keep their own distance while the agent stays this close to its lateral position [m].
+pub(super) const OWN_LANE: f64 = 1.0;
+/// A follower heads within 45 degrees of the agent (cosine).
+const FOLLOWER_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// One mode of one participant.
+#[derive(Debug, Clone, Copy)]
+struct Track {
+    /// Position in the request's `others`.
+    other: usize,
+    /// Its footprint overlaps the agent's now: nothing can be done about that, it only must not get worse.
+    overlaps_now: bool,
+    /// Confirm overlaps of boxes with the exact shapes: a static structure that is not made of rectangles.
+    exact: bool,
+}
+
+/// What a track covers during one interval.
+#[derive(Debug, Clone, Copy)]
+struct Sweep {
+    track: u32,
+    /// A circle around the swept box.
+    radius: f64,
+    swept: OrientedBox,
+    /// The box at the end of the interval.
+    end: OrientedBox,
+    /// Displacement during the interval [m].
+    displacement: Point,
+}
+
+/// Where a track is expected to be at one point.
+#[derive(Debug, Clone, Copy)]
+struct Expectation {
+    mean: Point,
+    /// From the mean to the front left and front right corner of the footprint with margin [m].
+    front_left: Point,
+    front_right: Point,
+    probability: f64,
+    covariance: [f64; 3],
+}
+
+/// First contact of a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Contact {
+    /// Position in the request's `others`.
+    pub(super) other: usize,
+    /// Interval in which it happens; interval `i` ends at point `i + 1`.
+    pub(super) interval: usize,
+    /// Difference of the velocities [m/s].
+    pub(super) closing_speed: f64,
+}
+
+/// All obstacles of one plan; the memory is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Obstacles {
+    tracks: Vec<Track>,
+    /// By interval; those of interval `i` are `sweeps[sweep_starts[i]..sweep_starts[i + 1]]`.
+    sweeps: Vec<Sweep>,
+    sweep_starts: Vec<usize>,
+    /// By point.
+    expectations: Vec<Expectation>,
+    expectation_starts: Vec<usize>,
+    /// Box of the region that the agent's footprint can reach up to each point.
+    reach: Vec<Aabb>,
+    /// Before sorting by time.
+    unsorted_sweeps: Vec<(u32, Sweep)>,
+    unsorted_expectations: Vec<(u32, Expectation)>,
+    /// Tracks whose contacts the sample at hand may ignore.
+    ignored: Vec<bool>,
+    half_length: f64,
+    half_width: f64,
+}
+
+impl Obstacles {
+    /// Prepares all participants of the request.
+    pub(super) fn prepare(
+        &mut self,
+        request: &PlanRequest,
+        start: &Start,
+        samples: &Samples,
+        settings: &FrenetSettings,
+    ) {
+        self.tracks.clear();
+        self.unsorted_sweeps.clear();
+        self.unsorted_expectations.clear();
+        let vehicle = request.vehicle;
+        (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
+        let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
+        self.find_reach(request, start, samples);
+        for (index, other) in request.others.iter().enumerate() {
+            if other.is_static {
+                self.add_static(index, other, &ego, settings);
+            } else {
+                self.add_moving(index, other, request, &ego, settings);
+            }
+        }
+        sort_by_time(&self.unsorted_sweeps, samples.n_points, &mut self.sweeps, &mut self.sweep_starts);
+        let (from, to) = (&self.unsorted_expectations, &mut self.expectations);
+        sort_by_time(from, samples.n_points, to, &mut self.expectation_starts);
+    }
+
+    /// The path from the start to 2 m beyond the furthest arc length of any sample at each point, grown by the lateral
+    /// range and the agent's size.
+    fn find_reach(&mut self, request: &PlanRequest, start: &Start, samples: &Samples) {
+        let vehicle = request.vehicle;
+        let size = (vehicle.rear_axle_to_center + self.half_length).hypot(self.half_width);
+        let sideways = samples.lanes.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
+        let path = &request.route.path;
+        let mut region = Aabb::around([path.at(start.s).position]);
+        let mut s = start.s;
+        self.reach.clear();
+        for i in 0..samples.n_points {
+            let furthest = (samples.furthest[i] + 2.0).max(s).min(path.length());
+            while s < furthest {
+                s = (s + 2.0).min(furthest);
+                region = region.including(path.at(s).position);
+            }
+            // Between two samples of the path the curve bulges by less than 0.25 m at the tightest radius of 2 m.
+            self.reach.push(region.grown(size + sideways + 0.25));
+        }
+    }
+
+    fn add_static(&mut self, index: usize, other: &Other, ego: &OrientedBox, settings: &FrenetSettings) {
+        let body = other.shape.oriented_box(other.pose);
+        let whole = *self.reach.last().expect("a plan has at least two points");
+        if !body.aabb().overlaps(&whole.grown(COST_REACH + settings.prediction_margin_length)) {
+            return;
+        }
+        for part in other.shape.parts() {
+            let (plain, exact) = part_box(part, other.pose);
+            let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
+            let (box_, overlaps_now) = with_margin(&plain, margin, ego);
+            let track = self.push_track(Track { other: index, overlaps_now, exact });
+            let sweep = Sweep { track, radius: box_.radius(), swept: box_, end: box_, displacement: Point::default() };
+            let aabb = box_.aabb();
+            for i in 0..self.reach.len() - 1 {
+                if aabb.overlaps(&self.reach[i + 1]) {
+                    self.unsorted_sweeps.push((i as u32, sweep));
+                }
+            }
+        }
+        let covariance = [STATIC_VARIANCE, 0.0, STATIC_VARIANCE];
+        for point in 1..self.reach.len() {
+            self.push_expectation(point, &body, covariance, 1.0, settings);
+        }
+    }
+
+    fn add_moving(
+        &mut self,
+        index: usize,
+        other: &Other,
+        request: &PlanRequest,
+        ego: &OrientedBox,
+        settings: &FrenetSettings,
+    ) {
+        let predictions = request.predictions;
+        let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
+        let now = other.shape.oriented_box(other.pose);
+        let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
+        let (box_now, overlaps_now) = with_margin(&now, margin, ego);
+        let radius = other.shape.bounding_radius() + margin[0].max(margin[1]);
+        let is_left_alone = is_in_rear_cone(ego, &now, settings);
+        let modes = probabilities(other, request);
+        for (mode, probability) in modes.iter().enumerate() {
+            let hard = *probability >= settings.collision_mode_probability || mode == likeliest(modes);
+            let counts = *probability > 0.0 && !is_left_alone;
+            let first = predictions.offset(other.row, mode);
+            let mut track = None;
+            let mut before = Some(other.pose);
+            for point in 1..self.reach.len() {
+                let k = first + point + shift - 1;
+                if point + shift > predictions.n_steps {
+                    break;
+                }
+                let pose = Pose::new(predictions.x[k], predictions.y[k], predictions.orientation[k]);
+                let pose = Some(pose).filter(|_| predictions.valid[k]);
+                let is_near = |pose: &Pose| self.reach[point].grown(radius).contains(pose.position);
+                if let (true, Some(a), Some(b)) = (hard, before, pose)
+                    && (is_near(&a) || is_near(&b))
+                {
+                    let id = *track.get_or_insert_with(|| {
+                        self.tracks.push(Track { other: index, overlaps_now, exact: false });
+                        self.tracks.len() as u32 - 1
+                    });
+                    let (half_length, half_width) = (box_now.half_length, box_now.half_width);
+                    let body = |p: Pose| OrientedBox { half_length, half_width, ..other.shape.oriented_box(p) };
+                    let (a, b) = (body(a), body(b));
+                    let swept = OrientedBox::spanning(&a, &b);
+                    let displacement = b.center - a.center;
+                    let sweep = Sweep { track: id, radius: swept.radius(), swept, end: b, displacement };
+                    self.unsorted_sweeps.push((point as u32 - 1, sweep));
+                }
+                if let (true, Some(pose)) = (counts, pose)
+                    && self.reach[point].grown(COST_REACH + radius).contains(pose.position)
+                {
+                    let [xx, xy, yy] =
+                        [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
+                    let body = other.shape.oriented_box(pose);
+                    self.push_expectation(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
+                }
+                before = pose;
+            }
+        }
+    }
+
+    fn push_track(&mut self, track: Track) -> u32 {
+        self.tracks.push(track);
+        self.tracks.len() as u32 - 1
+    }
+
+    fn push_expectation(
+        &mut self,
+        point: usize,
+        body: &OrientedBox,
+        covariance: [f64; 3],
+        probability: f64,
+        settings: &FrenetSettings,
+    ) {
+        if !self.reach[point].grown(COST_REACH).contains(body.center) {
+            return;
+        }
+        let ahead = body.axis * (body.half_length + 0.5 * settings.prediction_margin_length);
+        let left = body.axis.left() * (body.half_width + 0.5 * settings.prediction_margin_width);
+        let expectation = Expectation {
+            mean: body.center,
+            front_left: ahead + left,
+            front_right: ahead - left,
+            probability,
+            covariance,
+        };
+        self.unsorted_expectations.push((point as u32, expectation));
+    }
+
+    /// First contact of a sample with a mode that counts, if any.
+    ///
+    /// Not a contact: somebody behind the agent's rear who heads the same way while the agent stays in its lane (they
+    /// would hit the agent, and keeping distance is up to them), from then on for good; an overlap that exists from the
+    /// start, until it first ends, as long as the centres do not approach.
+    pub(super) fn first_contact(&mut self, points: &[Waypoint], dt: f64, request: &PlanRequest) -> Option<Contact> {
+        if self.sweeps.is_empty() {
+            return None;
+        }
+        self.ignored.clear();
+        self.ignored.resize(self.tracks.len(), false);
+        let (half_length, half_width) = (self.half_length, self.half_width);
+        let body = |p: &Waypoint| OrientedBox { center: p.center, axis: p.axis, half_length, half_width };
+        let radius = half_length.hypot(half_width);
+        for (interval, pair) in points.windows(2).enumerate() {
+            let (middle, move_) = ((pair[0].center + pair[1].center) * 0.5, pair[1].center - pair[0].center);
+            let reach = radius + 0.5 * move_.norm();
+            let mut swept = None;
+            for sweep in &self.sweeps[self.sweep_starts[interval]..self.sweep_starts[interval + 1]] {
+                let distance = reach + sweep.radius;
+                let track = sweep.track as usize;
+                if (sweep.swept.center - middle).norm_squared() > distance * distance || self.ignored[track] {
+                    continue;
+                }
+                let swept = *swept.get_or_insert_with(|| OrientedBox::spanning(&body(&pair[0]), &body(&pair[1])));
+                if !swept.overlaps(&sweep.swept) {
+                    continue;
+                }
+                let Track { other, overlaps_now, exact } = self.tracks[track];
+                let ego = body(&pair[1]);
+                if overlaps_now && is_separating(points, interval, &ego, sweep, &body) {
+                    continue;
+                }
+                if exact && !touches(&request.others[other], request, &pair[1]) {
+                    continue;
+                }
+                if (pair[1].d - points[0].d).abs() < OWN_LANE && is_follower(&ego, &sweep.end) {
+                    self.ignored[track] = true;
+                    continue;
+                }
+                let closing_speed = (move_ - sweep.displacement).norm() / dt;
+                return Some(Contact { other, interval, closing_speed });
+            }
+        }
+        None
+    }
+
+    /// No sample can get near anybody's expected position.
+    pub(super) fn nobody_is_expected(&self) -> bool {
+        self.expectations.is_empty()
+    }
+
+    /// Sum of the prediction cost over the points `from..to` (at least 1) of a sample.
+    pub(super) fn prediction_cost(&self, points: &[Waypoint], from: usize, to: usize) -> f64 {
+        let half = (self.half_length, self.half_width);
+        let mut sum = 0.0;
+        for (i, point) in points.iter().enumerate().take(to).skip(from) {
+            for expectation in &self.expectations[self.expectation_starts[i]..self.expectation_starts[i + 1]] {
+                sum += expectation.cost(point, half);
+            }
+        }
+        sum
+    }
+
+    /// Sum over participants of 1 / (smallest squared distance of the centres), for those that the samples can reach.
+    pub(super) fn distance_cost(&self, points: &[Waypoint], request: &PlanRequest) -> f64 {
+        let predictions = request.predictions;
+        let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return 0.0 };
+        let nearest = |other: &Other| {
+            let mode = likeliest(probabilities(other, request));
+            let first = predictions.offset(other.row, mode);
+            let mut least = f64::INFINITY;
+            for (i, point) in points.iter().enumerate() {
+                let step = (i + shift).checked_sub(1).filter(|_| !other.is_static);
+                let position = match step {
+                    None => other.pose.position,
+                    Some(step) if step < predictions.n_steps && predictions.valid[first + step] => {
+                        Point::new(predictions.x[first + step], predictions.y[first + step])
+                    }
+                    Some(_) => continue,
+                };
+                least = least.min((position - point.center).norm_squared());
+            }
+            least
+        };
+        request.others.iter().map(|other| 1.0 / nearest(other).max(1e-6)).sum()
+    }
+}
+
+impl Expectation {
+    /// 1000 times the probability of the mode times those of the centre and, at half weight, of the four corners.
+    #[inline]
+    fn cost(&self, point: &Waypoint, half: (f64, f64)) -> f64 {
+        let (cos, sin) = (point.axis.x, point.axis.y);
+        let in_body = |v: Point| Point::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin);
+        let mean = in_body(self.mean - point.center);
+        let gap = Point::new((mean.x.abs() - half.0).max(0.0), (mean.y.abs() - half.1).max(0.0));
+        if gap.norm_squared() > COST_REACH * COST_REACH {
+            return 0.0;
+        }
+        let [xx, xy, yy] = self.covariance;
+        let normal = Normal2::new(
+            cos * cos * xx + 2.0 * cos * sin * xy + sin * sin * yy,
+            cos * sin * (yy - xx) + (cos * cos - sin * sin) * xy,
+            sin * sin * xx - 2.0 * cos * sin * xy + cos * cos * yy,
+        );
+        let (front_left, front_right) = (in_body(self.front_left), in_body(self.front_right));
+        let probability = |at: Point| normal.probability_of_box((-at.x, -at.y), half);
+        let corners = probability(mean - front_left)
+            + probability(mean - front_right)
+            + probability(mean + front_left)
+            + probability(mean + front_right);
+        1000.0 * self.probability * (probability(mean) + 0.5 * corners)
+    }
+}
+
+/// Probabilities of a participant's modes.
+fn probabilities<'a>(other: &Other, request: &PlanRequest<'a>) -> &'a [f64] {
+    let n_modes = request.predictions.n_modes;
+    &request.predictions.probability[other.row * n_modes..][..n_modes]
+}
+
+/// The most probable mode; the first one of equals.
+fn likeliest(probabilities: &[f64]) -> usize {
+    (1..probabilities.len()).fold(0, |best, mode| if probabilities[mode] > probabilities[best] { mode } else { best })
+}
+
+/// Stable counting sort; the items of time `i` end up at `starts[i]..starts[i + 1]`.
+fn sort_by_time<T: Copy>(unsorted: &[(u32, T)], n_times: usize, sorted: &mut Vec<T>, starts: &mut Vec<usize>) {
+    sorted.clear();
+    sorted.extend(unsorted.iter().map(|(_, item)| *item));
+    starts.clear();
+    starts.resize(n_times + 1, 0);
+    for (time, _) in unsorted {
+        starts[*time as usize + 1] += 1;
+    }
+    for i in 0..n_times {
+        starts[i + 1] += starts[i];
+    }
+    // From the back: `starts[i + 1]` moves from the end of the items of time i down to their start.
+    for (time, item) in unsorted.iter().rev() {
+        let place = &mut starts[*time as usize + 1];
+        *place -= 1;
+        sorted[*place] = *item;
+    }
+    starts.remove(0);
+    starts.push(unsorted.len());
+}
+
+/// The box with margin on every side, or without if the margin already touches the agent; and whether the plain box
+/// overlaps the agent.
+fn with_margin(plain: &OrientedBox, margin: [f64; 2], ego: &OrientedBox) -> (OrientedBox, bool) {
+    let grown = OrientedBox {
+        half_length: plain.half_length + 0.5 * margin[0],
+        half_width: plain.half_width + 0.5 * margin[1],
+        ..*plain
+    };
+    if ego.overlaps(&grown) { (*plain, ego.overlaps(plain)) } else { (grown, false) }
+}
+
+/// Smallest box around a convex part along one of its sides, world frame, and whether it is larger than the part.
+fn part_box(part: &ConvexPart, pose: Pose) -> (OrientedBox, bool) {
+    let vertices = &part.vertices;
+    let to_world = |p: Point| pose.world_from_body(p);
+    if vertices.len() < 3 {
+        let center = to_world(vertices.first().copied().unwrap_or_default());
+        let axis = Point::from_angle(pose.orientation);
+        return (OrientedBox { center, axis, half_length: part.radius, half_width: part.radius }, false);
+    }
+    let area: f64 =
+        (1..vertices.len() - 1).map(|i| 0.5 * (vertices[i] - vertices[0]).cross(vertices[i + 1] - vertices[0])).sum();
+    let mut best: Option<OrientedBox> = None;
+    for i in 0..vertices.len() {
+        let side = vertices[(i + 1) % vertices.len()] - vertices[i];
+        let axis = side * (1.0 / side.norm());
+        let (mut low, mut high) =
+            (Point::new(f64::INFINITY, f64::INFINITY), Point::new(f64::NEG_INFINITY, f64::NEG_INFINITY));
+        for vertex in vertices {
+            let local = Point::new(vertex.dot(axis), axis.cross(*vertex));
+            low = Point::new(low.x.min(local.x), low.y.min(local.y));
+            high = Point::new(high.x.max(local.x), high.y.max(local.y));
+        }
+        let half = (high - low) * 0.5;
+        if best.is_none_or(|b| half.x * half.y < b.half_length * b.half_width - 1e-9) {
+            let middle = (low + high) * 0.5;
+            let center = to_world(axis * middle.x + axis.left() * middle.y);
+            let axis_in_world = to_world(axis) - pose.position;
+            best = Some(OrientedBox { center, axis: axis_in_world, half_length: half.x, half_width: half.y });
+        }
+    }
+    let best = best.expect("a polygon has sides");
+    (best, 4.0 * best.half_length * best.half_width > 1.02 * area)
+}
+
+/// Behind the agent within the cone, and further away than its length.
+fn is_in_rear_cone(ego: &OrientedBox, other: &OrientedBox, settings: &FrenetSettings) -> bool {
+    let offset = other.center - ego.center;
+    let distance = offset.norm();
+    let behind = -offset.dot(ego.axis);
+    distance > settings.rear_cone_distance && behind >= distance * (0.5 * settings.rear_cone_angle).cos()
+}
+
+/// The other's centre is behind the agent's rear and it heads the same way.
+fn is_follower(ego: &OrientedBox, other: &OrientedBox) -> bool {
+    (other.center - ego.center).dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE
+}
+
+/// A pair that overlapped at the start still does at the end of the interval, has done so ever since, and the centres
+/// do not approach.
+fn is_separating(
+    points: &[Waypoint],
+    interval: usize,
+    ego: &OrientedBox,
+    sweep: &Sweep,
+    body: &impl Fn(&Waypoint) -> OrientedBox,
+) -> bool {
+    let other_before = OrientedBox { center: sweep.end.center - sweep.displacement, ..sweep.end };
+    let before = body(&points[interval]);
+    let was_together = before.overlaps(&other_before);
+    let distance = (ego.center - sweep.end.center).norm();
+    was_together && distance >= (before.center - other_before.center).norm() - 1e-6
+}
+
+/// The exact shapes touch at the end of the interval.
+fn touches(other: &Other, request: &PlanRequest, point: &Waypoint) -> bool {
+    other.shape.overlaps(other.pose, request.shape, point.pose())
+}

@@ -1,0 +1,191 @@
+//! Which sample is chosen, and that laziness does not change it.
+
+use super::{Car, Drive};
+use crate::geometry::shape::{Lcg, Shape};
+use crate::geometry::{Point, Pose};
+use crate::plan::frenet::{CostWeights, FrenetSettings, Rejection, Scratch, plan};
+use crate::road::testing::{arc, lane, open};
+use crate::trajectory::PlanStatus;
+
+fn eager() -> FrenetSettings {
+    FrenetSettings { lazy: false, ..FrenetSettings::default() }
+}
+
+/// A three-lane road, straight or bent, with up to six cars around the agent.
+fn random_drive(random: &mut Lcg) -> Drive {
+    let bend = random.within(0.0, 1.0);
+    let velocity = if random.within(0.0, 1.0) < 0.25 { random.within(0.0, 3.0) } else { random.within(3.0, 25.0) };
+    let radius = random.within(40.0, 300.0);
+    let mut drive = if bend < 0.5 {
+        Drive::on_three_lanes(100.0, velocity)
+    } else {
+        let lanes = [radius + 3.5, radius, radius - 3.5].map(|r| arc((0.0, 0.0), r, 0.0, 280.0 / radius));
+        let inputs = lanes.iter().enumerate().map(|(i, points)| lane(i as i64 + 1, points)).collect();
+        Drive::on(open(inputs), &lanes[1], 100.0, velocity)
+    };
+    drive.state.orientation += random.within(-0.04, 0.04);
+    drive.state.acceleration = random.within(-1.5, 1.5);
+    drive.state.yaw_rate += random.within(-0.03, 0.03);
+    let side = Point::from_angle(drive.state.orientation).left() * random.within(-1.0, 1.0);
+    (drive.state.x, drive.state.y) = (drive.state.x + side.x, drive.state.y + side.y);
+    for _ in 0..random.within(0.0, 6.99) as usize {
+        let at = drive.route.path.at(100.0 + random.within(-20.0, 60.0));
+        let position = at.offset(random.within(-4.5, 4.5));
+        let orientation = at.theta + random.within(-0.2, 0.2);
+        let moving = random.within(0.0, 1.0) < 0.7;
+        let car = Car {
+            pose: Pose { position, orientation },
+            velocity: if moving { random.within(0.5, 20.0) } else { 0.0 },
+            shape: Shape::rectangle(random.within(1.0, 9.0), random.within(0.6, 2.4)),
+            is_static: !moving,
+            sigma: (random.within(0.1, 1.5), random.within(0.1, 0.8)),
+        };
+        if (position - drive.state.pose().position).norm() > 7.0 {
+            drive.cars.push(car);
+        }
+    }
+    if random.within(0.0, 1.0) < 0.5 {
+        let result = drive.plan(&FrenetSettings::default());
+        drive.step(result);
+    }
+    drive
+}
+
+#[test]
+fn lazy_planning_chooses_exactly_what_full_evaluation_chooses() {
+    let mut random = Lcg::new(11);
+    let mut scratch = Scratch::default();
+    let mut statuses = [0; 3];
+    for world in 0..150 {
+        let drive = random_drive(&mut random);
+        let weights = if world % 10 == 0 {
+            CostWeights {
+                acceleration: 0.1,
+                jerk: 0.01,
+                orientation_offset: 1.0,
+                distance_to_obstacles: 5.0,
+                ..CostWeights::default()
+            }
+        } else {
+            CostWeights::default()
+        };
+        let lazy = FrenetSettings { weights, ..FrenetSettings::default() };
+        let full = FrenetSettings { weights, ..eager() };
+        let (a, b) = drive.with_request(|r| (plan(r, &lazy, &mut scratch), plan(r, &full, &mut Scratch::default())));
+        let bits = |r: &crate::plan::PlanResult| {
+            let states = r.trajectory.points.iter();
+            let numbers = states.flat_map(|p| [p.x, p.y, p.orientation, p.velocity, p.acceleration, p.yaw_rate]);
+            numbers.chain([r.cost]).map(f64::to_bits).collect::<Vec<_>>()
+        };
+        assert_eq!(a.status, b.status, "world {world}");
+        assert_eq!(bits(&a), bits(&b), "world {world}");
+        statuses[match a.status {
+            PlanStatus::Planned => 0,
+            PlanStatus::EmergencyBraking => 1,
+            _ => 2,
+        }] += 1;
+    }
+    assert!(statuses[0] > 100, "{statuses:?}");
+}
+
+#[test]
+fn candidates_show_the_choice_of_the_plan() {
+    let mut random = Lcg::new(5);
+    for _ in 0..20 {
+        let drive = random_drive(&mut random);
+        let settings = FrenetSettings::default();
+        let (result, all) = (drive.plan(&settings), drive.candidates(&settings));
+        assert_eq!(result.status == PlanStatus::Planned, all.chosen.is_some());
+        let Some(chosen) = all.chosen else { continue };
+        assert_eq!(all.rejection[chosen], Rejection::Admissible);
+        assert!((all.cost[chosen] - result.cost).abs() < 1e-9 * result.cost, "{} {}", all.cost[chosen], result.cost);
+        for (i, point) in result.trajectory.points.iter().enumerate().skip(1) {
+            assert_eq!((all.x[chosen * 31 + i], all.y[chosen * 31 + i]), (point.x, point.y));
+        }
+        assert!(all.terms.len() == all.len() * 13 && all.x.len() == all.len() * 31);
+    }
+}
+
+#[test]
+fn the_grid_has_eight_hundred_samples_at_the_default_level() {
+    let mut drive = Drive::on_three_lanes(100.0, 10.3);
+    drive.state.y = 0.2;
+    for (level, n) in [(0, 48), (1, 180), (2, 800), (3, 3564)] {
+        let settings = FrenetSettings { level, stop_targets: false, ..FrenetSettings::default() };
+        let all = drive.candidates(&settings);
+        let braking = 2 * ((2 << level) + 2);
+        assert_eq!(all.len() - braking, n, "level {level}");
+    }
+}
+
+#[test]
+fn every_end_time_reaches_its_end_position() {
+    let all = Drive::on_three_lanes(100.0, 10.0).candidates(&FrenetSettings::default());
+    for (i, rejection) in all.rejection.iter().enumerate() {
+        if *rejection == Rejection::Admissible && all.end_velocity[i] > 2.0 && all.end_time[i] <= 3.0 {
+            let k = i * 31 + (all.end_time[i] / 0.1).round() as usize;
+            assert!((all.y[k] - all.end_offset[i]).abs() < 1e-9, "{i}: {} {}", all.y[k], all.end_offset[i]);
+        }
+    }
+}
+
+#[test]
+fn a_mirrored_world_gives_the_mirrored_plan() {
+    let mut random = Lcg::new(23);
+    for world in 0..30 {
+        let mut drive = Drive::on_three_lanes(100.0, random.within(4.0, 18.0));
+        drive.state.y = random.within(-0.8, 0.8);
+        drive.state.orientation = random.within(-0.03, 0.03);
+        drive.cars = (0..3)
+            .map(|_| {
+                Car::at(
+                    random.within(85.0, 140.0),
+                    random.within(-4.0, 4.0),
+                    random.within(-0.1, 0.1),
+                    random.within(1.0, 9.0),
+                )
+            })
+            .filter(|car| (car.pose.position.x - drive.state.x).abs() > 6.0)
+            .collect();
+        let mut mirrored = drive.clone();
+        (mirrored.state.y, mirrored.state.orientation) = (-drive.state.y, -drive.state.orientation);
+        for car in &mut mirrored.cars {
+            car.pose = Pose::new(car.pose.position.x, -car.pose.position.y, -car.pose.orientation);
+        }
+        let (a, b) = (drive.plan(&FrenetSettings::default()), mirrored.plan(&FrenetSettings::default()));
+        assert_eq!(a.status, b.status, "world {world}");
+        for (p, q) in a.trajectory.points.iter().zip(&b.trajectory.points) {
+            let difference = [p.x - q.x, p.y + q.y, p.orientation + q.orientation, p.velocity - q.velocity];
+            assert!(difference.iter().all(|d| d.abs() < 1e-6), "world {world}: {p:?} {q:?}");
+        }
+    }
+}
+
+#[test]
+fn costs_from_the_tables_are_those_of_the_trajectories() {
+    // The weighted sum with world terms as a second opinion: speeds differ from the desired one as the points say.
+    let mut random = Lcg::new(2);
+    for _ in 0..10 {
+        let drive = random_drive(&mut random);
+        let all = drive.candidates(&FrenetSettings::default());
+        for i in (0..all.len()).filter(|i| all.rejection[*i] == Rejection::Admissible).step_by(17) {
+            let end = i * 31 + 30;
+            let speed = ((all.x[end] - all.x[end - 1]).hypot(all.y[end] - all.y[end - 1])) / drive.dt;
+            let offsets = all.terms[i * 13];
+            assert!(offsets * offsets > (speed - all.desired_velocity).powi(2) - 0.6, "{speed} {offsets}");
+        }
+    }
+}
+
+#[test]
+fn plans_do_not_depend_on_what_was_planned_with_the_same_memory() {
+    let mut random = Lcg::new(8);
+    let mut scratch = Scratch::default();
+    for _ in 0..20 {
+        let drive = random_drive(&mut random);
+        let settings = FrenetSettings { level: random.within(0.0, 2.99) as usize, ..FrenetSettings::default() };
+        let again = drive.with_request(|request| plan(request, &settings, &mut scratch));
+        let fresh = drive.plan(&settings);
+        assert_eq!((again.status, again.trajectory), (fresh.status, fresh.trajectory));
+    }
+}
