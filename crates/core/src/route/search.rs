@@ -140,12 +140,13 @@ struct Search<'a> {
     road: &'a RoadNetwork,
     /// Cost up to the start of the lanelet.
     costs: Vec<Cost>,
-    from: Vec<Option<usize>>,
+    /// The node before, and whether a lane change leads from it.
+    from: Vec<Option<(usize, bool)>>,
     heap: BinaryHeap<Entry>,
 }
 
 impl Search<'_> {
-    fn relax(&mut self, node: usize, cost: Cost, from: Option<usize>) {
+    fn relax(&mut self, node: usize, cost: Cost, from: Option<(usize, bool)>) {
         if cost.order(&self.costs[node]) == Ordering::Less {
             self.costs[node] = cost;
             self.from[node] = from;
@@ -181,13 +182,13 @@ pub(super) fn search(road: &RoadNetwork, starts: &[LaneMatch], position: Point, 
         let here = search.lanelet(node);
         let lanelet = &road.lanelets()[here];
         for &next in &lanelet.successors {
-            search.relax(n + next, cost.plus(0, lanelet.length), Some(node));
+            search.relax(n + next, cost.plus(0, lanelet.length), Some((node, false)));
         }
         for (beside, _) in [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten().filter(|side| side.1) {
             if search.is_beside_start(node) {
-                search.relax(beside, cost.plus(1, start_on(here) - start_on(beside)), Some(node));
+                search.relax(beside, cost.plus(1, start_on(here) - start_on(beside)), Some((node, true)));
             } else {
-                search.relax(n + beside, cost.plus(1, 0.0), Some(node));
+                search.relax(n + beside, cost.plus(1, 0.0), Some((node, true)));
             }
         }
     }
@@ -214,22 +215,11 @@ pub(super) fn search(road: &RoadNetwork, starts: &[LaneMatch], position: Point, 
 fn trace(search: &Search, starts: &[LaneMatch], node: usize, goal: &GoalPlace) -> Found {
     let mut steps = Vec::new();
     let mut at = node;
-    loop {
-        let before = search.from[at];
-        let lanelet = search.lanelet(at);
-        let is_change = before.is_some_and(|before| {
-            let previous = &search.road.lanelets()[search.lanelet(before)];
-            let beside = [previous.adjacent_left, previous.adjacent_right].contains(&Some((lanelet, true)));
-            // Entering a node beside the start is always a lane change; a successor may be a neighbour too in odd maps.
-            search.is_beside_start(at)
-                || beside && !(previous.successors.contains(&lanelet) && search.is_beside_start(before))
-        });
-        steps.push(Step { lanelet, is_change });
-        match before {
-            Some(before) => at = before,
-            None => break,
-        }
+    while let Some((before, is_change)) = search.from[at] {
+        steps.push(Step { lanelet: search.lanelet(at), is_change });
+        at = before;
     }
+    steps.push(Step::ahead(search.lanelet(at)));
     steps.reverse();
     let first = steps[0].lanelet;
     let start_s = starts.iter().find(|start| start.lanelet == first).map_or(0.0, |start| start.s);
