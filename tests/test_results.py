@@ -265,6 +265,6 @@ def test_many_long_plans_are_written_quickly(run, tmp_path):
     )
     big = replace(run, plans=plans)
     save(big, tmp_path / "warm up")
-    begin = time.perf_counter()
+    begin = time.process_time()
     save(big, tmp_path / "run")
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 0.3

@@ -109,7 +109,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
     ended = run.outcomes
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "message"):
-        table.add_column(name, justify="right" if name in ("agent", "time [s]", "impact [m/s]") else "left")
+        table.add_column(escape(name), justify="right" if name in ("agent", "time [s]", "impact [m/s]") else "left")
     several = len(set(ended.planner)) > 1
     if several:
         table.add_column("planner")

@@ -182,8 +182,8 @@ def _scenario(name: str) -> str:
     if name in shipped or Path(name).exists():
         return name
     near = difflib.get_close_matches(name, shipped, n=1)
-    hint = f"did you mean the shipped scenario {near[0]}?" if near else f"shipped scenarios are {', '.join(shipped)}"
-    raise InputError(f"{name}: no such file; {hint}")
+    hint = f"did you mean the shipped scenario {near[0]}?" if near else "and no shipped scenario has that name"
+    raise InputError(f"{name}: no such file, {hint}")
 
 
 def _target(choices: RunChoices) -> Path:

@@ -30,14 +30,14 @@ from interdrive.plots.view import View, view_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.plots.view import Floats
+    from interdrive.plots.view import Floats, Ints
     from interdrive.run import Run, Snapshot
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
 _WIDTH, _ASPECT_MIN, _ASPECT_MAX = 1200, 0.22, 0.66
 
-#: What a camera that follows an agent shows [m], and how far ahead of the agent it looks.
-_FOLLOW_WIDTH, _AHEAD = 110.0, 18.0
+#: What a camera that follows an agent shows [m], its height / width, and how far ahead of the agent it looks.
+_FOLLOW_WIDTH, _FOLLOW_ASPECT, _AHEAD = 110.0, 0.5, 18.0
 
 #: An agent that is done leaves its marker for this long; a collision stays marked [s].
 _MARK_TIME = 2.0
@@ -49,6 +49,10 @@ _ELLIPSE_EVERY, _ELLIPSE_SCALE = 0.5, float(np.sqrt(-2.0 * np.log(0.05)))
 _STRIP = 30
 
 _REJECTED, _UNKNOWN, _PREDICTION, _CHOSEN = "#b0a0a0", "#9a9a9a", "#7a3b8f", "#000000"
+
+#: Lines beyond these numbers could not be told apart.
+_REJECTED_MAX, _ADMISSIBLE_MAX = 120, 360
+
 _COST_COLORS = mpl.colormaps["viridis"]
 
 
@@ -88,7 +92,7 @@ class Stage:
         self.view = view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
         self.centers: Floats | None = None
         if follow and agent_id is not None:
-            height = _FOLLOW_WIDTH * _ASPECT_MAX
+            height = _FOLLOW_WIDTH * _FOLLOW_ASPECT
             self.view = View(self.view.angle, (0.0, 0.0), _FOLLOW_WIDTH, height)
             self.centers = _camera_path(run, self.row[agent_id])
         height = 2 * round(0.5 * _WIDTH * self.view.height / self.view.width)
@@ -321,23 +325,22 @@ def _camera_path(run: Run, row: int) -> Floats:
 
 
 def _candidate_colors(shot: Snapshot) -> tuple[Any, list[Any]]:
-    """Drawing order of the candidates (rejected, not evaluated, costly, cheap) and their colours in that order."""
+    """Candidates to draw, in drawing order (rejected, not evaluated, costly, cheap), and their colours."""
     rejected = np.array([bool(reason) for reason in shot.rejection], dtype=bool)
-    cost = np.where(rejected, np.nan, shot.cost)
-    known = np.isfinite(cost)
-    rank = np.zeros(len(cost))
+    known = np.isfinite(shot.cost) & ~rejected
     # By rank: a few very costly ones would otherwise use up all the colours.
-    rank[known] = np.argsort(np.argsort(cost[known])) / max(1, known.sum() - 1)
-    order = np.lexsort((-rank, known, ~rejected))
-    colors = [
-        mpl.colors.to_rgba(_REJECTED, 0.22)
-        if rejected[i]
-        else (*_COST_COLORS(0.95 * rank[i])[:3], 0.75 - 0.45 * rank[i])
-        if known[i]
-        else mpl.colors.to_rgba(_UNKNOWN, 0.35)
-        for i in order
-    ]
-    return order, colors
+    cheapest_first = np.flatnonzero(known)[np.argsort(shot.cost[known], kind="stable")]
+    ranks = np.linspace(0.0, 1.0, max(1, len(cheapest_first)))[: len(cheapest_first)]
+    bad, unknown = _thinned(np.flatnonzero(rejected), _REJECTED_MAX), np.flatnonzero(~rejected & ~known)
+    good = _thinned(np.arange(len(ranks)), _ADMISSIBLE_MAX)[::-1]
+    colors = [mpl.colors.to_rgba(_REJECTED, 0.3)] * len(bad) + [mpl.colors.to_rgba(_UNKNOWN, 0.35)] * len(unknown)
+    colors += [(*_COST_COLORS(0.95 * rank)[:3], 0.8 - 0.45 * rank) for rank in ranks[good]]
+    return np.concatenate([bad, unknown, cheapest_first[good]]).astype(np.int64), colors
+
+
+def _thinned(items: Ints, most: int) -> Ints:
+    """At most so many of the items, evenly spread, the first one included."""
+    return items if len(items) <= most else items[np.linspace(0, len(items) - 1, most).astype(np.int64)]
 
 
 def _ellipses(means: Floats, covariance: Floats) -> Floats:

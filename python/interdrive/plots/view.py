@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
     Bools = NDArray[np.bool_]
+    Ints = NDArray[np.int64]
 
 #: Space around the motion of the agents: this part of its longer side, but at least and at most so many metres.
 _MARGIN, _MARGIN_MIN, _MARGIN_MAX = 0.06, 6.0, 15.0
