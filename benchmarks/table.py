@@ -23,7 +23,6 @@ def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
     """Runs once in this process; times in seconds, memory in bytes."""
     start = time.perf_counter()
     import numpy as np
-
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 
@@ -75,10 +74,17 @@ def main() -> None:
     folder = Path(os.environ.get("INTERDRIVE_SCENARIOS", "../shared/scenarios"))
     cases = [("t_junction", "all", 2), ("intersection", "all", 2), ("highway", "24", 2)]
     if (folder / HIGHWAY).exists():
-        cases = [(str(folder / HIGHWAY), "24", 2), (str(folder / HIGHWAY), "24", 1), (str(folder / HIGHWAY), "all", 2), *cases]
+        cases = [
+            (str(folder / HIGHWAY), "24", 2),
+            (str(folder / HIGHWAY), "24", 1),
+            (str(folder / HIGHWAY), "all", 2),
+            *cases,
+        ]
     else:
         print(f"{folder / HIGHWAY} is not there: only the shipped scenarios are measured")
-    print("| scenario | agents | participants | threads | ms per step (all agents) | ms per step (whole run) | plan | predict | advance | observe | start to first step | memory |")
+    print(
+        "| scenario | agents | participants | threads | ms per step (all agents) | ms per step (whole run) | plan | predict | advance | observe | start to first step | memory |"
+    )
     print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
     for scenario, agents, threads in cases:
         runs = []
@@ -88,7 +94,9 @@ def main() -> None:
             runs.append(json.loads(done.stdout))
         middle = {key: statistics.median(run[key] for run in runs) for key in runs[0]}
         start = statistics.median(command_start(scenario, agents) for _ in range(arguments.repeat))
-        shares = " | ".join(f"{100 * middle['share_' + phase]:.0f} %" for phase in ("plan", "predict", "advance", "observe"))
+        shares = " | ".join(
+            f"{100 * middle['share_' + phase]:.0f} %" for phase in ("plan", "predict", "advance", "observe")
+        )
         print(
             f"| {Path(scenario).stem} | {middle['agents']:.0f} | {middle['participants']:.0f} | {threads} "
             f"| {1e3 * middle['full_step']:.2f} | {1e3 * middle['step']:.2f} | {shares} "

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from drivers import Straight
-
 from interdrive import Frenet, InputError, Trajectory, _core
 from interdrive.planners import FrenetWeights, native_planner
 from interdrive.settings import flatten

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from interdrive import ConstantVelocity, InputError, LaneFollowing, Predictions, Simulation
 from interdrive.testing import Car, problem, straight_road, world
 

@@ -28,6 +28,8 @@ def test_the_commands_run_one_after_the_other(tmp_path):
     for command in COMMANDS:
         program, *arguments = shlex.split(command)
         assert program == "interdrive"
-        done = subprocess.run([sys.executable, "-m", "interdrive", *arguments], cwd=tmp_path, capture_output=True, text=True)
+        done = subprocess.run(
+            [sys.executable, "-m", "interdrive", *arguments], cwd=tmp_path, capture_output=True, text=True
+        )
         assert done.returncode == 0, f"{command}: {done.stderr}"
     assert (tmp_path / "out" / "t_junction" / "outcomes.parquet").exists()

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from drivers import Straight
-
 from interdrive import InputError, Simulation, SimulationSettings, simulate
 from interdrive.run import PHASES
 from interdrive.settings import bind

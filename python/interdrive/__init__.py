@@ -1,9 +1,9 @@
 """interdrive: multi-agent driving simulation on real CommonRoad scenarios.
 
-    import interdrive as idr
+import interdrive as idr
 
-    run = idr.simulate("t_junction", agents="all")
-    print(run.outcomes.outcome)
+run = idr.simulate("t_junction", agents="all")
+print(run.outcomes.outcome)
 """
 
 from __future__ import annotations

@@ -243,9 +243,7 @@ def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int])
     return _Proposal(agent_id, names, "planning problem", kind, shape, state, problem.goal, state.velocity), note
 
 
-def _from_recording(
-    scenario: Scenario, road: _core.RoadNetwork, obstacle_id: int, settings: GoalSettings
-) -> _Proposal:
+def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: int, settings: GoalSettings) -> _Proposal:
     obstacles = scenario.obstacles
     row = int(np.searchsorted(obstacles.ids, obstacle_id))
     steps = np.flatnonzero(obstacles.valid[row])
@@ -312,7 +310,12 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
     state = proposal.initial_state
     goal = _core.Goal(
         [
-            ([core_shape(area) for area in alternative.areas], alternative.time_step, alternative.velocity, alternative.orientation)
+            (
+                [core_shape(area) for area in alternative.areas],
+                alternative.time_step,
+                alternative.velocity,
+                alternative.orientation,
+            )
             for alternative in proposal.goal
         ]
     )

@@ -62,6 +62,9 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
         [core_shape(shape) for shape in o.shapes],
         o.is_static.tolist(),
         0,
-        *(np.ascontiguousarray(a, dtype=np.float64) for a in (o.x, o.y, o.orientation, o.velocity, o.acceleration, o.yaw_rate)),
+        *(
+            np.ascontiguousarray(a, dtype=np.float64)
+            for a in (o.x, o.y, o.orientation, o.velocity, o.acceleration, o.yaw_rate)
+        ),
         np.ascontiguousarray(o.valid),
     )

@@ -450,9 +450,7 @@ def _timings(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
     )
 
 
-def _snapshot(
-    world: _core.World, scene: _core.Scene, predictions: _core.Predictions, agent_id: int
-) -> Snapshot:
+def _snapshot(world: _core.World, scene: _core.Scene, predictions: _core.Predictions, agent_id: int) -> Snapshot:
     view = world.view(scene, agent_id)
     found = world.candidates(agent_id, scene, predictions)
     seen = np.isin(predictions.ids, view.ids)

@@ -94,7 +94,7 @@ def _lanelets(
     )
 
 
-def problem(  # noqa: D417 - the start is described in one sentence
+def problem(
     agent_id: int,
     x: float,
     y: float = 0.0,
@@ -128,7 +128,9 @@ def world(
     """A scenario from lanes, recorded cars that keep their speed, and planning problems."""
     ordered = sorted(cars, key=lambda car: car.id)
     shape = (len(ordered), steps + 1)
-    tables = {field: np.full(shape, np.nan) for field in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")}
+    tables = {
+        field: np.full(shape, np.nan) for field in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+    }
     valid = np.zeros(shape, dtype=np.bool_)
     for row, car in enumerate(ordered):
         present = np.arange(car.first, (steps if car.last is None else car.last) + 1)

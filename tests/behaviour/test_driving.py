@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from interdrive import GroundTruth, simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world
 
@@ -29,7 +28,9 @@ def test_an_agent_on_an_empty_road_arrives_in_time_in_the_middle_of_its_lane():
 @pytest.mark.parametrize("predictor", PREDICTORS)
 def test_a_car_standing_in_the_lane_is_not_hit_whatever_predictor_is_used(predictor):
     scenario = world(
-        straight_road(300.0), cars=[Car(7, 120.0)], problems=[problem(100, 20.0, velocity=15.0, goal=(200.0, 0.0), time_step=(0, 120))]
+        straight_road(300.0),
+        cars=[Car(7, 120.0)],
+        problems=[problem(100, 20.0, velocity=15.0, goal=(200.0, 0.0), time_step=(0, 120))],
     )
     run = simulate(scenario, predictor=predictor, threads=1)
     assert run.outcomes.outcome == ("time_limit",)
@@ -65,7 +66,9 @@ def test_an_agent_lets_a_car_pass_that_it_would_meet_at_a_crossing():
 def test_two_agents_that_would_meet_at_a_crossing_both_arrive():
     problems = [
         problem(100, -50.0, goal=(60.0, 0.0), time_step=(0, 140)),
-        problem(200, 0.0, -47.0, orientation=np.pi / 2, goal=(0.0, 60.0), goal_orientation=np.pi / 2, time_step=(0, 140)),
+        problem(
+            200, 0.0, -47.0, orientation=np.pi / 2, goal=(0.0, 60.0), goal_orientation=np.pi / 2, time_step=(0, 140)
+        ),
     ]
     run = simulate(world(crossing(), problems=problems), threads=1)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
@@ -73,7 +76,9 @@ def test_two_agents_that_would_meet_at_a_crossing_both_arrive():
 
 def test_an_agent_that_can_only_brake_brakes_as_hard_as_it_can():
     scenario = world(
-        straight_road(), cars=[Car(7, 42.0)], problems=[problem(100, 20.0, velocity=15.0, goal=(150.0, 0.0), time_step=(0, 60))]
+        straight_road(),
+        cars=[Car(7, 42.0)],
+        problems=[problem(100, 20.0, velocity=15.0, goal=(150.0, 0.0), time_step=(0, 60))],
     )
     run = simulate(scenario, threads=1)
     # 17.5 m to the car, 15 m/s: at 11.5 m/s² it stops after 9.8 m.
@@ -102,7 +107,11 @@ def test_an_agent_that_reached_its_goal_is_in_nobodys_way():
 
 def test_ground_truth_knows_a_recorded_car_that_will_stop():
     run = simulate(
-        world(straight_road(), cars=[Car(7, 40.0, velocity=5.0, last=30)], problems=[problem(100, 10.0, goal=(90.0, 0.0), time_step=(0, 90))]),
+        world(
+            straight_road(),
+            cars=[Car(7, 40.0, velocity=5.0, last=30)],
+            problems=[problem(100, 10.0, goal=(90.0, 0.0), time_step=(0, 90))],
+        ),
         predictor=GroundTruth(),
         threads=1,
     )

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from drivers import Straight, Turning
-
 from interdrive import InputError, Simulation, SimulationSettings, Trajectory, simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world
 
@@ -50,7 +49,9 @@ def test_an_agent_that_hits_a_standing_car_collides_with_it_at_its_own_speed():
 def test_two_agents_that_collide_are_both_gone_from_the_next_step_on():
     problems = [
         problem(100, -40.0, goal=(50.0, 0.0), time_step=(0, 90)),
-        problem(200, 0.0, -40.0, orientation=np.pi / 2, goal=(0.0, 50.0), goal_orientation=np.pi / 2, time_step=(0, 90)),
+        problem(
+            200, 0.0, -40.0, orientation=np.pi / 2, goal=(0.0, 50.0), goal_orientation=np.pi / 2, time_step=(0, 90)
+        ),
     ]
     run = simulate(world(crossing(), problems=problems), planner=Straight, threads=1)
     assert run.outcomes.outcome == ("collision", "collision")

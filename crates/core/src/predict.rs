@@ -40,11 +40,7 @@ impl Spread {
         let along = self.position_sigma.powi(2) + (0.5 * self.acceleration_sigma * scale * time * time).powi(2);
         let across = (self.position_sigma + self.lateral_rate * scale * time).powi(2);
         let (sin, cos) = orientation.sin_cos();
-        (
-            along * cos * cos + across * sin * sin,
-            (along - across) * sin * cos,
-            along * sin * sin + across * cos * cos,
-        )
+        (along * cos * cos + across * sin * sin, (along - across) * sin * cos, along * sin * sin + across * cos * cos)
     }
 }
 
@@ -94,7 +90,9 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => settings.modes_max,
     };
     if n_steps == 0 || !(1..=MODES_LIMIT).contains(&n_modes) {
-        return Err(Error::invalid(format!("a prediction of {n_steps} steps with {n_modes} modes is impossible (modes: 1 to {MODES_LIMIT})")));
+        return Err(Error::invalid(format!(
+            "a prediction of {n_steps} steps with {n_modes} modes is impossible (modes: 1 to {MODES_LIMIT})"
+        )));
     }
     let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
@@ -280,7 +278,11 @@ fn follow_lane(
     for k in 0..out.n_steps {
         let time = (k + 1) as f64 * dt;
         let allowed = caps.at(distance + velocity * dt);
-        velocity = if velocity > allowed { (velocity - settings.deceleration * dt * 1.5).max(allowed) } else { (velocity + dt).min(allowed).min(state.velocity) };
+        velocity = if velocity > allowed {
+            (velocity - settings.deceleration * dt * 1.5).max(allowed)
+        } else {
+            (velocity + dt).min(allowed).min(state.velocity)
+        };
         distance += velocity * dt;
         let d = returning(lane.d, drift, time, settings.return_time);
         let (pose, _) = road.chain_pose(&lane.chain, lane.s, distance, d);

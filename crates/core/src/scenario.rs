@@ -38,7 +38,9 @@ impl GoalState {
     /// Everything but time is satisfied.
     pub fn is_met_at_any_time(&self, state: &State) -> bool {
         let velocity = self.velocity.is_none_or(|(low, high)| (low..=high).contains(&state.velocity));
-        velocity && self.orientation.is_none_or(|interval| orientation_within(state.orientation, interval)) && self.contains(state)
+        velocity
+            && self.orientation.is_none_or(|interval| orientation_within(state.orientation, interval))
+            && self.contains(state)
     }
 
     /// Everything is satisfied.
@@ -97,7 +99,9 @@ impl Scenario {
         }
         let n = obstacles.states.ids.len();
         if obstacles.kind.len() != n || obstacles.shape.len() != n || obstacles.is_static.len() != n {
-            return Err(Error::invalid(format!("{n} obstacle ids, but kinds, shapes or static flags of another length")));
+            return Err(Error::invalid(format!(
+                "{n} obstacle ids, but kinds, shapes or static flags of another length"
+            )));
         }
         if !obstacles.states.ids.is_sorted_by(|a, b| a < b) {
             return Err(Error::invalid("obstacle ids must be unique and ascending"));
@@ -106,7 +110,9 @@ impl Scenario {
             for step in 0..obstacles.states.n_steps {
                 let time_step = obstacles.states.first_time_step + step as i64;
                 if obstacles.states.get(row, time_step).is_some_and(|state| !state.is_finite()) {
-                    return Err(Error::invalid(format!("obstacle {id} has a state that is not a number at time step {time_step}")));
+                    return Err(Error::invalid(format!(
+                        "obstacle {id} has a state that is not a number at time step {time_step}"
+                    )));
                 }
             }
         }

@@ -64,7 +64,12 @@ impl Scene {
     pub fn visible_from(&self, row: usize, radius: f64) -> Vec<usize> {
         let me = self.state(row).pose().position;
         let near = |other: &usize| {
-            let reach = radius + if self.participants.is_static[*other] { self.participants.shape[*other].bounding_radius() } else { 0.0 };
+            let reach = radius
+                + if self.participants.is_static[*other] {
+                    self.participants.shape[*other].bounding_radius()
+                } else {
+                    0.0
+                };
             *other != row && self.state(*other).pose().position.distance(me) <= reach
         };
         self.present.iter().copied().filter(near).collect()

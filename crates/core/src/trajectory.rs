@@ -28,7 +28,9 @@ impl State {
 
     /// Every field is a number.
     pub fn is_finite(&self) -> bool {
-        [self.x, self.y, self.orientation, self.velocity, self.acceleration, self.yaw_rate].iter().all(|v| v.is_finite())
+        [self.x, self.y, self.orientation, self.velocity, self.acceleration, self.yaw_rate]
+            .iter()
+            .all(|v| v.is_finite())
     }
 }
 
@@ -194,15 +196,24 @@ impl Predictions {
             }
             let total: f64 = modes.iter().sum();
             if (total - 1.0).abs() > TOLERANCE || modes.iter().any(|p| !(*p >= 0.0)) {
-                return Err(Error::invalid(format!("predictions: mode probabilities of participant {id} are {modes:?}")));
+                return Err(Error::invalid(format!(
+                    "predictions: mode probabilities of participant {id} are {modes:?}"
+                )));
             }
             for i in all.filter(|i| self.valid[*i]) {
                 let (xx, xy, yy) = (self.covariance_xx[i], self.covariance_xy[i], self.covariance_yy[i]);
-                if ![self.x[i], self.y[i], self.orientation[i], self.velocity[i], xx, xy, yy].iter().all(|v| v.is_finite()) {
-                    return Err(Error::invalid(format!("predictions: participant {id} has a valid step that is not a number")));
+                if ![self.x[i], self.y[i], self.orientation[i], self.velocity[i], xx, xy, yy]
+                    .iter()
+                    .all(|v| v.is_finite())
+                {
+                    return Err(Error::invalid(format!(
+                        "predictions: participant {id} has a valid step that is not a number"
+                    )));
                 }
                 if !(xx > 0.0 && yy > 0.0 && xx * yy - xy * xy > 0.0) {
-                    return Err(Error::invalid(format!("predictions: participant {id} has a covariance that is not positive definite")));
+                    return Err(Error::invalid(format!(
+                        "predictions: participant {id} has a covariance that is not positive definite"
+                    )));
                 }
             }
         }

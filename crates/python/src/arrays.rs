@@ -55,7 +55,11 @@ pub fn read_row<T: Element + Copy>(name: &str, array: &PyReadonlyArray1<'_, T>, 
 }
 
 /// Values of an array of a known shape, row-major.
-pub fn read_grid<T: Element + Copy>(name: &str, array: &PyReadonlyArrayDyn<'_, T>, shape: &[usize]) -> PyResult<Vec<T>> {
+pub fn read_grid<T: Element + Copy>(
+    name: &str,
+    array: &PyReadonlyArrayDyn<'_, T>,
+    shape: &[usize],
+) -> PyResult<Vec<T>> {
     if array.shape() != shape {
         return Err(InputError::new_err(format!("{name}: shape {:?} given, {shape:?} expected", array.shape())));
     }

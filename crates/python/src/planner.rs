@@ -34,18 +34,54 @@ macro_rules! record {
     };
 }
 
-record!(read_planner, write_planner, FrenetSettings, "", [
-    level, horizon, t_min, d_max, low_velocity, prediction_margin_length, prediction_margin_width, rear_cone_angle,
-    rear_cone_distance, collision_mode_probability, stop_targets, lazy,
-]);
-record!(read_weights, write_weights, CostWeights, "weights.", [
-    velocity_offset, distance_to_reference, lateral_jerk, longitudinal_jerk, acceleration, jerk, lateral_velocity,
-    lateral_acceleration, longitudinal_velocity, longitudinal_acceleration, orientation_offset, distance_to_obstacles,
-    prediction,
-]);
-record!(read_comfort, write_comfort, Comfort, "comfort.", [
-    time_gap, standstill_gap, deceleration, lateral_acceleration, velocity_step, cruise_velocity_min,
-]);
+record!(
+    read_planner,
+    write_planner,
+    FrenetSettings,
+    "",
+    [
+        level,
+        horizon,
+        t_min,
+        d_max,
+        low_velocity,
+        prediction_margin_length,
+        prediction_margin_width,
+        rear_cone_angle,
+        rear_cone_distance,
+        collision_mode_probability,
+        stop_targets,
+        lazy,
+    ]
+);
+record!(
+    read_weights,
+    write_weights,
+    CostWeights,
+    "weights.",
+    [
+        velocity_offset,
+        distance_to_reference,
+        lateral_jerk,
+        longitudinal_jerk,
+        acceleration,
+        jerk,
+        lateral_velocity,
+        lateral_acceleration,
+        longitudinal_velocity,
+        longitudinal_acceleration,
+        orientation_offset,
+        distance_to_obstacles,
+        prediction,
+    ]
+);
+record!(
+    read_comfort,
+    write_comfort,
+    Comfort,
+    "comfort.",
+    [time_gap, standstill_gap, deceleration, lateral_acceleration, velocity_step, cruise_velocity_min,]
+);
 
 #[pymethods]
 impl PyFrenetSettings {

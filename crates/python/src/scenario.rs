@@ -123,7 +123,11 @@ impl PyRoadNetwork {
     }
 
     /// Whether each point (x, y) lies on a lanelet.
-    fn on_lanelet<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    fn on_lanelet<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
         let points = arrays::read_points("points", &points)?;
         let inside = points.into_iter().map(|point| !self.0.lanelets_at(point).is_empty()).collect();
         Ok(arrays::row(py, inside))
@@ -141,7 +145,14 @@ impl PyRoadNetwork {
     }
 
     /// Polygons of the stretch of lane around arc length `s` of a lanelet.
-    fn lane_stretch<'py>(&self, py: Python<'py>, lanelet_id: i64, s: f64, before: f64, after: f64) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    fn lane_stretch<'py>(
+        &self,
+        py: Python<'py>,
+        lanelet_id: i64,
+        s: f64,
+        before: f64,
+        after: f64,
+    ) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let index = self
             .0
             .index_of(lanelet_id)
@@ -191,7 +202,11 @@ impl PyScenario {
         let n_steps = x.as_array().shape()[1];
         let shape = [ids.len(), n_steps];
         if x.as_array().shape() != shape {
-            return Err(InputError::new_err(format!("x: {} rows given for {} obstacle ids", x.as_array().shape()[0], ids.len())));
+            return Err(InputError::new_err(format!(
+                "x: {} rows given for {} obstacle ids",
+                x.as_array().shape()[0],
+                ids.len()
+            )));
         }
         let states = States {
             ids,
@@ -206,7 +221,8 @@ impl PyScenario {
             valid: arrays::read_grid("valid", &valid, &shape)?,
         };
         let kind = kinds.into_iter().map(ParticipantKind::from_code).collect::<Result<_, _>>().map_err(exception)?;
-        let obstacles = Obstacles { kind, shape: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static, states };
+        let obstacles =
+            Obstacles { kind, shape: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static, states };
         Scenario::new(dt, Arc::clone(&road.0), obstacles).map(|scenario| Self(Arc::new(scenario))).map_err(exception)
     }
 
@@ -280,7 +296,9 @@ impl PyVehicle {
         ] {
             match value {
                 Some(value) if value > 0.0 && value.is_finite() => *field = value,
-                Some(value) => return Err(InputError::new_err(format!("vehicle.{name} must be positive, not {value}"))),
+                Some(value) => {
+                    return Err(InputError::new_err(format!("vehicle.{name} must be positive, not {value}")));
+                }
                 None => {}
             }
         }
@@ -343,7 +361,15 @@ pub struct PyRoute {
 impl PyRoute {
     /// Route and reference path from a pose to a goal; raises `NoRouteError`.
     #[staticmethod]
-    fn find(py: Python<'_>, road: &PyRoadNetwork, x: f64, y: f64, orientation: f64, velocity: f64, goal: &PyGoal) -> PyResult<Self> {
+    fn find(
+        py: Python<'_>,
+        road: &PyRoadNetwork,
+        x: f64,
+        y: f64,
+        orientation: f64,
+        velocity: f64,
+        goal: &PyGoal,
+    ) -> PyResult<Self> {
         let areas: Vec<PlacedShape> = goal.0.states.iter().flat_map(|state| state.areas.iter().cloned()).collect();
         let start = Pose::new(x, y, orientation);
         let network = Arc::clone(&road.0);
@@ -399,7 +425,12 @@ impl PyRoute {
     }
 
     /// Arc length and signed lateral distance of a point on the reference path, nan where it has no foot.
-    fn project<'py>(&self, py: Python<'py>, x: PyReadonlyArray1<'_, f64>, y: PyReadonlyArray1<'_, f64>) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>) {
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'_, f64>,
+        y: PyReadonlyArray1<'_, f64>,
+    ) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>) {
         let (s, d): (Vec<f64>, Vec<f64>) = x
             .as_array()
             .iter()

@@ -120,7 +120,9 @@ impl PyPredictions {
         }
         let shape = x.as_array().shape().to_vec();
         let [n, n_modes, n_steps] = shape[..] else {
-            return Err(InputError::new_err(format!("predictions: x has shape {shape:?}, (participants, modes, steps) expected")));
+            return Err(InputError::new_err(format!(
+                "predictions: x has shape {shape:?}, (participants, modes, steps) expected"
+            )));
         };
         if n != ids.len() || n_modes == 0 || n_steps == 0 {
             return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {} ids", ids.len())));
@@ -311,7 +313,10 @@ impl PyWorld {
         let agent = self.0.agent(id).map_err(exception)?.clone();
         let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
         if !scene.scene.present.contains(&row) {
-            return Err(InputError::new_err(format!("agent {id} is not present at time step {}", scene.scene.time_step)));
+            return Err(InputError::new_err(format!(
+                "agent {id} is not present at time step {}",
+                scene.scene.time_step
+            )));
         }
         Ok(PyView {
             visible: scene.scene.visible_from(row, agent.sensor_radius),
@@ -323,7 +328,13 @@ impl PyWorld {
         })
     }
 
-    fn predict(&self, py: Python<'_>, predictor: &PyPredictor, scene: &PyScene, n_steps: usize) -> PyResult<PyPredictions> {
+    fn predict(
+        &self,
+        py: Python<'_>,
+        predictor: &PyPredictor,
+        scene: &PyScene,
+        n_steps: usize,
+    ) -> PyResult<PyPredictions> {
         let world = &self.0;
         detached(py, || world.predict(&predictor.0, &scene.scene, n_steps)).map(|p| PyPredictions(Arc::new(p)))
     }
@@ -399,9 +410,15 @@ impl PyWorld {
         let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
         let n_rows: usize = plans.iter().map(|p| p.ids.len()).sum();
         let dict = PyDict::new(py);
-        dict.set_item("time_step", arrays::row(py, plans.iter().flat_map(|p| vec![p.time_step; p.ids.len()]).collect()))?;
+        dict.set_item(
+            "time_step",
+            arrays::row(py, plans.iter().flat_map(|p| vec![p.time_step; p.ids.len()]).collect()),
+        )?;
         dict.set_item("agent_id", arrays::row(py, plans.iter().flat_map(|p| p.ids.iter().copied()).collect()))?;
-        dict.set_item("status", arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()))?;
+        dict.set_item(
+            "status",
+            arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()),
+        )?;
         dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
         let fields: [(&str, fn(&State) -> f64); 5] = [
             ("x", |p| p.x),

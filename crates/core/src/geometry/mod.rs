@@ -219,7 +219,8 @@ mod tests {
 
     #[test]
     fn angles_are_wrapped_into_the_half_open_interval() {
-        for (angle, wrapped) in [(0.0, 0.0), (PI, PI), (-PI, PI), (3.0 * PI, PI), (TAU + 0.5, 0.5), (-TAU - 0.5, -0.5)] {
+        for (angle, wrapped) in [(0.0, 0.0), (PI, PI), (-PI, PI), (3.0 * PI, PI), (TAU + 0.5, 0.5), (-TAU - 0.5, -0.5)]
+        {
             assert!((wrap_angle(angle) - wrapped).abs() < 1e-12, "{angle}");
         }
     }

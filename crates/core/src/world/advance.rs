@@ -24,7 +24,11 @@ impl World {
     pub fn step(&mut self, plans: &Plans) -> Result<()> {
         self.check_time_step("plans", plans.time_step)?;
         if plans.ids != self.driving() {
-            return Err(Error::invalid(format!("plans for agents {:?}, but {:?} are driving", plans.ids, self.driving())));
+            return Err(Error::invalid(format!(
+                "plans for agents {:?}, but {:?} are driving",
+                plans.ids,
+                self.driving()
+            )));
         }
         self.adopt(plans);
         let next = self.next_states();
@@ -104,7 +108,8 @@ impl World {
     }
 
     fn judge_contacts(&mut self, next: &[Option<State>]) {
-        let moving: Vec<usize> = (0..next.len()).filter(|row| self.states[*row].is_some() && next[*row].is_some()).collect();
+        let moving: Vec<usize> =
+            (0..next.len()).filter(|row| self.states[*row].is_some() && next[*row].is_some()).collect();
         let movers: Vec<Mover<'_>> = moving
             .iter()
             .map(|row| Mover {
@@ -135,7 +140,8 @@ impl World {
         let road = std::sync::Arc::clone(&self.scenario.road);
         let mut departures = Vec::new();
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(self.time_step)) {
-            let (from, to) = (self.states[drive.row].expect("driving").pose(), next[drive.row].expect("driving").pose());
+            let (from, to) =
+                (self.states[drive.row].expect("driving").pose(), next[drive.row].expect("driving").pose());
             if drive.was_on_road {
                 if let Some(fraction) = departs_road(&road, &drive.agent.shape, from, to) {
                     let speed = next[drive.row].expect("driving").velocity.abs();
@@ -161,8 +167,14 @@ impl World {
             return;
         }
         drive.contact_fraction = fraction;
-        drive.outcome =
-            Outcome { kind: OutcomeKind::Collision, time_step, partner, off_road: partner.is_none(), impact_speed, message };
+        drive.outcome = Outcome {
+            kind: OutcomeKind::Collision,
+            time_step,
+            partner,
+            off_road: partner.is_none(),
+            impact_speed,
+            message,
+        };
     }
 
     fn judge_goals(&mut self) {
@@ -186,7 +198,8 @@ impl World {
                 None => None,
             };
             let was_absent = time_step == self.scenario.obstacles.states.first_time_step
-                || self.recorded_row[row].is_some_and(|recorded| self.recorded_state(recorded, time_step - 1).is_none());
+                || self.recorded_row[row]
+                    .is_some_and(|recorded| self.recorded_state(recorded, time_step - 1).is_none());
             if self.recorded_row[row].is_some() {
                 self.states[row] = state;
                 if was_absent && state.is_some() {
@@ -239,7 +252,8 @@ impl Drive {
         if goal.states.iter().any(|alternative| alternative.is_met(state, time_step)) {
             return Some(OutcomeKind::GoalReached);
         }
-        let late = |alternative: &GoalState| time_step > alternative.time_step.1 && alternative.is_met_at_any_time(state);
+        let late =
+            |alternative: &GoalState| time_step > alternative.time_step.1 && alternative.is_met_at_any_time(state);
         if goal.states.iter().any(late) {
             return Some(OutcomeKind::GoalReachedLate);
         }

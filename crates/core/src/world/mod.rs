@@ -207,10 +207,7 @@ impl World {
 
     /// Latest time step at which the last agent ends; `None` if an agent's goal has no time.
     pub fn last_time_step(&self) -> Option<i64> {
-        self.drives
-            .iter()
-            .filter_map(|drive| drive.last_time_step(self.settings.grace_factor))
-            .max()
+        self.drives.iter().filter_map(|drive| drive.last_time_step(self.settings.grace_factor)).max()
     }
 
     /// What can be seen now.
@@ -235,11 +232,17 @@ impl World {
 
     /// The time step of what was handed over must be now.
     fn check_time_step(&self, what: &'static str, found: i64) -> Result<()> {
-        if found == self.time_step { Ok(()) } else { Err(Error::WrongTimeStep { what, expected: self.time_step, found }) }
+        if found == self.time_step {
+            Ok(())
+        } else {
+            Err(Error::WrongTimeStep { what, expected: self.time_step, found })
+        }
     }
 
     fn drive_index(&self, id: i64) -> Result<usize> {
-        self.drives.binary_search_by_key(&id, |drive| drive.agent.id).map_err(|_| Error::UnknownId { what: "agent", id })
+        self.drives
+            .binary_search_by_key(&id, |drive| drive.agent.id)
+            .map_err(|_| Error::UnknownId { what: "agent", id })
     }
 
     /// An agent as it was before the first step.
@@ -272,7 +275,9 @@ fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
         }
         if agent.start_time_step < first_time_step {
             let start = agent.start_time_step;
-            return Err(Error::invalid(format!("agent {id} starts at time step {start}, before the scenario ({first_time_step})")));
+            return Err(Error::invalid(format!(
+                "agent {id} starts at time step {start}, before the scenario ({first_time_step})"
+            )));
         }
         if !(agent.sensor_radius > 0.0) {
             return Err(Error::invalid(format!("agent {id} has a sensor radius of {} m", agent.sensor_radius)));
@@ -289,7 +294,9 @@ fn participants(scenario: &Scenario, agents: &[Agent]) -> (Participants, Vec<Opt
     let obstacles = &scenario.obstacles;
     let mut rows: Vec<(i64, Option<usize>, Option<&Agent>)> = agents.iter().map(|a| (a.id, None, Some(a))).collect();
     let replaced = |id: &i64| agents.binary_search_by_key(id, |agent| agent.id).is_ok();
-    rows.extend(obstacles.states.ids.iter().enumerate().filter(|(_, id)| !replaced(id)).map(|(row, id)| (*id, Some(row), None)));
+    rows.extend(
+        obstacles.states.ids.iter().enumerate().filter(|(_, id)| !replaced(id)).map(|(row, id)| (*id, Some(row), None)),
+    );
     rows.sort_by_key(|(id, ..)| *id);
     let mut participants = Participants::default();
     let mut recorded = Vec::with_capacity(rows.len());

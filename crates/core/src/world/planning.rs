@@ -104,7 +104,12 @@ impl World {
             .collect()
     }
 
-    fn request<'a>(&'a self, drive: &'a Drive, others: &'a [Other<'a>], predictions: &'a Predictions) -> PlanRequest<'a> {
+    fn request<'a>(
+        &'a self,
+        drive: &'a Drive,
+        others: &'a [Other<'a>],
+        predictions: &'a Predictions,
+    ) -> PlanRequest<'a> {
         PlanRequest {
             time_step: self.time_step,
             dt: self.scenario.dt,
