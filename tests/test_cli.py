@@ -351,8 +351,9 @@ def test_a_real_run_is_the_same_again_to_the_last_bit(real):
 
 def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
     (real / "mine.py").write_text("class Broken:\n    def plan(self, view, predictions):\n        return 1 / 0\n")
-    arguments = ["-m", "interdrive", "run", "bend.xml", "--agents", "3,", "--planner", "mine:Broken", "--out", "made"]
-    done = python(*arguments, env={**os.environ, "PYTHONPATH": str(real)})
+    chosen = ["--agents", "3,", "--planner", "mine:Broken", "--out", "made"]
+    # -P: python itself does not look for modules in the working folder.
+    done = python("-P", "-m", "interdrive", "run", "bend.xml", *chosen)
     assert (done.returncode, done.stderr) == (1, "")
     assert "division by zero" in load("made").outcomes["message"].to_pylist()[0]
 
@@ -382,8 +383,7 @@ def test_ctrl_c_in_a_real_run_leaves_nothing_and_exits_with_130(real):
         "        os.kill(os.getpid(), signal.SIGINT)\n"
         "        time.sleep(10)\n"
     )
-    arguments = ["-m", "interdrive", "run", "bend.xml", "--agents", "3,", "--planner", "slow:Slow", "--out", "made"]
-    done = python(*arguments, env={**os.environ, "PYTHONPATH": str(real)})
+    done = python(*["-m", "interdrive", "run", "bend.xml", "--agents", "3,", "--planner", "slow:Slow", "--out", "made"])
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted, nothing written\n")
     assert not (real / "made").exists()
 

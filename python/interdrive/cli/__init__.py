@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 from typing import Any, NoReturn
 
 import click
@@ -38,6 +39,8 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> int:
         """The exit code of the chosen command."""
+        # Planners and predictors of the user may lie in the working folder; behind everything that is installed.
+        sys.path.append(str(Path.cwd()))
         try:
             code = super().invoke(ctx)
             sys.stdout.flush()
