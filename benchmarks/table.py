@@ -23,6 +23,7 @@ def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
     """Runs once in this process; times in seconds, memory in bytes."""
     start = time.perf_counter()
     import numpy as np
+
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 

@@ -3,9 +3,10 @@
 import csv
 import math
 
-import commonroad_documents as cr
 import numpy as np
 import pytest
+
+import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 from interdrive.check import candidates, inspect, lanelets_at
 from interdrive.files import read_scenario

@@ -17,6 +17,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 from click.testing import CliRunner
+
 from interdrive import files, results, simulation
 from interdrive.cli import main
 from interdrive.errors import InputError

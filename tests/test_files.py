@@ -5,9 +5,10 @@ import math
 import subprocess
 import sys
 
-import commonroad_documents as cr
 import numpy as np
 import pytest
+
+import commonroad_documents as cr
 from commonroad_documents import car, document, exact, goal, initial, lanelet, planning_problem, point, state
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, write_scenario

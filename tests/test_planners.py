@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from drivers import Straight
 from interdrive import Frenet, InputError, Trajectory, _core
 from interdrive.planners import FrenetWeights, native_planner

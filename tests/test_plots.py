@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
+
 from interdrive.errors import InputError, MissingExtraError, ResultsError
 from interdrive.plots import animate_run, check_animation, draw_run, save_figure
 from interdrive.plots.frames import Stage
@@ -18,7 +20,6 @@ from interdrive.plots.view import View, view_of
 from interdrive.run import OUTCOMES
 from interdrive.scenario import Shape
 from invented_run import along, invented_run
-from PIL import Image
 
 
 @pytest.fixture(scope="module")

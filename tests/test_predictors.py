@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from interdrive import ConstantVelocity, InputError, LaneFollowing, Predictions, Simulation
 from interdrive.testing import Car, problem, straight_road, world
 

@@ -13,11 +13,12 @@ import types
 from dataclasses import replace
 from pathlib import Path
 
-import interdrive
 import numpy as np
 import polars
 import pyarrow as pa
 import pytest
+
+import interdrive
 from interdrive import results
 from interdrive.errors import InputError, ResultsError
 from interdrive.results import (

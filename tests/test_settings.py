@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import pytest
+
 from interdrive.errors import InputError
 from interdrive.settings import bind, described, dotted, flatten
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from drivers import Straight
 from interdrive import InputError, Simulation, SimulationSettings, simulate
 from interdrive.run import PHASES

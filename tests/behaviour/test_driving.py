@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from interdrive import GroundTruth, simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world
 

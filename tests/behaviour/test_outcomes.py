@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from drivers import Straight, Turning
 from interdrive import InputError, Simulation, SimulationSettings, Trajectory, simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world
