@@ -1,0 +1,155 @@
+"""A made scenario as a CommonRoad 2020a document, one line per state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from network import Incoming, Lanelet, Network, rounded
+from traffic import DT, Vehicle
+
+#: Ids: lanelets from 1, then the speed sign and the intersection, vehicles and planning problem beyond.
+SIGN_ID = 900
+INTERSECTION_ID = 901
+FIRST_VEHICLE_ID = 1001
+PLANNING_PROBLEM_ID = 2001
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where a planning problem ends: lanelets, or a rectangle (x, y, heading, length, width); steps; speeds [m/s]."""
+
+    time_step: tuple[int, int]
+    lanelets: tuple[int, ...] = ()
+    rectangle: tuple[float, float, float, float, float] | None = None
+    velocity: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Made:
+    """Everything that goes into a file; `ego` gives the planning problem its start and is not recorded."""
+
+    benchmark_id: str
+    tags: tuple[str, ...]
+    network: Network
+    vehicles: list[Vehicle]
+    ego: Vehicle
+    goal: Goal
+
+
+def document(made: Made) -> str:
+    """The document."""
+    network = made.network
+    lines = [
+        "<?xml version='1.0' encoding='UTF-8'?>",
+        (
+            f'<commonRoad timeStepSize="{DT}" commonRoadVersion="2020a" author="interdrive" affiliation="interdrive" '
+            f'source="made by scenarios/make.py" benchmarkID="{made.benchmark_id}" date="2026-01-01">'
+        ),
+        "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>",
+        f"<scenarioTags>{''.join(f'<{tag}/>' for tag in made.tags)}</scenarioTags>",
+    ]
+    lines += [_lanelet(lanelet) for _, lanelet in sorted(network.lanelets.items())]
+    lines.append(_speed_sign(network))
+    if network.incomings:
+        lines.append(_intersection(network.incomings))
+    lines += [_vehicle(FIRST_VEHICLE_ID + index, vehicle) for index, vehicle in enumerate(made.vehicles)]
+    lines += [_planning_problem(made.ego, made.goal), "</commonRoad>", ""]
+    return "\n".join(lines)
+
+
+def _number(value: float) -> str:
+    return f"{float(rounded(np.array(value))):.4f}".rstrip("0").rstrip(".")
+
+
+def _exact(tag: str, value: float) -> str:
+    return f"<{tag}><exact>{_number(value)}</exact></{tag}>"
+
+
+def _point(x: float, y: float, tag: str = "point") -> str:
+    return f"<{tag}><x>{_number(x)}</x><y>{_number(y)}</y></{tag}>"
+
+
+def _lanelet(lanelet: Lanelet) -> str:
+    parts = [f'<lanelet id="{lanelet.id}">']
+    for tag, bound, marking in zip(
+        ("leftBound", "rightBound"), (lanelet.left, lanelet.right), lanelet.markings, strict=True
+    ):
+        points = "".join(_point(x, y) for x, y in bound.tolist())
+        parts.append(f"<{tag}>{points}<lineMarking>{marking}</lineMarking></{tag}>")
+    parts += [f'<predecessor ref="{number}"/>' for number in lanelet.predecessors]
+    parts += [f'<successor ref="{number}"/>' for number in lanelet.successors]
+    for tag, adjacent in (("adjacentLeft", lanelet.adjacent_left), ("adjacentRight", lanelet.adjacent_right)):
+        if adjacent is not None:
+            parts.append(f'<{tag} ref="{adjacent[0]}" drivingDir="{"same" if adjacent[1] else "opposite"}"/>')
+    parts += [f"<laneletType>{kind}</laneletType>" for kind in lanelet.kinds]
+    parts += [f'<trafficSignRef ref="{SIGN_ID}"/>', "</lanelet>"]
+    return "\n".join(parts)
+
+
+def _speed_sign(network: Network) -> str:
+    x, y = network.lanelets[min(network.lanelets)].right[0]
+    element = f"<trafficSignID>274</trafficSignID><additionalValue>{network.speed_limit:.4f}</additionalValue>"
+    return (
+        f'<trafficSign id="{SIGN_ID}"><trafficSignElement>{element}</trafficSignElement>'
+        f"<position>{_point(x, y)}</position><virtual>true</virtual></trafficSign>"
+    )
+
+
+def _intersection(incomings: list[Incoming]) -> str:
+    parts = [f'<intersection id="{INTERSECTION_ID}">']
+    for index, incoming in enumerate(incomings, start=1):
+        parts.append(f'<incoming id="{INTERSECTION_ID + index}">')
+        for tag, numbers in (
+            ("incomingLanelet", incoming.lanelets),
+            ("successorsRight", incoming.right),
+            ("successorsStraight", incoming.straight),
+            ("successorsLeft", incoming.left),
+        ):
+            parts += [f'<{tag} ref="{number}"/>' for number in numbers]
+        parts.append("</incoming>")
+    return "\n".join([*parts, "</intersection>"])
+
+
+def _vehicle(number: int, vehicle: Vehicle) -> str:
+    size = f"<length>{_number(vehicle.length)}</length><width>{_number(vehicle.width)}</width>"
+    states = [_state(vehicle, step) for step in range(len(vehicle.x))]
+    return "\n".join(
+        [
+            f'<dynamicObstacle id="{number}"><type>{vehicle.kind}</type><shape><rectangle>{size}</rectangle></shape>',
+            f"<initialState>{states[0]}</initialState>",
+            "<trajectory>",
+            *(f"<state>{state}</state>" for state in states[1:]),
+            "</trajectory></dynamicObstacle>",
+        ]
+    )
+
+
+def _state(vehicle: Vehicle, step: int) -> str:
+    heading = np.arctan2(np.sin(vehicle.heading[step]), np.cos(vehicle.heading[step]))
+    return (
+        f"<position>{_point(vehicle.x[step], vehicle.y[step])}</position>{_exact('orientation', heading)}"
+        f"<time><exact>{step}</exact></time>{_exact('velocity', vehicle.speed[step])}"
+    )
+
+
+def _planning_problem(ego: Vehicle, goal: Goal) -> str:
+    if goal.rectangle is None:
+        area = "".join(f'<lanelet ref="{number}"/>' for number in goal.lanelets)
+    else:
+        x, y, heading, length, width = goal.rectangle
+        area = (
+            f"<rectangle><length>{_number(length)}</length><width>{_number(width)}</width>"
+            f"<orientation>{_number(heading)}</orientation>{_point(x, y, 'center')}</rectangle>"
+        )
+    first, last = goal.time_step
+    time = f"<time><intervalStart>{first}</intervalStart><intervalEnd>{last}</intervalEnd></time>"
+    velocity = ""
+    if goal.velocity is not None:
+        slow, fast = (_number(value) for value in goal.velocity)
+        velocity = f"<velocity><intervalStart>{slow}</intervalStart><intervalEnd>{fast}</intervalEnd></velocity>"
+    return (
+        f'<planningProblem id="{PLANNING_PROBLEM_ID}"><initialState>{_state(ego, 0)}'
+        f"{_exact('yawRate', 0.0)}{_exact('slipAngle', 0.0)}</initialState>\n"
+        f"<goalState><position>{area}</position>{time}{velocity}</goalState></planningProblem>"
+    )
