@@ -111,7 +111,7 @@ def make() -> Made:
                 vehicles.append(_placed(roads, (arm, turn), size, (window, speeds), vehicles, chance))
                 movements.append((arm, turn))
     ego = vehicles.pop(movements.index(EGO))
-    goal = Goal(time_step=(70, 120), lanelets=(target(*EGO),))
+    goal = Goal(time_step=(70, 150), lanelets=(target(*EGO),))
     tags = ("urban", "intersection", "multi_lane", "oncoming_traffic", "turn_left")
     return Made("ZAM_InterdriveIntersection-1_1_T-1", tags, roads, vehicles, ego, goal)
 

@@ -12,6 +12,7 @@ import commonroad_documents as cr
 from commonroad_documents import car, document, exact, goal, initial, lanelet, planning_problem, point, state
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, write_scenario
+from interdrive.files.shapes import shape_of
 from interdrive.run import Run, States
 
 
@@ -304,6 +305,49 @@ def test_objects_of_commonroad_io_become_the_same_scenario(tmp_path):
     assert from_objects.planning_problems[0].goal[0].lanelet_ids == (1,)
 
 
+def test_what_objects_lack_is_derived(tmp_path):
+    from commonroad.common.reader.file_reader_xml import XMLFileReader
+
+    states = [state(t, 1.0 * t, orientation=0.0, velocity=10.0) for t in (1, 2)]
+    scenario, _problems = XMLFileReader(cr.saved(tmp_path, document(car(30, initial(0.0), states)))).open()
+    obstacle = scenario.dynamic_obstacles[0]
+    obstacle.initial_state.velocity = None
+    obstacle.initial_state.acceleration = None
+    assert driven(scenario_from_commonroad(scenario))["velocity"].tolist() == pytest.approx([10.0] * 3)
+
+
+def test_shapes_of_every_version_of_commonroad_io_are_known():
+    """Up to 2024.3: groups. From 2026.1 on: rectangles with a shifted origin, trucks with and without trailer."""
+    shapes = foreign_shapes()
+    assert shapes
+    for foreign, expected in shapes:
+        found = shape_of(foreign)
+        members = found.members if found.kind == "group" else (found,)
+        assert [(one.kind, one.center, one.length) for one in members] == expected
+
+
+def foreign_shapes():
+    try:
+        from commonroad.geometry.shape import Circle, Rectangle, ShapeGroup
+    except ImportError:
+        from commonroad.geometry.obstacle_shapes.rect_obstacle_shape import RectObstacleShape
+        from commonroad.geometry.obstacle_shapes.semi_trailer_truck_shape import SemiTrailerTruckShape
+        from commonroad.geometry.obstacle_shapes.truck_shape import TruckShape
+
+        truck = TruckShape.create_default()
+        rear = pytest.approx(0.5 * 5.1 - 0.5)
+        return [
+            (RectObstacleShape(width=2.0, length=4.0, origin_x_shift=-1.25), [("rectangle", (1.25, 0.0), 4.0)]),
+            (truck, [("rectangle", (rear, 0.0), 5.1)]),
+            (
+                SemiTrailerTruckShape.create_default(),
+                [("rectangle", (rear, 0.0), 5.1), ("rectangle", (pytest.approx(0.45 - 13.6 / 2 + 0.9), 0.0), 13.6)],
+            ),
+        ]
+    group = ShapeGroup([Rectangle(4.0, 2.0, np.array([1.0, 0.5]), 0.0), Circle(1.0, np.array([2.0, 0.0]))])
+    return [(group, [("rectangle", (1.0, 0.5), 4.0), ("circle", (2.0, 0.0), 0.0)])]
+
+
 def test_something_else_than_a_commonroad_scenario_is_refused():
     with pytest.raises(InputError, match="str is not a commonroad"):
         scenario_from_commonroad("test.xml")
@@ -381,12 +425,19 @@ BAD_DOCUMENTS = {
     ),
     "half a footprint": (document(car(30, initial(0.0), shape="<rectangle/>")), "the shape of obstacle 30"),
     "no initial state": (document(car(30, "")), "obstacle 30 has no initial state"),
-    "unknown kind": (document(car(30, initial(0.0), kind="spaceship")), "commonroad-io cannot read it .*spaceship"),
+    "unknown kind": (
+        document(car(30, initial(0.0), kind="spaceship")),
+        "cannot be read at dynamicObstacle 30 .*spaceship",
+    ),
+    "half a state": (
+        document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0).replace("<x>1.0</x>", "")])),
+        "cannot be read at <point> of dynamicObstacle 30",
+    ),
     "time step far off": (
         document(car(30, initial(0.0), [state(99999999, 1.0, orientation=0.0)])),
         "time step 99999999",
     ),
-    "unreadable protobuf": (b"\x00\xff garbage", "commonroad-io cannot read it|is not beside it"),
+    "unreadable protobuf": (b"\x00\xff garbage", "cannot be read|is not beside it"),
 }
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: Coordinates beyond this [m] are no place on earth in any projection; larger ones would lose millimetres.
 LARGEST_COORDINATE = 1e9
 #: Obstacles times steps of a table; more is a mistyped time step, not a recording.
-LARGEST_TABLE = 50_000_000
+LARGEST_TABLE = 5_000_000
 #: Speed limits above this [m/s] are taken for a wrong unit and left out.
 LARGEST_SPEED_LIMIT = 150.0
 LAST_TIME_STEP = 2**31 - 1

@@ -10,6 +10,7 @@ import warnings
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from interdrive.files.shapes import Foreign
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator
-    from xml.etree.ElementTree import Element
 
     from interdrive.scenario import Scenario
 
@@ -167,12 +167,27 @@ def quiet(file: str) -> Iterator[list[str]]:
     except Exception as error:
         text = " ".join(str(error).split())[:200]
         raise InputError(
-            f"{file}: commonroad-io cannot read it ({type(error).__name__}: {text or 'no reason given'}); "
-            "is it a valid CommonRoad file?"
+            f"{file}: cannot be read{_place(error)} ({type(error).__name__}: {text or 'no reason given'}); "
+            "correct it there or ask who made it"
         ) from error
     finally:
         logger.removeHandler(collector)
         logger.propagate = propagate
+
+
+def _place(error: Exception) -> str:
+    """Where in the document commonroad-io was, which its messages do not say: its functions call it `xml_node`."""
+    owner = inner = ""
+    trace = error.__traceback__
+    while trace is not None:
+        node = trace.tb_frame.f_locals.get("xml_node")
+        if isinstance(node, Element):
+            number = node.get("id")
+            owner, inner = (f" of {node.tag} {number}", "") if number else (owner, node.tag)
+        trace = trace.tb_next
+    if inner and inner != "commonRoad":
+        return f" at <{inner}>{owner}"
+    return owner.replace(" of ", " at ", 1)
 
 
 def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:

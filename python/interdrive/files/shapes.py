@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from interdrive.errors import InputError
 from interdrive.files.document import polygon
 from interdrive.scenario import Shape
 
@@ -23,7 +22,7 @@ def shape_of(source: Foreign) -> Shape:
     """A footprint or an area of any version of commonroad-io as ours.
 
     Raises:
-        InputError: A class that is none of them.
+        TypeError: A class that is none of them.
     """
     members = getattr(source, "shapes", None) or getattr(source, "occupancies", None)
     if members is not None:
@@ -40,7 +39,7 @@ def shape_of(source: Foreign) -> Shape:
         return _rectangle(source, center, float(getattr(source, "orientation", 0.0)))
     if hasattr(source, "vertices"):
         return polygon(np.array(source.vertices, dtype=np.float64).reshape(len(source.vertices), -1))
-    raise InputError(f"a shape of the class {type(source).__name__} is not known; use rectangle, circle or polygon")
+    raise TypeError(f"a shape of the class {type(source).__name__} is not known, only rectangles, circles, polygons")
 
 
 def _rectangle(size: Foreign, center: tuple[float, float], orientation: float = 0.0) -> Shape:
