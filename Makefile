@@ -34,7 +34,7 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/python -m mypy.stubtest interdrive._core --ignore-missing-stub --allowlist tests/stubtest_allowlist.txt
+	$(BIN)/python -m mypy.stubtest interdrive._core
 	$(BIN)/lint-imports
 	$(BIN)/python scenarios/make.py --check
 

@@ -56,7 +56,8 @@ def command_start(scenario: str, agents: str) -> float:
         "import sys, time; from interdrive import simulation as s; original = s.Simulation.step\n"
         "def step(self):\n    original(self); print(time.time()); sys.stdout.flush(); import os; os._exit(0)\n"
         "s.Simulation.step = step\n"
-        f"from interdrive.cli import main; sys.argv = ['interdrive', 'run', {scenario!r}, '--agents', {agents!r}]; main()"
+        "from interdrive.cli import main\n"
+        f"sys.argv = ['interdrive', 'run', {scenario!r}, '--agents', {agents!r}]; main()"
     )
     start = time.time()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -84,7 +85,8 @@ def main() -> None:
     else:
         print(f"{folder / HIGHWAY} is not there: only the shipped scenarios are measured")
     print(
-        "| scenario | agents | participants | threads | ms per step (all agents) | ms per step (whole run) | plan | predict | advance | observe | start to first step | memory |"
+        "| scenario | agents | participants | threads | ms per step (all agents) | ms per step (whole run) "
+        "| plan | predict | advance | observe | start to first step | memory |"
     )
     print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
     for scenario, agents, threads in cases:

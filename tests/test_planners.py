@@ -44,7 +44,8 @@ class Leaping(Straight):
 class Random(Straight):
     def plan(self, view, predictions):
         plan = super().plan(view, predictions)
-        return Trajectory(plan.x + np.linspace(0, 0.1, 31) * np.random.rand(), plan.y, plan.orientation, plan.velocity)
+        jitter = np.random.default_rng().random()
+        return Trajectory(plan.x + np.linspace(0, 0.1, 31) * jitter, plan.y, plan.orientation, plan.velocity)
 
 
 class Nothing:

@@ -227,7 +227,8 @@ def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int])
     """A planning problem's agent; if a recorded vehicle stands at its start, it is that vehicle."""
     state, obstacles = problem.initial_state, scenario.obstacles
     shape = Shape("rectangle", length=PLANNING_PROBLEM_LENGTH, width=PLANNING_PROBLEM_WIDTH)
-    kind, agent_id, names, note = "car", problem.id, (problem.id,), ""
+    kind, agent_id, note = "car", problem.id, ""
+    names: tuple[int, ...] = (problem.id,)
     column = state.time_step
     if 0 <= column < obstacles.n_steps:
         distance = np.hypot(obstacles.x[:, column] - state.x, obstacles.y[:, column] - state.y)

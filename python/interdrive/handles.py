@@ -62,9 +62,11 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
         [core_shape(shape) for shape in o.shapes],
         o.is_static.tolist(),
         0,
-        *(
-            np.ascontiguousarray(a, dtype=np.float64)
-            for a in (o.x, o.y, o.orientation, o.velocity, o.acceleration, o.yaw_rate)
-        ),
+        np.ascontiguousarray(o.x, dtype=np.float64),
+        np.ascontiguousarray(o.y, dtype=np.float64),
+        np.ascontiguousarray(o.orientation, dtype=np.float64),
+        np.ascontiguousarray(o.velocity, dtype=np.float64),
+        np.ascontiguousarray(o.acceleration, dtype=np.float64),
+        np.ascontiguousarray(o.yaw_rate, dtype=np.float64),
         np.ascontiguousarray(o.valid),
     )

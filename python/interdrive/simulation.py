@@ -14,6 +14,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.agents import AgentSettings, GoalSettings, select
 from interdrive.errors import InputError, InterdriveError, PredictorError
+from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
 from interdrive.planners import Planner, PlannerSettings, name_of, native_planner, write_plan
 from interdrive.planners import resolve as resolve_planner
@@ -320,14 +321,12 @@ class Simulation:
             states=states,
             plans=Plans(**plans),
             timings=_timings(self._timings),
-            notes=tuple(
-                [
-                    *self._notes,
-                    *(
-                        f"{a} and {b} touch when they enter: their contact counts only after they have separated"
-                        for a, b in self._touching
-                    ),
-                ]
+            notes=(
+                *self._notes,
+                *(
+                    f"{a} and {b} touch when they enter: their contact counts only after they have separated"
+                    for a, b in self._touching
+                ),
             ),
             digest=digest(states),
             finished=self.world.is_done,
@@ -397,8 +396,6 @@ def digest(states: States) -> str:
 
 
 def _scenario(source: object) -> Scenario:
-    from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
-
     if isinstance(source, Scenario):
         return source
     if isinstance(source, str | os.PathLike):

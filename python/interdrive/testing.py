@@ -191,7 +191,7 @@ class _Watched:
         before = _seen(view)
         start = time.perf_counter()
         try:
-            plan = self._first.plan(view, predictions)
+            plan: Trajectory = self._first.plan(view, predictions)
         except Exception as error:  # noqa: BLE001 - whatever it raises is the finding
             fail(f"plan raised {error!r}")
         seconds = time.perf_counter() - start

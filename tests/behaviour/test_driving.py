@@ -49,7 +49,7 @@ def test_an_agent_overtakes_nobody_through_the_car_ahead_but_follows_it():
     )
     run = simulate(scenario, threads=1)
     assert run.outcomes.outcome[0] != "collision"
-    x, _, velocity = track(run, 100)
+    _, _, velocity = track(run, 100)
     assert velocity[100] == pytest.approx(8.0, abs=1.0)
 
 
@@ -84,7 +84,7 @@ def test_an_agent_that_can_only_brake_brakes_as_hard_as_it_can():
     run = simulate(scenario, threads=1)
     # 17.5 m to the car, 15 m/s: at 11.5 m/s² it stops after 9.8 m.
     assert run.outcomes.outcome == ("time_limit",)
-    x, _, velocity = track(run, 100)
+    _, _, velocity = track(run, 100)
     assert velocity[-1] == pytest.approx(0.0, abs=0.3)
 
 

@@ -146,7 +146,7 @@ class Elsewhere(Straight):
         (NotNumbers, 0, "x has values that are not numbers"),
         (OneShort, 0, "y has shape (30,), x has (31,)"),
         (Elsewhere, 0, "starts 3.00 m away"),
-        (lambda: type("Silent", (), {"plan": lambda *_: None})(), 0, "a NoneType was returned"),
+        (type("Silent", (), {"plan": lambda *_: None}), 0, "a NoneType was returned"),
     ],
 )
 def test_a_planner_that_fails_costs_its_own_agent_only(planner, time_step, words):

@@ -195,7 +195,7 @@ impl Predictions {
                 continue;
             }
             let total: f64 = modes.iter().sum();
-            if (total - 1.0).abs() > TOLERANCE || modes.iter().any(|p| !(*p >= 0.0)) {
+            if (total - 1.0).abs() > TOLERANCE || modes.iter().any(|p| p.is_nan() || *p < 0.0) {
                 return Err(Error::invalid(format!(
                     "predictions: mode probabilities of participant {id} are {modes:?}"
                 )));

@@ -279,7 +279,7 @@ fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
                 "agent {id} starts at time step {start}, before the scenario ({first_time_step})"
             )));
         }
-        if !(agent.sensor_radius > 0.0) {
+        if agent.sensor_radius.is_nan() || agent.sensor_radius <= 0.0 {
             return Err(Error::invalid(format!("agent {id} has a sensor radius of {} m", agent.sensor_radius)));
         }
         if agent.goal.states.is_empty() {

@@ -113,7 +113,7 @@ impl World {
         PlanRequest {
             time_step: self.time_step,
             dt: self.scenario.dt,
-            state: self.states[drive.row].unwrap_or(State::default()),
+            state: self.states[drive.row].unwrap_or_default(),
             vehicle: &drive.agent.vehicle,
             shape: &drive.agent.shape,
             route: &drive.agent.route,
