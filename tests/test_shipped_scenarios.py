@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from interdrive.check import candidates, lanelets_at
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios

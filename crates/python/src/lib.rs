@@ -1,5 +1,7 @@
 //! `interdrive._core`: what of the core is visible from Python.
 
+#![allow(clippy::too_many_arguments, reason = "one array per field: Python passes them by name")]
+
 mod arrays;
 mod errors;
 mod planner;

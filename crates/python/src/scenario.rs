@@ -236,12 +236,13 @@ impl PyScenario {
 pub struct PyGoal(pub Goal);
 
 type Interval = (f64, f64);
+/// One alternative: areas in the world frame, time steps, velocity and orientation intervals.
+type Alternative<'py> = (Vec<PyRef<'py, PyShape>>, (i64, i64), Option<Interval>, Option<Interval>);
 
 #[pymethods]
 impl PyGoal {
-    /// From alternatives: (areas in the world frame, time steps, velocity interval, orientation interval).
     #[new]
-    fn new(states: Vec<(Vec<PyRef<'_, PyShape>>, (i64, i64), Option<Interval>, Option<Interval>)>) -> Self {
+    fn new(states: Vec<Alternative<'_>>) -> Self {
         let placed = |shape: &PyRef<'_, PyShape>| PlacedShape { shape: shape.0.clone(), pose: Pose::default() };
         let states = states
             .into_iter()

@@ -420,7 +420,8 @@ impl PyWorld {
             arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()),
         )?;
         dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
-        let fields: [(&str, fn(&State) -> f64); 5] = [
+        type Field = fn(&State) -> f64;
+        let fields: [(&str, Field); 5] = [
             ("x", |p| p.x),
             ("y", |p| p.y),
             ("orientation", |p| p.orientation),

@@ -8,7 +8,7 @@ use crate::plan::frenet::{self, Candidates};
 use crate::plan::{Other, PlanRequest, PlanResult, Planner};
 use crate::predict::completed;
 use crate::scene::Scene;
-use crate::trajectory::{PlanStatus, Plans, Predictions, State};
+use crate::trajectory::{PlanStatus, Plans, Predictions};
 
 impl World {
     /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
