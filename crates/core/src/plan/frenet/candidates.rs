@@ -78,7 +78,8 @@ impl Candidates {
         if can_be_driven {
             terms[..4].copy_from_slice(&evaluation.table_terms(sample));
             terms[4..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
-            terms[N_TERMS - 1] = evaluation.obstacles.prediction_cost(evaluation.points(), 1, self.n_points);
+            let points = evaluation.points().iter().enumerate().skip(1);
+            terms[N_TERMS - 1] = points.map(|(i, point)| evaluation.obstacles.prediction_cost(point, i)).sum();
         }
         let weights = evaluation.settings.weights.as_array();
         self.cost.push(terms.iter().zip(weights).map(|(term, weight)| term * weight).sum());

@@ -5,12 +5,9 @@
 use super::super::PlanRequest;
 use super::frame::Waypoint;
 use super::obstacles::Obstacles;
-use super::sample::{Lateral, Motion, Samples};
+use super::sample::{Motion, Samples};
 use super::settings::{CostWeights, N_TERMS};
 use crate::geometry::polyline::ReferencePath;
-
-/// Points of the prediction term that are computed at once.
-pub(super) const BLOCK: usize = 6;
 
 /// Terms that follow from the tables, one entry per sample.
 #[derive(Debug, Clone, Default)]
@@ -18,8 +15,37 @@ pub(super) struct TableCosts {
     pub(super) velocity_offset: Vec<f64>,
     /// Weighted sum of the terms from the tables.
     pub(super) total: Vec<f64>,
-    /// Curvature of the path at the points of the row at hand.
-    curvature: Vec<f64>,
+    /// Of the row at hand, by point.
+    speeds: Vec<LaneSpeed>,
+}
+
+/// Lanes that are worked on at once.
+const LANES: usize = 4;
+
+/// Both components of the velocity, along the path and sideways; they are linear in the lane.
+#[derive(Debug, Clone, Copy)]
+struct LaneSpeed {
+    along: f64,
+    along_by_lane: f64,
+    sideways: f64,
+    sideways_by_lane: f64,
+}
+
+/// Summed squares of speed minus desired speed over the points, for up to four lanes.
+#[inline]
+fn summed_squares(speeds: &[LaneSpeed], lanes: &[f64], desired: f64) -> [f64; LANES] {
+    let mut lane = [0.0; LANES];
+    lane[..lanes.len()].copy_from_slice(lanes);
+    let mut sums = [0.0; LANES];
+    for speed in speeds {
+        for k in 0..LANES {
+            let along = speed.along + lane[k] * speed.along_by_lane;
+            let sideways = speed.sideways + lane[k] * speed.sideways_by_lane;
+            let offset = (along * along + sideways * sideways).sqrt() - desired;
+            sums[k] += offset * offset;
+        }
+    }
+    sums
 }
 
 impl TableCosts {
@@ -40,28 +66,28 @@ impl TableCosts {
             if row.rejection != super::Rejection::Admissible {
                 continue;
             }
-            let motions = samples.motions(index);
-            self.curvature.clear();
-            self.curvature.extend(motions.iter().map(|motion| curvature_at(path, motion.s)));
-            let (table, t) = samples.lateral(index);
+            self.speeds.clear();
+            let points = samples.motions(index).iter().zip(samples.lateral_points(index));
+            self.speeds.extend(points.map(|(motion, lateral)| {
+                let curvature = curvature_at(path, motion.s);
+                // d' s_dot = d_dot
+                let sideways = if row.lateral.is_over_arc { motion.s_dot } else { 1.0 };
+                LaneSpeed {
+                    along: motion.s_dot * (1.0 - curvature * lateral.home[0]),
+                    along_by_lane: -motion.s_dot * curvature * lateral.step[0],
+                    sideways: sideways * lateral.home[1],
+                    sideways_by_lane: sideways * lateral.step[1],
+                }
+            }));
             let lanes = index * n_lanes..(index + 1) * n_lanes;
             let sums = &mut self.velocity_offset[lanes.clone()];
-            let over_arc = matches!(row.lateral, Lateral::OverArc(_));
-            for (i, (motion, curvature)) in motions.iter().zip(&self.curvature).enumerate() {
-                let first = (t * samples.n_points + i) * n_lanes;
-                let d = &table.d[first..first + n_lanes];
-                let d_1 = &table.d_1[first..first + n_lanes];
-                let along = motion.s_dot;
-                // d' s_dot = d_dot
-                let sideways = if over_arc { motion.s_dot } else { 1.0 };
-                for ((sum, d), d_1) in sums.iter_mut().zip(d).zip(d_1) {
-                    let (a, b) = (along * (1.0 - curvature * d), sideways * d_1);
-                    let offset = (a * a + b * b).sqrt() - desired_velocity;
-                    *sum += offset * offset;
-                }
+            for (sums, lanes) in sums.chunks_mut(LANES).zip(samples.lanes.chunks(LANES)) {
+                let squares = summed_squares(&self.speeds, lanes, desired_velocity);
+                sums.copy_from_slice(&squares[..sums.len()]);
             }
-            let per_lane = t * n_lanes..(t + 1) * n_lanes;
-            let parts = table.offset[per_lane.clone()].iter().zip(&table.jerk[per_lane]);
+            let table = row.lateral.table;
+            let per_lane = table * n_lanes..(table + 1) * n_lanes;
+            let parts = samples.lateral.offset[per_lane.clone()].iter().zip(&samples.lateral.jerk[per_lane]);
             for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[lanes]).zip(parts) {
                 *velocity_offset = velocity_offset.sqrt();
                 *total = from_tables(weights, *velocity_offset, *offset, *jerk, row.jerk);
@@ -97,13 +123,13 @@ pub(super) struct FrenetMotion {
 }
 
 impl FrenetMotion {
-    pub(super) fn new(motion: &Motion, d_1: f64, d_2: f64, lateral: Lateral) -> Self {
+    /// From derivatives of the lateral offset by time or by arc length.
+    pub(super) fn new(motion: &Motion, [_, d_1, d_2]: [f64; 3], is_over_arc: bool) -> Self {
         let Motion { s_dot, s_ddot, .. } = *motion;
-        match lateral {
-            Lateral::OverTime(_) => Self { s_dot, s_ddot, d_dot: d_1, d_ddot: d_2 },
-            Lateral::OverArc(_) => {
-                Self { s_dot, s_ddot, d_dot: d_1 * s_dot, d_ddot: d_2 * s_dot * s_dot + d_1 * s_ddot }
-            }
+        if is_over_arc {
+            Self { s_dot, s_ddot, d_dot: d_1 * s_dot, d_ddot: d_2 * s_dot * s_dot + d_1 * s_ddot }
+        } else {
+            Self { s_dot, s_ddot, d_dot: d_1, d_ddot: d_2 }
         }
     }
 }

@@ -3,14 +3,19 @@
 
 use super::super::PlanRequest;
 use super::choose::Refined;
-use super::cost::{BLOCK, FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
+use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
 use super::feasibility::{Limits, Rejection};
 use super::frame::{FrenetPoint, Start, Waypoint};
 use super::obstacles::{Contact, Obstacles};
 use super::previous::Previous;
-use super::sample::{Lateral, Samples};
+use super::sample::Samples;
 use super::settings::{FrenetSettings, N_TERMS};
 use crate::geometry::shape::OrientedBox;
+
+/// Points of the prediction term that are computed at once.
+const BLOCK: usize = 4;
+/// Sums in different orders differ by less than this fraction.
+const SUMMATION_ROUNDING: f64 = 1e-12;
 
 /// How far the evaluation of a sample has got.
 #[derive(Debug, Clone, Copy, Default)]
@@ -19,9 +24,9 @@ struct Progress {
     slot: Option<u32>,
     /// Cost without prediction.
     base: f64,
-    /// Sum of the prediction term so far, and the first point that is missing.
+    /// Sum of the prediction term so far, and how many points of the order are in it.
     prediction: f64,
-    next_point: usize,
+    n_done: usize,
 }
 
 /// Memory of the evaluations of one plan.
@@ -30,6 +35,11 @@ pub(super) struct Work {
     progress: Vec<Progress>,
     /// Trajectories of the admissible samples that were looked at.
     pool: Vec<Waypoint>,
+    /// Their prediction terms, point by point.
+    contributions: Vec<f64>,
+    /// Points in the order in which their prediction terms are computed: the first trajectory's largest first, so that
+    /// bounds rise early.
+    order: Vec<usize>,
     points: Vec<Waypoint>,
     road: Vec<u32>,
     /// Samples that are rejected for a contact alone.
@@ -41,6 +51,8 @@ impl Work {
         self.progress.clear();
         self.progress.resize(n_samples, Progress::default());
         self.pool.clear();
+        self.contributions.clear();
+        self.order.clear();
         self.contacts.clear();
     }
 }
@@ -112,20 +124,37 @@ impl<'a> Evaluation<'a> {
     /// One more step of work on a sample.
     pub(super) fn refine(&mut self, sample: usize) -> Refined {
         let n_points = self.limits.n_points;
-        let Some(slot) = self.work.progress[sample].slot else {
+        let Work { progress, pool, contributions, order, .. } = &mut *self.work;
+        let progress = &mut progress[sample];
+        let Some(slot) = progress.slot else {
             return self.admit(sample);
         };
-        let mut progress = self.work.progress[sample];
-        let points = &self.work.pool[slot as usize * n_points..][..n_points];
-        let before = progress.prediction;
-        while progress.next_point < n_points && progress.prediction == before {
-            let end = (progress.next_point + BLOCK).min(n_points);
-            progress.prediction += self.obstacles.prediction_cost(points, progress.next_point, end);
-            progress.next_point = end;
+        let slot = slot as usize * n_points..(slot as usize + 1) * n_points;
+        let (points, contributions) = (&pool[slot.clone()], &mut contributions[slot]);
+        let is_first = order.is_empty();
+        if is_first {
+            order.extend(1..n_points);
         }
-        self.work.progress[sample] = progress;
-        let cost = progress.base + self.prediction_weight * progress.prediction;
-        if progress.next_point == n_points { Refined::Cost(cost) } else { Refined::Bound(cost) }
+        let before = progress.prediction;
+        while progress.n_done < order.len() && (is_first || progress.prediction == before) {
+            let end = (progress.n_done + BLOCK).min(order.len());
+            for point in &order[progress.n_done..end] {
+                contributions[*point] = self.obstacles.prediction_cost(&points[*point], *point);
+                progress.prediction += contributions[*point];
+            }
+            progress.n_done = end;
+        }
+        if is_first {
+            order.sort_unstable_by(|a, b| contributions[*b].total_cmp(&contributions[*a]).then(a.cmp(b)));
+        }
+        if progress.n_done == order.len() {
+            // Summed in the order of time, so the result does not depend on the order of the work.
+            let prediction: f64 = contributions[1..].iter().sum();
+            Refined::Cost(progress.base + self.prediction_weight * prediction)
+        } else {
+            let bound = progress.base + self.prediction_weight * progress.prediction;
+            Refined::Bound(bound * (1.0 - SUMMATION_ROUNDING))
+        }
     }
 
     /// The tests, and the cost without prediction.
@@ -146,7 +175,8 @@ impl<'a> Evaluation<'a> {
         }
         let slot = (self.work.pool.len() / self.limits.n_points) as u32;
         self.work.pool.extend_from_slice(&self.work.points);
-        self.work.progress[sample] = Progress { slot: Some(slot), base, prediction: 0.0, next_point: 1 };
+        self.work.contributions.resize(self.work.pool.len(), 0.0);
+        self.work.progress[sample] = Progress { slot: Some(slot), base, prediction: 0.0, n_done: 0 };
         let is_complete = self.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
         if is_complete { Refined::Cost(base) } else { Refined::Bound(base) }
     }
@@ -172,19 +202,17 @@ impl<'a> Evaluation<'a> {
         };
         self.samples.load_path(row, &self.request.route.path);
         let mut found = self.samples.rows[row].rejection;
-        let (table, t) = self.samples.lateral(row);
-        let (n_points, n_lanes) = (self.samples.n_points, self.samples.lanes.len());
-        let over_time = matches!(self.samples.rows[row].lateral, Lateral::OverTime(_));
-        let center = self.request.vehicle.rear_axle_to_center;
-        for (i, (motion, at)) in self.samples.motions(row).iter().zip(self.samples.path(row)).enumerate() {
-            let k = (t * n_points + i) * n_lanes + lane;
+        let (samples, center) = (&*self.samples, self.request.vehicle.rear_axle_to_center);
+        let (lane, is_over_arc) = (samples.lanes[lane], samples.rows[row].lateral.is_over_arc);
+        let points = samples.motions(row).iter().zip(samples.path(row)).zip(samples.lateral_points(row));
+        for (i, ((motion, at), lateral)) in points.enumerate() {
             let (s_dot, s_ddot) = (motion.s_dot, motion.s_ddot);
-            let (mut d_prime, mut d_prime2) = (table.d_1[k], table.d_2[k]);
-            if over_time {
+            let [d, mut d_prime, mut d_prime2] = lateral.at(lane);
+            if !is_over_arc {
                 d_prime /= s_dot;
                 d_prime2 = (d_prime2 - d_prime * s_ddot) / (s_dot * s_dot);
             }
-            let frenet = FrenetPoint { s_dot, s_ddot, d: table.d[k], d_prime, d_prime2 };
+            let frenet = FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 };
             let before = self.work.points.last().copied();
             let point = Waypoint::new(at, &frenet, center);
             match (point, before) {
@@ -224,10 +252,9 @@ impl<'a> Evaluation<'a> {
         let motion = |i: usize| match place {
             None => self.previous.motions[i],
             Some((row, lane)) => {
-                let (table, t) = self.samples.lateral(row);
-                let k = (t * self.samples.n_points + i) * self.samples.lanes.len() + lane;
-                let lateral = self.samples.rows[row].lateral;
-                FrenetMotion::new(&self.samples.motions(row)[i], table.d_1[k], table.d_2[k], lateral)
+                let samples = &*self.samples;
+                let d = samples.lateral_points(row)[i].at(samples.lanes[lane]);
+                FrenetMotion::new(&samples.motions(row)[i], d, samples.rows[row].lateral.is_over_arc)
             }
         };
         world_terms(&self.work.points, motion, self.obstacles, self.request)
@@ -236,8 +263,8 @@ impl<'a> Evaluation<'a> {
     /// The first four terms of a sample.
     pub(super) fn table_terms(&self, sample: usize) -> [f64; 4] {
         let Some((row, lane)) = self.place(sample) else { return self.previous.terms };
-        let (table, t) = self.samples.lateral(row);
-        let k = t * self.samples.lanes.len() + lane;
-        [self.costs.velocity_offset[sample], table.offset[k], table.jerk[k], self.samples.rows[row].jerk]
+        let (samples, row) = (&*self.samples, &self.samples.rows[row]);
+        let k = row.lateral.table * samples.lanes.len() + lane;
+        [self.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], row.jerk]
     }
 }

@@ -64,6 +64,7 @@ pub(super) struct Limits {
     steering_step: f64,
     /// By how much the start exceeds the limits of deceleration, acceleration and lateral acceleration [m/s²].
     excess: [f64; 3],
+    has_excess: bool,
 }
 
 impl Limits {
@@ -84,6 +85,7 @@ impl Limits {
             curvature_max: vehicle.curvature_max(),
             steering_step: (vehicle.steering_rate_max * request.dt).min(1.5).tan(),
             excess: excess.map(|e| 1.1 * e.max(0.0)),
+            has_excess: excess.iter().any(|e| *e > 0.0),
             vehicle,
         }
     }
@@ -93,23 +95,26 @@ impl Limits {
         (self.n_points - 1) as f64 * self.dt
     }
 
-    /// Share of the start's excess that is still allowed at a point.
+    /// How much more than the limits of deceleration, acceleration and lateral acceleration is allowed at a point.
     #[inline]
-    fn recovery(&self, point: usize) -> f64 {
-        (1.0 - point as f64 * self.dt / RECOVERY_TIME).max(0.0)
+    fn recovery(&self, point: usize) -> [f64; 3] {
+        if !self.has_excess {
+            return [0.0; 3];
+        }
+        let rest = (1.0 - point as f64 * self.dt / RECOVERY_TIME).max(0.0);
+        self.excess.map(|excess| excess * rest)
     }
 
     /// A coarse check of the motion along the path that spares its samples the fine one.
     #[inline]
     pub(super) fn check_along_path(&self, s_dot: f64, s_ddot: f64, point: usize) -> Rejection {
-        let [braking, driving, _] = self.excess.map(|e| e * self.recovery(point));
-        let forward = self.vehicle.forward_acceleration_max(s_dot / PATH_FACTOR) + driving;
-        let backward = self.acceleration_max + braking;
-        if s_ddot > PATH_FACTOR * forward || s_ddot < -PATH_FACTOR * backward {
-            Rejection::Acceleration
+        let [braking, driving, _] = self.recovery(point);
+        let limit = if s_ddot > 0.0 {
+            self.vehicle.forward_acceleration_max(s_dot / PATH_FACTOR) + driving
         } else {
-            Rejection::Admissible
-        }
+            self.acceleration_max + braking
+        };
+        if s_ddot.abs() > PATH_FACTOR * limit { Rejection::Acceleration } else { Rejection::Admissible }
     }
 
     /// Checks point number `point` and the step to it from `before`.
@@ -117,10 +122,13 @@ impl Limits {
     /// The change of the steering angle atan(L k) is exact: its tangent is L (k2 - k1) / (1 + L² k1 k2).
     #[inline]
     pub(super) fn check(&self, before: &Waypoint, now: &Waypoint, point: usize) -> Rejection {
-        let [braking, driving, cornering] = self.excess.map(|e| e * self.recovery(point));
-        let forward = self.vehicle.forward_acceleration_max(now.velocity) + driving + ACCELERATION_ROUNDING;
-        let backward = self.acceleration_max + braking + ACCELERATION_ROUNDING;
-        if now.acceleration > forward || now.acceleration < -backward {
+        let [braking, driving, cornering] = self.recovery(point);
+        let available = if now.acceleration > 0.0 {
+            self.vehicle.forward_acceleration_max(now.velocity) + driving
+        } else {
+            self.acceleration_max + braking
+        };
+        if now.acceleration.abs() > available + ACCELERATION_ROUNDING {
             return Rejection::Acceleration;
         }
         let limit = self.curvature_max + CURVATURE_ROUNDING;

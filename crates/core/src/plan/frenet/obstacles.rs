@@ -3,7 +3,7 @@
 
 use super::super::{Other, PlanRequest};
 use super::frame::{Start, Waypoint};
-use super::gaussian::Normal2;
+use super::gaussian::{self, Normal2};
 use super::sample::Samples;
 use super::settings::FrenetSettings;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
@@ -51,6 +51,8 @@ struct Expectation {
     front_right: Point,
     probability: f64,
     covariance: [f64; 3],
+    /// Boxes farther than this from the mean have no probability or do not count [m], squared.
+    reach_squared: f64,
 }
 
 /// First contact of a sample.
@@ -235,7 +237,12 @@ impl Obstacles {
         }
         let ahead = body.axis * (body.half_length + 0.5 * settings.prediction_margin_length);
         let left = body.axis.left() * (body.half_width + 0.5 * settings.prediction_margin_width);
+        let [xx, xy, yy] = covariance;
+        let largest_variance = 0.5 * (xx + yy) + (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
+        let reach =
+            (ahead.norm_squared() + left.norm_squared()).sqrt() + gaussian::REACH * largest_variance.max(0.0).sqrt();
         let expectation = Expectation {
+            reach_squared: reach.min(COST_REACH).powi(2),
             mean: body.center,
             front_left: ahead + left,
             front_right: ahead - left,
@@ -297,16 +304,11 @@ impl Obstacles {
         self.expectations.is_empty()
     }
 
-    /// Sum of the prediction cost over the points `from..to` (at least 1) of a sample.
-    pub(super) fn prediction_cost(&self, points: &[Waypoint], from: usize, to: usize) -> f64 {
+    /// Prediction cost of point number `i` (from 1 on) of a sample.
+    pub(super) fn prediction_cost(&self, point: &Waypoint, i: usize) -> f64 {
         let half = (self.half_length, self.half_width);
-        let mut sum = 0.0;
-        for (i, point) in points.iter().enumerate().take(to).skip(from) {
-            for expectation in &self.expectations[self.expectation_starts[i]..self.expectation_starts[i + 1]] {
-                sum += expectation.cost(point, half);
-            }
-        }
-        sum
+        let expected = &self.expectations[self.expectation_starts[i]..self.expectation_starts[i + 1]];
+        expected.iter().map(|expectation| expectation.cost(point, half)).sum()
     }
 
     /// Sum over participants of 1 / (smallest squared distance of the centres), for those that the samples can reach.
@@ -342,7 +344,7 @@ impl Expectation {
         let in_body = |v: Point| Point::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin);
         let mean = in_body(self.mean - point.center);
         let gap = Point::new((mean.x.abs() - half.0).max(0.0), (mean.y.abs() - half.1).max(0.0));
-        if gap.norm_squared() > COST_REACH * COST_REACH {
+        if gap.norm_squared() > self.reach_squared {
             return 0.0;
         }
         let [xx, xy, yy] = self.covariance;

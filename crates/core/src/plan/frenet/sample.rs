@@ -3,7 +3,6 @@
 //! A row is a function s(t); there is one for every end time and end speed, for every stop target, and two that brake.
 //! A lane is an end position d. Rows that stay above `low_velocity` use lateral polynomials of time, which they share
 //! with all rows of the same end time; the others use polynomials of arc length, which stay well defined at standstill.
-//! Tables are stored point by point with the lanes side by side.
 
 use super::desired::Desired;
 use super::feasibility::{Limits, Rejection};
@@ -22,10 +21,6 @@ const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
 const STOP_TIMES: [f64; 4] = [1.25, 1.6, 2.0, 2.4];
 
-/// The parts of a quintic (see `LateralTable::push`) once it has arrived.
-const REST: [f64; 4] = [0.0; 4];
-const ARRIVED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-
 /// Arc length and its derivatives by time at one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Motion {
@@ -35,11 +30,30 @@ pub(super) struct Motion {
     pub(super) jerk: f64,
 }
 
-/// Which lateral polynomials a row uses: of time (index of the end time) or of arc length (index of the table).
+/// Which lateral polynomials a row uses: of time, shared by all rows of an end time, or of arc length.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Lateral {
-    OverTime(usize),
-    OverArc(usize),
+pub(super) struct Lateral {
+    pub(super) table: usize,
+    pub(super) is_over_arc: bool,
+}
+
+/// One point of a quintic that comes to rest at the end position `lane`. The quintic is linear in its end value: value
+/// and two derivatives are `home + lane step`, where `home` ends at 0 and `step` goes from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LateralPoint {
+    pub(super) home: [f64; 3],
+    pub(super) step: [f64; 3],
+}
+
+impl LateralPoint {
+    /// Once the quintic has arrived.
+    const ARRIVED: Self = Self { home: [0.0; 3], step: [1.0, 0.0, 0.0] };
+
+    /// Offset and two derivatives.
+    #[inline]
+    pub(super) fn at(&self, lane: f64) -> [f64; 3] {
+        [0, 1, 2].map(|k| self.home[k] + lane * self.step[k])
+    }
 }
 
 /// One motion along the path.
@@ -62,46 +76,44 @@ impl Row {
         end_time: 0.0,
         end_velocity: 0.0,
         jerk: 0.0,
-        lateral: Lateral::OverArc(0),
+        lateral: Lateral { table: 0, is_over_arc: true },
         rejection: Rejection::Admissible,
         has_path: false,
     };
 }
 
-/// Lateral offsets and two derivatives, by time or by arc length; (tables, points, lanes).
+/// Lateral motions, by time or by arc length.
 #[derive(Debug, Clone, Default)]
-pub(super) struct LateralTable {
-    pub(super) d: Vec<f64>,
-    pub(super) d_1: Vec<f64>,
-    pub(super) d_2: Vec<f64>,
+pub(super) struct LateralTables {
+    /// (tables, points)
+    points: Vec<LateralPoint>,
     /// Root of the integral of the squared lateral jerk over the horizon; (tables, lanes).
     pub(super) jerk: Vec<f64>,
     /// Root of the summed squares of the last half of the offsets; (tables, lanes).
     pub(super) offset: Vec<f64>,
 }
 
-impl LateralTable {
+impl LateralTables {
     fn clear(&mut self) {
-        for field in [&mut self.d, &mut self.d_1, &mut self.d_2, &mut self.jerk, &mut self.offset] {
-            field.clear();
-        }
-    }
-
-    /// Appends one point of a quintic to rest at the lanes. The quintic is linear in its end value: that of lane `d`
-    /// is `home + d step`, where `home` ends at 0 and `step` goes from 0 to 1.
-    fn push(&mut self, lanes: &[f64], home: [f64; 4], step: [f64; 4]) {
-        self.d.extend(lanes.iter().map(|lane| home[0] + lane * step[0]));
-        self.d_1.extend(lanes.iter().map(|lane| home[1] + lane * step[1]));
-        self.d_2.extend(lanes.iter().map(|lane| home[2] + lane * step[2]));
+        self.points.clear();
+        self.jerk.clear();
+        self.offset.clear();
     }
 
     /// Appends the quantities that are summed over points to the table that was written last.
     fn finish(&mut self, n_points: usize, lanes: &[f64], squared_jerk: impl Fn(f64) -> f64) {
-        let last_half = self.d.len() - n_points / 2 * lanes.len();
-        for (i, lane) in lanes.iter().enumerate() {
-            self.jerk.push(squared_jerk(*lane).max(0.0).sqrt());
-            let squares = self.d[last_half..].iter().skip(i).step_by(lanes.len()).map(|d| d * d);
-            self.offset.push(squares.sum::<f64>().sqrt());
+        self.jerk.extend(lanes.iter().map(|lane| squared_jerk(*lane).max(0.0).sqrt()));
+        let first = self.offset.len();
+        self.offset.resize(first + lanes.len(), 0.0);
+        let sums = &mut self.offset[first..];
+        for point in &self.points[self.points.len() - n_points / 2..] {
+            for (sum, lane) in sums.iter_mut().zip(lanes) {
+                let d = point.home[0] + lane * point.step[0];
+                *sum += d * d;
+            }
+        }
+        for sum in sums {
+            *sum = sum.sqrt();
         }
     }
 }
@@ -132,8 +144,7 @@ pub(super) struct Samples {
     motions: Vec<Motion>,
     /// (rows, points), valid for rows that were looked at.
     path: Vec<PathPoint>,
-    over_time: LateralTable,
-    over_arc: LateralTable,
+    pub(super) lateral: LateralTables,
     end_times: Vec<f64>,
     velocities: Vec<f64>,
 }
@@ -151,19 +162,18 @@ impl Samples {
         self.motions.clear();
         self.furthest.clear();
         self.furthest.resize(self.n_points, start.s);
-        self.over_time.clear();
-        self.over_arc.clear();
+        self.lateral.clear();
         end_times(settings, &mut self.end_times);
         grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.lanes);
         end_velocities(start, desired.velocity, limits, settings, &mut self.velocities);
         let from = [start.s, start.s_dot, start.s_ddot];
         for t in 0..self.end_times.len() {
             let end_time = self.end_times[t];
-            self.write_over_time(start, end_time);
+            let table = self.write_over_time(start, end_time);
             for v in 0..self.velocities.len() {
                 let end_velocity = self.velocities[v];
                 let s = Polynomial::to_slope(from, end_velocity, end_time);
-                self.push_polynomial(&s, (end_time, end_velocity), Some(t), inputs);
+                self.push_polynomial(&s, (end_time, end_velocity), Some(table), inputs);
             }
         }
         for target in desired.stop_targets.iter().flatten() {
@@ -182,7 +192,7 @@ impl Samples {
         &mut self,
         s: &Polynomial,
         (end_time, end_velocity): (f64, f64),
-        time_index: Option<usize>,
+        time_table: Option<usize>,
         inputs: &Inputs,
     ) {
         let end = s.at(end_time)[0];
@@ -197,7 +207,7 @@ impl Samples {
         }));
         let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
         let row = Row { end_time, end_velocity, jerk, ..Row::UNFINISHED };
-        self.finish_row(row, end - inputs.start.s, time_index, inputs);
+        self.finish_row(row, end - inputs.start.s, time_table, inputs);
     }
 
     fn push_braking(&mut self, braking: &Braking, inputs: &Inputs) {
@@ -211,7 +221,7 @@ impl Samples {
     }
 
     /// Checks the motion that was written last and gives it its lateral polynomials.
-    fn finish_row(&mut self, mut row: Row, distance: f64, time_index: Option<usize>, inputs: &Inputs) {
+    fn finish_row(&mut self, mut row: Row, distance: f64, time_table: Option<usize>, inputs: &Inputs) {
         let Inputs { start, limits, settings, path, with_rejected, .. } = *inputs;
         let first = self.rows.len() * self.n_points;
         let mut slowest = start.velocity;
@@ -231,43 +241,45 @@ impl Samples {
                 *furthest = furthest.max(motion.s);
             }
         }
-        row.lateral = match time_index {
-            Some(index) if slowest >= settings.low_velocity => Lateral::OverTime(index),
-            _ => {
-                let table = self.over_arc.jerk.len() / self.lanes.len();
-                if with_rejected || row.rejection == Rejection::Admissible {
-                    self.write_over_arc(start, distance.max(ARC_MIN), first);
-                }
-                Lateral::OverArc(table)
+        row.lateral = match time_table {
+            Some(table) if slowest >= settings.low_velocity => Lateral { table, is_over_arc: false },
+            _ if with_rejected || row.rejection == Rejection::Admissible => {
+                Lateral { table: self.write_over_arc(start, distance.max(ARC_MIN), first), is_over_arc: true }
             }
+            _ => row.lateral,
         };
         self.rows.push(row);
     }
 
-    fn write_over_time(&mut self, start: &Start, end_time: f64) {
+    fn write_over_time(&mut self, start: &Start, end_time: f64) -> usize {
         let s_dot = start.s_dot;
         let from = [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2];
         let home = Polynomial::to_rest(from, 0.0, end_time);
         let step = Polynomial::to_rest([0.0; 3], 1.0, end_time);
-        for i in 0..self.n_points {
-            let t = i as f64 * self.dt;
-            let (a, b) = if t < end_time + 1e-9 { (home.at(t), step.at(t)) } else { (REST, ARRIVED) };
-            self.over_time.push(&self.lanes, a, b);
-        }
+        let dt = self.dt;
+        self.lateral.points.extend((0..self.n_points).map(|i| {
+            let t = i as f64 * dt;
+            if t < end_time + 1e-9 { joined(&home.at(t), &step.at(t)) } else { LateralPoint::ARRIVED }
+        }));
         let jerk = |lane: f64| Polynomial::to_rest(from, lane, end_time).squared_jerk(end_time);
-        self.over_time.finish(self.n_points, &self.lanes, jerk);
+        self.lateral.finish(self.n_points, &self.lanes, jerk);
+        self.lateral.points.len() / self.n_points - 1
     }
 
     /// The lateral jerk is d''' s_dot³ + 3 d'' s_dot s_ddot + d' s_dddot, integrated by the trapezoidal rule; linear in
     /// the end position like d itself.
-    fn write_over_arc(&mut self, start: &Start, length: f64, first: usize) {
+    fn write_over_arc(&mut self, start: &Start, length: f64, first: usize) -> usize {
         let home = Polynomial::to_rest([start.d, start.d_prime, start.d_prime2], 0.0, length);
         let step = Polynomial::to_rest([0.0; 3], 1.0, length);
         let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
         for (i, motion) in self.motions[first..].iter().enumerate() {
             let along = motion.s - start.s;
-            let (a, b) = if along < length { (home.at(along), step.at(along)) } else { (REST, ARRIVED) };
-            self.over_arc.push(&self.lanes, a, b);
+            if along >= length {
+                self.lateral.points.push(LateralPoint::ARRIVED);
+                continue;
+            }
+            let (a, b) = (home.at(along), step.at(along));
+            self.lateral.points.push(joined(&a, &b));
             let Motion { s_dot, s_ddot, jerk, .. } = *motion;
             let by_time = |d: [f64; 4]| (d[3] * s_dot * s_dot + 3.0 * d[2] * s_ddot) * s_dot + d[1] * jerk;
             let (a, b) = (by_time(a), by_time(b));
@@ -276,7 +288,8 @@ impl Samples {
             linear += weight * 2.0 * a * b;
             square += weight * b * b;
         }
-        self.over_arc.finish(self.n_points, &self.lanes, |lane| constant + lane * (linear + lane * square));
+        self.lateral.finish(self.n_points, &self.lanes, |lane| constant + lane * (linear + lane * square));
+        self.lateral.points.len() / self.n_points - 1
     }
 
     /// Number of samples.
@@ -304,13 +317,16 @@ impl Samples {
         &self.path[row * self.n_points..][..self.n_points]
     }
 
-    /// Table and its index for a row.
-    pub(super) fn lateral(&self, row: usize) -> (&LateralTable, usize) {
-        match self.rows[row].lateral {
-            Lateral::OverTime(index) => (&self.over_time, index),
-            Lateral::OverArc(index) => (&self.over_arc, index),
-        }
+    /// Lateral motion of a row at all points.
+    pub(super) fn lateral_points(&self, row: usize) -> &[LateralPoint] {
+        &self.lateral.points[self.rows[row].lateral.table * self.n_points..][..self.n_points]
     }
+}
+
+/// The two parts of a lateral point.
+#[inline]
+fn joined(home: &[f64; 4], step: &[f64; 4]) -> LateralPoint {
+    LateralPoint { home: [home[0], home[1], home[2]], step: [step[0], step[1], step[2]] }
 }
 
 /// 1.1 s, 1.4 s, ... and the horizon; the steps depend on the level.
