@@ -18,7 +18,7 @@ def track(run, agent_id):
 
 def test_an_agent_on_an_empty_road_arrives_in_time_in_the_middle_of_its_lane():
     scenario = world(straight_road(), problems=[problem(100, 20.0, 0.6, goal=(110.0, 0.0), time_step=(80, 100))])
-    run = simulate(scenario, threads=1)
+    run = simulate(scenario, agents=[100], threads=1)
     x, y, velocity = track(run, 100)
     assert run.outcomes.outcome == ("goal_reached",)
     assert abs(y[-1]) < 0.1
@@ -32,8 +32,9 @@ def test_a_car_standing_in_the_lane_is_not_hit_whatever_predictor_is_used(predic
         straight_road(300.0),
         cars=[Car(7, 120.0)],
         problems=[problem(100, 20.0, velocity=15.0, goal=(200.0, 0.0), time_step=(0, 120))],
+        steps=210,  # longer than the agent may take: 1.7 * 120
     )
-    run = simulate(scenario, predictor=predictor, threads=1)
+    run = simulate(scenario, agents=[100], predictor=predictor, threads=1)
     assert run.outcomes.outcome == ("time_limit",)
     x, _, velocity = track(run, 100)
     assert velocity[-1] < 0.3
@@ -47,7 +48,7 @@ def test_an_agent_overtakes_nobody_through_the_car_ahead_but_follows_it():
         problems=[problem(100, 20.0, velocity=15.0, goal=(300.0, 0.0), time_step=(0, 150))],
         steps=250,
     )
-    run = simulate(scenario, threads=1)
+    run = simulate(scenario, agents=[100], threads=1)
     assert run.outcomes.outcome[0] != "collision"
     _, _, velocity = track(run, 100)
     assert velocity[100] == pytest.approx(8.0, abs=1.0)
@@ -60,7 +61,7 @@ def test_an_agent_lets_a_car_pass_that_it_would_meet_at_a_crossing():
         problems=[problem(100, -50.0, goal=(60.0, 0.0), time_step=(0, 140))],
         steps=100,
     )
-    run = simulate(scenario, threads=1)
+    run = simulate(scenario, agents=[100], threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
 
 
@@ -81,7 +82,7 @@ def test_an_agent_that_can_only_brake_brakes_as_hard_as_it_can():
         cars=[Car(7, 42.0)],
         problems=[problem(100, 20.0, velocity=15.0, goal=(150.0, 0.0), time_step=(0, 60))],
     )
-    run = simulate(scenario, threads=1)
+    run = simulate(scenario, agents=[100], threads=1)
     # 17.5 m to the car, 15 m/s: at 11.5 m/s² it stops after 9.8 m.
     assert run.outcomes.outcome == ("time_limit",)
     _, _, velocity = track(run, 100)
@@ -106,14 +107,11 @@ def test_an_agent_that_reached_its_goal_is_in_nobodys_way():
     assert run.outcomes.time_step[0] < run.outcomes.time_step[1]
 
 
-def test_ground_truth_knows_a_recorded_car_that_will_stop():
-    run = simulate(
-        world(
-            straight_road(),
-            cars=[Car(7, 40.0, velocity=5.0, last=30)],
-            problems=[problem(100, 10.0, goal=(90.0, 0.0), time_step=(0, 90))],
-        ),
-        predictor=GroundTruth(),
-        threads=1,
+def test_an_agent_that_knows_the_future_arrives_behind_a_slow_car_that_leaves():
+    scenario = world(
+        straight_road(),
+        cars=[Car(7, 40.0, velocity=5.0, last=30)],
+        problems=[problem(100, 10.0, goal=(90.0, 0.0), time_step=(0, 90))],
     )
+    run = simulate(scenario, agents=[100], predictor=GroundTruth(), threads=1)
     assert run.outcomes.outcome == ("goal_reached",)

@@ -62,10 +62,11 @@ def test_two_agents_that_collide_are_both_gone_from_the_next_step_on():
 
 
 def test_cars_that_cross_between_two_steps_at_fifty_metres_per_second_do_not_tunnel():
-    # Both are at the crossing for 0.13 s around 0.95 s: at 0.9 s and at 1.0 s nobody overlaps.
+    # Half a length and half a width make 3.06 m: car 100 is at the crossing from 0.909 to 1.031 s, car 200 from 0.849
+    # to 0.971 s. So they touch for 0.06 s, and at 0.9 s and at 1.0 s they do not.
     problems = [
-        problem(100, -47.5, velocity=50.0, goal=(90.0, 0.0), time_step=(0, 90)),
-        problem(200, 0.0, -47.5, velocity=50.0, orientation=np.pi / 2, goal=(0.0, 90.0), time_step=(0, 90)),
+        problem(100, -48.5, velocity=50.0, goal=(90.0, 0.0), time_step=(0, 90)),
+        problem(200, 0.0, -45.5, velocity=50.0, orientation=np.pi / 2, goal=(0.0, 90.0), time_step=(0, 90)),
     ]
     run = simulate(world(crossing(), problems=problems), planner=Straight, threads=1)
     assert run.outcomes.outcome == ("collision", "collision")
