@@ -9,11 +9,13 @@ use crate::scenario::GoalState;
 /// The plan reaches a new speed after about this time [s]; speeds are desired for then.
 const LOOK_AHEAD: f64 = 1.0;
 /// An agent aims this far into the goal area, at most to its middle [m], ...
-const GOAL_DEPTH: f64 = 2.0;
+const GOAL_DEPTH: f64 = 20.0;
 /// ... waits this far before its end [m] ...
 const GOAL_END_GAP: f64 = 1.0;
-/// ... and arrives this long before the last moment [s].
+/// ... and arrives this long before the last moment [s], ...
 const ARRIVAL_RESERVE: f64 = 1.0;
+/// ... or by this share of the time that is left, if that is more: who plans to be just in time will be late.
+const ARRIVAL_SHARE: f64 = 0.15;
 /// Distance of the samples of the path's curvature [m], and how far they reach at most.
 const CURVE_STEP: f64 = 1.0;
 const CURVE_REACH: f64 = 250.0;
@@ -125,7 +127,7 @@ fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort) -> f64
 /// Desired speed for the goal alone, and where to wait if the agent is early.
 ///
 /// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
-/// brings the agent into the area at the middle of the time interval or one second before its end, whichever is later.
+/// brings the agent into the area at the middle of the time interval or shortly before its end, whichever is later.
 /// Too late: on as before. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without
 /// a place, or behind the agent: the goal's speed, else the present one.
 fn goal(request: &PlanRequest, start: &Start, comfort: &Comfort) -> (f64, Option<f64>) {
@@ -167,7 +169,8 @@ fn arrival_velocity(
     if latest <= 0.0 {
         return onwards;
     }
-    let arrival = (0.5 * (earliest + latest)).max(latest - ARRIVAL_RESERVE).max(0.5 * latest);
+    let reserve = ARRIVAL_RESERVE.max(ARRIVAL_SHARE * latest);
+    let arrival = (0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest);
     let distance = to_entry + GOAL_DEPTH.min(0.5 * depth);
     cruise_velocity(distance, arrival, goal.velocity.unwrap_or((0.0, f64::INFINITY)), comfort.deceleration)
 }

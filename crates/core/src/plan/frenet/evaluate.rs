@@ -10,6 +10,8 @@ use super::obstacles::{Contact, Obstacles};
 use super::previous::Previous;
 use super::sample::Samples;
 use super::settings::{FrenetSettings, N_TERMS};
+use crate::collision::departs_road;
+use crate::geometry::Pose;
 use crate::geometry::shape::OrientedBox;
 
 /// Points of the prediction term that are computed at once.
@@ -233,12 +235,19 @@ impl<'a> Evaluation<'a> {
         self.obstacles.first_contact(&self.work.points, self.limits.dt, self.request)
     }
 
-    /// The footprint stays on the road; an agent that starts (partly) beside it must do so once it is back.
+    /// The footprint stays on the road; an agent that starts (partly) beside it must do so once it is back. The first
+    /// step, which will be driven, is looked at as closely as the world does.
     pub(super) fn stays_on_road(&mut self) -> bool {
+        let PlanRequest { road, shape, state, .. } = *self.request;
+        let next = &self.work.points[1];
+        let next = Pose { position: next.center, orientation: next.theta() };
+        if self.starts_on_road && departs_road(road, shape, state.pose(), next).is_some() {
+            return false;
+        }
         let (half_length, half_width) = (0.5 * self.request.vehicle.length, 0.5 * self.request.vehicle.width);
         let mut was_on_road = self.starts_on_road;
         let Work { points, road, .. } = &mut *self.work;
-        points.iter().skip(1).all(|point| {
+        points.iter().skip(if was_on_road { 2 } else { 1 }).all(|point| {
             let footprint = OrientedBox { center: point.center, axis: point.axis, half_length, half_width };
             let covered = self.request.road.box_is_covered(&footprint, road);
             was_on_road |= covered;

@@ -15,6 +15,10 @@ const COST_REACH: f64 = 7.071_067_811_865_476;
 const STATIC_VARIANCE: f64 = 0.02;
 /// Somebody behind may be left to keep their own distance while the agent stays this close to its lateral position [m].
 pub(super) const OWN_LANE: f64 = 1.0;
+/// Somebody faster than this [m/s] can be expected to yield ...
+const YIELDING_SPEED: f64 = 0.2;
+/// ... if this deceleration [m/s²] from now on stops it before the contact.
+const YIELDING_DECELERATION: f64 = 5.0;
 /// A follower heads within 45 degrees of the agent (cosine).
 const FOLLOWER_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
@@ -255,7 +259,8 @@ impl Obstacles {
     /// First contact of a sample with a mode that counts, if any.
     ///
     /// Not a contact: somebody behind the agent's rear who heads the same way while the agent stays in its lane (they
-    /// would hit the agent, and keeping distance is up to them), from then on for good; an overlap that exists from the
+    /// would hit the agent, and keeping distance is up to them) or who comes second and must yield, from then on for
+    /// good; an overlap that exists from the
     /// start, until it first ends, as long as the centres do not approach.
     pub(super) fn first_contact(&mut self, points: &[Waypoint], dt: f64, request: &PlanRequest) -> Option<Contact> {
         if self.sweeps.is_empty() {
@@ -288,7 +293,9 @@ impl Obstacles {
                 if exact && !touches(&request.others[other], request, &pair[1]) {
                     continue;
                 }
-                if (pair[1].d - points[0].d).abs() < OWN_LANE && is_follower(&ego, &sweep.end) {
+                let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
+                let time = (interval + 1) as f64 * dt;
+                if keeps_lane && (is_follower(&ego, &sweep.end) || must_yield(&ego, sweep, dt, time)) {
                     self.ignored[track] = true;
                     continue;
                 }
@@ -452,6 +459,15 @@ fn is_in_rear_cone(ego: &OrientedBox, other: &OrientedBox, settings: &FrenetSett
 /// The other's centre is behind the agent's rear and it heads the same way.
 fn is_follower(ego: &OrientedBox, other: &OrientedBox) -> bool {
     (other.center - ego.center).dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE
+}
+
+/// The other would run with its front into the agent's rear half, although it can still stop before that: who
+/// comes second waits. Without this rule two who meet at walking pace wait for each other.
+fn must_yield(ego: &OrientedBox, sweep: &Sweep, dt: f64, time: f64) -> bool {
+    let front = sweep.end.center + sweep.end.axis * sweep.end.half_length;
+    let speed = sweep.displacement.dot(sweep.end.axis) / dt;
+    let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
+    is_behind && speed > YIELDING_SPEED && speed <= 2.0 * YIELDING_DECELERATION * time
 }
 
 /// A pair that overlapped at the start still does at the end of the interval, has done so ever since, and the centres
