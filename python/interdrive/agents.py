@@ -159,6 +159,26 @@ def select(
     return sorted(built, key=lambda agent: agent.id), notes
 
 
+def refusals(
+    scenario: Scenario, road: _core.RoadNetwork, *, agent_settings: AgentSettings, goal_settings: GoalSettings
+) -> dict[int, str]:
+    """Why planning problems and recorded obstacles cannot be agents, by id; who can is not in it.
+
+    Args:
+        scenario: The scenario.
+        road: Its road network.
+        agent_settings: Which vehicles can be agents.
+        goal_settings: How goals are derived.
+    """
+    proposals, reasons, _ = _proposals(scenario, road, agent_settings, goal_settings)
+    for proposal in proposals:
+        try:
+            _build(proposal, road)
+        except InputError as error:
+            reasons[proposal.id] = str(error).removeprefix(f"agent {proposal.id}: ")
+    return dict(sorted(reasons.items()))
+
+
 def _order(proposals: list[_Proposal], seed: int) -> list[_Proposal]:
     """Planning problems first, then recorded vehicles in an order that the seed decides."""
     problems = [p for p in proposals if p.origin == "planning problem"]

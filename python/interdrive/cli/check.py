@@ -14,15 +14,21 @@ def check(files: tuple[str, ...]) -> int:
 
     A FILE that cannot be used gets one line on stderr; the others are printed all the same.
     """
+    from interdrive.agents import AgentSettings, GoalSettings, refusals  # noqa: PLC0415
     from interdrive.check import inspect  # noqa: PLC0415
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
+    from interdrive.handles import core_road  # noqa: PLC0415
+    from interdrive.simulation import RoadSettings  # noqa: PLC0415
 
     refused = False
     for name in files:
         try:
             path = shipped_scenario(name) if name in shipped_scenarios() else name
-            print_inspection(inspect(read_scenario(path)))
+            scenario = read_scenario(path)
+            road = core_road(scenario, RoadSettings().gap_tolerance, RoadSettings().open_end_length)
+            refused_by_id = refusals(scenario, road, agent_settings=AgentSettings(), goal_settings=GoalSettings())
+            print_inspection(inspect(scenario), refused_by_id)
         except InterdriveError as error:
             click.echo(f"error: {' '.join(str(error).split())}", err=True)
             refused = True

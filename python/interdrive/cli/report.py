@@ -138,11 +138,12 @@ def _print_notes(console: Console, notes: Sequence[str], where: str) -> None:
 
 
 def _speed(run: Run) -> str:
-    """Median time of a step and how much faster than real time that is."""
+    """Median time of a step, without what pictures ask for, and how much faster than real time that is."""
     steps, index = np.unique(run.timings.time_step, return_inverse=True)
     if not len(steps):
         return "no step was made"
-    seconds = float(np.median(np.bincount(index, weights=run.timings.seconds)))
+    counted = np.where(np.array(run.timings.phase) == "record", 0.0, run.timings.seconds)
+    seconds = float(np.median(np.bincount(index, weights=counted)))
     factor = run.scenario.dt / seconds if seconds > 0 else float("inf")
     return f"{len(steps)} steps, {1000 * seconds:.1f} ms per step (median), {factor:.3g} times real time"
 
@@ -163,13 +164,13 @@ def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equ
                 console.print(f"{name}: now {now}, then {then}", soft_wrap=True, markup=False)
 
 
-def print_inspection(found: Inspection) -> None:
-    """What a scenario holds."""
+def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
+    """What a scenario holds, and why some of it cannot be agents (by id)."""
     console = _output()
     limits = "none stated" if np.isnan(found.speed_limits[0]) else "{:.1f} to {:.1f} m/s".format(*found.speed_limits)
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in found.kinds) or "none"
     static = f" ({found.n_static} static)" if found.n_static else ""
-    able = found.candidates.ids[found.candidates.accepted].tolist()
+    able = [number for number in found.candidates.ids.tolist() if number not in refusals]
     table = Table(box=None, show_header=False, pad_edge=False, title=escape(found.name), title_justify="left")
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
@@ -191,17 +192,16 @@ def print_inspection(found: Inspection) -> None:
         "can be agents", f"{len(able)} vehicles: {', '.join(map(str, able))}" if able else "no recorded vehicle"
     )
     console.print(table)
-    _print_reasons(console, found)
+    _print_reasons(console, refusals)
     _print_notes(console, found.notes, "Scenario.notes")
     console.print()
 
 
-def _print_reasons(console: Console, found: Inspection) -> None:
+def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
     """Who cannot become an agent and why; vehicles with the same reason share a row."""
     groups: dict[str, list[str]] = {}
-    for number, reason in zip(found.candidates.ids.tolist(), found.candidates.reasons, strict=True):
-        if reason:
-            groups.setdefault(reason, []).append(str(number))
+    for number, reason in refusals.items():
+        groups.setdefault(reason, []).append(str(number))
     if not groups:
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
