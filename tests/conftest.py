@@ -3,6 +3,8 @@ from pathlib import Path
 
 import pytest
 
+from interdrive import InputError, Scenario, read_scenario
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -16,3 +18,16 @@ def scenarios_folder() -> Path:
             pytest.fail(message)
         pytest.skip(message)
     return folder
+
+
+@pytest.fixture(scope="session")
+def recorded_scenarios(scenarios_folder) -> dict[str, Scenario | InputError]:
+    """Every recorded scenario by its path in the folder, read once; the error of those that are refused."""
+    found: dict[str, Scenario | InputError] = {}
+    for path in sorted(scenarios_folder.glob("*/*.xml")):
+        try:
+            found[str(path.relative_to(scenarios_folder))] = read_scenario(path)
+        except InputError as error:
+            found[str(path.relative_to(scenarios_folder))] = error
+    assert found, f"{scenarios_folder} holds no scenarios"
+    return found

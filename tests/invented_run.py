@@ -264,7 +264,7 @@ def invented_run(**changes):
             "planner": "frenet",
             "predictor": "lane_following",
             "seed": 0,
-            "settings": {"planner.frenet.horizon": 3.0, "step.grace_factor": float("inf")},
+            "settings": {"planner.frenet.horizon": 3.0, "goal.time_early": float("inf")},
         },
         agents=agents,
         outcomes=ended,

@@ -120,7 +120,9 @@ def test_the_edge_of_a_lanelet_belongs_to_it(read):
     assert lanelets_at(lanelets, np.array([10.0, 100.0]), np.array([2.0, -2.0])).all()
 
 
-def test_recorded_scenarios_have_as_many_candidates_as_were_counted_with_commonroad_io(scenarios_folder):
+def test_recorded_scenarios_have_as_many_candidates_as_were_counted_with_commonroad_io(
+    scenarios_folder, recorded_scenarios
+):
     """But for one file: there all positions are areas, which were not counted and here become their middle."""
     with (scenarios_folder / "INVENTORY.csv").open() as file:
         expected = {row["path"]: int(row["n_agent_candidates"]) for row in csv.DictReader(file)}
@@ -128,7 +130,7 @@ def test_recorded_scenarios_have_as_many_candidates_as_were_counted_with_commonr
     for path, number in expected.items():
         if "test_reading_obstacles" in path or "test_reading_planning_problem" in path:
             continue
-        found = int(candidates(read_scenario(scenarios_folder / path)).accepted.sum())
+        found = int(candidates(recorded_scenarios[path]).accepted.sum())
         if found != number:
             different[path] = (found, number)
     assert different == {"format_edge_cases/DEU_A9-3_1_T-1.xml": (8, 0)}

@@ -63,7 +63,7 @@ def test_a_saved_run_can_be_loaded_and_says_the_same(run, tmp_path):
     assert loaded.plans.equals(plans_table(run))
     assert loaded.timing.equals(timing_table(run))
     assert loaded.info["digest"] == run.digest
-    assert loaded.info["settings"]["settings"]["step.grace_factor"] == "inf"
+    assert loaded.info["settings"]["settings"]["goal.time_early"] == "inf"
     assert loaded.info["scenario"]["benchmark_id"] == "ZAM_Bend-1_1_T-1"
 
 

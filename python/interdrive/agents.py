@@ -62,6 +62,9 @@ class GoalSettings:
         for name in ("length_before", "length_after", "time_early", "time_late"):
             if not getattr(self, name) >= 0:
                 raise InputError(f"goal.{name} must not be negative, is {getattr(self, name)}")
+        for name in ("length_before", "length_after", "time_late"):
+            if not getattr(self, name) <= 1e5:
+                raise InputError(f"goal.{name} must be at most 100000, not {getattr(self, name)}")
         for name in ("velocity_tolerance", "orientation_tolerance"):
             if not getattr(self, name) > 0:
                 raise InputError(f"goal.{name} must be positive, is {getattr(self, name)}")
@@ -194,6 +197,8 @@ def _choose(
         if agents != "all":
             raise InputError(f"agents must be 'all', a number or ids, not {agents!r}")
         return list(proposals)
+    if not isinstance(agents, int) and not agents:
+        raise InputError("agents: the list of ids is empty")
     if isinstance(agents, int):
         if agents < 1:
             raise InputError(f"the number of agents must be at least 1, not {agents}")

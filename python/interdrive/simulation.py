@@ -72,12 +72,10 @@ class StepSettings:
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        if self.replan_every < 1:
-            raise InputError(f"step.replan_every must be at least 1, not {self.replan_every}")
-        if not self.grace_factor >= 1:
-            raise InputError(f"step.grace_factor must be at least 1, not {self.grace_factor}")
-        if self.history_steps < 1:
-            raise InputError(f"step.history_steps must be at least 1, not {self.history_steps}")
+        for name, most in (("replan_every", 10_000), ("grace_factor", 1_000), ("history_steps", 10_000)):
+            value = getattr(self, name)
+            if not 1 <= value <= most:
+                raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
 
 
 @dataclass(frozen=True)
@@ -114,6 +112,9 @@ class SimulationSettings:
     step: StepSettings = field(default_factory=StepSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
 
+
+#: More threads than any machine has cores; the system would run out of them.
+_THREADS_MAX = 1024
 
 #: What `planner` may be: a name, a native record, an object with `plan`, a factory without arguments; or one of these
 #: per agent id, with the key "default" for all others.
@@ -158,6 +159,10 @@ class Simulation:
         Raises:
             InputError: Anything about the input that cannot be used, in one line.
         """
+        if threads is not None and not 1 <= threads <= _THREADS_MAX:
+            raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
+        if seed < 0:
+            raise InputError(f"the seed must not be negative, is {seed}")
         self.settings = settings or SimulationSettings()
         self.scenario = _scenario(scenario)
         self.seed, self.threads = seed, threads or os.cpu_count() or 1

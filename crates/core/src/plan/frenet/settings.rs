@@ -209,16 +209,19 @@ impl FrenetSettings {
             ("prediction_margin_length", self.prediction_margin_length, 100.0),
             ("prediction_margin_width", self.prediction_margin_width, 100.0),
             ("rear_cone_angle", self.rear_cone_angle, std::f64::consts::TAU),
-            ("rear_cone_distance", self.rear_cone_distance, f64::MAX),
+            ("rear_cone_distance", self.rear_cone_distance, 1e6),
             ("collision_mode_probability", self.collision_mode_probability, 1.0),
             ("comfort.standstill_gap", self.comfort.standstill_gap, 100.0),
             ("comfort.cruise_velocity_min", self.comfort.cruise_velocity_min, 100.0),
         ];
-        let weights = self.weights.as_array();
-        let weights = CostWeights::NAMES.into_iter().zip(weights).map(|(name, weight)| (name, weight, f64::MAX));
-        for (name, value, max) in not_negative.into_iter().chain(weights) {
+        for (name, value, max) in not_negative {
             if !(0.0..=max).contains(&value) {
                 return Err(Error::invalid(format!("{name} must be between 0 and {max}, not {value}")));
+            }
+        }
+        for (name, weight) in CostWeights::NAMES.into_iter().zip(self.weights.as_array()) {
+            if !(0.0..=f64::MAX).contains(&weight) {
+                return Err(Error::invalid(format!("weights.{name} must not be negative, is {weight}")));
             }
         }
         Ok(())
