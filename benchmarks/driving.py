@@ -1,5 +1,6 @@
-"""Drives every scenario of a folder with all agents and prints outcomes by category, refusals, the slowest, and one
-category agent by agent, as Markdown.
+"""Drives every scenario of a folder with all agents and prints what came of it as Markdown.
+
+Outcomes by category, refusals, the slowest scenarios, and one category agent by agent:
 
     python benchmarks/driving.py ../shared/scenarios --agents-of t_junction
 """
@@ -24,7 +25,9 @@ def agent_rows(run: Run) -> list[str]:
     ended = run.outcomes
     for i, agent in enumerate(run.agents):
         emergency = int((run.plans.status[run.plans.agent_id == agent.id] == 2).sum())
-        partner = "edge of the road" if ended.off_road[i] else (str(ended.partner_id[i]) if ended.partner_id[i] >= 0 else "")
+        partner = (
+            "edge of the road" if ended.off_road[i] else (str(ended.partner_id[i]) if ended.partner_id[i] >= 0 else "")
+        )
         impact = f"{ended.impact_speed[i]:.1f}" if np.isfinite(ended.impact_speed[i]) else ""
         first, last = (step * run.scenario.dt for step in agent.goal_time_step)
         rows.append(
@@ -58,7 +61,11 @@ def main() -> None:
         counts[path.parent.name]["scenarios"] += 1
         if path.parent.name == arguments.agents_of:
             detailed += agent_rows(run)
-        bad = [i for i, outcome in enumerate(run.outcomes.outcome) if outcome in ("collision", "infeasible", "planner_error")]
+        bad = [
+            i
+            for i, outcome in enumerate(run.outcomes.outcome)
+            if outcome in ("collision", "infeasible", "planner_error")
+        ]
         rows = agent_rows(run)
         ends += [rows[i] for i in bad]
     columns = ["scenarios", *OUTCOMES]
