@@ -1,0 +1,32 @@
+"""The picture in ARCHITECTURE.md is the one that the layer checks use."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PICTURE = re.search(r"## The picture\n\n(.*?)\n\n", (ROOT / "ARCHITECTURE.md").read_text(), re.DOTALL)[1]
+PYTHON, RUST = (
+    [line.strip().split("  ")[0] for line in part.splitlines() if line.strip()]
+    for part in re.split(r"\n    ---.*", PICTURE)
+)
+
+
+def test_the_python_part_is_what_import_linter_checks():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        contracts = tomllib.load(file)["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    assert ["__main__", *PYTHON] == layers
+
+
+def test_the_rust_part_is_the_order_in_lib_rs():
+    lib = (ROOT / "crates" / "core" / "src" / "lib.rs").read_text()
+    assert RUST[0].startswith("interdrive._core")
+    assert [name for line in RUST[1:] for name in line.split(", ")] == re.findall(r"^pub mod (\w+);", lib, re.M)[::-1]
+
+
+def test_no_module_of_the_package_imports_the_package_itself():
+    """import-linter takes the compiled core for the package and cannot tell."""
+    for path in (ROOT / "python" / "interdrive").rglob("*.py"):
+        for names in re.findall(r"^\s*from interdrive import (.*)", path.read_text(), re.M):
+            assert names == "_core", f"{path}: {names}"
