@@ -430,6 +430,10 @@ BAD_DOCUMENTS = {
         document(car(30, initial(0.0), kind="spaceship")),
         "cannot be read at dynamicObstacle 30 .*spaceship",
     ),
+    "endless turns": (
+        document(car(30, initial(0.0), [state(1, 1.0, orientation=(0.0, 1e20))])),
+        "dynamicObstacle 30 has the orientation 1e",
+    ),
     "half a state": (
         document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0).replace("<x>1.0</x>", "")])),
         "cannot be read at <point> of dynamicObstacle 30",

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 VERSIONS = ("2018b", "2020a")
+#: commonroad-io takes off one turn at a time, which for larger angles takes for ever.
+LARGEST_ANGLE = 1000.0
 OBSTACLE_TAGS = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
 
 # Texts that float() takes although they are no coordinate: nan, inf, infinity, and exponents that overflow.
@@ -85,13 +87,14 @@ def check(root: Element, data: bytes, file: str) -> None:
 
     Raises:
         InputError: Not a CommonRoad document, unsupported version, useless dt, no lanelets, broken bounds, the same id
-            twice, coordinates that are not finite, goal lanelets that do not exist.
+            twice, coordinates that are not finite, absurd angles, goal lanelets that do not exist.
     """
     _check_header(root, file)
     _check_ids(root, file)
     lowered = data.lower()
     if b"nan" in lowered or b"inf" in lowered or _LARGE_EXPONENT.search(lowered):
         _refuse_not_finite(root, file)
+    _check_angles(root, file)
     for lanelet in root.iterfind("lanelet"):
         counts = [len(lanelet.findall(f"{side}/point")) for side in ("leftBound", "rightBound")]
         if counts[0] != counts[1] or min(counts) < 2:
@@ -167,6 +170,20 @@ def _refuse_not_finite(root: Element, file: str) -> None:
                     f"{file}: {where} has the value {(element.text or '').strip()} in <{element.tag}>; "
                     "replace it by a finite number"
                 )
+
+
+def _check_angles(root: Element, file: str) -> None:
+    for owner in root:
+        for orientation in owner.iter("orientation"):
+            for element in orientation.iter():
+                try:
+                    angle = float(element.text or "0")
+                except ValueError:
+                    continue
+                if abs(angle) > LARGEST_ANGLE:
+                    raise InputError(
+                        f"{file}: {owner.tag} {owner.get('id')} has the orientation {angle:g}; give it in radians"
+                    )
 
 
 def facts(root: Element, file: str) -> Facts:
