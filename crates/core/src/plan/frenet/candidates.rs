@@ -49,7 +49,7 @@ impl Candidates {
 
     /// Evaluates all samples to the end.
     pub(super) fn of(evaluation: &mut Evaluation, desired_velocity: f64) -> Self {
-        let n_points = evaluation.limits.n_points;
+        let n_points = evaluation.problem.limits.n_points;
         let mut out = Self { n_points, desired_velocity, ..Self::default() };
         for sample in 0..evaluation.len() {
             out.push(evaluation, sample);
@@ -67,7 +67,7 @@ impl Candidates {
         let can_be_driven = rejection == Rejection::Admissible;
         if can_be_driven {
             if let Some(contact) = evaluation.contact() {
-                let request = evaluation.request;
+                let request = evaluation.problem.request;
                 collision_id = request.predictions.ids[request.others[contact.other].row];
                 rejection = Rejection::Collision;
             } else if !evaluation.stays_on_road() {
@@ -79,9 +79,9 @@ impl Candidates {
             terms[..4].copy_from_slice(&evaluation.table_terms(sample));
             terms[4..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
             let points = evaluation.points().iter().enumerate().skip(1);
-            terms[N_TERMS - 1] = points.map(|(i, point)| evaluation.obstacles.prediction_cost(point, i)).sum();
+            terms[N_TERMS - 1] = points.map(|(i, point)| evaluation.tables.obstacles.prediction_cost(point, i)).sum();
         }
-        let weights = evaluation.settings.weights.as_array();
+        let weights = evaluation.problem.settings.weights.as_array();
         self.cost.push(terms.iter().zip(weights).map(|(term, weight)| term * weight).sum());
         self.terms.extend(terms);
         self.rejection.push(rejection);
@@ -91,10 +91,10 @@ impl Candidates {
         let last = evaluation.points()[self.n_points - 1];
         let (end_time, end_velocity, end_offset) = match evaluation.place(sample) {
             Some((row, lane)) => {
-                let row = &evaluation.samples.rows[row];
-                (row.end_time, row.end_velocity, evaluation.samples.lanes[lane])
+                let row = &evaluation.tables.samples.rows[row];
+                (row.end_time, row.end_velocity, evaluation.tables.samples.lanes[lane])
             }
-            None => (evaluation.limits.horizon(), last.velocity, last.d),
+            None => (evaluation.problem.limits.horizon(), last.velocity, last.d),
         };
         self.end_time.push(end_time);
         self.end_velocity.push(end_velocity);

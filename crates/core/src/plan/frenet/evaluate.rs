@@ -11,7 +11,6 @@ use super::previous::Previous;
 use super::sample::Samples;
 use super::settings::{FrenetSettings, N_TERMS};
 use crate::collision::departs_road;
-use crate::geometry::Pose;
 use crate::geometry::shape::OrientedBox;
 
 /// Points of the prediction term that are computed at once.
@@ -46,6 +45,8 @@ pub(super) struct Work {
     road: Vec<u32>,
     /// Samples that are rejected for a contact alone.
     pub(super) contacts: Vec<(u32, Contact)>,
+    /// Some sample was rejected because of the road.
+    pub(super) leaves_road: bool,
 }
 
 impl Work {
@@ -56,77 +57,80 @@ impl Work {
         self.contributions.clear();
         self.order.clear();
         self.contacts.clear();
+        self.leaves_road = false;
     }
 }
 
-/// Everything about one plan. Samples are numbered row by row, lane by lane; the last one is the previous plan.
-pub(super) struct Evaluation<'a> {
+/// What is to be planned.
+#[derive(Clone, Copy)]
+pub(super) struct Problem<'a> {
     pub(super) request: &'a PlanRequest<'a>,
     pub(super) settings: &'a FrenetSettings,
     pub(super) start: &'a Start,
     pub(super) limits: &'a Limits,
+    /// Keep clear of the road's edge by the tolerance of the map, if the agent does so now.
+    pub(super) keeps_clear: bool,
+}
+
+/// What has been prepared for it.
+pub(super) struct Tables<'a> {
     pub(super) samples: &'a mut Samples,
     pub(super) costs: &'a TableCosts,
     pub(super) obstacles: &'a mut Obstacles,
     pub(super) previous: &'a Previous,
     pub(super) work: &'a mut Work,
+}
+
+/// Everything about one plan. Samples are numbered row by row, lane by lane; the last one is the previous plan.
+pub(super) struct Evaluation<'a> {
+    pub(super) problem: Problem<'a>,
+    pub(super) tables: Tables<'a>,
     starts_on_road: bool,
+    /// The footprint is larger by this on all sides when the road is looked at [m].
+    road_margin: f64,
     prediction_weight: f64,
     world_terms: bool,
 }
 
 impl<'a> Evaluation<'a> {
-    #[expect(clippy::too_many_arguments, reason = "takes the planner's memory apart, field by field")]
-    pub(super) fn new(
-        request: &'a PlanRequest<'a>,
-        settings: &'a FrenetSettings,
-        start: &'a Start,
-        limits: &'a Limits,
-        samples: &'a mut Samples,
-        costs: &'a TableCosts,
-        obstacles: &'a mut Obstacles,
-        previous: &'a Previous,
-        work: &'a mut Work,
-    ) -> Self {
-        work.reset(samples.len() + usize::from(previous.is_valid()));
+    pub(super) fn new(problem: Problem<'a>, tables: Tables<'a>) -> Self {
+        let Problem { request, settings, .. } = problem;
+        let work = &mut *tables.work;
+        work.reset(tables.samples.len() + usize::from(tables.previous.is_valid()));
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
+        let margin = request.road.settings().gap_tolerance;
+        let has_room = problem.keeps_clear && request.road.box_is_covered(&footprint.grown(margin), &mut work.road);
         Self {
-            starts_on_road: request.road.box_is_covered(&footprint, &mut work.road),
+            starts_on_road: has_room || request.road.box_is_covered(&footprint, &mut work.road),
+            road_margin: if has_room { margin } else { 0.0 },
             prediction_weight: settings.weights.prediction,
             world_terms: has_world_terms(&settings.weights),
-            request,
-            settings,
-            start,
-            limits,
-            samples,
-            costs,
-            obstacles,
-            previous,
-            work,
+            problem,
+            tables,
         }
     }
 
     /// Number of samples.
     pub(super) fn len(&self) -> usize {
-        self.work.progress.len()
+        self.tables.work.progress.len()
     }
 
     /// Cost from the tables: a lower bound; infinite for samples of rejected rows.
     pub(super) fn bounds(&self) -> impl Iterator<Item = f64> + use<'a> {
-        let previous = self.previous.is_valid().then_some(self.previous.total);
-        self.costs.total.iter().copied().chain(previous)
+        let previous = self.tables.previous.is_valid().then_some(self.tables.previous.total);
+        self.tables.costs.total.iter().copied().chain(previous)
     }
 
     /// Row and lane of a sample; `None` for the previous plan.
     pub(super) fn place(&self, sample: usize) -> Option<(usize, usize)> {
-        let n_lanes = self.samples.lanes.len();
-        (sample < self.samples.len()).then(|| (sample / n_lanes, sample % n_lanes))
+        let n_lanes = self.tables.samples.lanes.len();
+        (sample < self.tables.samples.len()).then(|| (sample / n_lanes, sample % n_lanes))
     }
 
     /// One more step of work on a sample.
     pub(super) fn refine(&mut self, sample: usize) -> Refined {
-        let n_points = self.limits.n_points;
-        let Work { progress, pool, contributions, order, .. } = &mut *self.work;
+        let n_points = self.problem.limits.n_points;
+        let Work { progress, pool, contributions, order, .. } = &mut *self.tables.work;
         let progress = &mut progress[sample];
         let Some(slot) = progress.slot else {
             return self.admit(sample);
@@ -141,7 +145,7 @@ impl<'a> Evaluation<'a> {
         while progress.n_done < order.len() && (is_first || progress.prediction == before) {
             let end = (progress.n_done + BLOCK).min(order.len());
             for point in &order[progress.n_done..end] {
-                contributions[*point] = self.obstacles.prediction_cost(&points[*point], *point);
+                contributions[*point] = self.tables.obstacles.prediction_cost(&points[*point], *point);
                 progress.prediction += contributions[*point];
             }
             progress.n_done = end;
@@ -165,46 +169,48 @@ impl<'a> Evaluation<'a> {
             return Refined::Rejected;
         }
         if let Some(contact) = self.contact() {
-            self.work.contacts.push((sample as u32, contact));
+            self.tables.work.contacts.push((sample as u32, contact));
             return Refined::Rejected;
         }
         if !self.stays_on_road() {
+            self.tables.work.leaves_road = true;
             return Refined::Rejected;
         }
         let mut base = self.table_cost(sample);
         if self.world_terms {
-            base += weighted_world_terms(&self.settings.weights, &self.world_terms(sample));
+            base += weighted_world_terms(&self.problem.settings.weights, &self.world_terms(sample));
         }
-        let slot = (self.work.pool.len() / self.limits.n_points) as u32;
-        self.work.pool.extend_from_slice(&self.work.points);
-        self.work.contributions.resize(self.work.pool.len(), 0.0);
-        self.work.progress[sample] = Progress { slot: Some(slot), base, prediction: 0.0, n_done: 0 };
-        let is_complete = self.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
+        let slot = (self.tables.work.pool.len() / self.problem.limits.n_points) as u32;
+        self.tables.work.pool.extend_from_slice(&self.tables.work.points);
+        self.tables.work.contributions.resize(self.tables.work.pool.len(), 0.0);
+        self.tables.work.progress[sample] = Progress { slot: Some(slot), base, prediction: 0.0, n_done: 0 };
+        let is_complete = self.tables.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
         if is_complete { Refined::Cost(base) } else { Refined::Bound(base) }
     }
 
     fn table_cost(&self, sample: usize) -> f64 {
-        self.costs.total.get(sample).copied().unwrap_or(self.previous.total)
+        self.tables.costs.total.get(sample).copied().unwrap_or(self.tables.previous.total)
     }
 
     /// The trajectory that was written last.
     pub(super) fn points(&self) -> &[Waypoint] {
-        &self.work.points
+        &self.tables.work.points
     }
 
     /// Writes the trajectory of a sample, up to the first point that is not feasible if `stop_early`. Points that are
     /// undefined (near the centre of the path's curvature) repeat the one before.
     pub(super) fn write_points(&mut self, sample: usize, stop_early: bool) -> Rejection {
-        self.work.points.clear();
+        self.tables.work.points.clear();
         let Some((row, lane)) = self.place(sample) else {
-            self.work.points.extend_from_slice(&self.previous.points);
-            let points = &self.work.points;
-            return (1..points.len())
-                .fold(Rejection::Admissible, |found, i| found.or(self.limits.check(&points[i - 1], &points[i], i)));
+            self.tables.work.points.extend_from_slice(&self.tables.previous.points);
+            let points = &self.tables.work.points;
+            return (1..points.len()).fold(Rejection::Admissible, |found, i| {
+                found.or(self.problem.limits.check(&points[i - 1], &points[i], i))
+            });
         };
-        self.samples.load_path(row, &self.request.route.path);
-        let mut found = self.samples.rows[row].rejection;
-        let (samples, center) = (&*self.samples, self.request.vehicle.rear_axle_to_center);
+        self.tables.samples.load_path(row, &self.problem.request.route.path);
+        let mut found = self.tables.samples.rows[row].rejection;
+        let (samples, center) = (&*self.tables.samples, self.problem.request.vehicle.rear_axle_to_center);
         let (lane, is_over_arc) = (samples.lanes[lane], samples.rows[row].lateral.is_over_arc);
         let points = samples.motions(row).iter().zip(samples.path(row)).zip(samples.lateral_points(row));
         for (i, ((motion, at), lateral)) in points.enumerate() {
@@ -215,43 +221,47 @@ impl<'a> Evaluation<'a> {
                 d_prime2 = (d_prime2 - d_prime * s_ddot) / (s_dot * s_dot);
             }
             let frenet = FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 };
-            let before = self.work.points.last().copied();
+            let before = self.tables.work.points.last().copied();
             let point = Waypoint::new(at, &frenet, center);
             match (point, before) {
                 (None, _) => found = found.or(Rejection::LeftPath),
-                (Some(point), Some(before)) => found = found.or(self.limits.check(&before, &point, i)),
+                (Some(point), Some(before)) => found = found.or(self.problem.limits.check(&before, &point, i)),
                 (Some(_), None) => {}
             }
             if stop_early && found != Rejection::Admissible {
                 return found;
             }
-            self.work.points.push(point.or(before).unwrap_or_default());
+            self.tables.work.points.push(point.or(before).unwrap_or_default());
         }
         found
     }
 
     /// First contact of the trajectory that was written last.
     pub(super) fn contact(&mut self) -> Option<Contact> {
-        self.obstacles.first_contact(&self.work.points, self.limits.dt, self.request)
+        self.tables.obstacles.first_contact(&self.tables.work.points, self.problem.limits.dt, self.problem.request)
     }
 
-    /// The footprint stays on the road; an agent that starts (partly) beside it must do so once it is back. The first
-    /// step, which will be driven, is looked at as closely as the world does.
+    /// The footprint (with margin) stays on the road, at the points and between them; an agent that starts (partly)
+    /// beside it must do so once it is back. Without margin the first step, which will be driven, is looked at as
+    /// closely as the world does.
     pub(super) fn stays_on_road(&mut self) -> bool {
-        let PlanRequest { road, shape, state, .. } = *self.request;
-        let next = &self.work.points[1];
-        let next = Pose { position: next.center, orientation: next.theta() };
-        if self.starts_on_road && departs_road(road, shape, state.pose(), next).is_some() {
+        let PlanRequest { road, shape, state, vehicle, .. } = *self.problem.request;
+        let Work { points, road: scratch, .. } = &mut *self.tables.work;
+        let is_exact = self.starts_on_road && self.road_margin == 0.0;
+        if is_exact && departs_road(road, shape, state.pose(), points[1].pose()).is_some() {
             return false;
         }
-        let (half_length, half_width) = (0.5 * self.request.vehicle.length, 0.5 * self.request.vehicle.width);
+        let half_length = 0.5 * vehicle.length + self.road_margin;
+        let half_width = 0.5 * vehicle.width + self.road_margin;
         let mut was_on_road = self.starts_on_road;
-        let Work { points, road, .. } = &mut *self.work;
-        points.iter().skip(if was_on_road { 2 } else { 1 }).all(|point| {
-            let footprint = OrientedBox { center: point.center, axis: point.axis, half_length, half_width };
-            let covered = self.request.road.box_is_covered(&footprint, road);
-            was_on_road |= covered;
-            covered || !was_on_road
+        let footprint = |p: &Waypoint| OrientedBox { center: p.center, axis: p.axis, half_length, half_width };
+        points.windows(2).skip(usize::from(is_exact)).all(|pair| {
+            let (from, to) = (footprint(&pair[0]), footprint(&pair[1]));
+            if was_on_road {
+                return road.box_is_covered(&OrientedBox::spanning(&from, &to), scratch);
+            }
+            was_on_road = road.box_is_covered(&to, scratch);
+            true
         })
     }
 
@@ -259,21 +269,21 @@ impl<'a> Evaluation<'a> {
     pub(super) fn world_terms(&self, sample: usize) -> [f64; N_TERMS - 5] {
         let place = self.place(sample);
         let motion = |i: usize| match place {
-            None => self.previous.motions[i],
+            None => self.tables.previous.motions[i],
             Some((row, lane)) => {
-                let samples = &*self.samples;
+                let samples = &*self.tables.samples;
                 let d = samples.lateral_points(row)[i].at(samples.lanes[lane]);
                 FrenetMotion::new(&samples.motions(row)[i], d, samples.rows[row].lateral.is_over_arc)
             }
         };
-        world_terms(&self.work.points, motion, self.obstacles, self.request)
+        world_terms(&self.tables.work.points, motion, self.tables.obstacles, self.problem.request)
     }
 
     /// The first four terms of a sample.
     pub(super) fn table_terms(&self, sample: usize) -> [f64; 4] {
-        let Some((row, lane)) = self.place(sample) else { return self.previous.terms };
-        let (samples, row) = (&*self.samples, &self.samples.rows[row]);
+        let Some((row, lane)) = self.place(sample) else { return self.tables.previous.terms };
+        let (samples, row) = (&*self.tables.samples, &self.tables.samples.rows[row]);
         let k = row.lateral.table * samples.lanes.len() + lane;
-        [self.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], row.jerk]
+        [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], row.jerk]
     }
 }

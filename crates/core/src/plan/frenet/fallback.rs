@@ -4,7 +4,7 @@
 //! 2. Some samples can be driven and stay on the road but hit somebody: of these the one with the smallest difference
 //!    of velocities at the contact, where one second more counts like 2 m/s less.
 //! 3. Full braking along the path of the previous plan, if the agent is still on it; else on the arc of the present
-//!    steering.
+//!    steering; else on the arc next to that which stays on the road (as far as the tyres hold; the steering jumps).
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
@@ -52,24 +52,40 @@ pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) ->
     PlanResult { trajectory, status: PlanStatus::Infeasible, cost: f64::NAN, message }
 }
 
-/// Full braking along the previous plan's path or the present arc. `reason` says why there is no better plan.
+/// Full braking along the previous plan's path or an arc. `reason` says why there is no better plan.
 pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
-    let ways = [along_previous(request, n_points), Some(along_arc(request, n_points))];
-    let mut last = None;
-    for points in ways.into_iter().flatten() {
-        let stays = stays_on_road(request, &points, scratch);
-        let result = PlanResult {
-            trajectory: Trajectory { points },
-            status: if stays { PlanStatus::EmergencyBraking } else { PlanStatus::Infeasible },
-            cost: f64::NAN,
-            message: if stays { String::new() } else { format!("{reason}, and full braking leaves the road") },
-        };
-        if stays {
-            return result;
+    let mut first = None;
+    let arcs = curvatures(request).into_iter().map(|curvature| along_arc(request, n_points, curvature));
+    for points in along_previous(request, n_points).into_iter().chain(arcs) {
+        if stays_on_road(request, &points, scratch) {
+            return PlanResult {
+                trajectory: Trajectory { points },
+                status: PlanStatus::EmergencyBraking,
+                cost: f64::NAN,
+                message: String::new(),
+            };
         }
-        last = last.or(Some(result));
+        first = first.or(Some(points));
     }
-    last.expect("there is always the arc")
+    PlanResult {
+        trajectory: Trajectory { points: first.expect("there is always an arc") },
+        status: PlanStatus::Infeasible,
+        cost: f64::NAN,
+        message: format!("{reason}, and full braking leaves the road"),
+    }
+}
+
+/// Curvatures of braking arcs: the present one and others within the limits of steering and tyres, the next ones first.
+fn curvatures(request: &PlanRequest) -> Vec<f64> {
+    const N: i32 = 12;
+    let vehicle = request.vehicle;
+    let tyres = vehicle.lateral_acceleration_max / request.state.velocity.powi(2).max(1e-6);
+    let limit = vehicle.curvature_max().min(tyres);
+    let present = start_curvature(request).unwrap_or(0.0);
+    let mut others: Vec<f64> = (-N..=N).map(|i| limit * f64::from(i) / f64::from(N)).collect();
+    others.sort_by(|a, b| (a - present).abs().total_cmp(&(b - present).abs()));
+    others.insert(0, present);
+    others
 }
 
 /// The footprint stays on the road once it is fully on it.
@@ -91,9 +107,8 @@ fn braking(request: &PlanRequest) -> (f64, Braking) {
     (direction, Braking::new(state.velocity.abs(), direction * state.acceleration, deceleration))
 }
 
-fn along_arc(request: &PlanRequest, n_points: usize) -> Vec<State> {
+fn along_arc(request: &PlanRequest, n_points: usize, curvature: f64) -> Vec<State> {
     let (direction, braking) = braking(request);
-    let curvature = start_curvature(request).unwrap_or(0.0);
     let state = request.state;
     let rear_axle = request.vehicle.rear_axle_from_center(state.pose());
     let at = |i: usize| {

@@ -68,8 +68,11 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    pub(super) fn new(request: &PlanRequest, n_points: usize, start_curvature: f64) -> Self {
-        let vehicle = *request.vehicle;
+    /// `slack` is a factor of the steering rate and the lateral acceleration.
+    pub(super) fn new(request: &PlanRequest, n_points: usize, start_curvature: f64, slack: f64) -> Self {
+        let mut vehicle = *request.vehicle;
+        vehicle.steering_rate_max *= slack;
+        vehicle.lateral_acceleration_max *= slack;
         let state = &request.state;
         let lateral = (state.velocity * state.velocity * start_curvature).abs();
         let excess = [

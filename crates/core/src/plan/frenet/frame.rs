@@ -48,7 +48,8 @@ impl Start {
     /// described in the frame of its path.
     ///
     /// Steering of a creeping or standing agent cannot be observed: it is taken to keep the present direction
-    /// relative to the path (d'' = 0), within the limits. The same if the yaw rate is not to be trusted.
+    /// relative to the path (d'' = 0), within the limits, where samples do not choose it themselves. The same if the
+    /// yaw rate is not to be trusted.
     pub(super) fn new(request: &PlanRequest, yaw_rate_counts: bool) -> Result<Self, String> {
         let state = request.state;
         let path = &request.route.path;
@@ -86,6 +87,13 @@ impl Start {
             d_prime,
             d_prime2: -turn * tan + stretch / (cos * cos) * swing,
         })
+    }
+}
+
+impl Start {
+    /// The agent (almost) stands, so its steering is what it wants it to be.
+    pub(super) fn steers_freely(&self) -> bool {
+        self.velocity <= CREEPING
     }
 }
 

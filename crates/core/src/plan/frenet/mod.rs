@@ -35,7 +35,7 @@ use super::{PlanRequest, PlanResult};
 use crate::trajectory::{PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use desired::Desired;
-use evaluate::{Evaluation, Work};
+use evaluate::{Evaluation, Problem, Tables, Work};
 use feasibility::Limits;
 use frame::{Start, Waypoint};
 use obstacles::Obstacles;
@@ -55,38 +55,63 @@ pub struct Scratch {
     road: Vec<u32>,
 }
 
+/// What an attempt to plan takes for granted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Premises {
+    /// The yaw rate of the present state is that of the vehicle; otherwise it drives parallel to its path.
+    yaw_rate_counts: bool,
+    /// Factor of the limits of steering rate and lateral acceleration.
+    slack: f64,
+    /// The footprint keeps clear of the road's edge by the tolerance of the map; otherwise it may use the tolerance.
+    keeps_clear: bool,
+}
+
+impl Premises {
+    const STATED: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
+    const NARROW: Self = Self { keeps_clear: false, ..Self::STATED };
+    /// For a start that cannot be continued as stated.
+    const DOUBTED: [Self; 3] = [
+        Self { yaw_rate_counts: false, slack: 1.0, keeps_clear: false },
+        Self { yaw_rate_counts: true, slack: 2.5, keeps_clear: false },
+        Self { yaw_rate_counts: false, slack: 2.5, keeps_clear: false },
+    ];
+}
+
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
 ///
-/// Recorded initial states are noisy: if an agent's first plan finds nothing with the yaw rate as stated, it is made
-/// again as if the agent drove parallel to its path.
+/// If nothing is admissible, the agent may come as close to the edge of the road as the tolerance of the map allows.
+/// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
+/// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
+/// steering rate and lateral acceleration. (All later states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scratch) -> PlanResult {
-    let result = attempt(request, settings, scratch, true);
+    let mut result = attempt(request, settings, scratch, Premises::STATED);
+    if result.status != PlanStatus::Planned && scratch.work.leaves_road {
+        result = attempt(request, settings, scratch, Premises::NARROW);
+    }
     if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
         return result;
     }
-    let again = attempt(request, settings, scratch, false);
-    if again.status == PlanStatus::Planned { again } else { result }
+    let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, scratch, premises));
+    again.find(|again| again.status == PlanStatus::Planned).unwrap_or(result)
 }
 
-fn attempt(
-    request: &PlanRequest,
-    settings: &FrenetSettings,
-    scratch: &mut Scratch,
-    yaw_rate_counts: bool,
-) -> PlanResult {
+fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scratch, premises: Premises) -> PlanResult {
     let n_points = n_points(request, settings);
+    scratch.work.leaves_road = false;
     if !request.state.is_finite() {
         return fallback::refuse(request, n_points, "the present state is not a number".into());
     }
-    let start = match Start::new(request, yaw_rate_counts) {
+    let start = match Start::new(request, premises.yaw_rate_counts) {
         Ok(start) => start,
         Err(reason) => return last_resort(request, n_points, &mut scratch.road, &format!("the agent {reason}")),
     };
-    let limits = Limits::new(request, n_points, start.curvature);
+    let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let desired = Desired::new(request, &start, settings);
     let Scratch { samples, costs, obstacles, previous, heap, work, road } = scratch;
     prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous), false);
-    let mut evaluation = Evaluation::new(request, settings, &start, &limits, samples, costs, obstacles, previous, work);
+    let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
+    let problem = Problem { request, settings, start, limits, keeps_clear };
+    let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
     let choice = if settings.lazy {
         choose::best_first(evaluation.bounds(), heap, |sample| evaluation.refine(sample))
     } else {
@@ -94,7 +119,7 @@ fn attempt(
     };
     if let Some((sample, cost)) = choice {
         evaluation.write_points(sample, true);
-        let trajectory = trajectory(request, &start, evaluation.points());
+        let trajectory = trajectory(request, start, evaluation.points());
         return PlanResult { trajectory, status: PlanStatus::Planned, cost, message: String::new() };
     }
     if start.velocity > fallback::STANDING
@@ -110,19 +135,31 @@ fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
     (settings.horizon / request.dt).round().max(1.0) as usize + 1
 }
 
-/// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan` (of its first
-/// attempt, where it makes two).
+/// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan`.
 pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
+    let all = sample_all(request, settings, Premises::STATED);
+    if all.chosen.is_some() || !request.state.is_finite() {
+        return all;
+    }
+    let doubted = if request.previous.is_some() { &[] } else { &Premises::DOUBTED[..] };
+    let mut again = [Premises::NARROW].iter().chain(doubted).map(|premises| sample_all(request, settings, *premises));
+    again.find(|again| again.chosen.is_some()).unwrap_or(all)
+}
+
+fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premises) -> Candidates {
     let n_points = n_points(request, settings);
-    let Some(start) = request.state.is_finite().then(|| Start::new(request, true).ok()).flatten() else {
+    let is_known = request.state.is_finite();
+    let Some(start) = is_known.then(|| Start::new(request, premises.yaw_rate_counts).ok()).flatten() else {
         return Candidates { n_points, desired_velocity: f64::NAN, ..Candidates::default() };
     };
-    let limits = Limits::new(request, n_points, start.curvature);
+    let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let desired = Desired::new(request, &start, settings);
     let mut scratch = Scratch::default();
     let Scratch { samples, costs, obstacles, previous, work, .. } = &mut scratch;
     prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous), true);
-    let mut evaluation = Evaluation::new(request, settings, &start, &limits, samples, costs, obstacles, previous, work);
+    let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
+    let problem = Problem { request, settings, start, limits, keeps_clear };
+    let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
     Candidates::of(&mut evaluation, desired.velocity)
 }
 
@@ -143,15 +180,16 @@ fn prepare(
 
 /// Of the samples that hit somebody but can be driven and stay on the road, the least bad one.
 fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
-    let dt = evaluation.limits.dt;
-    let mut contacts = std::mem::take(&mut evaluation.work.contacts);
+    let Problem { request, start, limits, .. } = evaluation.problem;
+    let dt = limits.dt;
+    let mut contacts = std::mem::take(&mut evaluation.tables.work.contacts);
     contacts.sort_by(|a, b| fallback::severity(&a.1, dt).total_cmp(&fallback::severity(&b.1, dt)).then(a.0.cmp(&b.0)));
     let found = contacts.iter().find(|(sample, _)| {
         evaluation.write_points(*sample as usize, true);
         evaluation.stays_on_road()
     });
-    let trajectory = found.map(|_| trajectory(evaluation.request, evaluation.start, evaluation.points()));
-    evaluation.work.contacts = contacts;
+    let trajectory = found.map(|_| trajectory(request, start, evaluation.points()));
+    evaluation.tables.work.contacts = contacts;
     trajectory
 }
 

@@ -30,6 +30,17 @@ impl Polynomial {
         Self { c: [c0, c1, 0.5 * a0, c3, c4, c5] }
     }
 
+    /// Quartic from (value, slope) to rest at the value `end` at `length`; its second derivative at the start is what
+    /// suits it.
+    pub(super) fn to_rest_from_free(start: [f64; 2], end: f64, length: f64) -> Self {
+        let [c0, c1] = start;
+        let h = length;
+        let (rise, run) = (end - c0, c1 * h);
+        // end + a y³ + b y⁴ with y = length - x, expanded.
+        let (a, b) = (run - 4.0 * rise, 3.0 * rise - run);
+        Self { c: [c0, c1, (3.0 * a + 6.0 * b) / h.powi(2), (-a - 4.0 * b) / h.powi(3), b / h.powi(4), 0.0] }
+    }
+
     /// Value and first three derivatives.
     #[inline]
     pub(super) fn at(&self, x: f64) -> [f64; 4] {
@@ -136,6 +147,14 @@ mod tests {
     #[test]
     fn the_quintic_meets_its_end_conditions() {
         let q = Polynomial::to_rest([0.5, 1.0, -0.3], 1.25, 1.7);
+        let end = q.at(1.7);
+        assert!((end[0] - 1.25).abs() < 1e-12 && end[1].abs() < 1e-12 && end[2].abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_free_quartic_meets_its_end_conditions() {
+        let q = Polynomial::to_rest_from_free([0.5, -0.3], 1.25, 1.7);
+        assert_eq!(q.at(0.0)[..2], [0.5, -0.3]);
         let end = q.at(1.7);
         assert!((end[0] - 1.25).abs() < 1e-12 && end[1].abs() < 1e-12 && end[2].abs() < 1e-12);
     }

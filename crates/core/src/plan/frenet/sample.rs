@@ -267,10 +267,18 @@ impl Samples {
     }
 
     /// The lateral jerk is d''' s_dot³ + 3 d'' s_dot s_ddot + d' s_dddot, integrated by the trapezoidal rule; linear in
-    /// the end position like d itself.
+    /// the end position like d itself. An agent that stands turns its wheels before it drives off: its second derivative
+    /// is free.
     fn write_over_arc(&mut self, start: &Start, length: f64, first: usize) -> usize {
-        let home = Polynomial::to_rest([start.d, start.d_prime, start.d_prime2], 0.0, length);
-        let step = Polynomial::to_rest([0.0; 3], 1.0, length);
+        let polynomial = |[d, d_1, d_2]: [f64; 3], end: f64| {
+            if start.steers_freely() {
+                Polynomial::to_rest_from_free([d, d_1], end, length)
+            } else {
+                Polynomial::to_rest([d, d_1, d_2], end, length)
+            }
+        };
+        let home = polynomial([start.d, start.d_prime, start.d_prime2], 0.0);
+        let step = polynomial([0.0; 3], 1.0);
         let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
         for (i, motion) in self.motions[first..].iter().enumerate() {
             let along = motion.s - start.s;
