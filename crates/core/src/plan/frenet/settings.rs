@@ -249,8 +249,8 @@ mod tests {
         check(|s| s.horizon = f64::NAN, "horizon");
         check(|s| s.t_min = 3.1, "t_min");
         check(|s| s.collision_mode_probability = 1.5, "collision_mode_probability");
-        check(|s| s.weights.prediction = -0.1, "prediction");
-        check(|s| s.weights.jerk = f64::NAN, "jerk");
+        check(|s| s.weights.prediction = -0.1, "weights.prediction");
+        check(|s| s.weights.jerk = f64::NAN, "weights.jerk");
         check(|s| s.comfort.deceleration = 0.0, "comfort.deceleration");
     }
 }
