@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers import Straight
-from interdrive import InputError, Simulation, SimulationSettings, simulate
+from interdrive import Frenet, InputError, Simulation, SimulationSettings, simulate
 from interdrive.run import PHASES
 from interdrive.settings import bind
 from interdrive.simulation import digest
@@ -61,12 +61,54 @@ def test_a_smaller_sensor_radius_shows_fewer():
     assert views[0][0].ids.tolist() == [200]
 
 
-def test_predictions_are_for_everybody_and_of_now():
+def test_predictions_are_of_now_and_for_those_in_sight_and_oneself():
     views, _ = looks()
-    _, predictions = views[5]
+    view, predictions = views[5]
     assert predictions.time_step == 5
-    assert predictions.ids.tolist() == [7, 9, 100, 200]
-    assert predictions.covariance.shape == (4, 3, 30, 2, 2)
+    assert predictions.ids.tolist() == sorted([*view.ids.tolist(), 100])
+    assert predictions.covariance.shape == (len(predictions.ids), 3, 30, 2, 2)
+
+
+def test_a_plan_that_ends_before_the_next_is_due_is_replaced_in_time():
+    run = simulate(two_lanes(), settings=bind(SimulationSettings(), {"step.replan_every": 500}), threads=1)
+    row = run.states.ids.tolist().index(200)
+    there = run.states.valid[row]
+    moved = np.hypot(np.diff(run.states.x[row, there]), np.diff(run.states.y[row, there])) / 0.1
+    assert moved == pytest.approx(run.states.velocity[row, there][1:], abs=0.3)
+
+
+def test_every_agent_and_every_run_has_its_own_copy_of_a_planner():
+    class Counting(Straight):
+        calls = 0
+
+        def plan(self, view, predictions):
+            self.calls += 1
+            assert self.calls == view.time_step + 1
+            return super().plan(view, predictions)
+
+    simulation = Simulation(two_lanes(), agents=[100, 200], planner=Counting(), threads=1)
+    assert "planner_error" not in simulation.run().outcomes.outcome
+    simulation.reset()
+    assert "planner_error" not in simulation.run().outcomes.outcome
+
+
+def test_a_record_as_planner_is_stored_as_settings():
+    stored = simulate(two_lanes(), planner=Frenet(level=0), threads=1).settings
+    assert (stored["planner"], stored["settings"]["planner.frenet.level"]) == ("frenet", 0)
+    assert stored["repeatable"]
+    assert not simulate(two_lanes(), planner=Straight, threads=1).settings["repeatable"]
+
+
+def test_after_the_end_nothing_happens():
+    simulation = Simulation(two_lanes(), threads=1)
+    first = simulation.run().digest
+    simulation.step()
+    assert simulation.record().digest == first
+
+
+def test_arrays_of_a_scenario_cannot_be_written():
+    with pytest.raises(ValueError, match="read-only"):
+        two_lanes().obstacles.x[0, 0] = 1.0
 
 
 def test_the_phases_of_a_step_are_all_timed():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -109,6 +110,24 @@ class _Proposal:
     initial_state: InitialState
     goal: tuple[GoalState, ...]
     velocity_max: float
+
+
+def normalized(agents: object) -> str | int | list[int]:
+    """A wish for agents as "all", a number, or a list of ids.
+
+    Raises:
+        InputError: It is none of these.
+    """
+    if isinstance(agents, str):
+        return agents
+    try:
+        return operator.index(agents)  # type: ignore[arg-type]
+    except TypeError:
+        pass
+    try:
+        return [operator.index(agent) for agent in agents]  # type: ignore[attr-defined]
+    except TypeError:
+        raise InputError(f"agents must be 'all', a number or ids, not {agents!r}") from None
 
 
 def select(
@@ -285,6 +304,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
         orientation=value(obstacles.orientation, first),
         velocity=value(obstacles.velocity, first),
         acceleration=value(obstacles.acceleration, first),
+        yaw_rate=value(obstacles.yaw_rate, first),
     )
     x, y = value(obstacles.x, last), value(obstacles.y, last)
     orientation, velocity = value(obstacles.orientation, last), value(obstacles.velocity, last)
@@ -359,9 +379,11 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
     acceleration = float(np.clip(state.acceleration, -_START_ACCELERATION_MAX, _START_ACCELERATION_MAX))
     yaw_rate = state.yaw_rate
     if not math.isfinite(yaw_rate):
-        # The steering of a recorded vehicle is not recorded: it is taken to follow its lane.
+        # A vehicle whose steering is not known is taken to follow its lane.
         index = round(route.start_s / route.length * (len(route.reference_curvature) - 1))
         yaw_rate = state.velocity * float(route.reference_curvature[index])
+    yaw_rate_max = _yaw_rate_max(vehicle, abs(state.velocity))
+    yaw_rate = float(np.clip(yaw_rate, -yaw_rate_max, yaw_rate_max))
     return Agent(
         id=proposal.id,
         origin=proposal.origin,
@@ -373,3 +395,10 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
         route=route,
         native_goal=goal,
     )
+
+
+def _yaw_rate_max(vehicle: _core.Vehicle, velocity: float) -> float:
+    """What steering and, with a reserve, tyres allow at a speed [rad/s]; recorded headings are noisy."""
+    reserve = 0.5
+    by_tyres = reserve * vehicle.lateral_acceleration_max / max(velocity, 0.1)
+    return min(vehicle.curvature_max * velocity, by_tyres)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import importlib
 import importlib.metadata
@@ -42,3 +43,22 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}, or module:object"
     raise InputError(f"unknown {what} {name!r}: {hint}")
+
+
+def made(choice: Any, method: str, what: str) -> Any:  # noqa: ANN401 - whatever the user wrote
+    """An object of its own for one agent and one run: a class or factory is called, an object is copied.
+
+    Args:
+        choice: A class, a factory without arguments, or an object.
+        method: The method that it must have: "plan" or "predict".
+        what: "planner" or "predictor".
+
+    Raises:
+        InputError: It cannot be made or copied, or has no such method.
+    """
+    is_object = hasattr(choice, method) and not isinstance(choice, type)
+    try:
+        found = copy.deepcopy(choice) if is_object else choice() if callable(choice) else choice
+    except Exception as error:
+        raise InputError(f"{what} {choice!r} cannot be made ({type(error).__name__}: {error})") from error
+    return found

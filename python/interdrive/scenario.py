@@ -16,6 +16,16 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
 
+
+def _freeze(instance: object) -> None:
+    """Forbids writing to the arrays of a dataclass."""
+    for name in instance.__dataclass_fields__:  # type: ignore[attr-defined]
+        value = getattr(instance, name)
+        for array in value if isinstance(value, tuple) else (value,):
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
+
+
 #: Kinds of participants; the position is the code that crosses the boundary to the core.
 KINDS = (
     "unknown",
@@ -58,6 +68,10 @@ class Shape:
     vertices: Floats = field(default_factory=lambda: np.empty((0, 2)))
     members: tuple[Shape, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Arrays are read-only from here on."""
+        _freeze(self)
+
 
 @dataclass(frozen=True)
 class Lanelets:
@@ -88,6 +102,10 @@ class Lanelets:
     adjacent_right_same_direction: Bools
     speed_limit: Floats
     types: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        """Arrays are read-only from here on."""
+        _freeze(self)
 
 
 @dataclass(frozen=True)
@@ -122,6 +140,10 @@ class Obstacles:
     acceleration: Floats
     yaw_rate: Floats
     valid: Bools
+
+    def __post_init__(self) -> None:
+        """Arrays are read-only from here on."""
+        _freeze(self)
 
     @property
     def n_steps(self) -> int:

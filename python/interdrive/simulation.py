@@ -5,20 +5,20 @@ from __future__ import annotations
 import hashlib
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive import _core
-from interdrive.agents import AgentSettings, GoalSettings, select
+from interdrive.agents import AgentSettings, GoalSettings, normalized, select
 from interdrive.errors import InputError, InterdriveError, PredictorError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
-from interdrive.planners import Planner, PlannerSettings, name_of, native_planner, write_plan
+from interdrive.planners import Frenet, Planner, PlannerSettings, name_of, native_planner, write_plan
 from interdrive.planners import resolve as resolve_planner
-from interdrive.predictors import PredictorSettings, native
+from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, PredictorSettings, native
 from interdrive.predictors import resolve as resolve_predictor
 from interdrive.run import PHASES, AgentRecord, Outcomes, Plans, Run, Snapshot, States, Timings
 from interdrive.scenario import KINDS, Scenario
@@ -128,7 +128,7 @@ class Simulation:
         >>> simulation = Simulation("t_junction", agents="all")  # doctest: +SKIP
         >>> while not simulation.is_done:  # doctest: +SKIP
         ...     simulation.step()
-        >>> run = simulation.run_record()  # doctest: +SKIP
+        >>> run = simulation.record()  # doctest: +SKIP
     """
 
     def __init__(
@@ -167,14 +167,15 @@ class Simulation:
         self.scenario = _scenario(scenario)
         self.seed, self.threads = seed, threads or os.cpu_count() or 1
         self._snapshots_of = snapshots_of
-        self._agents_wanted, self._planner_choice, self._predictor_choice = agents, planner, predictor
+        self.settings, planner, predictor = _named(self.settings, planner, predictor)
+        self._agents_wanted, self._predictor_choice = normalized(agents), predictor
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings.gap_tolerance, road_settings.open_end_length)
         self._core_scenario = core_scenario(self.scenario, self.road)
         self.agents, notes = select(
             self.scenario,
             self.road,
-            agents,
+            self._agents_wanted,
             agent_settings=self.settings.agents,
             goal_settings=self.settings.goal,
             seed=seed,
@@ -242,9 +243,13 @@ class Simulation:
     def step(self) -> None:
         """One time step: everybody observes, predicts and plans on the same scene, then all move at once.
 
+        Once every agent has its outcome, nothing happens any more.
+
         Raises:
             PredictorError: The predictor raised or returned garbage.
         """
+        if self.world.is_done:
+            return
         world, clock, marks = self.world, time.perf_counter, [time.perf_counter()]
         time_step = world.time_step
         scene = world.scene()
@@ -281,9 +286,10 @@ class Simulation:
         for agent_id in plans.missing:
             try:
                 view = self.world.view(scene, agent_id)
-                trajectory = self._python_planners[agent_id].plan(view, predictions)
+                seen = predictions.of(np.append(view.ids, agent_id))
+                trajectory = self._python_planners[agent_id].plan(view, seen)
                 write_plan(plans, agent_id, trajectory, view)
-            except Exception as error:  # noqa: BLE001 - whatever a user's planner raises costs its own agent only
+            except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a planner raises costs its own agent only
                 text = str(error) if isinstance(error, InterdriveError) else f"{type(error).__name__}: {error}"
                 plans.fail(agent_id, f"planner of agent {agent_id} at time step {scene.time_step}: {text}")
 
@@ -339,13 +345,13 @@ class Simulation:
         )
 
     def _repeatable_settings(self) -> dict[str, Any]:
-        wanted = self._agents_wanted
         planners = {str(i): name_of(choice) for i, choice in self._choices.items()}
         same = len(set(planners.values())) == 1
         return {
-            "agents": wanted if isinstance(wanted, str | int) else [int(i) for i in wanted],
+            "agents": self._agents_wanted,
             "planner": next(iter(planners.values())) if same else planners,
             "predictor": name_of(self._predictor_choice),
+            "repeatable": all(isinstance(c, str) for c in (*self._choices.values(), self._predictor_choice)),
             "seed": self.seed,
             "threads": self.threads,
             "settings": flatten(self.settings),
@@ -411,6 +417,24 @@ def _scenario(source: object) -> Scenario:
     if isinstance(source, tuple):
         return scenario_from_commonroad(*source)
     return scenario_from_commonroad(source)
+
+
+def _named(
+    settings: SimulationSettings, planner: object, predictor: object
+) -> tuple[SimulationSettings, object, object]:
+    """Native records become settings and names, so that a run can be repeated from its names and settings."""
+    if isinstance(planner, Frenet):
+        settings = replace(settings, planner=replace(settings.planner, frenet=planner))
+        planner = "frenet"
+    if isinstance(predictor, ConstantVelocity):
+        settings = replace(settings, predictor=replace(settings.predictor, constant_velocity=predictor))
+        predictor = "constant_velocity"
+    elif isinstance(predictor, LaneFollowing):
+        settings = replace(settings, predictor=replace(settings.predictor, lane_following=predictor))
+        predictor = "lane_following"
+    elif isinstance(predictor, GroundTruth):
+        predictor = "ground_truth"
+    return settings, planner, predictor
 
 
 def _choices(planner: object, ids: list[int], settings: PlannerSettings) -> dict[int, object]:

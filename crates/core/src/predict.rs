@@ -98,19 +98,16 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
     let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
     for (i, row) in scene.present.iter().copied().enumerate() {
         let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
-        if scene.participants.is_static[row] || state.velocity.abs() < STANDING {
-            stand(&mut out, i, &state);
-            continue;
-        }
         match predictor {
+            Predictor::GroundTruth(scenario, _)
+                if !scene.participants.is_agent[row] && !scene.participants.is_static[row] =>
+            {
+                replay(&mut out, i, scenario, scene.participants.ids[row]);
+            }
+            _ if scene.participants.is_static[row] || state.velocity.abs() < STANDING => stand(&mut out, i, &state),
             Predictor::ConstantVelocity(spread) => go_straight(&mut out, i, &state, spread, scene.dt),
-            Predictor::LaneFollowing(settings) => follow_lanes(&mut out, i, row, &state, settings, scene, road),
-            Predictor::GroundTruth(scenario, settings) => {
-                if scene.participants.is_agent[row] {
-                    follow_lanes(&mut out, i, row, &state, settings, scene, road);
-                } else {
-                    replay(&mut out, i, scenario, scene.participants.ids[row]);
-                }
+            Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
+                follow_lanes(&mut out, i, row, &state, settings, scene, road);
             }
         }
     }
@@ -128,7 +125,7 @@ pub fn completed(predictions: &Predictions, scene: &Scene) -> Predictions {
             predictions.valid[start..start + predictions.n_modes * predictions.n_steps].iter().any(|v| *v)
         });
         if let Some(from) = from {
-            copy_row(predictions, from, &mut out, i);
+            out.copy_row(i, predictions, from);
             continue;
         }
         let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
@@ -139,21 +136,6 @@ pub fn completed(predictions: &Predictions, scene: &Scene) -> Predictions {
         }
     }
     out
-}
-
-fn copy_row(from: &Predictions, from_row: usize, to: &mut Predictions, to_row: usize) {
-    let (a, b, n) = (from.offset(from_row, 0), to.offset(to_row, 0), from.n_modes * from.n_steps);
-    let modes = from.n_modes;
-    to.probability[to_row * modes..(to_row + 1) * modes]
-        .copy_from_slice(&from.probability[from_row * modes..(from_row + 1) * modes]);
-    to.x[b..b + n].copy_from_slice(&from.x[a..a + n]);
-    to.y[b..b + n].copy_from_slice(&from.y[a..a + n]);
-    to.orientation[b..b + n].copy_from_slice(&from.orientation[a..a + n]);
-    to.velocity[b..b + n].copy_from_slice(&from.velocity[a..a + n]);
-    to.covariance_xx[b..b + n].copy_from_slice(&from.covariance_xx[a..a + n]);
-    to.covariance_xy[b..b + n].copy_from_slice(&from.covariance_xy[a..a + n]);
-    to.covariance_yy[b..b + n].copy_from_slice(&from.covariance_yy[a..a + n]);
-    to.valid[b..b + n].copy_from_slice(&from.valid[a..a + n]);
 }
 
 fn write(out: &mut Predictions, i: usize, pose: Pose, velocity: f64, covariance: (f64, f64, f64)) {

@@ -94,8 +94,8 @@ impl Scenario {
     /// `InvalidInput` naming the field: dt not positive, tables of different lengths, ids not ascending, NaN in a
     /// valid state.
     pub fn new(dt: f64, road: Arc<RoadNetwork>, obstacles: Obstacles) -> Result<Self> {
-        if !(dt > 0.0 && dt.is_finite()) {
-            return Err(Error::invalid(format!("the time step size must be a positive number of seconds, not {dt}")));
+        if !(1e-3..=10.0).contains(&dt) {
+            return Err(Error::invalid(format!("the time step size must be between 0.001 and 10 seconds, not {dt}")));
         }
         let n = obstacles.states.ids.len();
         if obstacles.kind.len() != n || obstacles.shape.len() != n || obstacles.is_static.len() != n {

@@ -44,12 +44,15 @@ impl Scene {
         self.past.get(row, self.time_step).expect("rows in `present` have a state now")
     }
 
-    /// Speed along the heading [m/s] as it can be observed: the stated one, unless the last positions contradict it by
-    /// more than 1 m/s (recorded speeds do, in some data sets).
+    /// Speed along the heading [m/s] as it can be observed: the stated one, unless a recorded participant's last positions
+    /// contradict the speeds stated for them by more than 1 m/s (they do in some data sets).
     pub fn observed_velocity(&self, row: usize) -> f64 {
         const CONTRADICTION: f64 = 1.0;
         const WINDOW: i64 = 3;
         let now = self.state(row);
+        if self.participants.is_agent[row] {
+            return now.velocity;
+        }
         let Some((steps, before)) =
             (1..=WINDOW).rev().find_map(|steps| Some((steps, self.past.get(row, self.time_step - steps)?)))
         else {
@@ -57,7 +60,8 @@ impl Scene {
         };
         let (sin, cos) = now.orientation.sin_cos();
         let moved = ((now.x - before.x) * cos + (now.y - before.y) * sin) / (steps as f64 * self.dt);
-        if (moved - now.velocity).abs() > CONTRADICTION { moved } else { now.velocity }
+        let stated = 0.5 * (now.velocity + before.velocity);
+        if (moved - stated).abs() > CONTRADICTION { moved } else { now.velocity }
     }
 
     /// Rows present within `radius` [m] (centre to centre) of a row, without that row.

@@ -172,6 +172,33 @@ impl Predictions {
         self.ids.binary_search(&id).ok()
     }
 
+    /// The rows of some participants (ascending ids); ids that are not there are left out.
+    pub fn of(&self, ids: &[i64]) -> Self {
+        let rows: Vec<usize> = ids.iter().filter_map(|id| self.row(*id)).collect();
+        let taken = rows.iter().map(|row| self.ids[*row]).collect();
+        let mut out = Self::empty(self.time_step, taken, self.n_modes, self.n_steps);
+        for (to, from) in rows.into_iter().enumerate() {
+            out.copy_row(to, self, from);
+        }
+        out
+    }
+
+    /// Takes over a row of a table with as many modes and steps.
+    pub(crate) fn copy_row(&mut self, to_row: usize, from: &Self, from_row: usize) {
+        let (a, b, n) = (from.offset(from_row, 0), self.offset(to_row, 0), from.n_modes * from.n_steps);
+        let modes = from.n_modes;
+        self.probability[to_row * modes..(to_row + 1) * modes]
+            .copy_from_slice(&from.probability[from_row * modes..(from_row + 1) * modes]);
+        self.x[b..b + n].copy_from_slice(&from.x[a..a + n]);
+        self.y[b..b + n].copy_from_slice(&from.y[a..a + n]);
+        self.orientation[b..b + n].copy_from_slice(&from.orientation[a..a + n]);
+        self.velocity[b..b + n].copy_from_slice(&from.velocity[a..a + n]);
+        self.covariance_xx[b..b + n].copy_from_slice(&from.covariance_xx[a..a + n]);
+        self.covariance_xy[b..b + n].copy_from_slice(&from.covariance_xy[a..a + n]);
+        self.covariance_yy[b..b + n].copy_from_slice(&from.covariance_yy[a..a + n]);
+        self.valid[b..b + n].copy_from_slice(&from.valid[a..a + n]);
+    }
+
     /// Position of (row, mode, step 0) in the flat arrays.
     #[inline]
     pub fn offset(&self, row: usize, mode: usize) -> usize {

@@ -148,6 +148,14 @@ impl PyPredictions {
         Ok(Self(Arc::new(predictions)))
     }
 
+    /// The rows of some participants; ids that are not there are left out.
+    fn of(&self, ids: PyReadonlyArray1<'_, i64>) -> Self {
+        let mut ids = ids.as_array().to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        Self(Arc::new(self.0.of(&ids)))
+    }
+
     #[getter]
     fn time_step(&self) -> i64 {
         self.0.time_step

@@ -32,6 +32,10 @@ def verify(folder: str, scenario: str | None, threads: int | None) -> int:
     path = _scenario_file(folder, info, scenario)
     try:
         wanted = info["settings"]
+        if not wanted.get("repeatable", True):
+            raise InputError(
+                f"{folder}: the run used objects made in Python, which run.json cannot name; repeat it there"
+            )
         planner = wanted["planner"]
         arguments: dict[str, Any] = {
             "agents": wanted["agents"],

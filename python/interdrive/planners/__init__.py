@@ -13,7 +13,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.plugins import find
+from interdrive.plugins import find, made
 from interdrive.settings import flatten
 
 if TYPE_CHECKING:
@@ -184,6 +184,10 @@ class PlannerSettings:
     frenet: Frenet = field(default_factory=Frenet)
 
 
+#: A plan's point 0 may differ from the present heading [rad] and speed [m/s] by this much: planners with models of
+#: their own smooth the start.
+_START_TURN_MAX, _START_VELOCITY_MAX = 0.2, 1.0
+
 #: Names of the native planners, each with one line of explanation.
 NATIVE = {"frenet": "samples trajectories in the Frenet frame of the reference path and takes the cheapest safe one"}
 
@@ -203,14 +207,9 @@ def resolve(planner: object, settings: PlannerSettings) -> object:
         if planner in NATIVE:
             return getattr(settings, planner)
         planner = find(planner, tuple(NATIVE), "planner")
-    if isinstance(planner, Frenet):
-        return planner
-    if isinstance(planner, type) or (callable(planner) and not isinstance(planner, Planner)):
-        try:
-            planner = planner()
-        except TypeError as error:
-            raise InputError(f"planner {name_of(planner)} cannot be made without arguments ({error})") from error
-    if isinstance(planner, Planner):
+    if not isinstance(planner, Frenet):
+        planner = made(planner, "plan", "planner")
+    if isinstance(planner, Frenet | Planner):
         return planner
     raise InputError(f"{planner!r} is no planner: it has no method plan(view, predictions)")
 
@@ -223,6 +222,23 @@ def name_of(choice: object) -> str:
         return "frenet"
     named: Any = choice if isinstance(choice, type) or hasattr(choice, "__qualname__") else type(choice)
     return f"{named.__module__}:{named.__qualname__}"
+
+
+def _check_start(arrays: dict[str, NDArray[np.float64]], view: View) -> None:
+    """The plan starts at the present state and never claims a speed that the vehicle does not have."""
+    ego = view.ego
+    gap = float(np.hypot(arrays["x"][0] - ego.x, arrays["y"][0] - ego.y))
+    if gap > 0.1:
+        raise InputError(f"the plan starts {gap:.2f} m away from the agent")
+    turn = float(np.angle(np.exp(1j * (arrays["orientation"][0] - ego.orientation))))
+    if abs(turn) > _START_TURN_MAX:
+        raise InputError(f"the plan starts with a heading {turn:.2f} rad off the agent's")
+    change = float(arrays["velocity"][0] - ego.velocity)
+    if abs(change) > _START_VELOCITY_MAX:
+        raise InputError(f"the plan starts {change:.2f} m/s off the agent's speed")
+    fastest = float(np.abs(arrays["velocity"]).max())
+    if fastest > 1.1 * ego.vehicle.velocity_max:
+        raise InputError(f"the plan claims {fastest:.1f} m/s, the vehicle reaches {ego.vehicle.velocity_max:.1f} m/s")
 
 
 def write_plan(plans: Plans, agent_id: int, trajectory: object, view: View) -> None:
@@ -252,7 +268,5 @@ def write_plan(plans: Plans, agent_id: int, trajectory: object, view: View) -> N
             raise InputError(f"{name} has shape {array.shape}, x has {shape}")
         if not np.isfinite(array).all():
             raise InputError(f"{name} has values that are not numbers")
-    gap = float(np.hypot(arrays["x"][0] - view.ego.x, arrays["y"][0] - view.ego.y))
-    if gap > 0.1:
-        raise InputError(f"the plan starts {gap:.2f} m away from the agent")
+    _check_start(arrays, view)
     plans.set(agent_id, **arrays)

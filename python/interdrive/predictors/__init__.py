@@ -5,12 +5,13 @@ A predictor is anything with one method, `predict(scene) -> Predictions`. Native
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.plugins import find
+from interdrive.plugins import find, made
 
 if TYPE_CHECKING:
     from interdrive._core import Predictions, Scene
@@ -43,8 +44,8 @@ class Predictor(Protocol):
 
 def _positive(owner: str, **values: float) -> None:
     for name, value in values.items():
-        if not value > 0:
-            raise InputError(f"predictor.{owner}.{name} must be positive, not {value}")
+        if not 0 < value < math.inf:
+            raise InputError(f"predictor.{owner}.{name} must be a positive number, not {value}")
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,12 @@ class ConstantVelocity:
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        _positive("constant_velocity", position_sigma=self.position_sigma)
+        _positive(
+            "constant_velocity",
+            position_sigma=self.position_sigma,
+            acceleration_sigma=self.acceleration_sigma,
+            lateral_rate=self.lateral_rate,
+        )
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,8 @@ class LaneFollowing:
         _positive(
             "lane_following",
             position_sigma=self.position_sigma,
+            acceleration_sigma=self.acceleration_sigma,
+            lateral_rate=self.lateral_rate,
             lateral_acceleration=self.lateral_acceleration,
             deceleration=self.deceleration,
             return_time=self.return_time,
@@ -130,6 +138,8 @@ class PredictorSettings:
             raise InputError(f"predictor.horizon must be more than 0 and at most 30 s, not {self.horizon}")
 
 
+_RECORDS = (ConstantVelocity, LaneFollowing, GroundTruth)
+
 #: Names of the native predictors, each with one line of explanation.
 NATIVE = {
     "constant_velocity": "straight on with the present velocity",
@@ -150,11 +160,9 @@ def resolve(predictor: object, settings: PredictorSettings) -> object:
         if predictor in NATIVE:
             return getattr(settings, predictor)
         predictor = find(predictor, tuple(NATIVE), "predictor")
-    if isinstance(predictor, ConstantVelocity | LaneFollowing | GroundTruth):
-        return predictor
-    if isinstance(predictor, type):
-        predictor = predictor()
-    if isinstance(predictor, Predictor):
+    if not isinstance(predictor, _RECORDS):
+        predictor = made(predictor, "predict", "predictor")
+    if isinstance(predictor, (*_RECORDS, Predictor)):
         return predictor
     raise InputError(f"{predictor!r} is no predictor: it has no method predict(scene)")
 

@@ -4,6 +4,9 @@ use super::RoadNetwork;
 use super::lanelet::Lanelet;
 use crate::geometry::{Point, Pose, wrap_angle};
 
+/// Pieces of a stretch of lane shorter than this [m] are left out: they are rounding, and no polygon.
+const STRETCH_MIN: f64 = 0.01;
+
 /// Knots of a lane curve are about this far apart [m].
 const KNOT_SPACING: f64 = 1.0;
 /// The heading is that of the chord this far [m] to both sides.
@@ -221,7 +224,7 @@ impl RoadNetwork {
         // Walk back; `missing` lies before the start of `at`.
         let (mut at, mut missing) = (lanelet, before - s);
         let mut behind = Vec::new();
-        while missing > 0.0 && behind.len() < CHAIN_MAX {
+        while missing > STRETCH_MIN && behind.len() < CHAIN_MAX {
             let Some(&previous) = self.straightest_predecessors[at].first() else { break };
             behind.push(self.lanelets[previous].outline_between(length(previous) - missing, length(previous)));
             missing -= length(previous);

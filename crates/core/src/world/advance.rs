@@ -78,9 +78,7 @@ impl World {
                 drive.outcome = end(OutcomeKind::PlannerError, "the plan has values that are not numbers".into());
             } else if let Some(message) = jump(&now, &points[1], dt, drive.agent.vehicle.velocity_max) {
                 drive.outcome = end(OutcomeKind::PlannerError, message);
-            } else if drive.plan.as_ref().is_none_or(|(_, made)| {
-                self.settings.replan_every == 1 || (time_step - made) as usize >= self.settings.replan_every
-            }) {
+            } else if !drive.keeps_plan(time_step, self.settings.replan_every) {
                 drive.plan = Some((Trajectory { points: points[..length].to_vec() }, time_step));
             }
         }
@@ -178,11 +176,11 @@ impl World {
     }
 
     fn judge_goals(&mut self) {
-        let (time_step, grace) = (self.time_step, self.settings.grace_factor);
+        let (time_step, grace, dt) = (self.time_step, self.settings.grace_factor, self.scenario.dt);
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
-            drive.follow_path(&state);
+            drive.follow_path(&state, dt);
             if let Some(kind) = drive.judge(&state, time_step, grace) {
                 drive.outcome.kind = kind;
             }
@@ -234,12 +232,21 @@ impl World {
 }
 
 impl Drive {
+    /// It is not yet time for a new plan, and the last one still has points to follow.
+    pub(super) fn keeps_plan(&self, time_step: i64, replan_every: usize) -> bool {
+        self.plan.as_ref().is_some_and(|(plan, made)| {
+            let age = (time_step - made) as usize;
+            age < replan_every && plan.points.len() > age + 1
+        })
+    }
+
     /// Updates the arc length on the reference path.
-    fn follow_path(&mut self, state: &State) {
+    fn follow_path(&mut self, state: &State, dt: f64) {
         const WINDOW: f64 = 15.0;
         let rear_axle = self.agent.vehicle.rear_axle_from_center(state.pose());
         let path = &self.agent.route.path;
-        if let Some((s, _)) = path.project_near(rear_axle, self.s, WINDOW) {
+        let window = WINDOW.max(2.0 * state.velocity.abs() * dt);
+        if let Some((s, _)) = path.project_near(rear_axle, self.s, window).or_else(|| path.project(rear_axle)) {
             self.s = s;
         }
     }
@@ -252,8 +259,8 @@ impl Drive {
         if goal.states.iter().any(|alternative| alternative.is_met(state, time_step)) {
             return Some(OutcomeKind::GoalReached);
         }
-        let late =
-            |alternative: &GoalState| time_step > alternative.time_step.1 && alternative.is_met_at_any_time(state);
+        let is_late = goal.latest_time_step().is_some_and(|latest| time_step > latest);
+        let late = |alternative: &GoalState| is_late && alternative.is_met_at_any_time(state);
         if goal.states.iter().any(late) {
             return Some(OutcomeKind::GoalReachedLate);
         }

@@ -8,7 +8,7 @@ use crate::plan::frenet::{self, Candidates};
 use crate::plan::{Other, PlanRequest, PlanResult, Planner};
 use crate::predict::completed;
 use crate::scene::Scene;
-use crate::trajectory::{PlanStatus, Plans, Predictions};
+use crate::trajectory::{PlanStatus, Plans, Predictions, Trajectory};
 
 impl World {
     /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
@@ -77,10 +77,13 @@ impl World {
 
     /// The rest of the last plan, if it is not yet time for a new one.
     fn kept_plan(&self, drive: &Drive) -> Option<PlanResult> {
+        if !drive.keeps_plan(self.time_step, self.settings.replan_every) {
+            return None;
+        }
         let (plan, made) = drive.plan.as_ref()?;
-        let age = (self.time_step - made) as usize;
-        (age < self.settings.replan_every && plan.points.len() > age + 1).then(|| PlanResult {
-            trajectory: crate::trajectory::Trajectory { points: plan.points[age..].to_vec() },
+        let points = plan.points[(self.time_step - made) as usize..].to_vec();
+        Some(PlanResult {
+            trajectory: Trajectory { points },
             status: PlanStatus::Planned,
             cost: f64::NAN,
             message: String::new(),

@@ -1,5 +1,5 @@
 //! The plan of before as one more sample: what was found good a moment ago should not be lost because the grid of
-//! samples has moved on. It is not tested for the limits of the vehicle again, only for contacts and the road.
+//! samples has moved on. It is tested like all others.
 
 use super::super::PlanRequest;
 use super::cost::{FrenetMotion, from_tables};
