@@ -42,15 +42,15 @@ class Map:
         return _prepared(self.union.buffer(0.5 * TOLERANCE, quad_segs=32).buffer(-0.5 * TOLERANCE, quad_segs=32))
 
     @cached_property
-    def lanelets_grown(self) -> shapely.Geometry:
-        """All that is within the tolerance of a lanelet."""
-        return _prepared(self.union.buffer(TOLERANCE, quad_segs=32))
-
-    @cached_property
     def at_most_road(self) -> shapely.Geometry:
         """The same with all that the documentation counts as road besides: small holes, joints, seams."""
-        pieces = [self.union, *self._small_holes(), *self._joints(), *self._seams()]
-        return _prepared(shapely.unary_union(pieces).buffer(TOLERANCE, quad_segs=32))
+        return _prepared(self.with_seams.buffer(TOLERANCE, quad_segs=32))
+
+    @cached_property
+    def with_seams(self) -> shapely.Geometry:
+        """Lanelets, small holes, joints and seams."""
+        pieces = [self.surely_road, *self._small_holes(), *self._joints(), *self._seams()]
+        return _prepared(shapely.unary_union(pieces))
 
     def _small_holes(self) -> list[shapely.Geometry]:
         """Enclosed holes of up to 1 m²; gaps within the tolerance may be part of what encloses them."""
@@ -184,38 +184,60 @@ def core_covers(road: _core.RoadNetwork, probes: Probes) -> np.ndarray:
 
 @pytest.mark.parametrize("open_ends", [False, True], ids=["the map alone", "with open ends"])
 def test_footprints_are_on_the_road_where_shapely_says_so(open_ends, maps, measured):
-    """Two sided: off the lanelets it must be refused, on them it must be accepted; slivers and documented gaps are left.
+    """Two sided, with open ends only away from them.
 
-    Off: the footprint less the tolerance leaves all that is within the tolerance of a lanelet (or of a documented seam).
-    On: the footprint less the tolerance lies on lanelets and hairline gaps. With open ends, only away from them.
+    Off: what leaves lanelets and documented seams by more than the tolerance, after the footprint has been made smaller
+    by the tolerance, must be refused. On: footprints that lie on lanelets and hairline gaps must be accepted.
+
+    In between, one deviation is known: where lanelets overlap by less than the tolerance, the inner border of the two
+    stays a road edge. There the tolerance of a footprint is up to 0.1 m smaller.
     """
     length = RoadSettings().open_end_length if open_ends else 0.0
-    n, n_on, n_between, missed, refused, gaps, worst = 0, 0, 0, [], [], 0, 0.0
+    n, n_on, gaps, missed, refused, early = 0, 0, 0, [], [], []
+    furthest = deepest = 0.0
     for k, road_map in enumerate(maps):
         road = core_road(road_map.scenario, TOLERANCE, length)
+        edges = shapely.linestrings(np.asarray(road.road_edges).reshape(-1, 2, 2))
         for probes in probes_of(road_map.scenario, k):
-            inner = probes.shrunk(TOLERANCE)
+            inner, whole = probes.shrunk(TOLERANCE), probes.shrunk(0.0)
             ours = core_covers(road, probes)
             counts = ~shapely.intersects(road_map.beyond_open_ends, inner) if open_ends else np.ones(len(inner), bool)
-            off_area = _outside(inner, road_map.at_most_road)
-            on_area = _outside(inner, road_map.surely_road)
-            gaps += int((ours & counts & (_outside(inner, road_map.lanelets_grown) > SLIVER)).sum())
             n, n_on = n + int(counts.sum()), n_on + int((ours & counts).sum())
-            n_between += int((counts & (off_area <= SLIVER) & (on_area > 0)).sum())
-            for i in np.flatnonzero(counts & ours & (off_area > SLIVER)):
-                missed.append((float(off_area[i]), road_map.scenario.name, probes.shape, *probes.poses[i].tolist()))
-            for i in np.flatnonzero(counts & ~ours & (on_area <= 0)):
-                refused.append((float(inner[i].area), road_map.scenario.name, probes.shape, *probes.poses[i].tolist()))
-    missed.sort(key=lambda item: -item[0])
-    worst = missed[0][0] if missed else 0.0
+            accepted, rejected = counts & ours, counts & ~ours
+            where = (road_map.scenario.name, probes.shape.kind, probes.shape.length, probes.shape.width)
+            off_area = _outside(inner, road_map.at_most_road)
+            missed += [(off_area[i], *where, *probes.poses[i].tolist()) for i in np.flatnonzero(accepted & (off_area > SLIVER))]
+            for i in np.flatnonzero(accepted & ~shapely.covers(road_map.surely_road, inner)):
+                gaps += how_far_off(inner[i], road_map.surely_road) > TOLERANCE + 1e-3
+                furthest = max(furthest, how_far_off(inner[i], road_map.with_seams))
+            on_lanelets = shapely.covers(road_map.surely_road, whole)
+            refused += [(*where, *probes.poses[i].tolist()) for i in np.flatnonzero(rejected & on_lanelets)]
+            for i in np.flatnonzero(rejected & ~on_lanelets & shapely.covers(road_map.surely_road, inner)):
+                entering = shapely.intersection(edges, inner[i])
+                points = shapely.get_coordinates(shapely.segmentize(entering, 0.02))
+                depth = shapely.distance(shapely.points(points), inner[i].exterior).max()
+                deepest = max(deepest, float(depth))
+                early.append((depth, *where, *probes.poses[i].tolist()))
+    for name, listed in (("accepted", missed), ("refused", refused), ("refused within the tolerance", early)):
+        print(name, *sorted(listed, key=lambda item: str(-item[0]) if name != "refused" else "")[:30], sep="\n")
     name = "with open ends" if open_ends else "the map alone"
-    verdicts = f"{len(maps)} maps, {n_on} on the road, {n_between} within the tolerances, {gaps} over documented gaps"
-    listing = "\n".join(str(item) for item in missed[:40])
-    listed = "\n".join(str(item) for item in refused[:40])
-    print(listing, "\n--\n", listed)  # noqa: T201 - shown when the test fails
-    measured(f"road, {name}: footprints off the lanelets that are accepted", n, len(missed), 0, "poses", verdicts)
-    measured(f"road, {name}: largest area of these off the lanelets", n, worst, SLIVER, "m²")
-    measured(f"road, {name}: footprints on lanelets that are refused", n, len(refused), 0, "poses")
+    remark = f"{len(maps)} maps, {n_on} accepted, {gaps} of them over documented gaps"
+    measured(f"road, {name}: accepted off the lanelets", n, len(missed), 0, "poses", remark)
+    measured(f"road, {name}: accepted, smaller footprint beyond the lanelets", n_on, furthest, TOLERANCE + 1e-3, "m")
+    measured(f"road, {name}: refused on lanelets", n, len(refused), 0, "poses")
+    measured(f"road, {name}: refused, edges inside the smaller footprint", n, deepest, TOLERANCE, "m", f"{len(early)} poses")
+
+
+def how_far_off(footprint: shapely.Geometry, road: shapely.Geometry) -> float:
+    """Largest distance of a point of the footprint from the road [m], to a millimetre."""
+    off, near = footprint.difference(road), road.intersection(footprint.envelope.buffer(5.0))
+    low, high = 0.0, 5.0
+    if off.is_empty:
+        return 0.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if near.buffer(middle, quad_segs=32).covers(off) else (middle, high)
+    return low
 
 
 def _outside(inner: np.ndarray, road: shapely.Geometry) -> np.ndarray:
@@ -227,12 +249,14 @@ def _outside(inner: np.ndarray, road: shapely.Geometry) -> np.ndarray:
 
 
 def test_footprints_are_on_the_road_where_the_drivability_checker_says_so(maps, measured):
-    """Its triangles cover all that is off the lanelets: they must be hit by what we refuse, and not by what we accept.
+    """Its triangles cover all that is off the road: what we refuse must hit them, what we accept must not.
 
-    The checker knows no tolerance. So the whole footprint counts where we refuse, and one that is smaller by twice the
-    tolerance where we accept; of the latter, those over gaps within the tolerance or documented seams are left out.
+    The checker knows no tolerance, so the whole footprint counts where we refuse, and one that is smaller by twice the
+    tolerance where we accept. Its road is not the union of the lanelets everywhere: it takes the outermost bounds of
+    neighbours, which fills what lies between them and follows wrong adjacencies. Poses there are left out and counted,
+    and so are accepted ones over gaps between lanelets.
     """
-    n, n_maps, unbuilt, unhit, hit = 0, 0, [], [], []
+    n, left_out, unbuilt, own_maps, unhit, hit = 0, 0, [], [], [], []
     for k, road_map in enumerate(maps):
         scenario = road_map.scenario
         try:
@@ -243,30 +267,31 @@ def test_footprints_are_on_the_road_where_the_drivability_checker_says_so(maps, 
         except Exception as error:  # noqa: BLE001 - whatever the checker cannot build is no comparison
             unbuilt.append((scenario.name, type(error).__name__))
             continue
-        n_maps += 1
         checker = pycrcc.CollisionChecker()
         checker.add_collision_object(boundary)
+        within = _prepared(shapely.box(*road_map.union.bounds).buffer(10.0))
+        off_road = shapely.unary_union([shapely.Polygon(triangle.vertices()).buffer(0) for triangle in boundary.unpack()])
+        differs = shapely.unary_union([off_road & road_map.union, within - off_road - road_map.union]).buffer(-1e-3)
+        own_maps += [(scenario.name, round(differs.area, 2))] if differs.area > 0.1 else []
+        differs = _prepared(differs.buffer(2e-3))
         road = core_road(scenario, TOLERANCE, 0.0)
-        inside = _prepared(shapely.box(*road_map.union.bounds).buffer(10.0))
         for probes in probes_of(scenario, k):
             if probes.shape.kind != "rectangle":
                 continue
-            ours, inner = core_covers(road, probes), probes.shrunk(TOLERANCE)
-            in_gap = _outside(inner, road_map.union) > 0
-            in_bounds = shapely.covers(inside, probes.body.at(probes.poses))
-            for i in np.flatnonzero(in_bounds):
+            ours, whole = core_covers(road, probes), probes.shrunk(0.0)
+            in_gap = ours & ~shapely.covers(road_map.union, probes.shrunk(2 * TOLERANCE))
+            counts = shapely.covers(within, whole) & ~shapely.intersects(differs, whole) & ~in_gap
+            left_out += int((~counts).sum())
+            for i in np.flatnonzero(counts):
                 by = 2 * TOLERANCE if ours[i] else 0.0
                 half = max(0.5 * probes.shape.length - by, 1e-3), max(0.5 * probes.shape.width - by, 1e-3)
                 x, y, orientation = probes.poses[i].tolist()
                 hits = checker.collide(pycrcc.RectOBB(*half, orientation, x, y))
-                where = (scenario.name, probes.shape.length, probes.shape.width, x, y, orientation)
                 n += 1
-                if not ours[i] and not hits:
-                    unhit.append(where)
-                elif ours[i] and hits and not in_gap[i]:
-                    hit.append(where)
-    assert n_maps >= 30
-    print(unbuilt, *unhit[:40], "--", *hit[:40], sep="\n")  # noqa: T201 - shown when the test fails
-    remark = f"{n_maps} maps, {len(unbuilt)} the checker cannot build"
+                if hits == ours[i]:
+                    (hit if hits else unhit).append((scenario.name, *half, x, y, orientation))
+    print(unbuilt, own_maps, *unhit[:40], "--", *hit[:40], sep="\n")
+    assert len(maps) - len(unbuilt) >= 30
+    remark = f"{len(maps) - len(unbuilt)} maps; {left_out} poses left out, its road differs from the lanelets on {len(own_maps)} maps"
     measured("road, drivability checker: refused by us, accepted by it", n, len(unhit), 0, "poses", remark)
     measured("road, drivability checker: accepted by us, refused by it", n, len(hit), 0, "poses")
