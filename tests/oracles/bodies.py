@@ -71,7 +71,9 @@ def random_shape(rng: np.random.Generator, kinds: tuple[str, ...] = ("rectangle"
     match rng.choice(kinds):
         case "rectangle":
             length, width = rng.uniform(0.4, 14.0), rng.uniform(0.3, 3.0)
-            return Shape("rectangle", length, width, center=center, orientation=rng.choice([0.0, rng.uniform(-3.0, 3.0)]))
+            return Shape(
+                "rectangle", length, width, center=center, orientation=rng.choice([0.0, rng.uniform(-3.0, 3.0)])
+            )
         case "circle":
             return Shape("circle", radius=rng.uniform(0.2, 4.0), center=center)
         case _:

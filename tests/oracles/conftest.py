@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from interdrive.errors import InputError
 from interdrive.files import read_scenario
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
     from interdrive.scenario import Scenario
@@ -58,12 +60,24 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 @pytest.fixture
 def measured(request: pytest.FixtureRequest):
-    """`measured(what, count, largest, tolerance, unit)` enters a line into the table and fails above the tolerance."""
+    """`measured(what, count, largest, tolerance, unit)` enters a line into the table and fails above the tolerance.
 
-    def enter(what: str, count: int, largest: float, tolerance: float, unit: str, remark: str = "") -> None:
+    A remark stands in the table; cases are listed if it fails.
+    """
+
+    def enter(
+        what: str,
+        count: int,
+        largest: float,
+        tolerance: float,
+        unit: str,
+        remark: str = "",
+        cases: Iterable[object] = (),
+    ) -> None:
         request.config.stash[_measured].append(Comparison(what, count, float(largest), tolerance, unit, remark))
         assert count > 0, f"{what}: nothing was compared"
-        assert largest <= tolerance, f"{what}: {largest} {unit}, allowed are {tolerance} {unit} {remark}"
+        listed = "\n".join(str(one) for one in itertools.islice(cases, 30))
+        assert largest <= tolerance, f"{what}: {largest} {unit}, allowed are {tolerance} {unit}\n{listed}"
 
     return enter
 

@@ -50,7 +50,7 @@ class Path:
 
 @dataclass(frozen=True)
 class Start:
-    """Rear axle in the frame of the path: arc length with derivatives by time, offset with derivatives by arc length."""
+    """Rear axle in the frame of the path: arc length and derivatives by time, offset and derivatives by arc length."""
 
     s: float
     s_dot: float
@@ -131,7 +131,9 @@ class PublishedPlanner:
         rows[:, 10] = end_offset
         return rows
 
-    def handler(self, low: bool, costs: Sequence[object] = (), checks: Sequence[object] = ()) -> frenetix.TrajectoryHandler:
+    def handler(
+        self, low: bool, costs: Sequence[object] = (), checks: Sequence[object] = ()
+    ) -> frenetix.TrajectoryHandler:
         """Everything that is evaluated for a sample."""
         handler = frenetix.TrajectoryHandler(dt=self.dt)
         heading = self.start.in_world(self.path)[1]
@@ -201,7 +203,7 @@ def distance_to_reference(weight: float = 1.0) -> object:
 def prediction(
     weight: float, means: np.ndarray, headings: np.ndarray, covariances: np.ndarray, size: np.ndarray, corners: float
 ) -> object:
-    """Collision probability with obstacles, shape (obstacles, steps, ...); sizes (obstacles, 2); weight of the corners."""
+    """Collision probability: obstacles of shape (obstacles, steps, ...), sizes (obstacles, 2), weight of the corners."""
     objects = {}
     for k in range(len(means)):
         poses = []
@@ -240,7 +242,11 @@ def default_checks() -> list[object]:
 def squared_jerk(start: list[float], end: list[float], time: float, until: float) -> float:
     """Its own integral of the squared third derivative, over any time: the costs use only the first 0.1 s of it."""
     if len(end) == 2:
-        curve = frenetix.QuarticTrajectory(0.0, time, np.array(start), np.array(end), np.arange(3, dtype=np.int32), np.array([1, 2], dtype=np.int32))
+        curve = frenetix.QuarticTrajectory(
+            0.0, time, np.array(start), np.array(end), np.arange(3, dtype=np.int32), np.array([1, 2], dtype=np.int32)
+        )
     else:
-        curve = frenetix.QuinticTrajectory(0.0, time, np.array(start), np.array(end), np.arange(3, dtype=np.int32), np.arange(3, dtype=np.int32))
+        curve = frenetix.QuinticTrajectory(
+            0.0, time, np.array(start), np.array(end), np.arange(3, dtype=np.int32), np.arange(3, dtype=np.int32)
+        )
     return curve.squared_jerk_integral(until)

@@ -88,7 +88,7 @@ def test_distances_of_all_recorded_pairs_are_those_of_shapely(recorded, measured
     remark = f"{n_scenarios} scenarios, {overlaps} overlap"
     measured("distance, recorded pairs at every step", n, worst, EXACT, "m", remark)
     measured("distance, recorded pairs, coordinates in the millions", n, worst_far, EXACT_FAR_AWAY, "m")
-    measured("overlap, recorded pairs: different verdicts", n, len(wrong), 0, "pairs", str(wrong[:5]) if wrong else "")
+    measured("overlap, recorded pairs: different verdicts", n, len(wrong), 0, "pairs", "", wrong)
 
 
 def test_overlaps_of_recorded_traffic_are_those_of_the_drivability_checker(recorded, measured):
@@ -131,7 +131,8 @@ def test_overlaps_of_recorded_traffic_are_those_of_the_drivability_checker(recor
         len(wrong),
         0,
         "pairs",
-        f"{n_scenarios} scenarios, {overlaps} overlap {wrong[:5] or ''}",
+        f"{n_scenarios} scenarios, {overlaps} overlap",
+        wrong,
     )
 
 
@@ -156,7 +157,7 @@ def test_the_pairs_that_touch_when_they_enter_are_those_of_shapely(measured):
             n, touching = n + 1, touching + (theirs == 0)
             if (theirs == 0) != (row + 1 in ours):
                 wrong.append((k, row, theirs))
-    measured("overlap when entering the world, invented", n, len(wrong), 0, "pairs", f"{touching} overlap {wrong[:3] or ''}")
+    measured("overlap when entering the world, invented", n, len(wrong), 0, "pairs", f"{touching} overlap")
 
 
 def _standing(road, shapes: tuple[Shape, ...], poses: np.ndarray, agent_pose: tuple[float, float, float]) -> Scenario:

@@ -31,7 +31,9 @@ class Map:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.lanelets = scenario, scenario.lanelets
         self.polygons = [
-            shapely.make_valid(shapely.Polygon(np.vstack([left, right[::-1]])), method="structure", keep_collapsed=False)
+            shapely.make_valid(
+                shapely.Polygon(np.vstack([left, right[::-1]])), method="structure", keep_collapsed=False
+            )
             for left, right in zip(self.lanelets.left, self.lanelets.right, strict=True)
         ]
         self.union = shapely.unary_union(self.polygons)
@@ -175,7 +177,9 @@ def sideways(poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Shifted by 0 to 4 m to the left or right."""
     offset = rng.uniform(-4.0, 4.0, len(poses))
     turned = poses[:, 2] + rng.normal(0.0, 0.05, len(poses))
-    return np.column_stack([poses[:, 0] - offset * np.sin(poses[:, 2]), poses[:, 1] + offset * np.cos(poses[:, 2]), turned])
+    return np.column_stack(
+        [poses[:, 0] - offset * np.sin(poses[:, 2]), poses[:, 1] + offset * np.cos(poses[:, 2]), turned]
+    )
 
 
 def core_covers(road: _core.RoadNetwork, probes: Probes) -> np.ndarray:
@@ -206,7 +210,9 @@ def test_footprints_are_on_the_road_where_shapely_says_so(open_ends, maps, measu
             accepted, rejected = counts & ours, counts & ~ours
             where = (road_map.scenario.name, probes.shape.kind, probes.shape.length, probes.shape.width)
             off_area = _outside(inner, road_map.at_most_road)
-            missed += [(off_area[i], *where, *probes.poses[i].tolist()) for i in np.flatnonzero(accepted & (off_area > SLIVER))]
+            missed += [
+                (off_area[i], *where, *probes.poses[i].tolist()) for i in np.flatnonzero(accepted & (off_area > SLIVER))
+            ]
             for i in np.flatnonzero(accepted & ~shapely.covers(road_map.surely_road, inner)):
                 gaps += how_far_off(inner[i], road_map.surely_road) > TOLERANCE + 1e-3
                 furthest = max(furthest, how_far_off(inner[i], road_map.with_seams))
@@ -218,14 +224,13 @@ def test_footprints_are_on_the_road_where_shapely_says_so(open_ends, maps, measu
                 depth = shapely.distance(shapely.points(points), inner[i].exterior).max()
                 deepest = max(deepest, float(depth))
                 early.append((depth, *where, *probes.poses[i].tolist()))
-    for name, listed in (("accepted", missed), ("refused", refused), ("refused within the tolerance", early)):
-        print(name, *sorted(listed, key=lambda item: str(-item[0]) if name != "refused" else "")[:30], sep="\n")
     name = "with open ends" if open_ends else "the map alone"
     remark = f"{len(maps)} maps, {n_on} accepted, {gaps} of them over documented gaps"
-    measured(f"road, {name}: accepted off the lanelets", n, len(missed), 0, "poses", remark)
+    measured(f"road, {name}: accepted off the lanelets", n, len(missed), 0, "poses", remark, sorted(missed)[::-1])
     measured(f"road, {name}: accepted, smaller footprint beyond the lanelets", n_on, furthest, TOLERANCE + 1e-3, "m")
-    measured(f"road, {name}: refused on lanelets", n, len(refused), 0, "poses")
-    measured(f"road, {name}: refused, edges inside the smaller footprint", n, deepest, TOLERANCE, "m", f"{len(early)} poses")
+    measured(f"road, {name}: refused on lanelets", n, len(refused), 0, "poses", "", refused)
+    remark = f"{len(early)} poses"
+    measured(f"road, {name}: refused, edges inside the smaller footprint", n, deepest, TOLERANCE, "m", remark, early)
 
 
 def how_far_off(footprint: shapely.Geometry, road: shapely.Geometry) -> float:
@@ -263,14 +268,18 @@ def test_footprints_are_on_the_road_where_the_drivability_checker_says_so(maps, 
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 theirs, _ = CommonRoadFileReader(str(scenario.path)).open(lanelet_assignment=False)
-                boundary = create_road_boundary_obstacle(theirs, "aligned_triangulation", return_scenario_obstacle=False)
+                boundary = create_road_boundary_obstacle(
+                    theirs, "aligned_triangulation", return_scenario_obstacle=False
+                )
         except Exception as error:  # noqa: BLE001 - whatever the checker cannot build is no comparison
             unbuilt.append((scenario.name, type(error).__name__))
             continue
         checker = pycrcc.CollisionChecker()
         checker.add_collision_object(boundary)
         within = _prepared(shapely.box(*road_map.union.bounds).buffer(10.0))
-        off_road = shapely.unary_union([shapely.Polygon(triangle.vertices()).buffer(0) for triangle in boundary.unpack()])
+        off_road = shapely.unary_union(
+            [shapely.Polygon(triangle.vertices()).buffer(0) for triangle in boundary.unpack()]
+        )
         differs = shapely.unary_union([off_road & road_map.union, within - off_road - road_map.union]).buffer(-1e-3)
         own_maps += [(scenario.name, round(differs.area, 2))] if differs.area > 0.1 else []
         differs = _prepared(differs.buffer(2e-3))
@@ -290,8 +299,9 @@ def test_footprints_are_on_the_road_where_the_drivability_checker_says_so(maps, 
                 n += 1
                 if hits == ours[i]:
                     (hit if hits else unhit).append((scenario.name, *half, x, y, orientation))
-    print(unbuilt, own_maps, *unhit[:40], "--", *hit[:40], sep="\n")
     assert len(maps) - len(unbuilt) >= 30
-    remark = f"{len(maps) - len(unbuilt)} maps; {left_out} poses left out, its road differs from the lanelets on {len(own_maps)} maps"
-    measured("road, drivability checker: refused by us, accepted by it", n, len(unhit), 0, "poses", remark)
-    measured("road, drivability checker: accepted by us, refused by it", n, len(hit), 0, "poses")
+    remark = (
+        f"{len(maps) - len(unbuilt)} maps, its road differs from the lanelets on {len(own_maps)}; {left_out} left out"
+    )
+    measured("road, drivability checker: refused by us, accepted by it", n, len(unhit), 0, "poses", remark, unhit)
+    measured("road, drivability checker: accepted by us, refused by it", n, len(hit), 0, "poses", "", hit)

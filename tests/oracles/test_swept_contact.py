@@ -84,7 +84,9 @@ def plain(length: float, width: float) -> tuple[_core.RoadNetwork, _core.Route, 
     return road, _core.Route.find(road, 0.0, 0.0, 0.0, 5.0, goal), goal
 
 
-def recorded_obstacles(road: _core.RoadNetwork, ids: list[int], bodies: list[Body], poses: np.ndarray) -> _core.Scenario:
+def recorded_obstacles(
+    road: _core.RoadNetwork, ids: list[int], bodies: list[Body], poses: np.ndarray
+) -> _core.Scenario:
     """Obstacles that follow the poses, shape (obstacles, steps, 3), and say that they stand."""
     zeros = np.zeros(poses.shape[:2])
     tables = [np.ascontiguousarray(poses[:, :, k]) for k in range(3)] + [zeros] * 3
@@ -113,11 +115,16 @@ def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
     """Fraction of the step at which each pair of one world is in contact, nan for none."""
     spacing, columns = 120.0, 20
     road, route, goal = plain(spacing * (columns + 2), spacing * (columns + 2))
-    places = [(spacing * (k % columns - columns / 2), spacing * (k // columns - columns / 2), 0.0) for k in range(len(motions))]
+    places = [
+        (spacing * (k % columns - columns / 2), spacing * (k // columns - columns / 2), 0.0)
+        for k in range(len(motions))
+    ]
     moved = [[pose + np.array(p) for pose in (m.a0, m.a1, m.b0, m.b1)] for m, p in zip(motions, places, strict=True)]
     agents = [agent(2 * k, m.a, p[0], 0, route, goal) for k, (m, p) in enumerate(zip(motions, moved, strict=True))]
     if partner_is_agent:
-        agents += [agent(2 * k + 1, m.b, p[2], 0, route, goal) for k, (m, p) in enumerate(zip(motions, moved, strict=True))]
+        agents += [
+            agent(2 * k + 1, m.b, p[2], 0, route, goal) for k, (m, p) in enumerate(zip(motions, moved, strict=True))
+        ]
         scenario = recorded_obstacles(road, [], [], np.empty((0, 2, 3)))
     else:
         ids = [2 * k + 1 for k in range(len(motions))]
@@ -204,7 +211,15 @@ def test_contacts_during_a_step_are_those_of_dense_sampling(make, n, name, partn
             deep = max(deep, float(motion.distance(np.array([ours]))[0]))
             late = max(late, 0.0 if np.isnan(first) else ours - first)
     who = "two agents" if partner_is_agent else "agent and recorded"
-    measured(f"swept contact, {name}, {who}: different verdicts", n, len(wrong), 0, "pairs", f"{touching} touch {wrong[:4] or ''}")
+    measured(
+        f"swept contact, {name}, {who}: different verdicts",
+        n,
+        len(wrong),
+        0,
+        "pairs",
+        f"{touching} touch",
+        wrong,
+    )
     measured(f"swept contact, {name}, {who}: distance at the contact", depth, deep, CONTACT + ROUNDING, "m")
     measured(f"swept contact, {name}, {who}: contact later than sampled", depth, late, 1e-7, "steps")
 
@@ -220,8 +235,8 @@ def test_contacts_of_recorded_traffic_are_those_of_dense_sampling(recorded, meas
         n, n_contacts = n + len(ours), n_contacts + sum(end is not None for end in theirs.values())
         wrong += [(scenario.name, i, ours[i], theirs[i]) for i in ours if ours[i] != theirs[i]]
     assert n_scenarios >= 30
-    remark = f"{n_scenarios} scenarios, {n_contacts} collide {wrong[:4] or ''}"
-    measured("recorded traffic as agents: other partner or time step", n, len(wrong), 0, "agents", remark)
+    remark = f"{n_scenarios} scenarios, {n_contacts} collide"
+    measured("recorded traffic as agents: other partner or time step", n, len(wrong), 0, "agents", remark, wrong)
 
 
 def _poses(scenario: Scenario) -> np.ndarray:
@@ -273,9 +288,9 @@ def sampled_contacts(scenario: Scenario) -> dict[int, tuple[int, int] | None]:
         present = [row for row in range(len(bodies)) if o.valid[row, step] and row not in gone]
         entering = {row for row in present if step == 0 or not o.valid[row, step - 1]}
         for i, j in itertools.combinations(present, 2):
-            if {i, j} & entering and {i, j} & moving and _apart(poses, reach, i, j, step) <= 0:
-                if distances(bodies[i], poses[i, step], bodies[j], poses[j, step])[0] == 0:
-                    excused.add((i, j))
+            is_near = {i, j} & entering and {i, j} & moving and _apart(poses, reach, i, j, step) <= 0
+            if is_near and distances(bodies[i], poses[i, step], bodies[j], poses[j, step])[0] == 0:
+                excused.add((i, j))
         if step + 1 == o.n_steps:
             break
         here = [row for row in present if o.valid[row, step + 1]]
@@ -284,7 +299,9 @@ def sampled_contacts(scenario: Scenario) -> dict[int, tuple[int, int] | None]:
         for i, j in itertools.combinations(here, 2):
             if not {i, j} & moving:
                 continue
-            motion = Motion(bodies[i], poses[i, step], poses[i, step + 1], bodies[j], poses[j, step], poses[j, step + 1])
+            motion = Motion(
+                bodies[i], poses[i, step], poses[i, step + 1], bodies[j], poses[j, step], poses[j, step + 1]
+            )
             if _apart(poses, reach, i, j, step) > motion.travel:
                 continue
             if distances(bodies[i], poses[i, step], bodies[j], poses[j, step])[0] > motion.travel:
