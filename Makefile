@@ -6,7 +6,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench format clean
+.PHONY: demo test check bench oracles format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -41,10 +41,24 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 bench: $(VENV)/.installed ## one table: time per step, phases, memory, start
 	$(BIN)/python benchmarks/table.py
 
+oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
+	.venv-oracles/bin/python -m pytest -q tests/oracles
+
+.venv-oracles/.tools: pyproject.toml
+	$(PYTHON) -m venv .venv-oracles
+	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	.venv-oracles/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['oracles'], *p['build-system']['requires'], sep='\n')" > .venv-oracles/requirements.txt
+	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-oracles/requirements.txt
+	touch $@
+
+.venv-oracles/.installed: .venv-oracles/.tools $(RUST)
+	VIRTUAL_ENV=$(CURDIR)/.venv-oracles .venv-oracles/bin/maturin develop --release --quiet
+	touch $@
+
 format: $(VENV)/.tools ## writes what `make check` wants to see
 	cargo fmt --all
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) target demo out
+	rm -rf $(VENV) .venv-oracles target demo out
