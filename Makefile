@@ -42,7 +42,7 @@ bench: $(VENV)/.installed ## one table: time per step, phases, memory, start
 	$(BIN)/python benchmarks/table.py
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
-	.venv-oracles/bin/python -m pytest -q tests/oracles
+	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
 
 .venv-oracles/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-oracles

@@ -203,7 +203,7 @@ def distance_to_reference(weight: float = 1.0) -> object:
 def prediction(
     weight: float, means: np.ndarray, headings: np.ndarray, covariances: np.ndarray, size: np.ndarray, corners: float
 ) -> object:
-    """Collision probability: obstacles of shape (obstacles, steps, ...), sizes (obstacles, 2), weight of the corners."""
+    """Collision probability: arrays of shape (obstacles, steps, ...), sizes (obstacles, 2), weight of the corners."""
     objects = {}
     for k in range(len(means)):
         poses = []
