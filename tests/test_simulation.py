@@ -5,9 +5,9 @@ import pytest
 
 from drivers import Straight
 from interdrive import Frenet, InputError, Simulation, SimulationSettings, simulate
+from interdrive.recording import digest
 from interdrive.run import PHASES
 from interdrive.settings import bind
-from interdrive.simulation import digest
 from interdrive.testing import Car, problem, straight_road, world
 
 

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Predictor, PredictorSettings
     from interdrive.results import load, save
     from interdrive.run import Run
+    from interdrive.run_settings import SimulationSettings, ViewSettings
     from interdrive.scenario import Scenario
-    from interdrive.simulation import Simulation, SimulationSettings, simulate
+    from interdrive.simulation import Simulation, simulate
 
 # Modules are imported when a name is first used: `interdrive --help` needs none of them.
 _HOME = {
@@ -54,7 +55,8 @@ _HOME = {
     "Run": "run",
     "Scenario": "scenario",
     "Simulation": "simulation",
-    "SimulationSettings": "simulation",
+    "SimulationSettings": "run_settings",
+    "ViewSettings": "run_settings",
     "simulate": "simulation",
 }
 
@@ -82,6 +84,7 @@ __all__ = [
     "SimulationSettings",
     "Trajectory",
     "View",
+    "ViewSettings",
     "__version__",
     "load",
     "read_scenario",

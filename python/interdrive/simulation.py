@@ -2,116 +2,32 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import time
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive import _core
-from interdrive.agents import AgentSettings, GoalSettings, normalized, select
+from interdrive.agents import normalized, select
+from interdrive.choices import named, per_agent
 from interdrive.errors import InputError, InterdriveError, PredictorError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
-from interdrive.planners import Frenet, Planner, PlannerSettings, name_of, native_planner, write_plan
+from interdrive.planners import Planner, name_of, native_planner, write_plan
 from interdrive.planners import resolve as resolve_planner
-from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, PredictorSettings, native
+from interdrive.predictors import native
 from interdrive.predictors import resolve as resolve_predictor
-from interdrive.run import PHASES, AgentRecord, Outcomes, Plans, Run, Snapshot, States, Timings
+from interdrive.recording import agent_record, digest, outcomes_of, states_of, timings_of
+from interdrive.recording import snapshot as _snapshot
+from interdrive.run import Plans, Run, Snapshot
+from interdrive.run_settings import SimulationSettings
 from interdrive.scenario import KINDS, Scenario
 from interdrive.settings import flatten
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-#: Names of the core's outcome codes.
-_OUTCOME_NAMES = (
-    "running",
-    "goal_reached",
-    "goal_reached_late",
-    "time_limit",
-    "goal_missed",
-    "infeasible",
-    "collision",
-    "planner_error",
-)
-
-
-@dataclass(frozen=True)
-class ViewSettings:
-    """What an agent sees.
-
-    Attributes:
-        sensor_radius: Participants further away (centre to centre) are not seen [m].
-    """
-
-    sensor_radius: float = 80.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        if not self.sensor_radius > 0:
-            raise InputError(f"view.sensor_radius must be positive, not {self.sensor_radius}")
-
-
-@dataclass(frozen=True)
-class StepSettings:
-    """How the world steps.
-
-    Attributes:
-        replan_every: A new plan every so many time steps; in between the last one is followed.
-        grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
-        history_steps: Number of past time steps that a scene shows.
-    """
-
-    replan_every: int = 1
-    grace_factor: float = 1.7
-    history_steps: int = 30
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        for name, most in (("replan_every", 10_000), ("grace_factor", 1_000), ("history_steps", 10_000)):
-            value = getattr(self, name)
-            if not 1 <= value <= most:
-                raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
-
-
-@dataclass(frozen=True)
-class RoadSettings:
-    """What counts as road.
-
-    Attributes:
-        gap_tolerance: Gaps between lanelets up to this width count as road, and a footprint may overhang the edge
-            by this much [m].
-        open_end_length: Where the map ends but the road does not (lanelets without successor or predecessor), it
-            goes on straight for this length [m].
-    """
-
-    gap_tolerance: float = 0.1
-    open_end_length: float = 120.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        if not 0 < self.gap_tolerance < 1:
-            raise InputError(f"road.gap_tolerance must be between 0 and 1 m, not {self.gap_tolerance}")
-        if not self.open_end_length >= 0:
-            raise InputError(f"road.open_end_length must not be negative, is {self.open_end_length}")
-
-
-@dataclass(frozen=True)
-class SimulationSettings:
-    """All settings of a run; the dotted names are those of `--set` and of the configuration file."""
-
-    agents: AgentSettings = field(default_factory=AgentSettings)
-    goal: GoalSettings = field(default_factory=GoalSettings)
-    planner: PlannerSettings = field(default_factory=PlannerSettings)
-    predictor: PredictorSettings = field(default_factory=PredictorSettings)
-    view: ViewSettings = field(default_factory=ViewSettings)
-    step: StepSettings = field(default_factory=StepSettings)
-    road: RoadSettings = field(default_factory=RoadSettings)
-
+    from collections.abc import Callable, Sequence
 
 #: More threads than any machine has cores; the system would run out of them.
 _THREADS_MAX = 1024
@@ -167,7 +83,7 @@ class Simulation:
         self.scenario = _scenario(scenario)
         self.seed, self.threads = seed, threads or os.cpu_count() or 1
         self._snapshots_of = snapshots_of
-        self.settings, planner, predictor = _named(self.settings, planner, predictor)
+        self.settings, planner, predictor = named(self.settings, planner, predictor)
         self._agents_wanted, self._predictor_choice = normalized(agents), predictor
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings.gap_tolerance, road_settings.open_end_length)
@@ -183,7 +99,7 @@ class Simulation:
         self._notes = [*self.scenario.notes, *notes]
         if snapshots_of is not None and snapshots_of not in {agent.id for agent in self.agents}:
             raise InputError(f"agent {snapshots_of}: pictures of its candidates are asked for, but it is not an agent")
-        self._choices = _choices(planner, [agent.id for agent in self.agents], self.settings.planner)
+        self._choices = per_agent(planner, [agent.id for agent in self.agents], self.settings.planner)
         self.reset()
 
     def reset(self) -> None:
@@ -311,27 +227,16 @@ class Simulation:
 
     def record(self) -> Run:
         """What happened so far, as arrays."""
-        states = _states(self.world.states())
-        outcomes = self.world.outcomes()
-        plans = self.world.plans()
+        states = states_of(self.world.states())
         names = {agent.id: name_of(self._choices[agent.id]) for agent in self.agents}
         return Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
-            agents=tuple(_agent_record(agent, names[agent.id]) for agent in self.agents),
-            outcomes=Outcomes(
-                agent_id=outcomes["agent_id"],
-                planner=tuple(names[i] for i in outcomes["agent_id"].tolist()),
-                outcome=tuple(_OUTCOME_NAMES[code] for code in outcomes["kind"].tolist()),
-                time_step=outcomes["time_step"],
-                partner_id=outcomes["partner_id"],
-                off_road=outcomes["off_road"],
-                impact_speed=outcomes["impact_speed"],
-                message=tuple(outcomes["message"]),
-            ),
+            agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
+            outcomes=outcomes_of(self.world.outcomes(), names),
             states=states,
-            plans=Plans(**plans),
-            timings=_timings(self._timings),
+            plans=Plans(**self.world.plans()),
+            timings=timings_of(self._timings),
             notes=(
                 *self._notes,
                 *(
@@ -392,20 +297,6 @@ def simulate(
     return simulation.run(on_step)
 
 
-def digest(states: States) -> str:
-    """SHA-256 over ids, masks and the bits of all states; equal digests mean equal runs."""
-    total = hashlib.sha256()
-    for array in (
-        states.ids,
-        states.valid,
-        *(getattr(states, name) for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")),
-    ):
-        # Absent states are nan; one bit pattern for all of them.
-        clean = np.where(np.isnan(array), 0.0, array) if array.dtype == np.float64 else array
-        total.update(np.ascontiguousarray(clean).tobytes())
-    return total.hexdigest()
-
-
 def _scenario(source: object) -> Scenario:
     if isinstance(source, Scenario):
         return source
@@ -417,83 +308,3 @@ def _scenario(source: object) -> Scenario:
     if isinstance(source, tuple):
         return scenario_from_commonroad(*source)
     return scenario_from_commonroad(source)
-
-
-def _named(
-    settings: SimulationSettings, planner: object, predictor: object
-) -> tuple[SimulationSettings, object, object]:
-    """Native records become settings and names, so that a run can be repeated from its names and settings."""
-    if isinstance(planner, Frenet):
-        settings = replace(settings, planner=replace(settings.planner, frenet=planner))
-        planner = "frenet"
-    if isinstance(predictor, ConstantVelocity):
-        settings = replace(settings, predictor=replace(settings.predictor, constant_velocity=predictor))
-        predictor = "constant_velocity"
-    elif isinstance(predictor, LaneFollowing):
-        settings = replace(settings, predictor=replace(settings.predictor, lane_following=predictor))
-        predictor = "lane_following"
-    elif isinstance(predictor, GroundTruth):
-        predictor = "ground_truth"
-    return settings, planner, predictor
-
-
-def _choices(planner: object, ids: list[int], settings: PlannerSettings) -> dict[int, object]:
-    """The planner of every agent, checked."""
-    if not isinstance(planner, dict):
-        resolve_planner(planner, settings)
-        return dict.fromkeys(ids, planner)
-    choice: Mapping[object, object] = planner
-    unknown = [key for key in choice if key != "default" and key not in ids]
-    if unknown:
-        raise InputError(f"agent {unknown[0]}: a planner is given for it, but it is not an agent")
-    for value in choice.values():
-        resolve_planner(value, settings)
-    return {i: choice.get(i, choice.get("default", "frenet")) for i in ids}
-
-
-def _states(raw: dict[str, Any]) -> States:
-    return States(kinds=tuple(KINDS[code] for code in raw.pop("kind").tolist()), **raw)
-
-
-def _agent_record(agent: Any, planner: str) -> AgentRecord:  # noqa: ANN401 - interdrive.agents.Agent
-    return AgentRecord(
-        id=agent.id,
-        planner=planner,
-        origin=agent.origin,
-        start_time_step=agent.initial_state.time_step,
-        goal_time_step=(min(g.time_step[0] for g in agent.goal), max(g.time_step[1] for g in agent.goal)),
-        goal_areas=tuple(area for alternative in agent.goal for area in alternative.areas),
-        route_lanelet_ids=tuple(agent.route.lanelet_ids),
-        reference_path=agent.route.reference_path,
-    )
-
-
-def _timings(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
-    return Timings(
-        time_step=np.repeat(np.array([time_step for time_step, _ in rows], dtype=np.int64), len(PHASES)),
-        phase=PHASES * len(rows),
-        seconds=np.array([seconds for _, phases in rows for seconds in phases], dtype=np.float64),
-    )
-
-
-def _snapshot(world: _core.World, scene: _core.Scene, predictions: _core.Predictions, agent_id: int) -> Snapshot:
-    view = world.view(scene, agent_id)
-    found = world.candidates(agent_id, scene, predictions)
-    seen = np.isin(predictions.ids, view.ids)
-    used = seen[:, None] & (predictions.probability > 0)
-    rows, modes = np.nonzero(used)
-    empty = np.empty((0, 0))
-    return Snapshot(
-        time_step=world.time_step,
-        agent_id=agent_id,
-        candidate_x=found["x"] if found else empty,
-        candidate_y=found["y"] if found else empty,
-        cost=found["cost"] if found else np.empty(0),
-        rejection=tuple(found["rejection"]) if found else (),
-        chosen=int(found["chosen"]) if found else -1,
-        prediction_id=predictions.ids[rows],
-        prediction_probability=predictions.probability[rows, modes],
-        prediction_x=predictions.x[rows, modes],
-        prediction_y=predictions.y[rows, modes],
-        prediction_covariance=predictions.covariance[rows, modes],
-    )

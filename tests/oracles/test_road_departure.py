@@ -16,8 +16,8 @@ from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
 
 from interdrive import _core
 from interdrive.handles import core_road
+from interdrive.run_settings import RoadSettings
 from interdrive.scenario import Scenario, Shape
-from interdrive.simulation import RoadSettings
 
 TOLERANCE = RoadSettings().gap_tolerance
 POSES_PER_MAP = 900

@@ -19,7 +19,7 @@ def check(files: tuple[str, ...]) -> int:
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
     from interdrive.handles import core_road  # noqa: PLC0415
-    from interdrive.simulation import RoadSettings  # noqa: PLC0415
+    from interdrive.run_settings import RoadSettings  # noqa: PLC0415
 
     refused = False
     for name in files:

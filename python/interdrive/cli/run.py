@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from interdrive.run import Run
-    from interdrive.simulation import SimulationSettings
+    from interdrive.run_settings import SimulationSettings
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def _configured(
     config: str | None, given: Mapping[str, Any], assignments: Sequence[str]
 ) -> tuple[RunChoices, SimulationSettings]:
     """Choices and settings: defaults, then the file, then the command line."""
-    from interdrive.simulation import SimulationSettings  # noqa: PLC0415
+    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
 
     choices, settings = RunChoices(), SimulationSettings()
     if config is not None:

@@ -26,7 +26,8 @@ def verify(folder: str, scenario: str | None, threads: int | None) -> int:
     """
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
     from interdrive.results import information, load  # noqa: PLC0415
-    from interdrive.simulation import SimulationSettings, simulate  # noqa: PLC0415
+    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.simulation import simulate  # noqa: PLC0415
 
     info = load(folder).info
     path = _scenario_file(folder, info, scenario)

@@ -1,0 +1,83 @@
+"""All settings of a run besides its agents and planners: what is seen, how the world steps, what counts as road."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from interdrive.agents import AgentSettings, GoalSettings
+from interdrive.errors import InputError
+from interdrive.planners import PlannerSettings
+from interdrive.predictors import PredictorSettings
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """What an agent sees.
+
+    Attributes:
+        sensor_radius: Participants further away (centre to centre) are not seen [m].
+    """
+
+    sensor_radius: float = 80.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        if not self.sensor_radius > 0:
+            raise InputError(f"view.sensor_radius must be positive, not {self.sensor_radius}")
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """How the world steps.
+
+    Attributes:
+        replan_every: A new plan every so many time steps; in between the last one is followed.
+        grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
+        history_steps: Number of past time steps that a scene shows.
+    """
+
+    replan_every: int = 1
+    grace_factor: float = 1.7
+    history_steps: int = 30
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        for name, most in (("replan_every", 10_000), ("grace_factor", 1_000), ("history_steps", 10_000)):
+            value = getattr(self, name)
+            if not 1 <= value <= most:
+                raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
+
+
+@dataclass(frozen=True)
+class RoadSettings:
+    """What counts as road.
+
+    Attributes:
+        gap_tolerance: Gaps between lanelets up to this width count as road, and a footprint may overhang the edge
+            by this much [m].
+        open_end_length: Where the map ends but the road does not (lanelets without successor or predecessor), it
+            goes on straight for this length [m].
+    """
+
+    gap_tolerance: float = 0.1
+    open_end_length: float = 120.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        if not 0 < self.gap_tolerance < 1:
+            raise InputError(f"road.gap_tolerance must be between 0 and 1 m, not {self.gap_tolerance}")
+        if not self.open_end_length >= 0:
+            raise InputError(f"road.open_end_length must not be negative, is {self.open_end_length}")
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """All settings of a run; the dotted names are those of `--set` and of the configuration file."""
+
+    agents: AgentSettings = field(default_factory=AgentSettings)
+    goal: GoalSettings = field(default_factory=GoalSettings)
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
+    predictor: PredictorSettings = field(default_factory=PredictorSettings)
+    view: ViewSettings = field(default_factory=ViewSettings)
+    step: StepSettings = field(default_factory=StepSettings)
+    road: RoadSettings = field(default_factory=RoadSettings)
