@@ -23,7 +23,7 @@ from interdrive.errors import ResultsError
 from interdrive.run import PHASES, PLAN_STATUS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     import pyarrow as pa
 
@@ -90,6 +90,10 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("seconds", "number", "wall time [s]"),
     ),
 }
+
+
+#: Everything a run folder may contain.
+_RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
 
 
 @dataclass(frozen=True)
@@ -251,13 +255,35 @@ def load(folder: str | Path) -> Results:
             raise ResultsError(f"{path}: this file of the run is missing") from None
         except (OSError, pa.ArrowException) as cause:
             raise ResultsError(f"{path}: cannot be read: {_line(cause)}") from cause
-        if not tables[name].schema.equals(_schema(name), check_metadata=False):
+        if not tables[name].schema.equals(_schema(COLUMNS[name]), check_metadata=False):
             raise ResultsError(f"{path}: the columns are not those of a run ({', '.join(tables[name].column_names)})")
     return Results(**tables, info=info)
 
 
 def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
     """The folder a run can be saved to, as an absolute path; useful before a long simulation.
+
+    Raises:
+        ResultsError: if something is there that must not be replaced.
+    """
+    return check_folder(folder, "run", "run.json", lambda entry: entry.name in _RUN_FILES, overwrite=overwrite)
+
+
+def holds_run(folder: Path) -> bool:
+    """The folder is a run folder and nothing else."""
+    inside = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+    return "run.json" in inside and inside <= _RUN_FILES
+
+
+def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Path], bool], *, overwrite: bool) -> Path:
+    """A folder that can be written whole, as an absolute path.
+
+    Args:
+        folder: New or empty, or one that holds the same kind of thing.
+        what: The kind of thing, for the reader.
+        mark: File without which a folder is not of that kind.
+        belongs: Whether an entry of the folder is part of such a thing.
+        overwrite: It may be replaced.
 
     Raises:
         ResultsError: if something is there that must not be replaced.
@@ -273,27 +299,27 @@ def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
             return target
         if not target.is_dir():
             raise ResultsError(f"{folder}: a file of that name is in the way")
-        inside = sorted(entry.name for entry in target.iterdir())
+        entries = sorted(target.iterdir())
+        foreign = [entry.name for entry in entries if not belongs(entry)]
     except OSError as cause:
-        raise ResultsError(f"{folder}: cannot be used as a run folder: {_line(cause)}") from cause
-    known = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
-    foreign = [name for name in inside if name not in known]
-    if inside and ("run.json" not in inside or foreign):
+        raise ResultsError(f"{folder}: cannot be used as a {what} folder: {_line(cause)}") from cause
+    inside = [entry.name for entry in entries]
+    if inside and (mark not in inside or foreign):
         example = (foreign or inside)[0]
         raise ResultsError(
             f"{folder}: this folder holds other things ({example}) and is left alone; choose another one"
         )
     if inside and not overwrite:
-        raise ResultsError(f"{folder}: a run is there already; ask for overwriting or choose another folder")
+        raise ResultsError(f"{folder}: a {what} is there already; ask for overwriting or choose another folder")
     return target
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A path to write one file to, which takes the place of `path` if all goes well and vanishes if not.
+    """A path to write one file or folder to, which takes the place of `path` if all goes well and vanishes if not.
 
     Raises:
-        ResultsError: if the file cannot be written; one line with path and cause.
+        ResultsError: if it cannot be written; one line with path and cause.
     """
     with _replacing(Path(path).resolve()) as partial:
         yield partial
@@ -391,7 +417,7 @@ def _read_information(folder: Path) -> dict[str, Any]:
     return info
 
 
-def _schema(name: str) -> pa.Schema:
+def _schema(columns: Sequence[Column]) -> pa.Schema:
     import pyarrow as pa  # noqa: PLC0415
 
     types = {
@@ -405,22 +431,40 @@ def _schema(name: str) -> pa.Schema:
         pa.field(
             column.name, types[column.kind], column.nullable, {"description": column.text} if column.text else None
         )
-        for column in COLUMNS[name]
+        for column in columns
     )
 
 
-def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike
+def arrow_table(columns: Sequence[Column], values: Mapping[str, Any]) -> pa.Table:
+    """A table with the given columns, whose values are arrays, sequences or Arrow arrays; nan becomes null."""
     import pyarrow as pa  # noqa: PLC0415
 
-    schema = _schema(name)
+    schema = _schema(columns)
     # from_pandas: nan and masked entries become null.
     arrays = [
-        pa.array(columns[field.name], type=field.type, from_pandas=field.nullable)
-        if not isinstance(columns[field.name], pa.Array)
-        else columns[field.name]
+        pa.array(values[field.name], type=field.type, from_pandas=field.nullable)
+        if not isinstance(values[field.name], pa.Array)
+        else values[field.name]
         for field in schema
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike
+    return arrow_table(COLUMNS[name], columns)
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Writes a table as Parquet or, if the path ends so, as CSV."""
+    if path.suffix != ".csv":
+        _write_parquet(table, path)
+        return
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.csv  # noqa: PLC0415
+
+    sink = pa.BufferOutputStream()
+    pa.csv.write_csv(table, sink, pa.csv.WriteOptions(quoting_style="needed"))
+    _write_bytes(sink.getvalue().to_pybytes(), path)
 
 
 def _labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
 from interdrive.errors import InputError
 from interdrive.settings import bind, dotted
 
@@ -92,7 +93,7 @@ def run(file: str | None, assignments: tuple[str, ...], config: str | None, quie
     from interdrive.results import save  # noqa: PLC0415
     from interdrive.simulation import simulate  # noqa: PLC0415
 
-    source = _scenario(choices.scenario)
+    source = scenario_named(choices.scenario)
     folder = _target(choices)
     with progress(quiet=quiet) as report:
         report.say(f"reading {choices.scenario}")
@@ -114,7 +115,7 @@ def run(file: str | None, assignments: tuple[str, ...], config: str | None, quie
         with _kept(folder):
             _draw(done, folder, choices, report.frames)
     if not quiet:
-        print_run(done, _shown(folder))
+        print_run(done, shown(folder))
     return 1 if "planner_error" in done.outcomes.outcome else 0
 
 
@@ -131,17 +132,12 @@ def _configured(
             choices, settings = bind(choices, in_file), bind(settings, values)
         except InputError as error:
             raise InputError(f"{config}: {error}") from None
-    assigned = {}
-    for text in assignments:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise InputError(f"--set {text}: write it as name=value")
-        assigned[name.strip()] = value.strip()
+    values_given = assigned(assignments)
     try:
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{str(error).replace('agent_view', 'agent-view')}") from None
-    return choices, bind(settings, assigned)
+    return choices, bind(settings, values_given)
 
 
 def _read_config(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -174,18 +170,6 @@ def _read_config(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return choices, settings
 
 
-def _scenario(name: str) -> str:
-    """A path or the name of a shipped scenario; anything else is refused with the nearest name."""
-    from interdrive.files import shipped_scenarios  # noqa: PLC0415
-
-    shipped = shipped_scenarios()
-    if name in shipped or Path(name).exists():
-        return name
-    near = difflib.get_close_matches(name, shipped, n=1)
-    hint = f"did you mean the shipped scenario {near[0]}?" if near else "and no shipped scenario has that name"
-    raise InputError(f"{name}: no such file, {hint}")
-
-
 def _target(choices: RunChoices) -> Path:
     """The folder to write to; everything that can be refused is refused before the simulation."""
     from interdrive.results import check_target  # noqa: PLC0415
@@ -196,12 +180,7 @@ def _target(choices: RunChoices) -> Path:
         check_animation("run.mp4")
     if choices.out is not None:
         return check_target(choices.out, overwrite=choices.overwrite)
-    name = Path(choices.scenario).stem
-    folder, number = Path("out") / name, 1
-    while folder.exists():
-        number += 1
-        folder = Path("out") / f"{name}-{number}"
-    return check_target(folder)
+    return check_target(new_folder(Path(choices.scenario).stem))
 
 
 def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str], Callable[[int, int], None]]) -> None:
@@ -222,9 +201,4 @@ def _kept(folder: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"interrupted while drawing; the run is in {_shown(folder)}") from None
-
-
-def _shown(folder: Path) -> Path:
-    here = Path.cwd()
-    return folder.relative_to(here) if folder.is_relative_to(here) else folder
+        raise KeyboardInterrupt(f"interrupted while drawing; the run is in {shown(folder)}") from None

@@ -1,0 +1,50 @@
+"""What commands understand alike: scenario names, settings, folders."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def scenario_named(name: str) -> str:
+    """A path or the name of a shipped scenario; anything else is refused with the nearest name."""
+    from interdrive.files import shipped_scenarios  # noqa: PLC0415 - commonroad-io takes a second to load
+
+    shipped = shipped_scenarios()
+    if name in shipped or Path(name).exists():
+        return name
+    near = difflib.get_close_matches(name, shipped, n=1)
+    hint = f"did you mean the shipped scenario {near[0]}?" if near else "and no shipped scenario has that name"
+    raise InputError(f"{name}: no such file, {hint}")
+
+
+def assigned(assignments: Sequence[str]) -> dict[str, str]:
+    """Values by dotted name from what `--set` was given."""
+    values = {}
+    for text in assignments:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(f"--set {text}: write it as name=value")
+        values[name.strip()] = value.strip()
+    return values
+
+
+def new_folder(name: str) -> Path:
+    """A folder under out/ that is not there yet, with a number if it must be."""
+    folder, number = Path("out") / name, 1
+    while folder.exists():
+        number += 1
+        folder = Path("out") / f"{name}-{number}"
+    return folder
+
+
+def shown(folder: Path) -> Path:
+    """The folder as a reader wants to see it: from here, if it lies below."""
+    here = Path.cwd()
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
