@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
     from interdrive.run import Run
 
+    #: For signatures elsewhere: only this module knows pyarrow.
+    ArrowTable = pa.Table
+
 #: Version of the folder's layout, written to run.json; raised when a column changes its name or meaning.
 FORMAT = 1
 

@@ -16,6 +16,7 @@ import click
 from interdrive.cli.check import check
 from interdrive.cli.run import run
 from interdrive.cli.settings import settings
+from interdrive.cli.study import study
 from interdrive.cli.verify import verify
 from interdrive.errors import InterdriveError
 
@@ -69,7 +70,7 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (run, check, verify, settings):
+for _command in (run, study, check, verify, settings):
     main.add_command(_command)
 
 __all__ = ["main"]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from interdrive.check import Inspection
     from interdrive.run import Run
+    from interdrive.studies import CaseStudy
 
 #: More rows than this are shown only if something went wrong in them.
 _ROWS_MAX, _NOTES_MAX = 40, 12
@@ -224,3 +225,37 @@ def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:
         plain = plain.lower() if value is None or isinstance(value, bool) else plain
         table.add_row(name, escape(plain), escape(text))
     console.print(table)
+
+
+def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path) -> None:
+    """The table of the paper, one block per case, and what happened in words."""
+    from interdrive.studies import MEASURES, reading, study_table  # noqa: PLC0415 - needs the simulation
+
+    console = _output()
+    for study in studies:
+        title = f"{study.scenario.name}: agent {study.agent} ({study.planner}), other vehicle {study.other}"
+        table = Table(box=None, header_style="bold", pad_edge=False, title=escape(title), title_justify="left")
+        table.add_column("other vehicle")
+        for measure in MEASURES:
+            table.add_column(escape(measure.heading), justify="right")
+        for name in ("collided", f"agent {study.agent}", f"vehicle {study.other}"):
+            table.add_column(name)
+        for row in study_table([study]).to_pylist():
+            values = [row[measure.column.name] for measure in MEASURES]
+            table.add_row(
+                row["degree"].replace("_", "-"),
+                *(
+                    "" if value is None else f"{value:.{measure.digits}f}"
+                    for measure, value in zip(MEASURES, values, strict=True)
+                ),
+                "[bold red]yes[/]" if row["collided"] else "no",
+                *(
+                    f"[{_STYLES.get(outcome, '')}]{outcome}[/]" if outcome else "recorded"
+                    for outcome in (row["agent_outcome"], row["other_outcome"])
+                ),
+            )
+        console.print(table)
+        console.print(escape(reading(study)), style="dim")
+        console.print()
+    _print_notes(console, notes, "")
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)

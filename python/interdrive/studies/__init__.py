@@ -1,0 +1,25 @@
+"""Case studies: the same encounter of two vehicles with an other vehicle that reacts more and more.
+
+Kaufeld, Trauth, Betz, "Investigating Driving Interactions", IV 2024, section IV: merging and a T-junction.
+"""
+
+from interdrive.studies.case import DEGREES, CaseStudy, case_study
+from interdrive.studies.folder import save_study
+from interdrive.studies.known import STUDIES, Case, known_cases
+from interdrive.studies.measures import MEASURES, Measure, footprint_distances, study_table
+from interdrive.studies.reading import reading
+
+__all__ = [
+    "DEGREES",
+    "MEASURES",
+    "STUDIES",
+    "Case",
+    "CaseStudy",
+    "Measure",
+    "case_study",
+    "footprint_distances",
+    "known_cases",
+    "reading",
+    "save_study",
+    "study_table",
+]

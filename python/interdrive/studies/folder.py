@@ -1,0 +1,72 @@
+"""The folder of a study: its tables, and per case the runs and figures."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from interdrive.results import check_folder, holds_run, replacing, save, write_table
+from interdrive.studies.case import DEGREES
+from interdrive.studies.measures import study_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from interdrive.studies.case import CaseStudy
+
+_TABLES = ("table.parquet", "table.csv")
+_MARK = "study.json"
+_FIGURES = tuple(f"{name}.{ending}" for name in ("profiles", "scenes") for ending in ("pdf", "png"))
+
+
+def check_study_target(folder: str | Path, *, overwrite: bool = False) -> Path:
+    """The folder a study can be saved to, as an absolute path; useful before long simulations.
+
+    Raises:
+        ResultsError: if something is there that must not be replaced.
+    """
+    return check_folder(folder, "study", _MARK, _belongs, overwrite=overwrite)
+
+
+def _belongs(entry: Path) -> bool:
+    if not entry.is_dir():
+        return entry.name in (*_TABLES, _MARK)
+    return all(inside.name in _FIGURES or (inside.name in DEGREES and holds_run(inside)) for inside in entry.iterdir())
+
+
+def save_study(
+    studies: Sequence[CaseStudy],
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
+    on_case: Callable[[str], None] | None = None,
+) -> Path:
+    """Writes the folder of a study, whole or not at all, and returns its path.
+
+    It holds table.parquet and table.csv, and for every case a folder `<scenario>_<agent>_<other>` with one run folder
+    per degree and the figures profiles and scenes, as PDF and PNG.
+
+    Args:
+        studies: What to write; their names must differ.
+        folder: New or empty folder, or one that holds another study.
+        overwrite: Replace the other study. A folder with anything else in it is never touched.
+        on_case: Called with the name of every case before it is written.
+
+    Raises:
+        ResultsError: if the folder cannot be used or written; one line with path and cause.
+    """
+    target = check_study_target(folder, overwrite=overwrite)
+    with replacing(target) as partial:
+        partial.mkdir()
+        table = study_table(studies)
+        for name in _TABLES:
+            write_table(table, partial / name)
+        for study in studies:
+            if on_case is not None:
+                on_case(study.name)
+            for degree, run in study.runs.items():
+                save(run, partial / study.name / degree)
+        cases = [{"folder": study.name, "agent": study.agent, "other": study.other} for study in studies]
+        (partial / _MARK).write_text(json.dumps({"cases": cases}, indent=2) + "\n", encoding="utf-8")
+    return target

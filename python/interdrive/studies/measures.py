@@ -1,0 +1,136 @@
+"""What the table of a case study says about a run. Another measure is one more line in `MEASURES`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.handles import core_shape
+from interdrive.results import Column, arrow_table
+from interdrive.scenario import Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from interdrive import _core
+    from interdrive.results import ArrowTable
+    from interdrive.run import Run
+    from interdrive.studies.case import CaseStudy
+
+    Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number about the encounter of two vehicles in a run; nan where it is not defined.
+
+    Attributes:
+        column: Name, type and meaning in the table.
+        heading: The same for people, with unit.
+        digits: Decimals to print.
+        of: The number, from a run and the ids of the agent and of the other vehicle.
+    """
+
+    column: Column
+    heading: str
+    digits: int
+    of: Callable[[Run, int, int], float]
+
+
+def footprint_distances(run: Run, first: int, second: int) -> Floats:
+    """Distance between the footprints of two participants [m] at every recorded time step, shape (time_steps,).
+
+    0 where they share a point; nan while one of them is absent, and everywhere if one of them never takes part.
+    """
+    states = run.states
+    distances = np.full(states.n_steps, np.nan)
+    rows = [int(row) for number in (first, second) for row in np.flatnonzero(states.ids == number)]
+    if len(rows) < 2:
+        return distances
+    (i, a), (j, b) = ((row, _footprint(run, row)) for row in rows)
+    x, y, orientation = states.x, states.y, states.orientation
+    for k in np.flatnonzero(states.valid[i] & states.valid[j]):
+        distances[k] = a.distance((x[i, k], y[i, k], orientation[i, k]), b, (x[j, k], y[j, k], orientation[j, k]))
+    return distances
+
+
+def _footprint(run: Run, row: int) -> _core.Shape:
+    obstacles, states = run.scenario.obstacles, run.states
+    recorded = np.flatnonzero(obstacles.ids == states.ids[row])
+    if len(recorded):
+        return core_shape(obstacles.shapes[int(recorded[0])])
+    return core_shape(Shape("rectangle", length=float(states.length[row]), width=float(states.width[row])))
+
+
+def collided(run: Run, first: int, second: int) -> bool:
+    """Whether two participants collided with each other."""
+    ended = run.outcomes
+    pairs = zip(ended.outcome, ended.agent_id.tolist(), ended.partner_id.tolist(), strict=True)
+    return any(how == "collision" and {who, whom} == {first, second} for how, who, whom in pairs)
+
+
+def distance_of_closest_encounter(run: Run, first: int, second: int) -> float:
+    """Smallest distance between the footprints while both are there, DCE [m]; 0 if they collide, nan if never both.
+
+    Eggert, "Predictive risk estimation for intelligent ADAS functions", ITSC 2014, on the simulated states.
+    """
+    if collided(run, first, second):
+        return 0.0
+    distances = footprint_distances(run, first, second)
+    return float(np.nanmin(distances)) if np.isfinite(distances).any() else float("nan")
+
+
+#: The numbers of the table, in its order.
+MEASURES = (
+    Measure(
+        Column("min_dce", "number", "smallest distance between the footprints of the two [m]", nullable=True),
+        "min. DCE [m]",
+        2,
+        distance_of_closest_encounter,
+    ),
+)
+
+_COLUMNS = (
+    Column("scenario", "label", "name of the scenario"),
+    Column("agent_id", "integer", "the vehicle that always plans"),
+    Column("other_id", "integer", "the vehicle whose behaviour is varied"),
+    Column("degree", "label", "one of interdrive.studies.DEGREES"),
+    Column("planner", "label", "planner of the agent"),
+    Column("other_planner", "label", "planner of the other vehicle; recorded: it replays its recording"),
+    *(measure.column for measure in MEASURES),
+    Column("collided", "truth", "the two collided with each other"),
+    Column("agent_outcome", "label", "one of interdrive.run.OUTCOMES"),
+    Column("other_outcome", "label", "one of interdrive.run.OUTCOMES; none for a recording", nullable=True),
+)
+
+
+def study_table(studies: Sequence[CaseStudy]) -> ArrowTable:
+    """One row per case and degree, as an Arrow table (`to_pandas()`, `polars.from_arrow`).
+
+    Columns: scenario, agent_id, other_id, degree, planner, other_planner, one per entry of `MEASURES`, collided,
+    agent_outcome, other_outcome.
+    """
+    rows = [_row(study, degree, run) for study in studies for degree, run in study.runs.items()]
+    return arrow_table(_COLUMNS, {column.name: [row[column.name] for row in rows] for column in _COLUMNS})
+
+
+def _row(study: CaseStudy, degree: str, run: Run) -> dict[str, object]:
+    ended = run.outcomes
+    planners = dict(zip(ended.agent_id.tolist(), ended.planner, strict=True))
+    outcomes = dict(zip(ended.agent_id.tolist(), ended.outcome, strict=True))
+    return {
+        "scenario": study.scenario.name,
+        "agent_id": study.agent,
+        "other_id": study.other,
+        "degree": degree,
+        "planner": planners[study.agent],
+        "other_planner": planners.get(study.other, "recorded"),
+        **{measure.column.name: measure.of(run, study.agent, study.other) for measure in MEASURES},
+        "collided": collided(run, study.agent, study.other),
+        "agent_outcome": outcomes[study.agent],
+        "other_outcome": outcomes.get(study.other),
+    }

@@ -1,0 +1,57 @@
+"""A study in words: what happened, without why."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.studies.lateral import lateral_offsets
+from interdrive.studies.measures import collided, footprint_distances
+
+if TYPE_CHECKING:
+    from interdrive.run import Run
+    from interdrive.studies.case import CaseStudy
+
+#: Sideways deviations below this are not worth a word [m].
+_WORTH_TELLING = 0.1
+
+
+def reading(study: CaseStudy) -> str:
+    """One paragraph of facts about the encounter in every degree."""
+    sentences = [
+        f"{degree.replace('_', '-').capitalize()}: {_encounter(study, run)}{_reaction(study, run)}."
+        for degree, run in study.runs.items()
+    ]
+    return f"{study.scenario.name}, agent {study.agent} and vehicle {study.other}. " + " ".join(sentences)
+
+
+def _encounter(study: CaseStudy, run: Run) -> str:
+    """How near they came to each other, when, and who was ahead on the way there."""
+    dt, first = run.scenario.dt, run.states.first_time_step
+    if collided(run, study.agent, study.other):
+        row = run.outcomes.agent_id.tolist().index(study.agent)
+        at = run.outcomes.time_step[row] * dt
+        return f"they collide at {at:.1f} s with {run.outcomes.impact_speed[row]:.1f} m/s"
+    distances = footprint_distances(run, study.agent, study.other)
+    if not np.isfinite(distances).any():
+        return "they are never there at the same time"
+    nearest = int(np.nanargmin(distances))
+    return f"they come to {distances[nearest]:.2f} m of each other, at {(first + nearest) * dt:.1f} s"
+
+
+def _reaction(study: CaseStudy, run: Run) -> str:
+    """What the other vehicle does compared with its recording."""
+    states, obstacles = run.states, run.scenario.obstacles
+    row = int(np.searchsorted(states.ids, study.other))
+    if not states.is_agent[row]:
+        return ""
+    recorded = int(np.searchsorted(obstacles.ids, study.other))
+    path = np.stack([obstacles.x[recorded], obstacles.y[recorded]], axis=1)[obstacles.valid[recorded]]
+    driven = np.stack([states.x[row], states.y[row]], axis=1)[states.valid[row]]
+    aside = np.abs(lateral_offsets(path, driven))
+    slowest, slowest_recorded = np.nanmin(states.velocity[row]), np.nanmin(obstacles.velocity[recorded])
+    text = f"; vehicle {study.other} slows to {slowest:.1f} m/s (recorded: {slowest_recorded:.1f} m/s)"
+    if np.nanmax(aside, initial=0.0) > _WORTH_TELLING:
+        text += f" and drives up to {np.nanmax(aside):.1f} m beside its recorded path"
+    return text
