@@ -21,6 +21,7 @@ from click.testing import CliRunner
 from interdrive import files, results, simulation
 from interdrive.cli import main
 from interdrive.errors import InputError
+from interdrive.plugins import Choice
 from interdrive.results import load
 from invented_run import invented_run
 
@@ -135,6 +136,22 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_defaults(simu
     assert given["settings"].view.sensor_radius == 50.0
 
 
+def test_a_planner_per_agent_comes_from_the_command_line_and_from_the_file(simulated, here):
+    (here / "run.toml").write_text(
+        'agents = [1, 2]\n[run]\nplanner = "frenet,lazy=false"\n[planner.frenet]\nhorizon = 2.0\n'
+        '[agent.1]\nplanner = "a.b:C"\nweights.speed = 0.5\nview.sensor_radius = 40\n[agent.2]\nlevel = 1\n'
+    )
+    given = ["--agent", "2=frenet,level=3", "--agent", "5=view.occlusion=true"]
+    assert invoke("run", "bend.xml", "--config", "run.toml", *given).exit_code == 0
+    assert simulated.arguments["planner"] == {
+        "default": "frenet,lazy=false",
+        "1": Choice("a.b:C", {"weights.speed": 0.5, "view.sensor_radius": 40}),
+        "2": Choice("frenet", {"level": "3"}),
+        "5": Choice(None, {"view.occlusion": "true"}),
+    }
+    assert simulated.arguments["settings"].planner.frenet.horizon == 2.0
+
+
 def test_without_a_folder_every_run_gets_its_own(simulated, here):
     for _ in range(3):
         assert invoke("run", "bend.xml").exit_code == 0
@@ -207,6 +224,13 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
             ["run", "bend.xml", "--config", "wrong.toml"],
             "wrong.toml: view.sensor_radius: expected a number [m], not 'far'",
         ),
+        (["run", "bend.xml", "--agent", "5"], "--agent 5: write it as ID=NAME[,SETTING=VALUE...]"),
+        (["run", "bend.xml", "--agent", "x=frenet"], "--agent x=frenet: write it as ID=NAME[,SETTING=VALUE...]"),
+        (["run", "bend.xml", "--agent", "5="], "--agent 5: planner '': the name is missing"),
+        (["run", "bend.xml", "--agent", "5=frenet,level"], "--agent 5: planner 'frenet,level': level behind a comma"),
+        (["run", "bend.xml", "--agent", "5=frenet", "--agent", "5=frenet"], "--agent 5=frenet: agent 5 is there twice"),
+        (["run", "bend.xml", "--planner", "frenet,level"], "planner 'frenet,level': level behind a comma"),
+        (["run", "bend.xml", "--config", "by_agent.toml"], "by_agent.toml: agent.x: write a table per agent"),
         (["run", "bend.xml", "--out", "."], "this folder holds other things (bend.xml) and is left alone"),
         (["run", "bend.xml", "--out", "bend.xml"], "a file of that name is in the way"),
         (["run", "bend.xml", "--mp4"], "MP4 needs ffmpeg"),
@@ -221,6 +245,7 @@ def test_what_cannot_be_used_is_refused_in_one_line_before_the_simulation(
 ):
     monkeypatch.setenv("PATH", "")
     (here / "typo.toml").write_text("sed = 3\n")
+    (here / "by_agent.toml").write_text('[agent.x]\nplanner = "frenet"\n')
     (here / "wrong.toml").write_text('[view]\nsensor_radius = "far"\n')
     assert message in refused(invoke(*arguments))
     assert simulated.arguments is None
@@ -279,7 +304,7 @@ def test_verify_repeats_the_run_as_it_was(simulated, here):
     assert done.stdout.startswith("equal: digest 000")
     given = simulated.arguments
     assert (given["agents"], given["seed"], given["threads"]) == ([1, 2], 4, 1)
-    assert given["planner"] == {1: "frenet", 2: "a.b:C"}
+    assert given["planner"] == {"1": "frenet", "2": "a.b:C"}
     assert given["settings"].planner.frenet.horizon == 2.0
 
 
@@ -353,6 +378,37 @@ def test_a_real_run_is_the_same_again_to_the_last_bit(real):
     assert invoke("verify", "made").exit_code == 1
 
 
+def test_a_real_run_with_a_planner_per_agent_is_the_same_again(real):
+    (real / "mine.py").write_text(
+        "from dataclasses import dataclass\n"
+        "import numpy as np\n"
+        "from interdrive import Trajectory\n"
+        "@dataclass\n"
+        "class Straight:\n"
+        "    share: float = 1.0\n"
+        "    def plan(self, view, predictions):\n"
+        "        ego, time = view.ego, np.arange(31) * view.dt\n"
+        "        x = ego.x + self.share * ego.velocity * np.cos(ego.orientation) * time\n"
+        "        y = ego.y + self.share * ego.velocity * np.sin(ego.orientation) * time\n"
+        "        return Trajectory(x, y, np.full(31, ego.orientation), np.full(31, self.share * ego.velocity))\n"
+    )
+    chosen = ["--agent", "3=mine:Straight,share=0.97,view.sensor_radius=30", "--agent", "4=frenet,level=1"]
+    # Another process: this one must not keep the module.
+    options = ["-m", "interdrive", "run", "bend.xml", "--agents", "1,3,4", *chosen, "--out", "made"]
+    done = python(*options)
+    assert done.returncode == 0, done.stderr
+    made = load("made")
+    assert made.outcomes["planner"].to_pylist() == ["frenet", "mine:Straight", "frenet"]
+    assert made.info["settings"]["planner"] == {
+        "1": "frenet",
+        "3": {"planner": "mine:Straight", "share": 0.97},
+        "4": {"planner": "frenet", "level": 1},
+    }
+    assert made.info["settings"]["views"]["3"]["sensor_radius"] == 30.0
+    again = python("-m", "interdrive", "verify", "made")
+    assert (again.returncode, again.stdout[:6]) == (0, "equal:"), again.stderr
+
+
 def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
     (real / "mine.py").write_text("class Broken:\n    def plan(self, view, predictions):\n        return 1 / 0\n")
     chosen = ["--agents", "3,", "--planner", "mine:Broken", "--out", "made"]
@@ -369,6 +425,11 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
         (["--agents", "23,"], "agent 23: static obstacle"),
         (["--agents", "1000"], "1000 agents asked for, but only 5"),
         (["--agents", "some"], "agents must be 'all', a number or ids, not 'some'"),
+        (["--agents", "3,", "--agent", "4=frenet"], "agent 4: a planner is given for it, but it is not an agent"),
+        (
+            ["--agent", "3=frenet,levl=1"],
+            "agent 3: planner frenet: levl: there is no such setting; did you mean level?",
+        ),
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
         (["--predictor", "lane_folowing"], "did you mean lane_following?"),
         (["--agent-view", "99"], "agent 99: pictures of its candidates are asked for, but it is not an agent"),

@@ -77,6 +77,7 @@ class Agent:
 
     Attributes:
         id: Unique among all participants.
+        names: Ids under which it may be asked for: its own, and that of its planning problem.
         origin: "planning problem" or "recorded".
         kind: One of `interdrive.scenario.KINDS`.
         shape: Footprint in the body frame.
@@ -88,6 +89,7 @@ class Agent:
     """
 
     id: int
+    names: tuple[int, ...]
     origin: str
     kind: str
     shape: Shape
@@ -386,6 +388,7 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
     yaw_rate = float(np.clip(yaw_rate, -yaw_rate_max, yaw_rate_max))
     return Agent(
         id=proposal.id,
+        names=tuple(sorted({proposal.id, *proposal.names})),
         origin=proposal.origin,
         kind=proposal.kind,
         shape=proposal.shape,

@@ -1,4 +1,4 @@
-"""Planners and predictors from outside, by name: `module:object` or an installed entry point."""
+"""Planners and predictors by choice: a name (built-in, `module:object` or entry point), and settings of its own."""
 
 from __future__ import annotations
 
@@ -6,9 +6,65 @@ import copy
 import difflib
 import importlib
 import importlib.metadata
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
-from interdrive.errors import InputError
+from interdrive.errors import InputError, InterdriveError
+from interdrive.settings import bind, constructed, dotted
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A planner or predictor, and settings of its own.
+
+    Attributes:
+        chosen: Name, `module:object`, record, object, class or factory; None for the one that all others have.
+        settings: Its settings by their dotted names, as texts or plain values; those of the view begin with "view.".
+    """
+
+    chosen: object
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+def read_choice(given: object, what: str) -> Choice:
+    """A choice from one of its spellings.
+
+    Args:
+        given: A text `NAME[,SETTING=VALUE...]` (commas in brackets do not separate), a table with the key `what` and
+            settings (as TOML and run.json have it), or anything else that can be chosen, without settings.
+        what: "planner" or "predictor".
+
+    Raises:
+        InputError: A text that is not spelled like that.
+    """
+    if isinstance(given, Choice):
+        return given
+    if isinstance(given, str):
+        return _spelled(given, what)
+    if isinstance(given, Mapping):
+        table = dotted(given)
+        chosen = table.pop(what, None)
+        inner = read_choice(chosen, what) if isinstance(chosen, str) else Choice(chosen)
+        return Choice(inner.chosen, {**inner.settings, **table})
+    return Choice(given)
+
+
+def _spelled(text: str, what: str) -> Choice:
+    parts = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
+    chosen = parts.pop(0) if "=" not in parts[0] else None
+    settings: dict[str, object] = {}
+    for part in parts:
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or not name:
+            raise InputError(f"{what} {text!r}: {part or 'nothing'} behind a comma; write NAME[,SETTING=VALUE...]")
+        if name in settings:
+            raise InputError(f"{what} {text!r}: {name} is there twice")
+        settings[name] = value
+    if chosen == "":
+        raise InputError(f"{what} {text!r}: the name is missing; write NAME[,SETTING=VALUE...]")
+    return Choice(chosen, settings)
 
 
 def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 - whatever the user wrote
@@ -20,12 +76,15 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
         what: "planner" or "predictor".
 
     Raises:
+        MissingExtraError: What it needs is not installed.
         InputError: The name is unknown, the module does not import, or it has no such object.
     """
     if ":" in name:
         module_name, _, attribute = name.partition(":")
         try:
             found: Any = importlib.import_module(module_name)
+        except InterdriveError:
+            raise
         except Exception as error:
             raise InputError(f"{what} {name}: module {module_name} does not import ({error})") from error
         for part in attribute.split("."):
@@ -37,6 +96,8 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
     if name in entry_points.names:
         try:
             return entry_points[name].load()
+        except InterdriveError:
+            raise
         except Exception as error:
             raise InputError(f"{what} {name}: its entry point does not load ({error})") from error
     names = sorted({*native, *entry_points.names})
@@ -45,20 +106,43 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
     raise InputError(f"unknown {what} {name!r}: {hint}")
 
 
-def made(choice: Any, method: str, what: str) -> Any:  # noqa: ANN401 - whatever the user wrote
+def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | None = None) -> Any:  # noqa: ANN401
     """An object of its own for one agent and one run: a class or factory is called, an object is copied.
 
     Args:
         choice: A class, a factory without arguments, or an object.
         method: The method that it must have: "plan" or "predict".
         what: "planner" or "predictor".
+        settings: Values of its fields by dotted names; it must be a dataclass then.
 
     Raises:
-        InputError: It cannot be made or copied, or has no such method.
+        InputError: It cannot be made or copied, or the settings do not fit.
     """
     is_object = hasattr(choice, method) and not isinstance(choice, type)
+    settings = settings or {}
     try:
-        found = copy.deepcopy(choice) if is_object else choice() if callable(choice) else choice
+        if is_object or not callable(choice):
+            found = copy.deepcopy(choice)
+        elif isinstance(choice, type) and is_dataclass(choice):
+            return constructed(choice, settings)
+        else:
+            found = choice()
+        if not settings:
+            return found
+        if is_dataclass(found) and not isinstance(found, type):
+            return bind(found, settings)
+    except InterdriveError:
+        raise
     except Exception as error:
         raise InputError(f"{what} {choice!r} cannot be made ({type(error).__name__}: {error})") from error
-    return found
+    raise InputError(f"{next(iter(settings))}: it has no settings; only those that are dataclasses have")
+
+
+def named_error(error: InputError, name: str) -> InputError:
+    """The same refusal with the name of what it is about in front, unless it stands there already."""
+    text = str(error)
+    return (
+        error
+        if text.removeprefix("unknown ").startswith(name.split(maxsplit=1)[0] + " ")
+        else InputError(f"{name}: {text}")
+    )

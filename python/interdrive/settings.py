@@ -7,7 +7,7 @@ import enum
 import math
 import re
 import types
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import MISSING, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from interdrive.errors import InputError
@@ -54,6 +54,25 @@ def bind(defaults: T, values: Mapping[str, Any]) -> T:
     return _rebuilt(defaults, values, "")
 
 
+def constructed(kind: type[T], values: Mapping[str, Any]) -> T:
+    """An instance of a dataclass whose fields may lack defaults, with the named fields set as `bind` does it.
+
+    Args:
+        kind: The dataclass.
+        values: As for `bind`; every field without a default must be among them.
+
+    Raises:
+        InputError: As `bind`, or a field without a default is not given.
+    """
+    needed = {}
+    for item in fields(kind):
+        if item.init and item.default is MISSING and item.default_factory is MISSING:
+            if item.name not in values:
+                raise InputError(f"{item.name}: this setting has no default and must be given")
+            needed[item.name] = _fitting(item.name, values[item.name], kind, get_type_hints(kind)[item.name])
+    return bind(kind(**needed), values)
+
+
 def flatten(instance: DataclassInstance) -> dict[str, Any]:
     """Every field of nested dataclasses under its dotted name, as plain values; `bind` takes them back."""
     return {name: _plain(getattr(owner, leaf)) for name, owner, leaf in _leaves(instance, "")}
@@ -80,6 +99,8 @@ def described(instance: DataclassInstance) -> list[tuple[str, Any, str]]:
 
 def _leaves(instance: DataclassInstance, prefix: str) -> Iterator[tuple[str, DataclassInstance, str]]:
     for item in fields(instance):
+        if not item.init:
+            continue  # what a planner remembers is no setting
         value = getattr(instance, item.name)
         if is_dataclass(value) and not isinstance(value, type):
             yield from _leaves(value, f"{prefix}{item.name}.")
@@ -111,19 +132,15 @@ def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
     hints = get_type_hints(type(instance))
     changes: dict[str, Any] = {}
     for item in fields(instance):
+        if not item.init:
+            continue
         name, old = f"{prefix}{item.name}", getattr(instance, item.name)
         if is_dataclass(old) and not isinstance(old, type):
             new = _rebuilt(old, values, f"{name}.")
             if new is not old:
                 changes[item.name] = new
         elif name in values:
-            try:
-                changes[item.name] = _converted(values[name], hints[item.name])
-            except _MismatchError:
-                text = _documentation(type(instance), item.name)
-                unit = re.search(r"\[[^\]]+\]", text)
-                expected = _expectation(hints[item.name]) + (f" {unit.group()}" if unit else "")
-                raise InputError(f"{name}: expected {expected}, not {values[name]!r}") from None
+            changes[item.name] = _fitting(name, values[name], type(instance), hints[item.name])
     if not changes:
         return instance
     try:
@@ -131,6 +148,16 @@ def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
     except InputError as refusal:
         text, group = str(refusal), prefix.rstrip(".")
         raise InputError(text if text.startswith(prefix) or not group else f"{group}: {text}") from None
+
+
+def _fitting(name: str, value: object, owner: type, hint: object) -> object:
+    """The value as the type of the field says, or one line that says what was expected, with the unit."""
+    try:
+        return _converted(value, hint)
+    except _MismatchError:
+        unit = re.search(r"\[[^\]]+\]", _documentation(owner, name.rpartition(".")[2]))
+        expected = _expectation(hint) + (f" {unit.group()}" if unit else "")
+        raise InputError(f"{name}: expected {expected}, not {value!r}") from None
 
 
 def _converted(value: object, hint: object) -> object:

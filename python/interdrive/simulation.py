@@ -11,7 +11,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.agents import normalized, select
-from interdrive.choices import named, per_agent
+from interdrive.choices import named, per_agent, stored
 from interdrive.errors import InputError, InterdriveError, PredictorError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
@@ -27,14 +27,10 @@ from interdrive.scenario import KINDS, Scenario
 from interdrive.settings import flatten
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
 #: More threads than any machine has cores; the system would run out of them.
 _THREADS_MAX = 1024
-
-#: What `planner` may be: a name, a native record, an object with `plan`, a factory without arguments; or one of these
-#: per agent id, with the key "default" for all others.
-PlannerChoice = object
 
 
 class Simulation:
@@ -52,8 +48,9 @@ class Simulation:
         scenario: Scenario | str | os.PathLike[str] | object,
         *,
         agents: str | int | Sequence[int] = "all",
-        planner: PlannerChoice = "frenet",
+        planner: object = "frenet",
         predictor: object = "lane_following",
+        views: Mapping[Any, object] | None = None,
         settings: SimulationSettings | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -65,8 +62,11 @@ class Simulation:
             scenario: A `Scenario`, the path of a CommonRoad file, the name of a shipped scenario, or a
                 `commonroad.scenario.scenario.Scenario` (alone or as a pair with its planning problem set).
             agents: "all", a number, or ids; see `interdrive.agents.select`.
-            planner: Name, record, object, factory, or a mapping from agent id (and "default") to these.
-            predictor: Name, record, object or factory.
+            planner: A name, a record such as `Frenet(level=1)`, an object, a class, a factory without arguments, a text
+                "frenet,level=1" or a table `{"planner": "frenet", "level": 1}` with settings; or a mapping from agent
+                ids (and "default") to these.
+            predictor: The same for the predictor of all agents.
+            views: From agent ids (and "default") to what they see; the others see as `settings.view` says.
             settings: Settings; the defaults otherwise.
             seed: For the choice of agents.
             threads: Threads that plan; the number of cores otherwise. Results do not depend on it.
@@ -99,7 +99,7 @@ class Simulation:
         self._notes = [*self.scenario.notes, *notes]
         if snapshots_of is not None and snapshots_of not in {agent.id for agent in self.agents}:
             raise InputError(f"agent {snapshots_of}: pictures of its candidates are asked for, but it is not an agent")
-        self._choices = per_agent(planner, [agent.id for agent in self.agents], self.settings.planner)
+        self._choices = per_agent(planner, views or {}, self.agents, self.settings)
         self.reset()
 
     def reset(self) -> None:
@@ -109,7 +109,7 @@ class Simulation:
         self._python_planners: dict[int, Planner] = {}
         handles = []
         for agent in self.agents:
-            record = resolve_planner(self._choices[agent.id], self.settings.planner)
+            record = resolve_planner(self._choices[agent.id].planner, self.settings.planner)
             native_record = native_planner(record)
             if native_record is None:
                 self._python_planners[agent.id] = record  # type: ignore[assignment]
@@ -125,7 +125,7 @@ class Simulation:
                     agent.native_goal,
                     agent.route,
                     native_record,
-                    self.settings.view.sensor_radius,
+                    self._choices[agent.id].view.sensor_radius,
                 )
             )
         step = self.settings.step
@@ -228,7 +228,7 @@ class Simulation:
     def record(self) -> Run:
         """What happened so far, as arrays."""
         states = states_of(self.world.states())
-        names = {agent.id: name_of(self._choices[agent.id]) for agent in self.agents}
+        names = {agent.id: name_of(self._choices[agent.id].planner) for agent in self.agents}
         return Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
@@ -250,13 +250,9 @@ class Simulation:
         )
 
     def _repeatable_settings(self) -> dict[str, Any]:
-        planners = {str(i): name_of(choice) for i, choice in self._choices.items()}
-        same = len(set(planners.values())) == 1
         return {
             "agents": self._agents_wanted,
-            "planner": next(iter(planners.values())) if same else planners,
-            "predictor": name_of(self._predictor_choice),
-            "repeatable": all(isinstance(c, str) for c in (*self._choices.values(), self._predictor_choice)),
+            **stored(self._choices, self._predictor_choice, self.settings),
             "seed": self.seed,
             "threads": self.threads,
             "settings": flatten(self.settings),
@@ -267,8 +263,9 @@ def simulate(
     scenario: Scenario | str | os.PathLike[str] | object,
     *,
     agents: str | int | Sequence[int] = "all",
-    planner: PlannerChoice = "frenet",
+    planner: object = "frenet",
     predictor: object = "lane_following",
+    views: Mapping[Any, object] | None = None,
     settings: SimulationSettings | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -289,6 +286,7 @@ def simulate(
         agents=agents,
         planner=planner,
         predictor=predictor,
+        views=views,
         settings=settings,
         seed=seed,
         threads=threads,

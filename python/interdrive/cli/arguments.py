@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive.errors import InputError
+from interdrive.plugins import read_choice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from interdrive.plugins import Choice
 
 
 def scenario_named(name: str) -> str:
@@ -33,6 +36,26 @@ def assigned(assignments: Sequence[str]) -> dict[str, str]:
             raise InputError(f"--set {text}: write it as name=value")
         values[name.strip()] = value.strip()
     return values
+
+
+def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
+    """What `--agent` says, by id."""
+    found: dict[int, Choice] = {}
+    for text in texts:
+        number, equals, choice = text.partition("=")
+        try:
+            agent = int(number)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise InputError(f"--agent {text}: write it as ID=NAME[,SETTING=VALUE...]")
+        if agent in found:
+            raise InputError(f"--agent {text}: agent {agent} is there twice")
+        try:
+            found[agent] = read_choice(choice, "planner")
+        except InputError as error:
+            raise InputError(f"--agent {number}: {error}") from None
+    return found
 
 
 def new_folder(name: str) -> Path:

@@ -2,57 +2,25 @@
 
 from __future__ import annotations
 
-import difflib
-import tomllib
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
+from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, scenario_named, shown
+from interdrive.cli.config import RunChoices, read_config
 from interdrive.errors import InputError
-from interdrive.settings import bind, dotted
+from interdrive.plugins import read_choice
+from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from interdrive.plugins import Choice
     from interdrive.run import Run
     from interdrive.run_settings import SimulationSettings
-
-
-@dataclass(frozen=True)
-class RunChoices:
-    """What `run` can be told besides settings; the same names in a configuration file.
-
-    Attributes:
-        scenario: Path of a CommonRoad file, or name of a shipped scenario.
-        agents: "all", a number, or ids.
-        planner: Name of the planner.
-        predictor: Name of the predictor.
-        seed: For the choice of agents.
-        threads: Threads that plan; none: all cores.
-        out: Run folder; none: a new one under out/.
-        overwrite: Replace the run in that folder.
-        png: Draw the trajectories.
-        gif: Make a film.
-        mp4: Make a film with ffmpeg.
-        agent_view: Agent that the film follows.
-    """
-
-    scenario: str = ""
-    agents: int | tuple[int, ...] | str = "all"
-    planner: str = "frenet"
-    predictor: str = "lane_following"
-    seed: int = 0
-    threads: int | None = None
-    out: str | None = None
-    overwrite: bool = False
-    png: bool = False
-    gif: bool = False
-    mp4: bool = False
-    agent_view: int | None = None
 
 
 @click.command()
@@ -60,8 +28,23 @@ class RunChoices:
 @click.option(
     "--agents", metavar="all|N|ID,ID", help="Who plans: all, a number chosen with the seed, or ids ('7,' is id 7)."
 )
-@click.option("--planner", metavar="NAME", help="frenet (default), a plug-in, or module:object.")
-@click.option("--predictor", metavar="NAME", help="lane_following (default), constant_velocity, ground_truth, ...")
+@click.option(
+    "--planner",
+    metavar="NAME[,SETTING=VALUE...]",
+    help="Who plans for the agents: frenet (default), another one that `interdrive planners` lists, or module:object.",
+)
+@click.option(
+    "--agent",
+    "by_agent",
+    metavar="ID=NAME[,SETTING=VALUE...]",
+    multiple=True,
+    help="Another planner, settings or view for one agent, for instance 5=frenet,level=1,view.sensor_radius=40.",
+)
+@click.option(
+    "--predictor",
+    metavar="NAME[,SETTING=VALUE...]",
+    help="Who predicts: lane_following (default), another one that `interdrive predictors` lists, or module:object.",
+)
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -75,14 +58,21 @@ class RunChoices:
 @click.option("--mp4", is_flag=True, default=None, help="Make a film: run.mp4 (needs ffmpeg).")
 @click.option("--agent-view", metavar="ID", help="The film follows this agent and shows what it considered.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-def run(file: str | None, assignments: tuple[str, ...], config: str | None, quiet: bool, **given: Any) -> int:  # noqa: ANN401
+def run(
+    file: str | None,
+    assignments: tuple[str, ...],
+    by_agent: tuple[str, ...],
+    config: str | None,
+    quiet: bool,
+    **given: Any,  # noqa: ANN401 - texts and flags
+) -> int:
     """Let the vehicles of a scenario plan for themselves.
 
     FILE is a CommonRoad file or the name of a shipped scenario (t_junction, lane_merge, highway, intersection).
     """
     given["scenario"] = file
-    choices, settings = _configured(
-        config, {name: value for name, value in given.items() if value is not None}, assignments
+    choices, own, settings = _configured(
+        config, {name: value for name, value in given.items() if value is not None}, by_agent, assignments
     )
     if not choices.scenario:
         raise InputError("run: which scenario? Give a CommonRoad file or the name of a shipped scenario")
@@ -94,13 +84,14 @@ def run(file: str | None, assignments: tuple[str, ...], config: str | None, quie
     from interdrive.simulation import simulate  # noqa: PLC0415
 
     source = scenario_named(choices.scenario)
+    planner: object = {"default": choices.planner, **{str(agent): choice for agent, choice in own.items()}}
     folder = _target(choices)
     with progress(quiet=quiet) as report:
         report.say(f"reading {choices.scenario}")
         done = simulate(
             source,
             agents=choices.agents,
-            planner=choices.planner,
+            planner=planner if own else choices.planner,
             predictor=choices.predictor,
             settings=settings,
             seed=choices.seed,
@@ -120,14 +111,15 @@ def run(file: str | None, assignments: tuple[str, ...], config: str | None, quie
 
 
 def _configured(
-    config: str | None, given: Mapping[str, Any], assignments: Sequence[str]
-) -> tuple[RunChoices, SimulationSettings]:
-    """Choices and settings: defaults, then the file, then the command line."""
+    config: str | None, given: Mapping[str, Any], by_agent: Sequence[str], assignments: Sequence[str]
+) -> tuple[RunChoices, dict[int, Choice], SimulationSettings]:
+    """Choices for all, those per agent, and settings: defaults, then the file, then the command line."""
     from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
 
     choices, settings = RunChoices(), SimulationSettings()
+    own: dict[int, Choice] = {}
     if config is not None:
-        in_file, values = _read_config(Path(config))
+        in_file, own, values = read_config(Path(config))
         try:
             choices, settings = bind(choices, in_file), bind(settings, values)
         except InputError as error:
@@ -137,37 +129,9 @@ def _configured(
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{str(error).replace('agent_view', 'agent-view')}") from None
-    return choices, bind(settings, values_given)
-
-
-def _read_config(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Choices and settings of a TOML file.
-
-    Choices stand at the top level or, since TOML cannot have `planner = "frenet"` beside `[planner.frenet]`, in the
-    table `[run]`. A relative scenario path starts at the file's folder.
-    """
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as cause:
-        raise InputError(f"{path}: not a configuration file: {cause}") from cause
-    names = [field.name for field in fields(RunChoices)]
-    choices: dict[str, Any] = {}
-    settings: dict[str, Any] = {}
-    for name, value in dotted(document).items():
-        short = name.removeprefix("run.")
-        if short in names:
-            choices[short] = value
-        elif "." in name and short == name:
-            settings[name] = value
-        else:
-            near = difflib.get_close_matches(short, names, n=1)
-            raise InputError(f"{path}: {name}: there is no such entry" + (f"; did you mean {near[0]}?" if near else ""))
-    beside = path.parent / str(choices.get("scenario", ""))
-    if "scenario" in choices and beside.is_file():
-        choices["scenario"] = str(beside)
-    return choices, settings
+    for text, what in ((choices.planner, "planner"), (choices.predictor, "predictor")):
+        read_choice(text, what)  # refused before the scenario is read
+    return choices, own | choices_by_agent(by_agent), bind(settings, values_given)
 
 
 def _target(choices: RunChoices) -> Path:

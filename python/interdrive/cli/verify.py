@@ -37,11 +37,11 @@ def verify(folder: str, scenario: str | None, threads: int | None) -> int:
             raise InputError(
                 f"{folder}: the run used objects made in Python, which run.json cannot name; repeat it there"
             )
-        planner = wanted["planner"]
         arguments: dict[str, Any] = {
             "agents": wanted["agents"],
-            "planner": {int(key): name for key, name in planner.items()} if isinstance(planner, dict) else planner,
+            "planner": wanted["planner"],
             "predictor": wanted["predictor"],
+            "views": wanted.get("views", {}),
             "seed": wanted["seed"],
             "settings": bind(SimulationSettings(), wanted["settings"]),
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from interdrive import _core
 from interdrive.settings import flatten
@@ -122,6 +123,20 @@ class PlannerSettings:
 
 #: Names of the native planners, each with one line of explanation.
 NATIVE = {"frenet": "samples trajectories in the Frenet frame of the reference path and takes the cheapest safe one"}
+
+
+#: The record of each native planner.
+RECORDS: dict[str, type] = {"frenet": Frenet}
+
+
+def native_name(record: object) -> str | None:
+    """The name of a native record; None for anything else."""
+    return next((name for name, kind in RECORDS.items() if type(record) is kind), None)
+
+
+def native_record(name: str, settings: PlannerSettings) -> Any:  # noqa: ANN401 - one of RECORDS
+    """The record of a native planner as the settings have it; one without settings is made."""
+    return getattr(settings, name, None) or RECORDS[name]()
 
 
 def native_planner(record: object) -> _core.FrenetSettings | None:

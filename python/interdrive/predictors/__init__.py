@@ -7,23 +7,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.plugins import find, made
+from interdrive.plugins import find, made, named_error, read_choice
+from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from interdrive._core import Predictions, Scene
 
 __all__ = [
     "NATIVE",
+    "RECORDS",
     "ConstantVelocity",
     "GroundTruth",
     "LaneFollowing",
     "Predictor",
     "PredictorSettings",
     "native",
+    "native_name",
     "resolve",
 ]
 
@@ -138,7 +141,12 @@ class PredictorSettings:
             raise InputError(f"predictor.horizon must be more than 0 and at most 30 s, not {self.horizon}")
 
 
-_RECORDS = (ConstantVelocity, LaneFollowing, GroundTruth)
+#: The record of each native predictor.
+RECORDS: dict[str, type] = {
+    "constant_velocity": ConstantVelocity,
+    "lane_following": LaneFollowing,
+    "ground_truth": GroundTruth,
+}
 
 #: Names of the native predictors, each with one line of explanation.
 NATIVE = {
@@ -148,23 +156,37 @@ NATIVE = {
 }
 
 
+def native_name(record: object) -> str | None:
+    """The name of a native record; None for anything else."""
+    return next((name for name, kind in RECORDS.items() if type(record) is kind), None)
+
+
 def resolve(predictor: object, settings: PredictorSettings) -> object:
-    """A native record or an object with `predict` from a name, `module:object`, record, object or factory.
+    """A native record or an object with `predict` from a choice.
+
+    Args:
+        predictor: Name, `module:object`, record, object, class or factory; or one of these with settings, as
+            `interdrive.plugins.read_choice` reads them.
+        settings: What native predictors have where the choice says nothing else.
 
     Raises:
-        InputError: Unknown name (with the nearest valid one), or something that is no predictor.
+        InputError: Unknown name or setting (with the nearest valid one), a value that does not fit, or something that
+            is no predictor.
     """
-    if isinstance(predictor, str):
-        if predictor == "ground_truth":
-            return GroundTruth()
-        if predictor in NATIVE:
-            return getattr(settings, predictor)
-        predictor = find(predictor, tuple(NATIVE), "predictor")
-    if not isinstance(predictor, _RECORDS):
-        predictor = made(predictor, "predict", "predictor")
-    if isinstance(predictor, (*_RECORDS, Predictor)):
-        return predictor
-    raise InputError(f"{predictor!r} is no predictor: it has no method predict(scene)")
+    choice = read_choice(predictor, "predictor")
+    chosen: Any = choice.chosen
+    try:
+        if isinstance(chosen, str) and chosen in NATIVE:
+            chosen = getattr(settings, chosen, None) or RECORDS[chosen]()
+        if native_name(chosen) is not None:
+            return bind(chosen, choice.settings)
+        found = find(chosen, tuple(NATIVE), "predictor") if isinstance(chosen, str) else chosen
+        found = made(found, "predict", "predictor", choice.settings)
+    except InputError as error:
+        raise named_error(error, f"predictor {choice.chosen}") from error
+    if native_name(found) is not None or isinstance(found, Predictor):
+        return found
+    raise InputError(f"{found!r} is no predictor: it has no method predict(scene)")
 
 
 def native(record: object, settings: PredictorSettings, recorded: _core.Scenario) -> _core.Predictor | None:

@@ -1,0 +1,101 @@
+"""The configuration file of `interdrive run`: the same choices and settings as on the command line."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from interdrive.errors import InputError
+from interdrive.plugins import read_choice
+from interdrive.settings import dotted
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from interdrive.plugins import Choice
+
+
+@dataclass(frozen=True)
+class RunChoices:
+    """What `run` can be told besides settings; the same names in a configuration file.
+
+    Attributes:
+        scenario: Path of a CommonRoad file, or name of a shipped scenario.
+        agents: "all", a number, or ids.
+        planner: Name of the planner of all agents that have none of their own, with settings if wanted.
+        predictor: Name of the predictor, with settings if wanted.
+        seed: For the choice of agents.
+        threads: Threads that plan; none: all cores.
+        out: Run folder; none: a new one under out/.
+        overwrite: Replace the run in that folder.
+        png: Draw the trajectories.
+        gif: Make a film.
+        mp4: Make a film with ffmpeg.
+        agent_view: Agent that the film follows.
+    """
+
+    scenario: str = ""
+    agents: int | tuple[int, ...] | str = "all"
+    planner: str = "frenet"
+    predictor: str = "lane_following"
+    seed: int = 0
+    threads: int | None = None
+    out: str | None = None
+    overwrite: bool = False
+    png: bool = False
+    gif: bool = False
+    mp4: bool = False
+    agent_view: int | None = None
+
+
+def read_config(path: Path) -> tuple[dict[str, Any], dict[int, Choice], dict[str, Any]]:
+    """Choices for all, choices per agent, and settings of a TOML file.
+
+    Choices stand at the top level or, since TOML cannot have `planner = "frenet"` beside `[planner.frenet]`, in the
+    table `[run]`. The table `[agent.5]` says what agent 5 has: `planner = "frenet"` and settings of that planner by
+    their names. A relative scenario path starts at the file's folder.
+
+    Raises:
+        InputError: No such file, not TOML, or an entry that does not exist (with the nearest one).
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError) as cause:
+        raise InputError(f"{path}: not a configuration file: {cause}") from cause
+    names = [field.name for field in fields(RunChoices)]
+    own = _per_agent(path, document.pop("agent", {}))
+    choices: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
+    for name, value in dotted(document).items():
+        short = name.removeprefix("run.")
+        if short in names:
+            choices[short] = value
+        elif "." in name and short == name:
+            settings[name] = value
+        else:
+            near = difflib.get_close_matches(short, names, n=1)
+            raise InputError(f"{path}: {name}: there is no such entry" + (f"; did you mean {near[0]}?" if near else ""))
+    beside = path.parent / str(choices.get("scenario", ""))
+    if "scenario" in choices and beside.is_file():
+        choices["scenario"] = str(beside)
+    return choices, own, settings
+
+
+def _per_agent(path: Path, tables: object) -> dict[int, Choice]:
+    found: dict[int, Choice] = {}
+    if not isinstance(tables, dict):
+        raise InputError(f"{path}: agent: write a table per agent, for instance [agent.5]")
+    for key, table in tables.items():
+        if not isinstance(table, dict) or not key.removeprefix("-").isdecimal():
+            raise InputError(f"{path}: agent.{key}: write a table per agent, for instance [agent.5]")
+        if not isinstance(table.get("planner", ""), str):
+            raise InputError(f"{path}: agent.{key}.planner: expected a text, not {table['planner']!r}")
+        try:
+            found[int(key)] = read_choice(table, "planner")
+        except InputError as error:
+            raise InputError(f"{path}: agent.{key}: {error}") from None
+    return found
