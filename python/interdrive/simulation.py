@@ -202,9 +202,8 @@ class Simulation:
         for agent_id in plans.missing:
             try:
                 view = self.world.view(scene, agent_id)
-                seen = predictions.of(np.append(view.ids, agent_id))
-                trajectory = self._python_planners[agent_id].plan(view, seen)
-                write_plan(plans, agent_id, trajectory, view)
+                trajectory = self._python_planners[agent_id].plan(view, predictions.seen_by(view))
+                write_plan(plans, trajectory, view)
             except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a planner raises costs its own agent only
                 text = str(error) if isinstance(error, InterdriveError) else f"{type(error).__name__}: {error}"
                 plans.fail(agent_id, f"planner of agent {agent_id} at time step {scene.time_step}: {text}")

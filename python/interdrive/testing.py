@@ -197,7 +197,7 @@ class _Watched:
         seconds = time.perf_counter() - start
         self.slowest = max(self.slowest, seconds)
         try:
-            write_plan(_NoPlans(), view.ego.id, plan, view)  # type: ignore[arg-type]
+            write_plan(_NoPlans(), plan, view)  # type: ignore[arg-type]
         except Exception as error:  # noqa: BLE001
             fail(str(error))
         if not np.array_equal(before, _seen(view), equal_nan=True):

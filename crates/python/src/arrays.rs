@@ -54,6 +54,14 @@ pub fn read_row<T: Element + Copy>(name: &str, array: &PyReadonlyArray1<'_, T>, 
     Ok(array.as_array().iter().copied().collect())
 }
 
+/// Values of an array that must have one dimension.
+pub fn read_line(name: &str, array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Vec<f64>> {
+    if array.shape().len() != 1 {
+        return Err(InputError::new_err(format!("{name} has shape {:?}, one dimension is expected", array.shape())));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
 /// Values of an array of a known shape, row-major.
 pub fn read_grid<T: Element + Copy>(
     name: &str,

@@ -9,6 +9,7 @@ use interdrive_core::trajectory::State;
 use interdrive_core::world::Agent;
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use crate::arrays;
 use crate::scenario::{PyGoal, PyRoadNetwork, PyRoute, PyVehicle};
@@ -118,6 +119,15 @@ impl PyScene {
     fn road(&self) -> PyRoadNetwork {
         PyRoadNetwork(Arc::clone(&self.road))
     }
+    /// What `World.scene_from` of another process needs: plain numbers and arrays.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let past = &self.scene.past;
+        let fields = [&past.x, &past.y, &past.orientation, &past.velocity, &past.acceleration, &past.yaw_rate];
+        let fields = fields.map(|values| arrays::row(py, values.clone()));
+        let valid = arrays::row(py, past.valid.clone());
+        let present = self.scene.present.clone();
+        (self.scene.time_step, present, past.first_time_step, past.n_steps, fields, valid).into_pyobject(py)
+    }
 }
 
 /// What one agent knows. `ids`, `x`, ... are the participants that it sees; its own state is `state`.
@@ -125,7 +135,9 @@ impl PyScene {
 pub struct PyView {
     pub scene: Arc<Scene>,
     pub visible: Vec<usize>,
-    pub agent: Agent,
+    /// The agent's own row.
+    pub row: usize,
+    pub agent: Arc<Agent>,
     pub state: State,
     pub s: f64,
     pub road: Arc<RoadNetwork>,

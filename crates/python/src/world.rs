@@ -5,19 +5,24 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::plan::frenet::FrenetSettings;
+use interdrive_core::plan::outside::{StatedPlan, check_plan};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
-use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State};
+use interdrive_core::scene::Scene;
+use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, World, WorldSettings};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
 use crate::planner::PyFrenetSettings;
 use crate::scenario::{PyGoal, PyRoute, PyScenario, PyShape, PyVehicle};
 use crate::view::{PyScene, PyView};
+
+/// Time step, rows present, first time step and number of columns of the past, its six fields row-major, its mask.
+type SceneParts<'py> = (i64, Vec<usize>, i64, usize, [PyReadonlyArray1<'py, f64>; 6], PyReadonlyArray1<'py, bool>);
 
 #[pyclass(frozen, name = "Agent", module = "interdrive._core")]
 pub struct PyAgent(pub Agent);
@@ -89,12 +94,48 @@ impl PyPredictor {
     }
 }
 
+/// A table of predictions, or some of its rows: what one agent may know is not copied before it is looked at.
 #[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
-pub struct PyPredictions(pub Arc<Predictions>);
+pub struct PyPredictions {
+    table: Arc<Predictions>,
+    rows: Option<Vec<usize>>,
+}
 
 impl PyPredictions {
-    fn steps<'py, T: numpy::Element + Clone>(&self, py: Python<'py>, values: &[T]) -> PyResult<Bound<'py, PyAny>> {
-        arrays::grid(py, values.to_vec(), [self.0.ids.len(), self.0.n_modes, self.0.n_steps])
+    pub fn whole(table: Predictions) -> Self {
+        Self { table: Arc::new(table), rows: None }
+    }
+
+    /// The table for the core.
+    pub fn table(&self) -> std::borrow::Cow<'_, Predictions> {
+        match &self.rows {
+            None => std::borrow::Cow::Borrowed(&*self.table),
+            Some(_) => std::borrow::Cow::Owned(self.table.of(&self.shown_ids())),
+        }
+    }
+
+    fn shown_ids(&self) -> Vec<i64> {
+        match &self.rows {
+            None => self.table.ids.clone(),
+            Some(rows) => rows.iter().map(|row| self.table.ids[*row]).collect(),
+        }
+    }
+
+    /// The entries of the shown rows in a table with `width` entries per row.
+    fn shown<T: Copy>(&self, values: &[T], width: usize) -> Vec<T> {
+        match &self.rows {
+            None => values.to_vec(),
+            Some(rows) => rows.iter().flat_map(|row| values[row * width..(row + 1) * width].iter().copied()).collect(),
+        }
+    }
+
+    fn n_shown(&self) -> usize {
+        self.rows.as_ref().map_or(self.table.ids.len(), Vec::len)
+    }
+
+    fn steps<'py, T: numpy::Element + Copy>(&self, py: Python<'py>, values: &[T]) -> PyResult<Bound<'py, PyAny>> {
+        let (n_modes, n_steps) = (self.table.n_modes, self.table.n_steps);
+        arrays::grid(py, self.shown(values, n_modes * n_steps), [self.n_shown(), n_modes, n_steps])
     }
 }
 
@@ -145,7 +186,7 @@ impl PyPredictions {
             valid: arrays::read_grid("predictions: valid", &valid, &shape)?,
         };
         predictions.validate().map_err(exception)?;
-        Ok(Self(Arc::new(predictions)))
+        Ok(Self::whole(predictions))
     }
 
     /// The rows of some participants; ids that are not there are left out.
@@ -153,50 +194,86 @@ impl PyPredictions {
         let mut ids = ids.as_array().to_vec();
         ids.sort_unstable();
         ids.dedup();
-        Self(Arc::new(self.0.of(&ids)))
+        self.only(ids.into_iter())
+    }
+
+    /// The rows that an agent may know: of those in its view, and its own.
+    fn seen_by(&self, view: &PyView) -> Self {
+        let mut rows = view.visible.clone();
+        rows.insert(rows.partition_point(|row| *row < view.row), view.row);
+        self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
+    }
+
+    /// For other processes.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, this) = (slf.py(), slf.get());
+        let arguments = (
+            this.time_step(),
+            this.ids(py),
+            this.probability(py)?,
+            this.x(py)?,
+            this.y(py)?,
+            this.orientation(py)?,
+            this.velocity(py)?,
+            this.covariance(py)?,
+            this.valid(py)?,
+        );
+        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
     }
 
     #[getter]
     fn time_step(&self) -> i64 {
-        self.0.time_step
+        self.table.time_step
     }
     #[getter]
     fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        arrays::row(py, self.0.ids.clone())
+        arrays::row(py, self.shown_ids())
     }
     /// Probability of each mode, shape (participants, modes).
     #[getter]
     fn probability<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::grid(py, self.0.probability.clone(), [self.0.ids.len(), self.0.n_modes])
+        let n_modes = self.table.n_modes;
+        arrays::grid(py, self.shown(&self.table.probability, n_modes), [self.n_shown(), n_modes])
     }
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.0.x)
+        self.steps(py, &self.table.x)
     }
     #[getter]
     fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.0.y)
+        self.steps(py, &self.table.y)
     }
     #[getter]
     fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.0.orientation)
+        self.steps(py, &self.table.orientation)
     }
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.0.velocity)
+        self.steps(py, &self.table.velocity)
     }
     /// Covariance of the position [m²], shape (participants, modes, steps, 2, 2).
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let p = &self.0;
-        let flat: Vec<f64> = (0..p.x.len())
-            .flat_map(|i| [p.covariance_xx[i], p.covariance_xy[i], p.covariance_xy[i], p.covariance_yy[i]])
-            .collect();
-        arrays::grid(py, flat, [p.ids.len(), p.n_modes, p.n_steps, 2, 2])
+        let width = self.table.n_modes * self.table.n_steps;
+        let (xx, xy, yy) = (
+            self.shown(&self.table.covariance_xx, width),
+            self.shown(&self.table.covariance_xy, width),
+            self.shown(&self.table.covariance_yy, width),
+        );
+        let flat: Vec<f64> = (0..xx.len()).flat_map(|i| [xx[i], xy[i], xy[i], yy[i]]).collect();
+        arrays::grid(py, flat, [self.n_shown(), self.table.n_modes, self.table.n_steps, 2, 2])
     }
     #[getter]
     fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.0.valid)
+        self.steps(py, &self.table.valid)
+    }
+}
+
+impl PyPredictions {
+    fn only(&self, ids: impl Iterator<Item = i64>) -> Self {
+        let shown = self.rows.as_deref();
+        let rows = ids.filter_map(|id| self.table.row(id)).filter(|row| shown.is_none_or(|rows| rows.contains(row)));
+        Self { table: Arc::clone(&self.table), rows: Some(rows.collect()) }
     }
 }
 
@@ -225,37 +302,34 @@ impl PyPlans {
         self.0.ids.iter().zip(&self.0.status).filter_map(none).collect()
     }
 
-    /// Writes the plan of one agent: arrays of shape (points,), point 0 is now.
+    /// Checks the plan that a planner made from its view and writes it: arrays of shape (points,), point 0 is now.
+    #[pyo3(signature = (view, x, y, orientation, velocity, acceleration=None, yaw_rate=None))]
     fn set(
         &mut self,
-        id: i64,
-        x: PyReadonlyArray1<'_, f64>,
-        y: PyReadonlyArray1<'_, f64>,
-        orientation: PyReadonlyArray1<'_, f64>,
-        velocity: PyReadonlyArray1<'_, f64>,
-        acceleration: PyReadonlyArray1<'_, f64>,
-        yaw_rate: PyReadonlyArray1<'_, f64>,
+        view: &PyView,
+        x: PyReadonlyArrayDyn<'_, f64>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        orientation: PyReadonlyArrayDyn<'_, f64>,
+        velocity: PyReadonlyArrayDyn<'_, f64>,
+        acceleration: Option<PyReadonlyArrayDyn<'_, f64>>,
+        yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
     ) -> PyResult<()> {
-        let n = x.as_array().len();
-        let fields = [
-            arrays::read_row("x", &x, n)?,
-            arrays::read_row("y", &y, n)?,
-            arrays::read_row("orientation", &orientation, n)?,
-            arrays::read_row("velocity", &velocity, n)?,
-            arrays::read_row("acceleration", &acceleration, n)?,
-            arrays::read_row("yaw_rate", &yaw_rate, n)?,
-        ];
-        let points: Vec<State> = (0..n)
-            .map(|i| State {
-                x: fields[0][i],
-                y: fields[1][i],
-                orientation: fields[2][i],
-                velocity: fields[3][i],
-                acceleration: fields[4][i],
-                yaw_rate: fields[5][i],
-            })
-            .collect();
-        self.0.set_row(id, &points).map_err(exception)
+        let optional = |name: &str, values: &Option<PyReadonlyArrayDyn<'_, f64>>| {
+            values.as_ref().map(|values| arrays::read_line(name, values)).transpose()
+        };
+        let (acceleration, yaw_rate) = (optional("acceleration", &acceleration)?, optional("yaw_rate", &yaw_rate)?);
+        let plan = StatedPlan {
+            x: &arrays::read_line("x", &x)?,
+            y: &arrays::read_line("y", &y)?,
+            orientation: &arrays::read_line("orientation", &orientation)?,
+            velocity: &arrays::read_line("velocity", &velocity)?,
+            acceleration: acceleration.as_deref(),
+            yaw_rate: yaw_rate.as_deref(),
+        };
+        let dt = view.scene.dt;
+        let points = plan.points(dt).map_err(exception)?;
+        check_plan(&points, &view.state, &view.agent.vehicle, dt).map_err(exception)?;
+        self.0.set_row(view.agent.id, &points).map_err(exception)
     }
 
     /// Notes that an agent's planner failed.
@@ -316,9 +390,11 @@ impl PyWorld {
         PyScene { scene: Arc::new(scene), road: Arc::clone(&world.scenario().road) }
     }
 
-    /// What an agent sees.
-    fn view(&self, scene: &PyScene, id: i64) -> PyResult<PyView> {
-        let agent = self.0.agent(id).map_err(exception)?.clone();
+    /// What an agent sees. `s` is the arc length of its rear axle on its reference path [m]; the world knows it, other
+    /// processes must be told.
+    #[pyo3(signature = (scene, id, s=None))]
+    fn view(&self, scene: &PyScene, id: i64, s: Option<f64>) -> PyResult<PyView> {
+        let agent = Arc::clone(self.0.agent(id).map_err(exception)?);
         let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
         if !scene.scene.present.contains(&row) {
             return Err(InputError::new_err(format!(
@@ -328,12 +404,34 @@ impl PyWorld {
         }
         Ok(PyView {
             visible: scene.scene.visible_from(row, agent.sensor_radius),
+            row,
             state: scene.scene.state(row),
-            s: self.0.progress(id).map_err(exception)?,
+            s: s.map_or_else(|| self.0.progress(id).map_err(exception), Ok)?,
             scene: Arc::clone(&scene.scene),
             road: Arc::clone(&self.0.scenario().road),
             agent,
         })
+    }
+
+    /// The scene of another process that simulates the same world, from its `parts`.
+    fn scene_from(&self, parts: SceneParts<'_>) -> PyResult<PyScene> {
+        let (time_step, present, first_time_step, n_steps, fields, valid) = parts;
+        let participants = Arc::clone(self.0.participants());
+        let n = participants.ids.len();
+        if let Some(row) = present.iter().find(|row| **row >= n) {
+            return Err(InputError::new_err(format!("scene: there is no row {row} among {n} participants")));
+        }
+        let mut past = States::absent(participants.ids.clone(), first_time_step, n_steps);
+        past.valid = arrays::read_row("scene: valid", &valid, n * n_steps)?;
+        let [x, y, orientation, velocity, acceleration, yaw_rate] = fields;
+        past.x = arrays::read_row("scene: x", &x, n * n_steps)?;
+        past.y = arrays::read_row("scene: y", &y, n * n_steps)?;
+        past.orientation = arrays::read_row("scene: orientation", &orientation, n * n_steps)?;
+        past.velocity = arrays::read_row("scene: velocity", &velocity, n * n_steps)?;
+        past.acceleration = arrays::read_row("scene: acceleration", &acceleration, n * n_steps)?;
+        past.yaw_rate = arrays::read_row("scene: yaw_rate", &yaw_rate, n * n_steps)?;
+        let scene = Scene { time_step, dt: self.0.scenario().dt, participants, present, past };
+        Ok(PyScene { scene: Arc::new(scene), road: Arc::clone(&self.0.scenario().road) })
     }
 
     fn predict(
@@ -344,12 +442,12 @@ impl PyWorld {
         n_steps: usize,
     ) -> PyResult<PyPredictions> {
         let world = &self.0;
-        detached(py, || world.predict(&predictor.0, &scene.scene, n_steps)).map(|p| PyPredictions(Arc::new(p)))
+        detached(py, || world.predict(&predictor.0, &scene.scene, n_steps)).map(PyPredictions::whole)
     }
 
     fn plan(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPlans> {
-        let world = &self.0;
-        detached(py, || world.plan(&scene.scene, &predictions.0)).map(PyPlans)
+        let (world, table) = (&self.0, predictions.table());
+        detached(py, || world.plan(&scene.scene, &table)).map(PyPlans)
     }
 
     fn step(&mut self, py: Python<'_>, plans: &PyPlans) -> PyResult<()> {
@@ -365,8 +463,8 @@ impl PyWorld {
         scene: &PyScene,
         predictions: &PyPredictions,
     ) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let world = &self.0;
-        let found = detached(py, || world.candidates(id, &scene.scene, &predictions.0))?;
+        let (world, table) = (&self.0, predictions.table());
+        let found = detached(py, || world.candidates(id, &scene.scene, &table))?;
         found.map(|candidates| crate::planner::candidates_dict(py, &candidates)).transpose()
     }
 

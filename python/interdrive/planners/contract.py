@@ -14,10 +14,6 @@ if TYPE_CHECKING:
 
     from interdrive._core import Plans, Predictions, View
 
-#: A plan's point 0 may differ from the present heading [rad] and speed [m/s] by this much: planners with models of
-#: their own smooth the start.
-_START_TURN_MAX, _START_VELOCITY_MAX = 0.2, 1.0
-
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -55,49 +51,35 @@ class Planner(Protocol):
         ...
 
 
-def _check_start(arrays: dict[str, NDArray[np.float64]], view: View) -> None:
-    """The plan starts at the present state and never claims a speed that the vehicle does not have."""
-    ego = view.ego
-    gap = float(np.hypot(arrays["x"][0] - ego.x, arrays["y"][0] - ego.y))
-    if gap > 0.1:
-        raise InputError(f"the plan starts {gap:.2f} m away from the agent")
-    turn = float(np.angle(np.exp(1j * (arrays["orientation"][0] - ego.orientation))))
-    if abs(turn) > _START_TURN_MAX:
-        raise InputError(f"the plan starts with a heading {turn:.2f} rad off the agent's")
-    change = float(arrays["velocity"][0] - ego.velocity)
-    if abs(change) > _START_VELOCITY_MAX:
-        raise InputError(f"the plan starts {change:.2f} m/s off the agent's speed")
-    fastest = float(np.abs(arrays["velocity"]).max())
-    if fastest > 1.1 * ego.vehicle.velocity_max:
-        raise InputError(f"the plan claims {fastest:.1f} m/s, the vehicle reaches {ego.vehicle.velocity_max:.1f} m/s")
+#: Fields of a trajectory; the last two may be None.
+_FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
 
 
-def write_plan(plans: Plans, agent_id: int, trajectory: object, view: View) -> None:
-    """Checks a trajectory from outside and writes it into the table of plans.
+def stated(trajectory: object) -> tuple[NDArray[np.float64] | None, ...]:
+    """The arrays of a trajectory: x, y, orientation, velocity, acceleration, yaw_rate.
 
     Raises:
-        InputError: No trajectory, arrays of different shapes, fewer than two points, values that are not numbers, or
-            a start elsewhere than at the present state.
+        InputError: No trajectory, or a field that holds no real numbers.
     """
     if not isinstance(trajectory, Trajectory):
         raise InputError(f"a {type(trajectory).__name__} was returned, a Trajectory is expected")
-    fields = {name: getattr(trajectory, name) for name in ("x", "y", "orientation", "velocity")}
-    arrays = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in fields.items()}
-    shape = arrays["x"].shape
-    if len(shape) != 1 or shape[0] < 2:
-        raise InputError(f"x has shape {shape}, at least two points in one dimension are expected")
-    dt = view.dt
-    derived = {
-        "acceleration": (trajectory.acceleration, arrays["velocity"]),
-        "yaw_rate": (trajectory.yaw_rate, arrays["orientation"]),
-    }
-    for name, (given, source) in derived.items():
-        values = given if given is not None else (np.gradient(source, dt) if source.shape == shape else source)
-        arrays[name] = np.ascontiguousarray(values, dtype=np.float64)
-    for name, array in arrays.items():
-        if array.shape != shape:
-            raise InputError(f"{name} has shape {array.shape}, x has {shape}")
-        if not np.isfinite(array).all():
-            raise InputError(f"{name} has values that are not numbers")
-    _check_start(arrays, view)
-    plans.set(agent_id, **arrays)
+    arrays = []
+    for name in _FIELDS:
+        values = getattr(trajectory, name)
+        if values is not None or name not in _FIELDS[4:]:
+            try:
+                values = np.asarray(values, dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"{name} is no array of numbers ({error})") from None
+        arrays.append(values)
+    return tuple(arrays)
+
+
+def write_plan(plans: Plans, trajectory: object, view: View) -> None:
+    """Checks a trajectory from outside and writes it into the table of plans.
+
+    Raises:
+        InputError: No trajectory, arrays of different shapes, fewer than two points, values that are not numbers, a
+            start elsewhere than at the present state, a jump, a speed that the vehicle does not have.
+    """
+    plans.set(view, *stated(trajectory))

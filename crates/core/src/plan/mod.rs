@@ -1,6 +1,7 @@
 //! Native planners: a closed set, one call for all agents.
 
 pub mod frenet;
+pub mod outside;
 
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;

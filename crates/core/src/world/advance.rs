@@ -6,6 +6,7 @@ use super::{Drive, World};
 use crate::collision::{Mover, contacts, departs_road};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
+use crate::plan::outside::check_plan;
 use crate::recording::{Outcome, OutcomeKind};
 use crate::scenario::GoalState;
 use crate::trajectory::{PlanStatus, Plans, State, Trajectory};
@@ -16,7 +17,7 @@ const MISSED_MARGIN: f64 = 1.0;
 impl World {
     /// Moves all agents to point 1 of their plans and all others along their recording, judges, and records.
     ///
-    /// An agent whose plan has status `Error`, is not a number or jumps leaves with outcome `planner_error`; one with
+    /// An agent whose plan has status `Error`, is not a number, starts elsewhere or jumps leaves with outcome `planner_error`; one with
     /// status `Infeasible` with that outcome; both at their present state.
     ///
     /// # Errors
@@ -76,9 +77,11 @@ impl World {
             }
             if length < 2 {
                 drive.outcome = end(OutcomeKind::PlannerError, "the plan has values that are not numbers".into());
-            } else if let Some(message) = jump(&now, &points[1], dt, drive.agent.vehicle.velocity_max) {
-                drive.outcome = end(OutcomeKind::PlannerError, message);
-            } else if !drive.keeps_plan(time_step, self.settings.replan_every) {
+            } else if drive.keeps_plan(time_step, self.settings.replan_every) {
+                // The rest of the plan that it follows already.
+            } else if let Err(error) = check_plan(&points[..length], &now, &drive.agent.vehicle, dt) {
+                drive.outcome = end(OutcomeKind::PlannerError, error.to_string());
+            } else {
                 drive.plan = Some((Trajectory { points: points[..length].to_vec() }, time_step));
             }
         }
@@ -272,14 +275,6 @@ impl Drive {
         }
         (self.last_time_step(grace_factor).is_some_and(|last| time_step >= last)).then_some(OutcomeKind::TimeLimit)
     }
-}
-
-/// Why a plan's first step is impossible, if it is: further than the vehicle could get in dt, with a generous margin.
-fn jump(now: &State, next: &State, dt: f64, velocity_max: f64) -> Option<String> {
-    const MARGIN: f64 = 1.0;
-    let distance = now.pose().position.distance(next.pose().position);
-    let reach = velocity_max * dt + MARGIN;
-    (distance > reach).then(|| format!("the plan jumps by {distance:.2} m within one step of {dt} s"))
 }
 
 fn velocity_between(from: Option<&State>, to: Option<&State>, fraction: f64) -> Point {

@@ -65,7 +65,7 @@ impl Default for WorldSettings {
 /// An agent's changing part.
 #[derive(Debug, Clone)]
 struct Drive {
-    agent: Agent,
+    agent: Arc<Agent>,
     /// Row among the participants.
     row: usize,
     outcome: Outcome,
@@ -139,7 +139,7 @@ impl World {
                 plan: None,
                 was_on_road: false,
                 contact_fraction: f64::INFINITY,
-                agent,
+                agent: Arc::new(agent),
             })
             .collect();
         let mut world = Self {
@@ -181,7 +181,7 @@ impl World {
 
     /// Agents in the order of their ids.
     pub fn agents(&self) -> impl Iterator<Item = &Agent> {
-        self.drives.iter().map(|drive| &drive.agent)
+        self.drives.iter().map(|drive| &*drive.agent)
     }
 
     /// How each agent stands, in the order of their ids.
@@ -249,7 +249,7 @@ impl World {
     ///
     /// # Errors
     /// `UnknownId`.
-    pub fn agent(&self, id: i64) -> Result<&Agent> {
+    pub fn agent(&self, id: i64) -> Result<&Arc<Agent>> {
         Ok(&self.drives[self.drive_index(id)?].agent)
     }
 
