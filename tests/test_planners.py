@@ -60,7 +60,12 @@ class Broken:
 
 @pytest.mark.parametrize(
     ("planner", "words"),
-    [(Leaping, "moves at"), (Random, "did not plan the same"), (Nothing, "NoneType"), (Broken, "ZeroDivisionError")],
+    [
+        (Leaping, "an empty road, time step 0: the plan jumps by 11.00 m"),
+        (Random, "did not plan the same"),
+        (Nothing, "NoneType"),
+        (Broken, "ZeroDivisionError"),
+    ],
 )
 def test_a_planner_that_breaks_the_contract_fails_the_check(planner, words):
     with pytest.raises(PlannerContractError, match=words):

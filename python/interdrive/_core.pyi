@@ -219,6 +219,16 @@ class Scene:
 class View:
     @property
     def ego(self) -> Ego: ...
+    def outlines(self, id: int) -> list[_Floats]: ...
+    def check_plan(
+        self,
+        x: _Floats,
+        y: _Floats,
+        orientation: _Floats,
+        velocity: _Floats,
+        acceleration: _Floats | None = None,
+        yaw_rate: _Floats | None = None,
+    ) -> None: ...
     @property
     def time_step(self) -> int: ...
     @property

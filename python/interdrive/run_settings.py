@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from interdrive.agents import AgentSettings, GoalSettings
@@ -34,11 +35,14 @@ class StepSettings:
         replan_every: A new plan every so many time steps; in between the last one is followed.
         grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
         history_steps: Number of past time steps that a scene shows.
+        planner_timeout_s: A planner written in Python may take this long per plan [s]; inf: as long as it likes. With a
+            limit, outcomes depend on the speed of the machine.
     """
 
     replan_every: int = 1
     grace_factor: float = 1.7
     history_steps: int = 30
+    planner_timeout_s: float = math.inf
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -46,6 +50,8 @@ class StepSettings:
             value = getattr(self, name)
             if not 1 <= value <= most:
                 raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
+        if not self.planner_timeout_s > 0:
+            raise InputError(f"step.planner_timeout_s must be positive (inf: no limit), not {self.planner_timeout_s}")
 
 
 @dataclass(frozen=True)

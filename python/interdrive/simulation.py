@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import os
 import time
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.agents import normalized, select
 from interdrive.choices import named, per_agent, stored
-from interdrive.errors import InputError, InterdriveError, PredictorError
+from interdrive.errors import InputError, PredictorError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
-from interdrive.planners import Planner, name_of, native_planner, write_plan
+from interdrive.planners import Planner, PlannerSettings, name_of, native_planner
 from interdrive.planners import resolve as resolve_planner
+from interdrive.planners.calls import ask
+from interdrive.planners.workers import Workers, can_be_sent
 from interdrive.predictors import native
 from interdrive.predictors import resolve as resolve_predictor
 from interdrive.recording import agent_record, digest, outcomes_of, states_of, timings_of
@@ -28,6 +31,10 @@ from interdrive.settings import flatten
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
+
+    from interdrive.planners.calls import Answer
+    from interdrive.plugins import Choice
+    from interdrive.run_settings import ViewSettings
 
 #: More threads than any machine has cores; the system would run out of them.
 _THREADS_MAX = 1024
@@ -100,6 +107,7 @@ class Simulation:
         if snapshots_of is not None and snapshots_of not in {agent.id for agent in self.agents}:
             raise InputError(f"agent {snapshots_of}: pictures of its candidates are asked for, but it is not an agent")
         self._choices = per_agent(planner, views or {}, self.agents, self.settings)
+        self._workers: Workers | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -107,12 +115,14 @@ class Simulation:
         self._predictor = resolve_predictor(self._predictor_choice, self.settings.predictor)
         self._native_predictor = native(self._predictor, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
+        self._dismiss()
+        self._planner_notes: list[str] = []
         handles = []
         for agent in self.agents:
             record = resolve_planner(self._choices[agent.id].planner, self.settings.planner)
             native_record = native_planner(record)
             if native_record is None:
-                self._python_planners[agent.id] = record  # type: ignore[assignment]
+                self._python_planners[agent.id] = cast("Planner", record)
             state = agent.initial_state
             handles.append(
                 _core.Agent(
@@ -137,6 +147,7 @@ class Simulation:
             history_steps=step.history_steps,
             threads=self.threads,
         )
+        self._hire()
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
         self._snapshots: list[Snapshot] = []
@@ -181,6 +192,8 @@ class Simulation:
         marks.append(clock())
         world.step(plans)
         marks.append(clock())
+        if world.is_done:
+            self._dismiss()
         self._timings.append((time_step, tuple(np.diff(marks).tolist())))
 
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
@@ -198,15 +211,51 @@ class Simulation:
             )
         return predictions
 
+    def _hire(self) -> None:
+        """Planners in Python that allow it move to processes of their own, if there is more than one core for them."""
+        willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
+        if self.threads == 1 or not willing:
+            return
+        make = {i: partial(_made, self._choices[i].planner, self.settings.planner) for i in willing}
+        unfit = [i for i in willing if not can_be_sent(make[i])]
+        if unfit:
+            name = name_of(self._choices[unfit[0]].planner)
+            self._planner_notes.append(
+                f"planner {name} is parallel, but cannot be sent to another process: it runs in this one"
+            )
+        make = {i: factory for i, factory in make.items() if i not in unfit}
+        if make:
+            views = {i: choice.view for i, choice in self._choices.items()}
+            stage = partial(_staged, self.scenario, views, self.settings)
+            self._workers = Workers(stage, make, self.threads, self.settings.step.planner_timeout_s)
+            for i in make:
+                del self._python_planners[i]
+
+    def _dismiss(self) -> None:
+        if self._workers is not None:
+            self._workers.close()
+        self._workers = None
+
     def _plan_python(self, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
-        for agent_id in plans.missing:
+        views = {i: self.world.view(scene, i) for i in plans.missing}
+        answers: dict[int, Answer] = {}
+        if self._workers is not None:
+            wanted = {i: view.ego.s for i, view in views.items() if i not in self._python_planners}
+            answers = self._workers.ask(scene, predictions, wanted)
+        timeout_s = self.settings.step.planner_timeout_s
+        for agent_id, view in views.items():
+            planner = self._python_planners.get(agent_id)
+            if planner is not None:
+                answers[agent_id] = ask(planner, view, predictions.seen_by(view), timeout_s)
+            answer = answers[agent_id]
             try:
-                view = self.world.view(scene, agent_id)
-                trajectory = self._python_planners[agent_id].plan(view, predictions.seen_by(view))
-                write_plan(plans, trajectory, view)
-            except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever a planner raises costs its own agent only
-                text = str(error) if isinstance(error, InterdriveError) else f"{type(error).__name__}: {error}"
-                plans.fail(agent_id, f"planner of agent {agent_id} at time step {scene.time_step}: {text}")
+                if not isinstance(answer, str):
+                    plans.set(view, *answer)
+                    continue
+            except InputError as error:
+                answer = str(error)
+            name = name_of(self._choices[agent_id].planner)
+            plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {answer}")
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
         """Steps until every agent has its outcome.
@@ -238,6 +287,7 @@ class Simulation:
             timings=timings_of(self._timings),
             notes=(
                 *self._notes,
+                *self._planner_notes,
                 *(
                     f"{a} and {b} touch when they enter: their contact counts only after they have separated"
                     for a, b in self._touching
@@ -292,6 +342,22 @@ def simulate(
         snapshots_of=snapshots_of,
     )
     return simulation.run(on_step)
+
+
+class _Nobody:
+    """Stands for the planners of a world that never steps."""
+
+    def plan(self, _view: object, _predictions: object) -> None:
+        """Is not called."""
+
+
+def _staged(scenario: Scenario, views: dict[int, ViewSettings], settings: SimulationSettings) -> _core.World:
+    """The world of a simulation with these agents, made anew in another process."""
+    return Simulation(scenario, agents=list(views), planner=_Nobody, views=views, settings=settings, threads=1).world
+
+
+def _made(choice: Choice, settings: PlannerSettings) -> Planner:
+    return cast("Planner", resolve_planner(choice, settings))
 
 
 def _scenario(source: object) -> Scenario:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.planners import Trajectory, write_plan
+from interdrive.errors import InputError
+from interdrive.planners import Trajectory
+from interdrive.planners.calls import failure
+from interdrive.planners.contract import stated
+from interdrive.planners.workers import can_be_sent
 from interdrive.scenario import GoalState, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
-from interdrive.simulation import Simulation
+from interdrive.simulation import simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -179,26 +184,25 @@ class PlannerContractError(AssertionError):
 class _Watched:
     """Calls a planner twice per step and compares, times it, and checks what it returns."""
 
-    def __init__(self, factory: Callable[[], Any], where: str, seconds_max: float) -> None:
+    def __init__(self, factory: Callable[[], Any], seconds_max: float, findings: list[str]) -> None:
         self._first, self._second = factory(), factory()
-        self._where, self._seconds_max = where, seconds_max
-        self.slowest = 0.0
+        self._seconds_max, self._findings = seconds_max, findings
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
         def fail(text: str) -> None:
-            raise PlannerContractError(f"{self._where}, time step {view.time_step}: {text}")
+            self._findings.append(f"time step {view.time_step}: {text}")
+            raise PlannerContractError(text)
 
         before = _seen(view)
         start = time.perf_counter()
         try:
             plan: Trajectory = self._first.plan(view, predictions)
         except Exception as error:  # noqa: BLE001 - whatever it raises is the finding
-            fail(f"plan raised {error!r}")
+            fail(f"plan: {failure(error)}")
         seconds = time.perf_counter() - start
-        self.slowest = max(self.slowest, seconds)
         try:
-            write_plan(_NoPlans(), plan, view)  # type: ignore[arg-type]
-        except Exception as error:  # noqa: BLE001
+            view.check_plan(*stated(plan))
+        except InputError as error:
             fail(str(error))
         if not np.array_equal(before, _seen(view), equal_nan=True):
             fail("plan changed its view")
@@ -221,13 +225,6 @@ class _Watched:
             fail(f"the plan accelerates by {change.max():.1f} m/s², the vehicle by {vehicle.acceleration_max:.1f} m/s²")
 
 
-class _NoPlans:
-    """Takes a plan and forgets it."""
-
-    def set(self, *_: object, **__: object) -> None:
-        """Nothing."""
-
-
 def _seen(view: View) -> np.ndarray:
     return np.concatenate([np.ravel(a) for a in (view.x, view.y, view.orientation, view.velocity, view.ego.state)])
 
@@ -235,8 +232,9 @@ def _seen(view: View) -> np.ndarray:
 def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> dict[str, str]:
     """Drives a planner through small worlds and checks the contract at every step.
 
-    Checked are: shape and finiteness of the trajectory, its start at the present state, the vehicle's limits of speed
-    and acceleration, the same plan for the same view, an unchanged view, and the time per call.
+    Checked are: shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits of
+    speed and acceleration, the same plan for the same view, an unchanged view, and the time per call. A planner that
+    says `parallel = True` must be one that can be sent to another process.
 
     Args:
         factory: Makes a planner; called without arguments, once or more per world.
@@ -248,18 +246,14 @@ def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> di
     Raises:
         PlannerContractError: The first part of the contract that is broken, with world and time step.
     """
+    if getattr(factory, "parallel", False) and not can_be_sent(factory):
+        raise PlannerContractError("it says `parallel = True`, but cannot be pickled and sent to another process")
     ends = {}
     for name, scenario in _worlds().items():
-        simulation = Simulation(scenario, agents=[100], planner={100: _factory(factory, name, seconds_max)}, threads=1)
-        run = simulation.run()
-        if run.outcomes.outcome[0] == "planner_error":
-            raise PlannerContractError(run.outcomes.message[0])
+        findings: list[str] = []
+        watched = partial(_Watched, factory, seconds_max, findings)
+        run = simulate(scenario, agents=[100], planner={100: watched}, threads=1)
+        if findings:
+            raise PlannerContractError(f"{name}, {findings[0]}")
         ends[name] = run.outcomes.outcome[0]
     return ends
-
-
-def _factory(factory: Callable[[], Any], where: str, seconds_max: float) -> Callable[[], _Watched]:
-    def make() -> _Watched:
-        return _Watched(factory, where, seconds_max)
-
-    return make

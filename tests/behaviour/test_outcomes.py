@@ -144,8 +144,8 @@ class Elsewhere(Straight):
     ("planner", "time_step", "words"),
     [
         (Raising, 5, "ValueError: no idea"),
-        (NotNumbers, 0, "x has values that are not numbers"),
-        (OneShort, 0, "y has shape (30,), x has (31,)"),
+        (NotNumbers, 0, "x is not a number at point 3"),
+        (OneShort, 0, "y has 30 values, x has 31"),
         (Elsewhere, 0, "starts 3.00 m away"),
         (type("Silent", (), {"plan": lambda *_: None}), 0, "a NoneType was returned"),
     ],
@@ -160,7 +160,7 @@ def test_a_planner_that_fails_costs_its_own_agent_only(planner, time_step, words
     assert run.outcomes.outcome == ("planner_error", "goal_reached")
     assert run.outcomes.time_step[0] == time_step
     assert words in run.outcomes.message[0]
-    assert run.outcomes.message[0].startswith(f"planner of agent 100 at time step {time_step}:")
+    assert run.outcomes.message[0].startswith("agent 100, planner test_outcomes:")
 
 
 def test_a_predictor_that_raises_ends_the_run_naming_the_step():

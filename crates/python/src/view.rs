@@ -3,15 +3,17 @@
 use std::sync::Arc;
 
 use interdrive_core::geometry::Point;
+use interdrive_core::plan::outside::{StatedPlan, check_plan};
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::State;
 use interdrive_core::world::Agent;
-use numpy::PyArray1;
+use numpy::{PyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use crate::arrays;
+use crate::errors::{InputError, exception};
 use crate::scenario::{PyGoal, PyRoadNetwork, PyRoute, PyVehicle};
 
 /// One field of the past of some rows: shape (rows, history), the last column is now.
@@ -147,6 +149,27 @@ impl PyView {
     fn rows(&self) -> Vec<usize> {
         self.visible.clone()
     }
+
+    /// The points of a plan that was made from this view: x, y, orientation, velocity; acceleration, yaw rate.
+    pub fn checked(
+        &self,
+        fields: [&PyReadonlyArrayDyn<'_, f64>; 4],
+        rates: [Option<&PyReadonlyArrayDyn<'_, f64>>; 2],
+    ) -> PyResult<Vec<State>> {
+        let rate = |name: &str, k: usize| rates[k].map(|values| arrays::read_line(name, values)).transpose();
+        let (acceleration, yaw_rate) = (rate("acceleration", 0)?, rate("yaw_rate", 1)?);
+        let plan = StatedPlan {
+            x: &arrays::read_line("x", fields[0])?,
+            y: &arrays::read_line("y", fields[1])?,
+            orientation: &arrays::read_line("orientation", fields[2])?,
+            velocity: &arrays::read_line("velocity", fields[3])?,
+            acceleration: acceleration.as_deref(),
+            yaw_rate: yaw_rate.as_deref(),
+        };
+        let points = plan.points(self.scene.dt).map_err(exception)?;
+        check_plan(&points, &self.state, &self.agent.vehicle, self.scene.dt).map_err(exception)?;
+        Ok(points)
+    }
 }
 
 participants_seen!(PyView);
@@ -157,6 +180,34 @@ impl PyView {
     #[getter]
     fn ego(slf: Py<Self>) -> PyEgo {
         PyEgo { view: slf }
+    }
+
+    /// Outlines of the parts of a participant in view, now, in the world frame: shape (vertices, 2) [m] each; circles as
+    /// polygons.
+    fn outlines<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let participants = &self.scene.participants;
+        let row = self.visible.iter().find(|row| participants.ids[**row] == id);
+        let row = *row.ok_or_else(|| InputError::new_err(format!("participant {id} is not in view")))?;
+        let pose = self.scene.state(row).pose();
+        let outlines = participants.shape[row].outline();
+        outlines
+            .into_iter()
+            .map(|part| arrays::points(py, part.into_iter().map(|point| pose.world_from_body(point))))
+            .collect()
+    }
+
+    /// Refuses what cannot be the plan of this agent now; arrays of shape (points,).
+    #[pyo3(signature = (x, y, orientation, velocity, acceleration=None, yaw_rate=None))]
+    fn check_plan(
+        &self,
+        x: PyReadonlyArrayDyn<'_, f64>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        orientation: PyReadonlyArrayDyn<'_, f64>,
+        velocity: PyReadonlyArrayDyn<'_, f64>,
+        acceleration: Option<PyReadonlyArrayDyn<'_, f64>>,
+        yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
+    ) -> PyResult<()> {
+        self.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()]).map(|_| ())
     }
 }
 

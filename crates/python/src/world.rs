@@ -5,7 +5,6 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::plan::frenet::FrenetSettings;
-use interdrive_core::plan::outside::{StatedPlan, check_plan};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
@@ -314,21 +313,7 @@ impl PyPlans {
         acceleration: Option<PyReadonlyArrayDyn<'_, f64>>,
         yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
     ) -> PyResult<()> {
-        let optional = |name: &str, values: &Option<PyReadonlyArrayDyn<'_, f64>>| {
-            values.as_ref().map(|values| arrays::read_line(name, values)).transpose()
-        };
-        let (acceleration, yaw_rate) = (optional("acceleration", &acceleration)?, optional("yaw_rate", &yaw_rate)?);
-        let plan = StatedPlan {
-            x: &arrays::read_line("x", &x)?,
-            y: &arrays::read_line("y", &y)?,
-            orientation: &arrays::read_line("orientation", &orientation)?,
-            velocity: &arrays::read_line("velocity", &velocity)?,
-            acceleration: acceleration.as_deref(),
-            yaw_rate: yaw_rate.as_deref(),
-        };
-        let dt = view.scene.dt;
-        let points = plan.points(dt).map_err(exception)?;
-        check_plan(&points, &view.state, &view.agent.vehicle, dt).map_err(exception)?;
+        let points = view.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()])?;
         self.0.set_row(view.agent.id, &points).map_err(exception)
     }
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from interdrive.errors import InputError
-from interdrive.planners.contract import Planner, Trajectory, write_plan
+from interdrive.planners.contract import Planner, Trajectory
 from interdrive.planners.native import (
     NATIVE,
     RECORDS,
@@ -38,7 +38,6 @@ __all__ = [
     "native_planner",
     "native_record",
     "resolve",
-    "write_plan",
 ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from interdrive.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive._core import Plans, Predictions, View
+    from interdrive._core import Predictions, View
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,12 @@ class Planner(Protocol):
 
     Every agent and every run has its own object, so a planner may remember things. `plan` gets a view (the agent's own
     state, limits, route and goal under `view.ego`; the participants it sees with their past as arrays) and the
-    predictions for everybody, and returns a trajectory of at least two points that starts at the present state. If it
-    raises or returns garbage, only its own agent leaves the run, with outcome `planner_error`.
+    predictions for those and for itself, and returns a trajectory of at least two points that starts at the present
+    state, never jumps, and claims no speed that the vehicle does not have. All that it gets is read-only. If it raises
+    or returns garbage, only its own agent leaves the run, with outcome `planner_error`.
+
+    A class with `parallel = True` says that its objects know nothing of each other: they run in processes of their own
+    when a run has more than one thread, with the same results.
     """
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
@@ -55,8 +59,8 @@ class Planner(Protocol):
 _FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
 
 
-def stated(trajectory: object) -> tuple[NDArray[np.float64] | None, ...]:
-    """The arrays of a trajectory: x, y, orientation, velocity, acceleration, yaw_rate.
+def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be None
+    """The arrays of a trajectory, for `Plans.set`: x, y, orientation, velocity, acceleration, yaw_rate.
 
     Raises:
         InputError: No trajectory, or a field that holds no real numbers.
@@ -66,20 +70,12 @@ def stated(trajectory: object) -> tuple[NDArray[np.float64] | None, ...]:
     arrays = []
     for name in _FIELDS:
         values = getattr(trajectory, name)
-        if values is not None or name not in _FIELDS[4:]:
+        if values is None and name in _FIELDS[:4]:
+            raise InputError(f"{name} is missing")
+        if values is not None:
             try:
                 values = np.asarray(values, dtype=np.float64)
             except (TypeError, ValueError) as error:
                 raise InputError(f"{name} is no array of numbers ({error})") from None
         arrays.append(values)
     return tuple(arrays)
-
-
-def write_plan(plans: Plans, trajectory: object, view: View) -> None:
-    """Checks a trajectory from outside and writes it into the table of plans.
-
-    Raises:
-        InputError: No trajectory, arrays of different shapes, fewer than two points, values that are not numbers, a
-            start elsewhere than at the present state, a jump, a speed that the vehicle does not have.
-    """
-    plans.set(view, *stated(trajectory))

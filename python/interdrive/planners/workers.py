@@ -1,0 +1,180 @@
+"""Planners in Python that run in processes of their own, because their class says `parallel = True`.
+
+Every worker process stages the same world, which never steps: it only turns the scenes that are sent to it into views.
+A planner stays in the process in which it was made, so it may remember things; answers do not depend on how many
+processes there are.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import pickle
+import signal
+import weakref
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+from interdrive.errors import InputError
+from interdrive.planners.calls import ask, failure
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
+
+    from interdrive import _core
+    from interdrive.planners.calls import Answer
+    from interdrive.planners.contract import Planner
+
+#: A process that starts has this long until it is ready [s]; it imports the package and stages the world.
+_START_MAX = 120.0
+#: A call that outlives its limit by this much [s] does not react to signals: its process is killed.
+_GRACE = 1.0
+
+
+@dataclass
+class _Worker:
+    process: BaseProcess
+    connection: Connection
+    agents: tuple[int, ...]
+    #: Why it is gone.
+    lost: str = ""
+
+
+class Workers:
+    """Processes with one or more planners each."""
+
+    def __init__(
+        self,
+        stage: Callable[[], _core.World],
+        make: Mapping[int, Callable[[], Planner]],
+        n_processes: int,
+        timeout_s: float = math.inf,
+    ) -> None:
+        """Starts the processes and waits until all are ready.
+
+        Args:
+            stage: Makes a world with the participants of the simulation; is sent to the processes.
+            make: Makes the planner of each agent; is sent to the processes.
+            n_processes: How many processes, at most one per agent.
+            timeout_s: Longest time that a call may take [s].
+
+        Raises:
+            InputError: A process does not start, or a planner cannot be made there.
+        """
+        self._timeout_s = timeout_s
+        ids = sorted(make)
+        context = multiprocessing.get_context("spawn")
+        self._workers: list[_Worker] = []
+        self._close = weakref.finalize(self, _stop, self._workers)
+        for k in range(min(n_processes, len(ids))):
+            agents = tuple(ids[k :: min(n_processes, len(ids))])
+            ours, theirs = context.Pipe()
+            arguments = (theirs, stage, {i: make[i] for i in agents}, timeout_s)
+            process = context.Process(target=_work, args=arguments, daemon=True, name=f"interdrive-planners-{k}")
+            process.start()
+            theirs.close()
+            self._workers.append(_Worker(process, ours, agents))
+        for worker in self._workers:
+            self._await_start(worker)
+
+    def _await_start(self, worker: _Worker) -> None:
+        problem = "it did not start in time"
+        try:
+            if worker.connection.poll(_START_MAX):
+                problem = worker.connection.recv()
+        except (EOFError, OSError):
+            problem = "it ended at once; does the script guard its calls by `if __name__ == '__main__':`?"
+        if problem:
+            self.close()
+            raise InputError(
+                f"planners of agents {', '.join(map(str, worker.agents))} in a process of their own: {problem}"
+            )
+
+    def ask(self, scene: _core.Scene, predictions: _core.Predictions, wanted: dict[int, float]) -> dict[int, Answer]:
+        """The answers of all planners that are wanted now.
+
+        Args:
+            scene: Now.
+            predictions: For everybody.
+            wanted: Agent id -> arc length of its rear axle on its reference path [m].
+        """
+        parts = pickle.dumps((scene.parts(), predictions), protocol=pickle.HIGHEST_PROTOCOL)
+        asked = []
+        for worker in self._workers:
+            mine = [(i, wanted[i]) for i in worker.agents if i in wanted]
+            if mine and not worker.lost:
+                try:
+                    worker.connection.send((parts, mine))
+                except OSError:
+                    worker.lost = "its process ended"
+            asked.append((worker, [i for i, _ in mine]))
+        answers: dict[int, Answer] = {}
+        for worker, mine_ids in asked:
+            for i in mine_ids:
+                answers[i] = worker.lost or self._receive(worker)
+        return answers
+
+    def _receive(self, worker: _Worker) -> Answer:
+        """The next answer; the process is lost for good if there is none."""
+        limit = None if math.isinf(self._timeout_s) else self._timeout_s + _GRACE
+        try:
+            if worker.connection.poll(limit):
+                return cast("Answer", worker.connection.recv())
+            worker.lost = "its process was killed, because a planner in it took too long (step.planner_timeout_s)"
+            worker.process.kill()
+        except (EOFError, OSError):
+            worker.process.join(1.0)
+            worker.lost = f"its process ended (exit code {worker.process.exitcode})"
+        return worker.lost
+
+    def close(self) -> None:
+        """Ends the processes."""
+        self._close()
+
+
+def can_be_sent(thing: object) -> bool:
+    """It can be sent to another process."""
+    try:
+        pickle.dumps(thing)
+    except Exception:  # noqa: BLE001 - whatever its pickling raises
+        return False
+    return True
+
+
+def _stop(workers: list[_Worker]) -> None:
+    for worker in workers:
+        worker.connection.close()
+    for worker in workers:
+        worker.process.join(2.0)
+        if worker.process.is_alive():
+            worker.process.kill()
+            worker.process.join()
+
+
+def _work(
+    connection: Connection,
+    stage: Callable[[], _core.World],
+    make: Mapping[int, Callable[[], Planner]],
+    timeout_s: float,
+) -> None:
+    """Runs in the worker process until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    try:
+        world, planners = stage(), {i: factory() for i, factory in make.items()}
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - reported to the parent
+        connection.send(failure(error))
+        return
+    connection.send("")
+    while True:
+        try:
+            request: Any = connection.recv()
+        except (EOFError, OSError):
+            return
+        parts, wanted = request
+        scene_parts, predictions = pickle.loads(parts)
+        scene = world.scene_from(scene_parts)
+        for i, s in wanted:
+            view = world.view(scene, i, s)
+            connection.send(ask(planners[i], view, predictions.seen_by(view), timeout_s))
