@@ -79,7 +79,15 @@ def view_of(run: Run) -> View:
     The picture is turned if that makes it much smaller or if it would stand upright; then most vehicles drive to
     the right.
     """
-    points, motion = _driven(run.states)
+    return view_around(*_driven(run.states))
+
+
+def view_around(points: Floats, motion: Floats) -> View:
+    """A view of points of the world [m], shape (points, 2), with some space around them.
+
+    It is turned if that makes it much smaller or if it would stand upright; then most of the ways `motion` [m], shape
+    (vehicles, 2), lead to the right.
+    """
     angle = _turn(points, motion)
     box = View(angle, (0.0, 0.0), 0.0, 0.0).picture_from_world(points)
     low, high = box.min(axis=0), box.max(axis=0)

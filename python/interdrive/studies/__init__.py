@@ -4,6 +4,7 @@ Kaufeld, Trauth, Betz, "Investigating Driving Interactions", IV 2024, section IV
 """
 
 from interdrive.studies.case import DEGREES, CaseStudy, case_study
+from interdrive.studies.figures import profile_figure, scene_figure
 from interdrive.studies.folder import save_study
 from interdrive.studies.known import STUDIES, Case, known_cases
 from interdrive.studies.measures import MEASURES, Measure, footprint_distances, study_table
@@ -19,7 +20,9 @@ __all__ = [
     "case_study",
     "footprint_distances",
     "known_cases",
+    "profile_figure",
     "reading",
     "save_study",
+    "scene_figure",
     "study_table",
 ]

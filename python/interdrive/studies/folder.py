@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+from interdrive.plots import save_figure
 from interdrive.results import check_folder, holds_run, replacing, save, write_table
 from interdrive.studies.case import DEGREES
+from interdrive.studies.figures import profile_figure, scene_figure
 from interdrive.studies.measures import study_table
 
 if TYPE_CHECKING:
@@ -17,7 +19,8 @@ if TYPE_CHECKING:
 
 _TABLES = ("table.parquet", "table.csv")
 _MARK = "study.json"
-_FIGURES = tuple(f"{name}.{ending}" for name in ("profiles", "scenes") for ending in ("pdf", "png"))
+_ENDINGS = ("pdf", "png")
+_FIGURES = tuple(f"{name}.{ending}" for name in ("profiles", "scenes") for ending in _ENDINGS)
 
 
 def check_study_target(folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -67,6 +70,9 @@ def save_study(
                 on_case(study.name)
             for degree, run in study.runs.items():
                 save(run, partial / study.name / degree)
+            for name, figure in (("profiles", profile_figure(study)), ("scenes", scene_figure(study))):
+                for ending in _ENDINGS:
+                    save_figure(figure, partial / study.name / f"{name}.{ending}")
         cases = [{"folder": study.name, "agent": study.agent, "other": study.other} for study in studies]
         (partial / _MARK).write_text(json.dumps({"cases": cases}, indent=2) + "\n", encoding="utf-8")
     return target

@@ -1,0 +1,309 @@
+"""Where two vehicles are at which time, several runs side by side: footprints with time stamps over the road."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from interdrive.plots.participants import AGENTS, INK, RECORDED, RECORDED_EDGE, body_outlines, placed
+from interdrive.plots.road import road_artists
+from interdrive.plots.view import View, view_around
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from interdrive.plots.view import Bools, Floats
+    from interdrive.run import Run
+
+_MM = 1.0 / 25.4
+_WIDTH, _GAP, _PAD = 180.0 * _MM, 2.5 * _MM, 0.5 * _MM
+_TITLE, _STRIP = 5.0 * _MM, 6.0 * _MM
+_FONT = 7.5
+_HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
+
+#: Colours of the two vehicles, and what is left of a colour in footprints that are not those of the nearest moment.
+_COLORS, _PALE = (AGENTS[0], AGENTS[1]), 0.22
+
+#: An encounter is the time in which the two are so near to each other, centre to centre [m].
+#: If they never are, it is so much time before and after the nearest moment [s].
+_NEAR, _AROUND = 20.0, 2.0
+
+#: Panels stand above each other if the view is so many times as wide as it is high.
+_LYING = 3.5
+
+#: Time between footprints [s]: the shortest one at which so few of them are in the view.
+_EVERY, _FOOTPRINTS_MAX = (0.5, 1.0, 2.0, 3.0, 5.0, 10.0), 7
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One run to show.
+
+    Attributes:
+        run: What happened.
+        title: Above the panel.
+        nearest: Column of the run's states at which the two vehicles are nearest; none: never both there.
+    """
+
+    run: Run
+    title: str
+    nearest: int | None
+
+
+@dataclass(frozen=True)
+class _Stamp:
+    """A footprint to draw: whose, in which column, and what is written beside it."""
+
+    place: int
+    row: int
+    column: int
+    text: str
+    strong: bool
+
+
+def draw_scenes(scenes: Sequence[Scene], pair: tuple[int, int], names: tuple[str, str]) -> Figure:
+    """A figure, 180 mm wide, with a panel per run; all panels show the same part of the world at the same times.
+
+    Footprints are drawn every so many seconds; those of the moment when the two vehicles are nearest to each other are
+    filled, and everybody else is drawn where they are at that moment.
+
+    Args:
+        scenes: The runs, of one scenario.
+        pair: Ids of the two vehicles.
+        names: What the legend calls them.
+
+    Returns:
+        A matplotlib figure without pyplot; `save_figure` writes it.
+    """
+    view = _encounter(scenes, pair)
+    stacked = view.width > _LYING * view.height
+    view = view.shaped(*((0.05, 0.3) if stacked else (0.8, 1.6)))
+    columns, rows = (1, len(scenes)) if stacked else (len(scenes), 1)
+    width = (_WIDTH - (columns - 1) * _GAP - 2.0 * _PAD) / columns
+    height = width * view.height / view.width
+    total = rows * (height + _TITLE) + _STRIP
+    figure = Figure(figsize=(_WIDTH, total), dpi=300)
+    FigureCanvasAgg(figure)
+    every = _every(scenes, pair, view)
+    for index, scene in enumerate(scenes):
+        left = _PAD + (index % columns) * (width + _GAP)
+        bottom = total - (index // columns + 1) * (height + _TITLE)
+        axes = figure.add_axes((left / _WIDTH, bottom / total, width / _WIDTH, height / total))
+        axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
+        axes.set_title(scene.title, fontsize=_FONT, pad=2.5, loc="left")
+        for side in axes.spines.values():
+            side.set(color=RECORDED, linewidth=0.5)
+        for artist in road_artists(scene.run.scenario.lanelets, view):
+            axes.add_collection(artist, autolim=False)
+        _draw_traffic(axes, scene, pair, view)
+        stamps = _stamps(scene, pair, every, view)
+        _draw_pair(axes, scene, pair, stamps, view)
+        _draw_labels(axes, scene, stamps, view, points_per_metre=72.0 * width / view.width)
+        if index == 0:
+            _draw_scale(axes, view, metres_per_mm=view.width * _MM / width)
+    _legend(figure, scenes, names)
+    return figure
+
+
+def _track(run: Run, number: int) -> Floats:
+    """Positions [m], shape (time_steps, 2); nan while absent, and everywhere if the vehicle never takes part."""
+    states = run.states
+    for row in np.flatnonzero(states.ids == number):
+        track: Floats = np.stack([states.x[row], states.y[row]], axis=1)
+        return np.where(states.valid[row][:, None], track, np.nan)
+    return np.full((states.n_steps, 2), np.nan)
+
+
+def _encounter(scenes: Sequence[Scene], pair: tuple[int, int]) -> View:
+    """Where the two are while they are near each other, in any of the runs."""
+    points, motion = [], []
+    for scene in scenes:
+        tracks = [_track(scene.run, number) for number in pair]
+        near = np.hypot(*(tracks[0] - tracks[1]).T) < _NEAR
+        if not near.any() and scene.nearest is not None:
+            reach = round(_AROUND / scene.run.scenario.dt)
+            near[max(0, scene.nearest - reach) : scene.nearest + reach + 1] = True
+            near &= np.isfinite(tracks[0] + tracks[1]).all(axis=1)
+        for track in tracks:
+            there = track[near] if near.any() else track[np.isfinite(track).all(axis=1)]
+            points += [there - 2.3, there + 2.3]
+            motion.append(there[-1:] - there[:1])
+    return view_around(np.concatenate(points), np.concatenate(motion))
+
+
+def _inside(view: View, points: Floats) -> Bools:
+    away = np.abs(view.picture_from_world(points) - view.center)
+    inside: Bools = (away < 0.5 * np.array([view.width, view.height])).all(axis=1)
+    return inside
+
+
+def _every(scenes: Sequence[Scene], pair: tuple[int, int], view: View) -> float:
+    """Time between footprints [s], the same for all panels."""
+    counts = [
+        _inside(view, _track(scene.run, number)).sum() * scene.run.scenario.dt for scene in scenes for number in pair
+    ]
+    return next((every for every in _EVERY if max(counts) / every <= _FOOTPRINTS_MAX), _EVERY[-1])
+
+
+def _stamps(scene: Scene, pair: tuple[int, int], every: float, view: View) -> list[_Stamp]:
+    """Footprints of both vehicles; of those that would cover each other only the most telling one is kept."""
+    states, dt = scene.run.states, scene.run.scenario.dt
+    stamps: list[_Stamp] = []
+    for place, number in enumerate(pair):
+        track = _track(scene.run, number)
+        row = int(np.searchsorted(states.ids, number))
+        stands: list[list[int]] = []  # columns at which the vehicle is in one place
+        for column in np.flatnonzero(_inside(view, track)).tolist():
+            time = (states.first_time_step + column) * dt
+            if abs(time / every - round(time / every)) > 0.01 and column != scene.nearest:
+                continue
+            if stands and np.hypot(*(track[column] - track[stands[-1][0]])) < 0.25 * states.length[row]:
+                stands[-1].append(column)
+            else:
+                stands.append([column])
+        kept: list[int] = []
+        for stand in sorted(stands, key=lambda stand: (scene.nearest not in stand, -len(stand), stand[0])):
+            strong = scene.nearest in stand
+            column = scene.nearest if scene.nearest in stand else stand[0]
+            if any(np.hypot(*(track[column] - track[other])) < 1.1 * states.length[row] for other in kept):
+                continue
+            kept.append(column)
+            first, last, only = ((states.first_time_step + at) * dt for at in (stand[0], stand[-1], column))
+            text = f"{first:.3g}–{last:.3g} s" if last - first > 0.99 * every else f"{only:.3g} s"
+            stamps.append(_Stamp(place, row, column, text, strong))
+    return stamps
+
+
+def _footprint(scene: Scene, row: int, column: int, view: View) -> list[Floats]:
+    states = scene.run.states
+    pose = states.x[row, column], states.y[row, column], states.orientation[row, column]
+    return [view.picture_from_world(placed(line, *pose)) for line in body_outlines(scene.run)[row]]
+
+
+def _draw_traffic(axes: Axes, scene: Scene, pair: tuple[int, int], view: View) -> None:
+    """Everybody else at the moment when the two are nearest."""
+    if scene.nearest is None:
+        return
+    states = scene.run.states
+    rows = np.flatnonzero(states.valid[:, scene.nearest] & ~np.isin(states.ids, pair)).tolist()
+    areas = [line for row in rows for line in _footprint(scene, row, scene.nearest, view)]
+    axes.add_collection(
+        PolyCollection(areas, facecolors="#b4b4b4", edgecolors=RECORDED_EDGE, linewidths=0.4, zorder=3), autolim=False
+    )
+
+
+def _draw_pair(axes: Axes, scene: Scene, pair: tuple[int, int], stamps: Sequence[_Stamp], view: View) -> None:
+    for number, color in zip(pair, _COLORS, strict=True):
+        track = view.picture_from_world(_track(scene.run, number))
+        axes.add_collection(LineCollection([track], colors=color, linewidths=0.9, alpha=0.8, zorder=4), autolim=False)
+    for stamp in stamps:
+        color = _COLORS[stamp.place]
+        axes.add_collection(
+            PolyCollection(
+                _footprint(scene, stamp.row, stamp.column, view),
+                facecolors=[color if stamp.strong else (*_rgb(color), _PALE)],
+                edgecolors=[INK if stamp.strong else color],
+                linewidths=0.7 if stamp.strong else 0.5,
+                zorder=6 if stamp.strong else 5,
+            ),
+            autolim=False,
+        )
+
+
+def _rgb(color: str) -> tuple[float, float, float]:
+    red, green, blue = (int(color[at : at + 2], 16) / 255.0 for at in (1, 3, 5))
+    return red, green, blue
+
+
+def _draw_labels(axes: Axes, scene: Scene, stamps: Sequence[_Stamp], view: View, points_per_metre: float) -> None:
+    """Puts every time beside its footprint, where it covers the least."""
+    states = scene.run.states
+    bodies = [np.concatenate(_footprint(scene, s.row, s.column, view)) * points_per_metre for s in stamps]
+    taken = [np.concatenate([body.min(axis=0), body.max(axis=0)]) for body in bodies]
+    window = np.array([view.x_limits[0], view.y_limits[0], view.x_limits[1], view.y_limits[1]]) * points_per_metre
+    boxes: list[Floats] = []
+    for index in sorted(range(len(stamps)), key=lambda i: (not stamps[i].strong, i)):
+        stamp, body = stamps[index], bodies[index]
+        center = 0.5 * (taken[index][:2] + taken[index][2:])
+        heading = states.orientation[stamp.row, stamp.column] - view.angle
+        half = 0.5 * np.array([0.56 * _FONT * len(stamp.text) + 1.0, 1.05 * _FONT])
+        best, best_cost = np.zeros(4), np.inf
+        for turn in np.radians([90, -90, 60, -60, 120, -120, 30, -30, 150, -150, 0, 180]):
+            # The agent's times stand to its left, the other's to its right, where there is room.
+            way = np.array([np.cos(heading + turn), np.sin(heading + turn)])
+            reach = float(np.max((body - center) @ way)) + float(np.abs(way) @ half) + 1.2
+            for further in (0.0, 5.0, 10.0):
+                middle = center + (reach + further) * way
+                box = np.concatenate([middle - half, middle + half])
+                cost = 0.25 * further + 0.6 * abs(np.sin(0.5 * (turn - (0.5 - stamp.place) * np.pi)))
+                cost += sum(8.0 * _overlap(box, other) for other in boxes)
+                cost += sum(3.0 * _overlap(box, other) for other in taken)
+                cost += 50.0 * bool((box[:2] < window[:2] + 1.0).any() or (box[2:] > window[2:] - 1.0).any())
+                if cost < best_cost - 1e-9:
+                    best, best_cost = box, cost
+        boxes.append(best)
+        x, y = 0.5 * (best[:2] + best[2:]) / points_per_metre
+        axes.text(
+            x,
+            y,
+            stamp.text,
+            fontsize=_FONT,
+            color=_COLORS[stamp.place],
+            fontweight="bold" if stamp.strong else "normal",
+            ha="center",
+            va="center",
+            path_effects=_HALO,
+            zorder=8,
+            clip_on=True,
+        )
+
+
+def _overlap(box: Floats, other: Floats) -> float:
+    """Part of the first box that the second one covers, and a bit more for touching at all."""
+    sides = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
+    if (sides <= 0.0).any():
+        return 0.0
+    return 0.2 + float(sides.prod() / (box[2:] - box[:2]).prod())
+
+
+def _draw_scale(axes: Axes, view: View, metres_per_mm: float) -> None:
+    length = next(nice for nice in (100.0, 50.0, 20.0, 10.0, 5.0, 2.0) if nice <= 0.22 * view.width or nice == 2.0)
+    x, y = view.x_limits[0] + 2.0 * metres_per_mm, view.y_limits[0] + 2.0 * metres_per_mm
+    tick = 0.7 * metres_per_mm
+    bar = Line2D([x, x, x, x + length, x + length, x + length], [y - tick, y + tick, y, y, y - tick, y + tick])
+    bar.set(color=INK, linewidth=0.8, zorder=9, path_effects=_HALO)
+    axes.add_line(bar)
+    axes.text(
+        x + length + metres_per_mm, y, f"{length:g} m", fontsize=_FONT - 0.5, color=INK, va="center", path_effects=_HALO
+    )
+
+
+def _legend(figure: Figure, scenes: Sequence[Scene], names: tuple[str, str]) -> None:
+    handles: list[Patch] = [
+        Patch(fc=(*_rgb(color), _PALE), ec=color, lw=0.7, label=name)
+        for color, name in zip(_COLORS, names, strict=True)
+    ]
+    if any(scene.nearest is not None for scene in scenes):
+        handles.append(Patch(fc="#555555", ec=INK, lw=0.7, label="filled: when nearest"))
+        handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.4, label="recorded traffic at that time"))
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=len(handles),
+        fontsize=_FONT,
+        frameon=False,
+        handlelength=1.8,
+        handleheight=0.8,
+        columnspacing=1.6,
+        borderpad=0.3,
+    )
