@@ -142,8 +142,8 @@ def _encounter(scenes: Sequence[Scene], pair: tuple[int, int]) -> View:
 
 
 def _inside(view: View, points: Floats) -> Bools:
-    away = np.abs(view.picture_from_world(points) - view.center)
-    inside: Bools = (away < 0.5 * np.array([view.width, view.height])).all(axis=1)
+    x, y = np.abs(view.picture_from_world(points) - view.center).T
+    inside: Bools = (x < 0.5 * view.width) & (y < 0.5 * view.height)
     return inside
 
 
