@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from interdrive.agents import AgentSettings, GoalSettings
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
     from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
-    from interdrive.planners import Frenet, Planner, PlannerSettings, Trajectory
+    from interdrive.planners import Frenet, Idm, Planner, PlannerSettings, Recorded, Trajectory, VelocityAdjusting
     from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Predictor, PredictorSettings
     from interdrive.results import load, save
     from interdrive.run import Run
@@ -42,9 +42,12 @@ _HOME = {
     "shipped_scenario": "files",
     "shipped_scenarios": "files",
     "Frenet": "planners",
+    "Idm": "planners",
     "Planner": "planners",
     "PlannerSettings": "planners",
+    "Recorded": "planners",
     "Trajectory": "planners",
+    "VelocityAdjusting": "planners",
     "ConstantVelocity": "predictors",
     "GroundTruth": "predictors",
     "LaneFollowing": "predictors",
@@ -66,6 +69,7 @@ __all__ = [
     "Frenet",
     "GoalSettings",
     "GroundTruth",
+    "Idm",
     "InputError",
     "InterdriveError",
     "LaneFollowing",
@@ -77,12 +81,14 @@ __all__ = [
     "PredictorError",
     "PredictorSettings",
     "ResultsError",
+    "Recorded",
     "Run",
     "Scenario",
     "Scene",
     "Simulation",
     "SimulationSettings",
     "Trajectory",
+    "VelocityAdjusting",
     "View",
     "ViewSettings",
     "__version__",

@@ -16,12 +16,14 @@ __all__ = [
     "Ego",
     "FrenetSettings",
     "Goal",
+    "IdmSettings",
     "InputError",
     "InterdriveError",
     "NoRouteError",
     "Plans",
     "Predictions",
     "Predictor",
+    "RecordedSettings",
     "RoadNetwork",
     "Route",
     "Scenario",
@@ -29,6 +31,7 @@ __all__ = [
     "Shape",
     "StepOrderError",
     "Vehicle",
+    "VelocityAdjustingSettings",
     "View",
     "World",
     "__version__",
@@ -182,6 +185,22 @@ class FrenetSettings:
     def defaults() -> dict[str, Any]: ...
 
 @final
+class RecordedSettings:
+    def __new__(cls) -> RecordedSettings: ...
+
+@final
+class VelocityAdjustingSettings:
+    def __new__(cls, values: dict[str, Any]) -> VelocityAdjustingSettings: ...
+    @staticmethod
+    def defaults() -> dict[str, Any]: ...
+
+@final
+class IdmSettings:
+    def __new__(cls, values: dict[str, Any]) -> IdmSettings: ...
+    @staticmethod
+    def defaults() -> dict[str, Any]: ...
+
+@final
 class Scene:
     @property
     def road(self) -> RoadNetwork: ...
@@ -301,7 +320,7 @@ class Agent:
         start_time_step: int,
         goal: Goal,
         route: Route,
-        planner: FrenetSettings | None,
+        planner: FrenetSettings | RecordedSettings | VelocityAdjustingSettings | IdmSettings | None,
         sensor_radius: float,
     ) -> Agent: ...
 

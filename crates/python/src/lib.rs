@@ -22,6 +22,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scenario::PyVehicle>()?;
     module.add_class::<scenario::PyRoute>()?;
     module.add_class::<planner::PyFrenetSettings>()?;
+    module.add_class::<planner::PyRecordedSettings>()?;
+    module.add_class::<planner::PyVelocityAdjustingSettings>()?;
+    module.add_class::<planner::PyIdmSettings>()?;
     module.add_class::<view::PyScene>()?;
     module.add_class::<view::PyView>()?;
     module.add_class::<view::PyEgo>()?;

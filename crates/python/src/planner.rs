@@ -1,30 +1,53 @@
 //! Parameter records of native planners.
 
 use interdrive_core::plan::frenet::{Candidates, Comfort, CostWeights, FrenetSettings, N_TERMS, Rejection};
+use interdrive_core::plan::{CarFollowing, IdmSettings, Planner};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::errors::InputError;
 
-#[pyclass(frozen, name = "FrenetSettings", module = "interdrive._core")]
-pub struct PyFrenetSettings(pub FrenetSettings);
+/// The settings of a native planner, any of them.
+#[derive(FromPyObject)]
+pub enum NativePlanner<'py> {
+    Frenet(PyRef<'py, PyFrenetSettings>),
+    Recorded(PyRef<'py, PyRecordedSettings>),
+    VelocityAdjusting(PyRef<'py, PyVelocityAdjustingSettings>),
+    Idm(PyRef<'py, PyIdmSettings>),
+}
+
+impl From<NativePlanner<'_>> for Planner {
+    fn from(settings: NativePlanner<'_>) -> Self {
+        match settings {
+            NativePlanner::Frenet(settings) => Self::Frenet(Box::new(settings.0.clone())),
+            NativePlanner::Recorded(_) => Self::Recorded,
+            NativePlanner::VelocityAdjusting(settings) => Self::VelocityAdjusting(settings.0),
+            NativePlanner::Idm(settings) => Self::Idm(settings.0),
+        }
+    }
+}
 
 /// Takes the value of a key out of a dict; it must be there.
-fn take<'py, T>(values: &Bound<'py, PyDict>, name: &str) -> PyResult<T>
+fn take<'py, T>(values: &Bound<'py, PyDict>, planner: &str, name: &str) -> PyResult<T>
 where
     T: for<'a> FromPyObject<'a, 'py>,
 {
-    let missing = || InputError::new_err(format!("planner.frenet.{name} is missing"));
+    let missing = || InputError::new_err(format!("planner.{planner}.{name} is missing"));
     let value = values.get_item(name)?.ok_or_else(missing)?;
-    value.extract().map_err(|_| InputError::new_err(format!("planner.frenet.{name} cannot be {value}")))
+    value.extract().map_err(|_| InputError::new_err(format!("planner.{planner}.{name} cannot be {value}")))
+}
+
+/// The core's refusal with the planner's name before that of the field.
+fn named(planner: &str, checked: interdrive_core::error::Result<()>) -> PyResult<()> {
+    checked.map_err(|error| InputError::new_err(format!("planner.{planner}.{error}")))
 }
 
 /// Writes a record's fields from a dict and back, by one list of names.
 macro_rules! record {
     ($read:ident, $write:ident, $record:ty, $prefix:literal, [$($field:ident),* $(,)?]) => {
-        fn $read(values: &Bound<'_, PyDict>, record: &mut $record) -> PyResult<()> {
-            $(record.$field = take(values, concat!($prefix, stringify!($field)))?;)*
+        fn $read(values: &Bound<'_, PyDict>, planner: &str, record: &mut $record) -> PyResult<()> {
+            $(record.$field = take(values, planner, concat!($prefix, stringify!($field)))?;)*
             Ok(())
         }
         fn $write(values: &Bound<'_, PyDict>, record: &$record) -> PyResult<()> {
@@ -82,6 +105,17 @@ record!(
     "comfort.",
     [time_gap, standstill_gap, deceleration, lateral_acceleration, velocity_step, cruise_velocity_min,]
 );
+record!(
+    read_car_following,
+    write_car_following,
+    CarFollowing,
+    "",
+    [time_gap, minimum_gap, acceleration, deceleration, exponent]
+);
+record!(read_idm, write_idm, IdmSettings, "", [desired_velocity_max, lateral_acceleration]);
+
+#[pyclass(frozen, name = "FrenetSettings", module = "interdrive._core")]
+pub struct PyFrenetSettings(pub FrenetSettings);
 
 #[pymethods]
 impl PyFrenetSettings {
@@ -89,11 +123,10 @@ impl PyFrenetSettings {
     #[new]
     fn new(values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let mut settings = FrenetSettings::default();
-        read_planner(values, &mut settings)?;
-        read_weights(values, &mut settings.weights)?;
-        read_comfort(values, &mut settings.comfort)?;
-        let named = |error: interdrive_core::error::Error| InputError::new_err(format!("planner.frenet.{error}"));
-        settings.validate().map_err(named)?;
+        read_planner(values, "frenet", &mut settings)?;
+        read_weights(values, "frenet", &mut settings.weights)?;
+        read_comfort(values, "frenet", &mut settings.comfort)?;
+        named("frenet", settings.validate())?;
         Ok(Self(settings))
     }
 
@@ -104,6 +137,66 @@ impl PyFrenetSettings {
         write_planner(&values, &settings)?;
         write_weights(&values, &settings.weights)?;
         write_comfort(&values, &settings.comfort)?;
+        Ok(values)
+    }
+}
+
+/// `recorded` has no settings.
+#[pyclass(frozen, name = "RecordedSettings", module = "interdrive._core")]
+pub struct PyRecordedSettings;
+
+#[pymethods]
+impl PyRecordedSettings {
+    #[new]
+    fn new() -> Self {
+        Self
+    }
+}
+
+#[pyclass(frozen, name = "VelocityAdjustingSettings", module = "interdrive._core")]
+pub struct PyVelocityAdjustingSettings(pub CarFollowing);
+
+#[pymethods]
+impl PyVelocityAdjustingSettings {
+    /// From a dict of names; every name must be there.
+    #[new]
+    fn new(values: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut law = CarFollowing::default();
+        read_car_following(values, "velocity_adjusting", &mut law)?;
+        named("velocity_adjusting", law.validate())?;
+        Ok(Self(law))
+    }
+
+    /// The core's defaults as a dict of names.
+    #[staticmethod]
+    fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let values = PyDict::new(py);
+        write_car_following(&values, &CarFollowing::default())?;
+        Ok(values)
+    }
+}
+
+#[pyclass(frozen, name = "IdmSettings", module = "interdrive._core")]
+pub struct PyIdmSettings(pub IdmSettings);
+
+#[pymethods]
+impl PyIdmSettings {
+    /// From a dict of names; every name must be there.
+    #[new]
+    fn new(values: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut settings = IdmSettings::default();
+        read_car_following(values, "idm", &mut settings.law)?;
+        read_idm(values, "idm", &mut settings)?;
+        named("idm", settings.validate())?;
+        Ok(Self(settings))
+    }
+
+    /// The core's defaults as a dict of names.
+    #[staticmethod]
+    fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let (values, settings) = (PyDict::new(py), IdmSettings::default());
+        write_car_following(&values, &settings.law)?;
+        write_idm(&values, &settings)?;
         Ok(values)
     }
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
-use interdrive_core::plan::frenet::FrenetSettings;
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
@@ -16,7 +15,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
-use crate::planner::PyFrenetSettings;
+use crate::planner::NativePlanner;
 use crate::scenario::{PyGoal, PyRoute, PyScenario, PyShape, PyVehicle};
 use crate::view::{PyScene, PyView};
 
@@ -39,11 +38,11 @@ impl PyAgent {
         start_time_step: i64,
         goal: &PyGoal,
         route: &PyRoute,
-        planner: Option<&PyFrenetSettings>,
+        planner: Option<NativePlanner<'_>>,
         sensor_radius: f64,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
-        let planner = planner.map_or(Planner::External, |p| Planner::Frenet(Box::new(FrenetSettings::clone(&p.0))));
+        let planner = planner.map_or(Planner::External, Planner::from);
         Ok(Self(Agent {
             id,
             kind: ParticipantKind::from_code(kind).map_err(exception)?,

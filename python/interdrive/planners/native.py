@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -111,22 +112,108 @@ class Frenet:
 
 
 @dataclass(frozen=True)
+class Recorded:
+    """Replays the recording state by state; beyond its end it follows the lane with the last speed."""
+
+
+@dataclass(frozen=True)
+class VelocityAdjusting:
+    """Keeps the recorded path and, where nobody is in the way, the recorded speed.
+
+    Behind leaders and before those who cross it brakes with the Intelligent Driver Model: Treiber, Hennecke, Helbing,
+    "Congested traffic states in empirical observations and microscopic simulations", Phys. Rev. E 62, 2000,
+    doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the gap
+    s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
+    acceleration is at most a (1 - (s* / s)²). See docs/planners.md.
+
+    Attributes:
+        time_gap: Time gap T to a leader [s].
+        minimum_gap: Gap s0 to a standing leader [m].
+        acceleration: Acceleration a with which it returns to the recorded speed [m/s²].
+        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
+        exponent: Exponent of v / v0 in the acceleration a (1 - (v / v0)^exponent) back to the recorded speed v0.
+    """
+
+    time_gap: float = 1.0
+    minimum_gap: float = 2.0
+    acceleration: float = 1.0
+    deceleration: float = 1.5
+    exponent: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        native_planner(self)
+
+
+@dataclass(frozen=True)
+class Idm:
+    """Drives the reference path of its route with the Intelligent Driver Model.
+
+    Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys.
+    Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805, eqs. 3 and 4; defaults and the braking above the desired speed as in
+    Treiber and Kesting, "Traffic Flow Dynamics", 2013, section 11.3. With the gap s and the leader's speed vl the
+    acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
+    desired speed v0 brings it to its goal in time, within speed limits and slowly enough for curves. See
+    docs/planners.md.
+
+    Attributes:
+        time_gap: Time gap T to a leader [s].
+        minimum_gap: Gap s0 to a standing leader [m].
+        acceleration: Acceleration a from standstill on a free road [m/s²].
+        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
+        exponent: Exponent of v / v0.
+        desired_velocity_max: Upper bound of the desired speed v0 [m/s].
+        lateral_acceleration: Lateral acceleration in curves [m/s²].
+    """
+
+    time_gap: float = 1.0
+    minimum_gap: float = 2.0
+    acceleration: float = 1.0
+    deceleration: float = 1.5
+    exponent: float = 4.0
+    desired_velocity_max: float = math.inf
+    lateral_acceleration: float = 3.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        native_planner(self)
+
+
+@dataclass(frozen=True)
 class PlannerSettings:
     """Settings of all native planners.
 
     Attributes:
         frenet: Settings of `frenet`.
+        velocity_adjusting: Settings of `velocity_adjusting`.
+        idm: Settings of `idm`.
     """
 
     frenet: Frenet = field(default_factory=Frenet)
+    velocity_adjusting: VelocityAdjusting = field(default_factory=VelocityAdjusting)
+    idm: Idm = field(default_factory=Idm)
 
 
 #: Names of the native planners, each with one line of explanation.
-NATIVE = {"frenet": "samples trajectories in the Frenet frame of the reference path and takes the cheapest safe one"}
-
+NATIVE = {
+    "frenet": "samples trajectories in the Frenet frame of the reference path and takes the cheapest safe one",
+    "recorded": "replays the recording",
+    "velocity_adjusting": "keeps the recorded path, and the recorded speed unless somebody is in the way",
+    "idm": "drives its reference path with the Intelligent Driver Model",
+}
 
 #: The record of each native planner.
-RECORDS: dict[str, type] = {"frenet": Frenet}
+RECORDS: dict[str, type] = {
+    "frenet": Frenet,
+    "recorded": Recorded,
+    "velocity_adjusting": VelocityAdjusting,
+    "idm": Idm,
+}
+
+#: The core's settings of each native planner.
+NativePlanner = (
+    _core.FrenetSettings | _core.RecordedSettings | _core.VelocityAdjustingSettings | _core.IdmSettings
+)
 
 
 def native_name(record: object) -> str | None:
@@ -139,6 +226,14 @@ def native_record(name: str, settings: PlannerSettings) -> Any:  # noqa: ANN401 
     return getattr(settings, name, None) or RECORDS[name]()
 
 
-def native_planner(record: object) -> _core.FrenetSettings | None:
-    """The core's parameter record; None for a planner written in Python."""
-    return _core.FrenetSettings(flatten(record)) if isinstance(record, Frenet) else None
+def native_planner(record: object) -> NativePlanner | None:
+    """The core's settings of a native planner; None for a planner written in Python."""
+    if isinstance(record, Frenet):
+        return _core.FrenetSettings(flatten(record))
+    if isinstance(record, Recorded):
+        return _core.RecordedSettings()
+    if isinstance(record, VelocityAdjusting):
+        return _core.VelocityAdjustingSettings(flatten(record))
+    if isinstance(record, Idm):
+        return _core.IdmSettings(flatten(record))
+    return None

@@ -1,21 +1,44 @@
 //! Native planners: a closed set, one call for all agents.
 
+mod ahead;
+mod arrival;
+mod car_following;
+mod frame;
 pub mod frenet;
+mod idm;
 pub mod outside;
+mod pace;
+mod path_motion;
+mod polynomial;
+mod recorded;
+mod track;
+mod velocity_adjusting;
 
+pub use car_following::CarFollowing;
+pub use idm::IdmSettings;
+
+use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::road::RoadNetwork;
 use crate::route::Route;
-use crate::scenario::Goal;
+use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
+use pace::SpeedLimits;
+use track::Track;
 
 /// Who plans for an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Planner {
     /// Sampling in the Frenet frame of the reference path.
     Frenet(Box<frenet::FrenetSettings>),
+    /// The recording, state by state.
+    Recorded,
+    /// The recorded path at the recorded speed, slower where somebody is in the way.
+    VelocityAdjusting(CarFollowing),
+    /// The reference path with the Intelligent Driver Model.
+    Idm(IdmSettings),
     /// Somebody outside the core, who writes a row of `Plans`.
     External,
 }
@@ -77,4 +100,84 @@ pub struct PlanResult {
     pub cost: f64,
     /// Why there is no plan, for people; empty otherwise.
     pub message: String,
+}
+
+/// What a planner works out once for an agent, before the first step; planners keep no other memory.
+#[derive(Debug, Clone)]
+pub enum Prepared {
+    /// Nothing.
+    Nothing,
+    /// The agent's recording.
+    Track(Box<Track>),
+    /// Speed limits along the reference path.
+    SpeedLimits(SpeedLimits),
+}
+
+impl Prepared {
+    /// For an agent that enters at a time step.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the planner needs a recording and there is none.
+    pub fn new(
+        planner: &Planner,
+        id: i64,
+        first_time_step: i64,
+        vehicle: &Vehicle,
+        route: &Route,
+        scenario: &Scenario,
+    ) -> Result<Self> {
+        let track = |name| Ok(Self::Track(Box::new(Track::new(scenario, id, first_time_step, vehicle, name)?)));
+        match planner {
+            Planner::Frenet(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Recorded => track("recorded"),
+            Planner::VelocityAdjusting(_) => track("velocity_adjusting"),
+            Planner::Idm(_) => Ok(Self::SpeedLimits(SpeedLimits::along(&route.path, &route.lanelets, &scenario.road))),
+        }
+    }
+}
+
+/// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
+/// not depend on what was planned before with the same memory.
+#[derive(Debug, Clone, Default)]
+pub struct Scratch {
+    frenet: frenet::Scratch,
+    ahead: ahead::Ahead,
+    pace: pace::Pace,
+    /// Motions of the plan, and of a plan for which those who come later do not count.
+    motions: Vec<car_following::Motion>,
+    free: Vec<car_following::Motion>,
+}
+
+/// The plan of a native planner; `None` for one outside the core.
+///
+/// # Panics
+/// If `prepared` was made for another planner.
+pub fn plan(
+    planner: &Planner,
+    prepared: &Prepared,
+    request: &PlanRequest,
+    scratch: &mut Scratch,
+) -> Option<PlanResult> {
+    if !request.state.is_finite() && !matches!(planner, Planner::External) {
+        return Some(refused(request, scratch, "the present state is not a number"));
+    }
+    Some(match (planner, prepared) {
+        (Planner::External, _) => return None,
+        (Planner::Frenet(settings), _) => frenet::plan(request, settings, &mut scratch.frenet),
+        (Planner::Recorded, Prepared::Track(track)) => recorded::plan(request, track, scratch),
+        (Planner::VelocityAdjusting(law), Prepared::Track(track)) => {
+            velocity_adjusting::plan(request, law, track, scratch)
+        }
+        (Planner::Idm(settings), Prepared::SpeedLimits(limits)) => idm::plan(request, settings, limits, scratch),
+        _ => unreachable!("prepared for another planner"),
+    })
+}
+
+fn planned(trajectory: Trajectory) -> PlanResult {
+    PlanResult { trajectory, status: PlanStatus::Planned, cost: f64::NAN, message: String::new() }
+}
+
+/// What an agent does that its planner cannot help: it stays if it stands, and otherwise brakes as hard as it can.
+fn refused(request: &PlanRequest, scratch: &mut Scratch, reason: &str) -> PlanResult {
+    frenet::without_plan(request, request.predictions.n_steps + 1, &mut scratch.frenet, reason)
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
-use crate::plan::Planner;
+use crate::plan::{Planner, Prepared};
 use crate::predict::{Predictor, predict};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
@@ -66,6 +66,8 @@ impl Default for WorldSettings {
 #[derive(Debug, Clone)]
 struct Drive {
     agent: Arc<Agent>,
+    /// What its planner worked out before the first step.
+    prepared: Prepared,
     /// Row among the participants.
     row: usize,
     outcome: Outcome,
@@ -114,7 +116,7 @@ impl World {
     ///
     /// # Errors
     /// `InvalidInput` naming the agent or field: an id twice, an initial state that is not a number, an agent that
-    /// starts before the first time step, impossible settings.
+    /// starts before the first time step or whose planner needs a recording that is not there, impossible settings.
     pub fn new(scenario: Arc<Scenario>, mut agents: Vec<Agent>, settings: WorldSettings) -> Result<Self> {
         if !(settings.grace_factor >= 1.0 && settings.grace_factor.is_finite()) {
             return Err(Error::invalid(format!("grace_factor must be at least 1, not {}", settings.grace_factor)));
@@ -132,16 +134,20 @@ impl World {
         let (participants, recorded_row) = participants(&scenario, &agents);
         let drives = agents
             .into_iter()
-            .map(|agent| Drive {
-                row: participants.ids.binary_search(&agent.id).expect("agents are participants"),
-                outcome: Outcome::running(agent.start_time_step),
-                s: agent.route.start_s,
-                plan: None,
-                was_on_road: false,
-                contact_fraction: f64::INFINITY,
-                agent: Arc::new(agent),
+            .map(|agent| {
+                let Agent { id, start_time_step, ref planner, ref vehicle, ref route, .. } = agent;
+                Ok(Drive {
+                    prepared: Prepared::new(planner, id, start_time_step, vehicle, route, &scenario)?,
+                    row: participants.ids.binary_search(&id).expect("agents are participants"),
+                    outcome: Outcome::running(start_time_step),
+                    s: route.start_s,
+                    plan: None,
+                    was_on_road: false,
+                    contact_fraction: f64::INFINITY,
+                    agent: Arc::new(agent),
+                })
             })
-            .collect();
+            .collect::<Result<_>>()?;
         let mut world = Self {
             states: vec![None; participants.ids.len()],
             recording: Recording::new(participants.ids.clone(), first_time_step),

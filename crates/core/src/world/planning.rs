@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{Drive, World};
 use crate::error::Result;
 use crate::plan::frenet::{self, Candidates};
-use crate::plan::{Other, PlanRequest, PlanResult, Planner};
+use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, Scratch};
 use crate::predict::completed;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, Trajectory};
@@ -27,7 +27,7 @@ impl World {
             drives
                 .par_iter()
                 .with_max_len(1)
-                .map_init(frenet::Scratch::default, |scratch, drive| self.plan_one(drive, scene, &predictions, scratch))
+                .map_init(Scratch::default, |scratch, drive| self.plan_one(drive, scene, &predictions, scratch))
                 .collect()
         });
         let n_points = results.iter().flatten().map(|result| result.trajectory.points.len()).max().unwrap_or(0);
@@ -65,14 +65,16 @@ impl World {
         drive: &Drive,
         scene: &Scene,
         predictions: &Predictions,
-        scratch: &mut frenet::Scratch,
+        scratch: &mut Scratch,
     ) -> Option<PlanResult> {
         if let Some(kept) = self.kept_plan(drive) {
             return Some(kept);
         }
-        let Planner::Frenet(settings) = &drive.agent.planner else { return None };
+        if drive.agent.planner == Planner::External {
+            return None;
+        }
         let others = self.others(drive, scene);
-        Some(frenet::plan(&self.request(drive, &others, predictions), settings, scratch))
+        plan::plan(&drive.agent.planner, &drive.prepared, &self.request(drive, &others, predictions), scratch)
     }
 
     /// The rest of the last plan, if it is not yet time for a new one.

@@ -3,7 +3,7 @@
 //! each adds something positive, so every partial sum is a lower bound.
 
 use super::super::PlanRequest;
-use super::frame::Waypoint;
+use super::super::frame::Waypoint;
 use super::obstacles::Obstacles;
 use super::sample::{Motion, Samples};
 use super::settings::{CostWeights, N_TERMS};

@@ -2,10 +2,10 @@
 //! the expensive parts of the cost.
 
 use super::super::PlanRequest;
+use super::super::frame::{FrenetPoint, Start, Waypoint};
 use super::choose::Refined;
 use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
 use super::feasibility::{Limits, Rejection};
-use super::frame::{FrenetPoint, Start, Waypoint};
 use super::obstacles::{Contact, Obstacles};
 use super::previous::Previous;
 use super::sample::Samples;

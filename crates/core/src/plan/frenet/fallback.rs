@@ -8,10 +8,10 @@
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
+use super::super::frame::start_curvature;
+use super::super::polynomial::Braking;
 use super::super::{PlanRequest, PlanResult};
-use super::frame::start_curvature;
 use super::obstacles::Contact;
-use super::polynomial::Braking;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::{PlanStatus, State, Trajectory};
@@ -81,7 +81,7 @@ fn curvatures(request: &PlanRequest) -> Vec<f64> {
     let vehicle = request.vehicle;
     let tyres = vehicle.lateral_acceleration_max / request.state.velocity.powi(2).max(1e-6);
     let limit = vehicle.curvature_max().min(tyres);
-    let present = start_curvature(request).unwrap_or(0.0);
+    let present = start_curvature(&request.state, request.vehicle).unwrap_or(0.0);
     let mut others: Vec<f64> = (-N..=N).map(|i| limit * f64::from(i) / f64::from(N)).collect();
     others.sort_by(|a, b| (a - present).abs().total_cmp(&(b - present).abs()));
     others.insert(0, present);

@@ -4,7 +4,7 @@
 //! start (and a tenth of the excess more) and shrinks linearly to its true value over 1.5 s.
 
 use super::super::PlanRequest;
-use super::frame::Waypoint;
+use super::super::frame::Waypoint;
 use crate::vehicle::Vehicle;
 
 /// Time in which an excess of the start must be gone [s].

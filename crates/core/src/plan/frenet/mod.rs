@@ -17,10 +17,8 @@ mod desired;
 mod evaluate;
 mod fallback;
 mod feasibility;
-mod frame;
 mod gaussian;
 mod obstacles;
-mod polynomial;
 mod previous;
 mod sample;
 mod settings;
@@ -31,13 +29,13 @@ pub use candidates::Candidates;
 pub use feasibility::Rejection;
 pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
 
+use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult};
 use crate::trajectory::{PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use desired::Desired;
 use evaluate::{Evaluation, Problem, Tables, Work};
 use feasibility::Limits;
-use frame::{Start, Waypoint};
 use obstacles::Obstacles;
 use previous::Previous;
 use sample::{Inputs, Samples};
@@ -191,6 +189,15 @@ fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     let trajectory = found.map(|_| trajectory(request, start, evaluation.points()));
     evaluation.tables.work.contacts = contacts;
     trajectory
+}
+
+/// What an agent does if there is nothing to choose from.
+pub(super) fn without_plan(request: &PlanRequest, n_points: usize, scratch: &mut Scratch, reason: &str) -> PlanResult {
+    if request.state.is_finite() {
+        last_resort(request, n_points, &mut scratch.road, reason)
+    } else {
+        fallback::refuse(request, n_points, reason.into())
+    }
 }
 
 /// Standing still or full braking.

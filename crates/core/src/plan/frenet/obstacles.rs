@@ -1,8 +1,8 @@
 //! The other participants as the planner sees them: swept boxes per time interval for the collision test, expected
 //! positions per point for the prediction cost. Made once per plan, only for what the samples can reach.
 
+use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
-use super::frame::{Start, Waypoint};
 use super::gaussian::{self, Normal2};
 use super::sample::Samples;
 use super::settings::FrenetSettings;

@@ -2,9 +2,9 @@
 //! samples has moved on. It is tested like all others.
 
 use super::super::PlanRequest;
+use super::super::frame::{STRETCH_MIN, Start, Waypoint};
 use super::cost::{FrenetMotion, from_tables};
 use super::feasibility::Limits;
-use super::frame::{STRETCH_MIN, Start, Waypoint};
 use super::settings::CostWeights;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::State;

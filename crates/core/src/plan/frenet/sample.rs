@@ -4,10 +4,10 @@
 //! A lane is an end position d. Rows that stay above `low_velocity` use lateral polynomials of time, which they share
 //! with all rows of the same end time; the others use polynomials of arc length, which stay well defined at standstill.
 
+use super::super::frame::Start;
+use super::super::polynomial::{Braking, Polynomial};
 use super::desired::Desired;
 use super::feasibility::{Limits, Rejection};
-use super::frame::Start;
-use super::polynomial::{Braking, Polynomial};
 use super::settings::FrenetSettings;
 use crate::geometry::polyline::{PathPoint, ReferencePath};
 

@@ -6,8 +6,8 @@
 
 use crate::geometry::Point;
 use crate::geometry::polyline::PathPoint;
-use crate::plan::frenet::frame::{FrenetPoint, Waypoint};
-use crate::plan::frenet::polynomial::Polynomial;
+use crate::plan::frame::{FrenetPoint, Waypoint};
+use crate::plan::polynomial::Polynomial;
 
 const RADIUS: f64 = 50.0;
 const HEADING_BIAS: f64 = 0.01;

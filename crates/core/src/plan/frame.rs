@@ -2,9 +2,11 @@
 //! rear axle. Notation: K = 1 - curvature d, D = heading minus that of the path, a prime is a derivative by s, a dot
 //! one by time. Formulas: Werling et al., ICRA 2010, and Werling's thesis, appendix A; tan D = d'/K exactly.
 
-use super::super::PlanRequest;
+use super::PlanRequest;
 use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::{Point, Pose, wrap_angle};
+use crate::trajectory::State;
+use crate::vehicle::Vehicle;
 
 /// The agent moves along the path only if it heads within about 84 degrees of it (cos D) ...
 const COSINE_MIN: f64 = 0.1;
@@ -37,9 +39,9 @@ pub(super) struct Start {
 }
 
 /// Curvature at the rear axle: yaw rate over speed within the limits; `None` when creeping.
-pub(super) fn start_curvature(request: &PlanRequest) -> Option<f64> {
-    let limit = request.vehicle.curvature_max();
-    let (velocity, yaw_rate) = (request.state.velocity, request.state.yaw_rate);
+pub(super) fn start_curvature(state: &State, vehicle: &Vehicle) -> Option<f64> {
+    let limit = vehicle.curvature_max();
+    let (velocity, yaw_rate) = (state.velocity, state.yaw_rate);
     (velocity.abs() > CREEPING).then(|| (yaw_rate / velocity).clamp(-limit, limit))
 }
 
@@ -51,14 +53,23 @@ impl Start {
     /// relative to the path (d'' = 0), within the limits, where samples do not choose it themselves. The same if the
     /// yaw rate is not to be trusted.
     pub(super) fn new(request: &PlanRequest, yaw_rate_counts: bool) -> Result<Self, String> {
-        let state = request.state;
-        let path = &request.route.path;
+        Self::on(&request.route.path, request.s_hint, &request.state, request.vehicle, yaw_rate_counts)
+    }
+
+    /// The same on any path, with an arc length near which the agent is, if one is known (else NaN).
+    pub(super) fn on(
+        path: &ReferencePath,
+        s_hint: f64,
+        state: &State,
+        vehicle: &Vehicle,
+        yaw_rate_counts: bool,
+    ) -> Result<Self, String> {
         let velocity = if (-CREEPING..0.0).contains(&state.velocity) { 0.0 } else { state.velocity };
         if velocity < 0.0 {
             return Err(format!("drives backwards at {velocity} m/s"));
         }
-        let rear_axle = request.vehicle.rear_axle_from_center(state.pose());
-        let (s, d) = project(path, rear_axle, request.s_hint).ok_or("is not beside its reference path")?;
+        let rear_axle = vehicle.rear_axle_from_center(state.pose());
+        let (s, d) = project(path, rear_axle, s_hint).ok_or("is not beside its reference path")?;
         let at = path.at(s);
         let offset = wrap_angle(state.orientation - at.theta);
         let (sin, cos) = offset.sin_cos();
@@ -69,9 +80,9 @@ impl Start {
         let tan = sin / cos;
         let d_prime = stretch * tan;
         let turn = at.curvature_rate * d + at.curvature * d_prime;
-        let limit = request.vehicle.curvature_max();
+        let limit = vehicle.curvature_max();
         let parallel = ((at.curvature + turn * tan * cos * cos / stretch) * cos / stretch).clamp(-limit, limit);
-        let curvature = start_curvature(request).filter(|_| yaw_rate_counts).unwrap_or(parallel);
+        let curvature = start_curvature(state, vehicle).filter(|_| yaw_rate_counts).unwrap_or(parallel);
         let swing = curvature * stretch / cos - at.curvature;
         let s_dot = velocity * cos / stretch;
         let inertia = s_dot * s_dot / cos * (stretch * tan * swing - turn);

@@ -1,0 +1,423 @@
+//! Who will be on a path, where and when, and how hard to brake for them.
+//!
+//! Every participant is projected onto the path, now and at every predicted step, for every mode that is likely enough.
+//! Where its box lies in the corridor of the vehicle it occupies a stretch of the path. Consecutive steps of one kind
+//! make a claim: somebody who moves along the path (or stands) is a leader; somebody who crosses makes the entry of the
+//! stretch a standing virtual leader until it has left; somebody who joins later is a virtual leader already now,
+//! moved back along the path. Whether the vehicle has to wait for a claim that begins later is decided once per plan.
+
+use super::car_following::{CarFollowing, Motion};
+use super::{Other, PlanRequest};
+use crate::geometry::polyline::ReferencePath;
+use crate::geometry::shape::{OrientedBox, Shape};
+use crate::geometry::{Aabb, Point, Pose, wrap_angle};
+
+/// The corridor is wider than the vehicle by this, on each side [m].
+const CORRIDOR_MARGIN: f64 = 0.2;
+/// Somebody slower than this stands, whatever the heading [m/s].
+const STANDING: f64 = 0.5;
+/// Somebody moves along the path within 60 degrees of it (cosine).
+const SAME_DIRECTION: f64 = 0.5;
+/// Modes with at least this probability count, and the most probable one.
+const MODE_PROBABILITY: f64 = 0.2;
+/// A foot found by Newton's method is good if it is off by less than this along the path [m].
+const FOOT_TOLERANCE: f64 = 0.05;
+/// Structures are looked for every so many metres of the path.
+const STRUCTURE_STEP: f64 = 1.0;
+/// The vehicle goes first if it has left the stretch by this distance [m] when the other comes.
+const CLEARANCE: f64 = 1.0;
+/// The vehicle comes after the other by this time [s].
+const TIME_CLEARANCE: f64 = 0.3;
+/// Entries that are nearer in time than this are at the same time [s].
+const SAME_TIME: f64 = 0.5;
+/// The other can be expected to wait if that takes no more than this deceleration [m/s²].
+const COURTESY: f64 = 2.0;
+/// A vehicle whose front is further into the stretch than this cannot wait before it any more [m].
+const COMMITTED: f64 = 1.0;
+
+/// What somebody occupies of the path at one point of the plan.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// Arc lengths of the nearest and the furthest point [m].
+    low: f64,
+    high: f64,
+    /// Speed along the path [m/s], not negative.
+    velocity: f64,
+    /// Moves along the path, or stands.
+    along: bool,
+    /// In the corridor.
+    inside: bool,
+}
+
+const OUTSIDE: Place = Place { low: f64::NAN, high: f64::NAN, velocity: 0.0, along: true, inside: false };
+
+/// Consecutive points at which somebody occupies a stretch of the path in one way.
+#[derive(Debug, Clone, Copy)]
+struct Claim {
+    /// First of its places among `places`, that of point 0.
+    row: usize,
+    first: usize,
+    last: usize,
+    along: bool,
+    /// Still there at the end of the plan.
+    stays: bool,
+    /// Entry of the stretch [m].
+    entry: f64,
+    /// Position in the request's `others`.
+    other: usize,
+    mode: usize,
+    counts: bool,
+}
+
+/// The vehicle on its path.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ego<'a> {
+    pub(super) path: &'a ReferencePath,
+    /// Arc length of the rear axle, its derivative, and the lateral offset.
+    pub(super) s: f64,
+    pub(super) velocity: f64,
+    pub(super) d: f64,
+    /// From the rear axle to the front and the rear of the footprint, along the path [m].
+    pub(super) to_front: f64,
+    pub(super) to_rear: f64,
+    pub(super) half_width: f64,
+    /// An offset is given up within this time [s].
+    pub(super) return_time: f64,
+    /// How far to look ahead [m].
+    pub(super) reach: f64,
+}
+
+impl<'a> Ego<'a> {
+    pub(super) fn new(
+        request: &PlanRequest,
+        path: &'a ReferencePath,
+        (s, velocity, d): (f64, f64, f64),
+        return_time: f64,
+    ) -> Self {
+        let vehicle = request.vehicle;
+        Self {
+            path,
+            s,
+            velocity,
+            d,
+            to_front: vehicle.rear_axle_to_center + 0.5 * vehicle.length,
+            to_rear: vehicle.rear_axle_to_center - 0.5 * vehicle.length,
+            half_width: 0.5 * vehicle.width,
+            return_time,
+            reach: 60.0 + 6.0 * velocity,
+        }
+    }
+
+    /// Right and left edge of the corridor at a time from now [m].
+    fn corridor(&self, time: f64) -> (f64, f64) {
+        let d = self.d * (1.0 - time / self.return_time).max(0.0);
+        let half = self.half_width + CORRIDOR_MARGIN;
+        (d.min(0.0) - half, d.max(0.0) + half)
+    }
+
+    fn middle(&self) -> f64 {
+        0.5 * (self.to_front + self.to_rear)
+    }
+}
+
+/// Everybody who counts for one plan; the memory is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Ahead {
+    places: Vec<Place>,
+    claims: Vec<Claim>,
+    n_points: usize,
+    dt: f64,
+}
+
+impl Ahead {
+    /// Projects all participants of the request onto the path. Claims that begin later do not count until `decide`.
+    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize) {
+        self.places.clear();
+        self.claims.clear();
+        (self.n_points, self.dt) = (n_points, request.dt);
+        let region = region(ego);
+        for (index, other) in request.others.iter().enumerate() {
+            if other.is_static {
+                self.add_static(request, index, other, ego, &region);
+            } else {
+                self.add_moving(request, index, other, ego, &region);
+            }
+        }
+    }
+
+    fn add_static(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Aabb) {
+        if !other.shape.aabb(other.pose).overlaps(region) {
+            return;
+        }
+        let place = if is_box(other.shape) {
+            let body = other.shape.oriented_box(other.pose);
+            place(ego, &body, &mut None, 0.0, 0.0).filter(|place| place.inside)
+        } else {
+            structure(request, other, ego)
+        };
+        let Some(place) = place.filter(|place| 0.5 * (place.low + place.high) > ego.s + ego.middle()) else { return };
+        let row = self.places.len();
+        self.places.resize(row + self.n_points, Place { velocity: 0.0, along: true, ..place });
+        self.push_claims(ego, row, index, 0);
+    }
+
+    fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Aabb) {
+        let predictions = request.predictions;
+        let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
+        let region = region.grown(other.shape.bounding_radius());
+        let now = other.shape.oriented_box(other.pose);
+        let mut foot = None;
+        let present = if region.contains(now.center) { place(ego, &now, &mut foot, other.velocity, 0.0) } else { None };
+        if present.is_some_and(|place| is_follower(ego, &place)) {
+            return;
+        }
+        let probabilities = &predictions.probability[other.row * predictions.n_modes..][..predictions.n_modes];
+        let largest = probabilities.iter().copied().fold(0.0, f64::max);
+        for (mode, probability) in probabilities.iter().enumerate() {
+            if *probability < largest && *probability < MODE_PROBABILITY || *probability <= 0.0 {
+                continue;
+            }
+            let row = self.places.len();
+            self.places.push(present.unwrap_or(OUTSIDE));
+            let (first, mut foot) = (predictions.offset(other.row, mode), foot);
+            let mut found = present.is_some_and(|place| place.inside);
+            for point in 1..self.n_points {
+                let k = first + point + shift - 1;
+                let known = point + shift <= predictions.n_steps && predictions.valid[k];
+                let center = if known { Point::new(predictions.x[k], predictions.y[k]) } else { Point::default() };
+                let next = if known && region.contains(center) {
+                    let body =
+                        other.shape.oriented_box(Pose { position: center, orientation: predictions.orientation[k] });
+                    place(ego, &body, &mut foot, predictions.velocity[k], point as f64 * self.dt)
+                } else {
+                    foot = None;
+                    None
+                };
+                found |= next.is_some_and(|place| place.inside);
+                self.places.push(next.unwrap_or(OUTSIDE));
+            }
+            if found {
+                self.push_claims(ego, row, index, mode);
+            } else {
+                self.places.truncate(row);
+            }
+        }
+    }
+
+    /// Splits the places from `row` on into claims.
+    fn push_claims(&mut self, ego: &Ego, row: usize, other: usize, mode: usize) {
+        let places = &self.places[row..row + self.n_points];
+        let mut at = 0;
+        while at < places.len() {
+            let first = at;
+            let Place { inside, along, .. } = places[first];
+            while at < places.len() && places[at].inside == inside && (!inside || places[at].along == along) {
+                at += 1;
+            }
+            if !inside {
+                continue;
+            }
+            let last = at - 1;
+            let entry = places[first..=last].iter().map(|place| place.low).fold(f64::INFINITY, f64::min);
+            let (front, middle) = (ego.s + ego.to_front, 0.5 * (places[first].low + places[first].high));
+            // Who is beside or behind now is not waited for.
+            let is_passed = if along { middle <= front } else { entry < front - COMMITTED };
+            if first == 0 && is_passed {
+                continue;
+            }
+            let stays = last + 1 == places.len();
+            self.claims.push(Claim { row, first, last, along, stays, entry, other, mode, counts: first == 0 });
+        }
+    }
+
+    /// Decides for whom among those who come later the vehicle waits, from the motion that it would have without them.
+    pub(super) fn decide(&mut self, request: &PlanRequest, ego: &Ego, free: &[Motion]) {
+        for claim in &mut self.claims {
+            if claim.first > 0 {
+                let places = &self.places[claim.row..claim.row + self.n_points];
+                claim.counts = if claim.along {
+                    is_joined_ahead(ego, claim, places, free, self.dt)
+                } else {
+                    must_wait(request, ego, claim, places, free, self.dt)
+                };
+            }
+        }
+    }
+
+    /// Least of the accelerations that those who count allow at a point of the plan [m/s²]; infinite if nobody counts.
+    pub(super) fn allowed(&self, point: usize, ego: &Ego, s: f64, velocity: f64, law: &CarFollowing) -> f64 {
+        let front = s + ego.to_front;
+        let mut least = f64::INFINITY;
+        for claim in self.claims.iter().filter(|claim| claim.counts && point <= claim.last) {
+            let place = |at: usize| &self.places[claim.row + at];
+            let acceleration = if !claim.along {
+                if claim.entry < front - COMMITTED {
+                    continue;
+                }
+                let stop = following(law, velocity, claim.entry - front, 0.0);
+                if claim.stays {
+                    stop
+                } else {
+                    let time = (claim.last + 1 - point) as f64 * self.dt + TIME_CLEARANCE;
+                    stop.max(not_before(claim.entry - front - 0.5 * law.minimum_gap, velocity, 0.0, time))
+                }
+            } else if point >= claim.first {
+                let place = place(point);
+                if 0.5 * (place.low + place.high) <= front {
+                    continue;
+                }
+                following(law, velocity, place.low - front, place.velocity)
+            } else {
+                let joined = place(claim.first);
+                let time = (claim.first - point) as f64 * self.dt;
+                let moved_back = joined.low - joined.velocity * time;
+                let keep = following(law, velocity, moved_back - front, joined.velocity);
+                let room = joined.low - front - law.minimum_gap;
+                keep.max(not_before(room, velocity, joined.velocity, time))
+            };
+            least = least.min(acceleration);
+        }
+        least
+    }
+}
+
+/// The acceleration behind a leader without a desired speed: what is left of the model if the road ahead of it were free.
+fn following(law: &CarFollowing, velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
+    law.acceleration + law.interaction(velocity, gap, leader_velocity)
+}
+
+/// Constant acceleration with which a distance is not used up before a time is over [m/s²]; infinite if it is not anyway.
+/// Towards the end the vehicle need not be slower than `end_velocity`.
+fn not_before(distance: f64, velocity: f64, end_velocity: f64, time: f64) -> f64 {
+    if velocity * time <= distance {
+        return f64::INFINITY;
+    }
+    if distance <= 0.0 {
+        return f64::NEG_INFINITY;
+    }
+    let constant = 2.0 * (distance - velocity * time) / (time * time);
+    if velocity + constant * time >= end_velocity {
+        constant
+    } else {
+        // It would be slower than necessary at the end, or stand: brake to that speed within the distance.
+        (end_velocity * end_velocity - velocity * velocity) / (2.0 * distance)
+    }
+}
+
+/// The part of the world in which the corridor ahead lies.
+fn region(ego: &Ego) -> Aabb {
+    const SPACING: f64 = 5.0;
+    let n = (ego.reach / SPACING).ceil() as usize;
+    let points = (0..=n).map(|i| ego.path.at(ego.s + i as f64 * SPACING).position);
+    // Between two of the points a bend of 5 m radius bulges by less than 0.7 m.
+    Aabb::around(points).grown(ego.half_width + ego.d.abs() + CORRIDOR_MARGIN + 0.7)
+}
+
+/// Arc length of the foot of a point: Newton's method from the last foot, otherwise a search.
+fn foot_of(ego: &Ego, point: Point, hint: &mut Option<f64>) -> Option<(f64, f64, Point)> {
+    if let Some(mut s) = *hint {
+        for _ in 0..3 {
+            let at = ego.path.at(s);
+            let offset = point - at.position;
+            let (ahead, d) = (offset.dot(at.tangent()), at.tangent().cross(offset));
+            if ahead.abs() < FOOT_TOLERANCE {
+                *hint = Some(s);
+                return Some((s + ahead, d, at.tangent()));
+            }
+            s += ahead / (1.0 - at.curvature * d).clamp(0.3, 3.0);
+        }
+    }
+    let half = 0.5 * ego.reach;
+    let found = ego.path.project_near(point, ego.s + half, half + 10.0);
+    *hint = found.map(|(s, _)| s);
+    found.map(|(s, d)| (s, d, ego.path.at(s).tangent()))
+}
+
+/// What a box occupies of the path; `None` if it is not beside it.
+fn place(ego: &Ego, body: &OrientedBox, hint: &mut Option<f64>, velocity: f64, time: f64) -> Option<Place> {
+    let (s, d, tangent) = foot_of(ego, body.center, hint)?;
+    let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
+    let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
+    let half_d = body.half_length * sin.abs() + body.half_width * cos.abs();
+    let (right, left) = ego.corridor(time);
+    let along = velocity.abs() < STANDING || cos * velocity.signum() > SAME_DIRECTION;
+    let velocity = if velocity.abs() < STANDING { 0.0 } else { (velocity * cos).max(0.0) };
+    let inside = d + half_d > right && d - half_d < left;
+    Some(Place { low: s - half_s, high: s + half_s, velocity, along, inside })
+}
+
+/// Somebody in the corridor behind the vehicle who drives the same way: keeping the distance is up to them.
+fn is_follower(ego: &Ego, place: &Place) -> bool {
+    place.inside && place.along && 0.5 * (place.low + place.high) <= ego.s + ego.middle()
+}
+
+/// One rectangle, or something that a box around it describes well enough.
+fn is_box(shape: &Shape) -> bool {
+    let [part] = shape.parts() else { return false };
+    let (length, width) = shape.extent();
+    let area: f64 = (1..part.vertices.len().max(1) - 1)
+        .map(|i| 0.5 * (part.vertices[i] - part.vertices[0]).cross(part.vertices[i + 1] - part.vertices[0]))
+        .sum();
+    part.vertices.len() < 3 || area > 0.98 * length * width
+}
+
+/// Where the footprint, driven along the path, would first touch a structure.
+fn structure(request: &PlanRequest, other: &Other, ego: &Ego) -> Option<Place> {
+    let n = (ego.reach.min(100.0 + ego.velocity * 2.0) / STRUCTURE_STEP) as usize;
+    let touches = |i: usize| {
+        let at = ego.path.at(ego.s + i as f64 * STRUCTURE_STEP);
+        let position = at.position + at.tangent() * request.vehicle.rear_axle_to_center;
+        other.shape.overlaps(other.pose, request.shape, Pose { position, orientation: at.theta })
+    };
+    // What touches already is beside the vehicle.
+    if touches(0) {
+        return None;
+    }
+    let low = (1..=n).find(|i| touches(*i)).map(|i| ego.s + ego.to_front + (i as f64 - 1.0) * STRUCTURE_STEP)?;
+    Some(Place { low, high: low + 2.0 * ego.to_front, velocity: 0.0, along: true, inside: true })
+}
+
+/// Somebody who will join the path does so ahead of the vehicle, as far as one can tell from both present speeds.
+fn is_joined_ahead(ego: &Ego, claim: &Claim, places: &[Place], free: &[Motion], dt: f64) -> bool {
+    let place = &places[claim.first];
+    let middle = 0.5 * (place.low + place.high);
+    let clear = free[claim.first].s + ego.to_rear > place.high + CLEARANCE;
+    let at_present_speed = ego.s + ego.middle() + ego.velocity * claim.first as f64 * dt;
+    !clear && middle >= at_present_speed
+}
+
+/// The vehicle waits for somebody who will cross, unless it will have passed by then, or can wait no more, or the other
+/// has to wait.
+fn must_wait(request: &PlanRequest, ego: &Ego, claim: &Claim, places: &[Place], free: &[Motion], dt: f64) -> bool {
+    let passes_first =
+        (claim.first..=claim.last).all(|point| free[point].s + ego.to_rear > places[point].high + CLEARANCE);
+    let is_committed = ego.s + ego.to_front > claim.entry;
+    if passes_first || is_committed {
+        return false;
+    }
+    let Some(arrival) = free.iter().position(|motion| motion.s + ego.to_front >= claim.entry) else { return true };
+    let other = &request.others[claim.other];
+    let (own_time, other_time) = (arrival as f64 * dt, claim.first as f64 * dt);
+    if other.velocity.abs() > 2.0 * COURTESY * other_time {
+        return true;
+    }
+    if (own_time - other_time).abs() > SAME_TIME {
+        return own_time > other_time;
+    }
+    !has_priority(request, ego, claim)
+}
+
+/// Who comes at the same time: who goes straight on before who turns, otherwise who comes from the right.
+fn has_priority(request: &PlanRequest, ego: &Ego, claim: &Claim) -> bool {
+    const SAME_TURN: f64 = 0.2;
+    let (other, predictions) = (&request.others[claim.other], request.predictions);
+    let k = predictions.offset(other.row, claim.mode) + claim.first - 1;
+    let (here, there) = (ego.path.at(ego.s), ego.path.at(claim.entry));
+    let own_turn = (there.theta - here.theta).abs();
+    let other_turn = wrap_angle(predictions.orientation[k] - other.pose.orientation).abs();
+    if (own_turn - other_turn).abs() > SAME_TURN {
+        return own_turn < other_turn;
+    }
+    // It comes from the left if it heads to the right across the path.
+    there.tangent().cross(Point::from_angle(predictions.orientation[k])) < 0.0
+}

@@ -1,0 +1,121 @@
+//! How fast an agent must be to arrive at its goal in time.
+
+use super::PlanRequest;
+use super::frame::Start;
+use crate::scenario::GoalState;
+
+/// The plan reaches a new speed after about this time [s]; speeds are desired for then.
+pub(super) const LOOK_AHEAD: f64 = 1.0;
+/// An agent aims this far into the goal area, at most to its middle [m], ...
+const GOAL_DEPTH: f64 = 20.0;
+/// ... waits this far before its end [m] ...
+const GOAL_END_GAP: f64 = 1.0;
+/// ... and arrives this long before the last moment [s], ...
+const ARRIVAL_RESERVE: f64 = 1.0;
+/// ... or by this share of the time that is left, if that is more: who plans to be just in time will be late.
+const ARRIVAL_SHARE: f64 = 0.15;
+
+/// Desired speed for the goal alone, and where to wait if the agent is early.
+///
+/// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
+/// brings the agent into the area at the middle of the time interval or shortly before its end, whichever is later.
+/// Too late: on as before. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without
+/// a place, or behind the agent: the goal's speed, else the present one.
+pub(super) fn desired(
+    request: &PlanRequest,
+    start: &Start,
+    deceleration: f64,
+    cruise_velocity_min: f64,
+) -> (f64, Option<f64>) {
+    let Some(goal) = request.goal.states.iter().max_by_key(|state| state.time_step.1) else {
+        return (start.velocity, None);
+    };
+    let goal_velocity = goal.velocity.map(|(low, high)| 0.5 * (low + high));
+    let onwards = goal_velocity.unwrap_or(start.velocity.max(cruise_velocity_min));
+    let (entry, exit) = (request.route.goal_entry_s, request.route.goal_exit_s);
+    let center = start.s + request.vehicle.rear_axle_to_center;
+    // False for goals without a place, too: their arc lengths are NaN.
+    let to_come = exit > center && entry.is_finite();
+    if goal.areas.is_empty() || !to_come {
+        return (onwards, None);
+    }
+    let seconds = |steps: f64| steps * request.dt;
+    let until = |time_step: i64| seconds((time_step - request.time_step) as f64);
+    let is_early = until(goal.time_step.0) > 0.0;
+    let stop = is_early.then_some(exit - GOAL_END_GAP - request.vehicle.rear_axle_to_center);
+    if center >= entry {
+        let room = (exit - GOAL_END_GAP - center).max(0.0);
+        let inside = goal_velocity.unwrap_or(start.velocity);
+        let waiting =
+            if is_early { (room / until(goal.time_step.0)).min((deceleration * room).sqrt()) } else { inside };
+        return (inside.min(waiting), stop);
+    }
+    (arrival_velocity(goal, entry.min(exit) - center, exit - entry, onwards, deceleration, until), stop)
+}
+
+fn arrival_velocity(
+    goal: &GoalState,
+    to_entry: f64,
+    depth: f64,
+    onwards: f64,
+    deceleration: f64,
+    until: impl Fn(i64) -> f64,
+) -> f64 {
+    let (earliest, latest) = (until(goal.time_step.0), until(goal.time_step.1));
+    if latest <= 0.0 {
+        return onwards;
+    }
+    let reserve = ARRIVAL_RESERVE.max(ARRIVAL_SHARE * latest);
+    let arrival = (0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest);
+    let distance = to_entry + GOAL_DEPTH.min(0.5 * depth);
+    cruise_velocity(distance, arrival, goal.velocity.unwrap_or((0.0, f64::INFINITY)), deceleration)
+}
+
+/// Speed after `LOOK_AHEAD` of: constant speed, then a constant change `b` [m/s²] to the nearer end of the interval, so
+/// that `distance` is covered in `time`.
+fn cruise_velocity(distance: f64, time: f64, (low, high): (f64, f64), b: f64) -> f64 {
+    let mean = distance / time;
+    if mean > high {
+        // distance = v time - (v - high)² / (2 b); the smaller root.
+        let root = ((high + b * time).powi(2) - high * high - 2.0 * b * distance).max(0.0).sqrt();
+        let cruise = high + b * time - root;
+        let braking_since = LOOK_AHEAD - (time - (cruise - high) / b);
+        return (cruise - b * braking_since.max(0.0)).max(high);
+    }
+    if mean < low {
+        // distance = v time + (low - v)² / (2 b)
+        let root = ((low - b * time).powi(2) - low * low + 2.0 * b * distance).max(0.0).sqrt();
+        let cruise = (low - b * time + root).max(0.0);
+        let driving_since = LOOK_AHEAD - (time - (low - cruise) / b);
+        return (cruise + b * driving_since.max(0.0)).min(low);
+    }
+    mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cruise_speed_covers_the_distance_in_time() {
+        let b = 3.0;
+        for (distance, time, low, high, expected) in [
+            (100.0, 10.0, 0.0, f64::INFINITY, 10.0),
+            (100.0, 10.0, 5.0, 12.0, 10.0),
+            // v 10 - v²/6 = 80: 30 - sqrt(900 - 480)
+            (80.0, 10.0, 0.0, 0.0, 30.0 - 420_f64.sqrt()),
+            // v 10 + (12 - v)²/6 = 80: v² + 36 v - 336 = 0
+            (80.0, 10.0, 12.0, 15.0, -18.0 + 660_f64.sqrt()),
+        ] {
+            let v = cruise_velocity(distance, time, (low, high), b);
+            assert!((v - expected).abs() < 1e-9, "{v} for {expected}");
+        }
+    }
+
+    #[test]
+    fn the_desired_speed_falls_along_the_braking_before_the_goal() {
+        // 5 m/s is reached 2 s before arrival at rest, on the comfortable braking parabola: 1 s later it is 2 less.
+        let v = cruise_velocity(4.0, 2.0, (0.0, 0.0), 2.0);
+        assert!((v - 2.0).abs() < 1e-9, "{v}");
+    }
+}

@@ -1,0 +1,210 @@
+//! The Intelligent Driver Model (IDM): how hard to accelerate, from the own speed and what is ahead.
+//!
+//! Sources: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
+//! simulations", Phys. Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805, eqs. 2 to 4; Treiber, Kesting, "Traffic Flow
+//! Dynamics", Springer 2013, section 11.3.
+
+use crate::error::{Error, Result};
+use crate::vehicle::Vehicle;
+
+/// Smaller gaps count as this one [m].
+const GAP_MIN: f64 = 0.1;
+/// Slower desired speeds count as this one [m/s].
+const DESIRED_VELOCITY_MIN: f64 = 0.01;
+
+/// Parameters of the IDM. Defaults: Treiber and Kesting 2013, table 11.2.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CarFollowing {
+    /// Time gap T to the leader [s].
+    pub time_gap: f64,
+    /// Gap s0 to a standing leader [m].
+    pub minimum_gap: f64,
+    /// Acceleration a from standstill on a free road [m/s²].
+    pub acceleration: f64,
+    /// Comfortable deceleration b [m/s²]; where it is necessary, more, up to the vehicle's limit.
+    pub deceleration: f64,
+    /// Exponent delta: how the acceleration falls as the speed nears the desired one.
+    pub exponent: f64,
+}
+
+impl Default for CarFollowing {
+    fn default() -> Self {
+        Self { time_gap: 1.0, minimum_gap: 2.0, acceleration: 1.0, deceleration: 1.5, exponent: 4.0 }
+    }
+}
+
+impl CarFollowing {
+    /// Desired gap s* [m] (2000, eq. 4): s0 + v T + v (v - vl) / (2 sqrt(a b)), where the part behind s0 is not
+    /// negative (2013, eq. 11.15).
+    pub fn desired_gap(&self, velocity: f64, leader_velocity: f64) -> f64 {
+        let approach = (velocity - leader_velocity) / (2.0 * (self.acceleration * self.deceleration).sqrt());
+        self.minimum_gap + (velocity * (self.time_gap + approach)).max(0.0)
+    }
+
+    /// Acceleration on a free road [m/s²] (2000, eq. 2): a (1 - (v / v0)^delta); above the desired speed the braking of
+    /// the improved model (2013, eq. 11.22): -b (1 - (v0 / v)^(a delta / b)).
+    pub fn free(&self, velocity: f64, desired_velocity: f64) -> f64 {
+        let v0 = desired_velocity.max(DESIRED_VELOCITY_MIN);
+        if velocity <= v0 {
+            self.acceleration * (1.0 - (velocity / v0).powf(self.exponent))
+        } else {
+            let exponent = self.acceleration * self.exponent / self.deceleration;
+            -self.deceleration * (1.0 - (v0 / velocity).powf(exponent))
+        }
+    }
+
+    /// What the leader takes away from the free acceleration [m/s²]: -a (s* / s)² (2000, eq. 3), not positive.
+    pub fn interaction(&self, velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
+        let ratio = self.desired_gap(velocity, leader_velocity) / gap.max(GAP_MIN);
+        -self.acceleration * ratio * ratio
+    }
+
+    /// The whole model [m/s²] (2000, eq. 3).
+    pub fn acceleration(&self, velocity: f64, desired_velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
+        self.free(velocity, desired_velocity) + self.interaction(velocity, gap, leader_velocity)
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the field and what is expected.
+    pub fn validate(&self) -> Result<()> {
+        for (name, value, max) in [
+            ("time_gap", self.time_gap, 60.0),
+            ("acceleration", self.acceleration, 100.0),
+            ("deceleration", self.deceleration, 100.0),
+            ("exponent", self.exponent, 100.0),
+        ] {
+            positive(name, value, max)?;
+        }
+        if !(0.0..=100.0).contains(&self.minimum_gap) {
+            return Err(Error::invalid(format!("minimum_gap must be between 0 and 100, not {}", self.minimum_gap)));
+        }
+        Ok(())
+    }
+}
+
+/// A setting is positive and at most `max`.
+pub(super) fn positive(name: &str, value: f64, max: f64) -> Result<()> {
+    if value > 0.0 && value <= max {
+        Ok(())
+    } else {
+        Err(Error::invalid(format!("{name} must be positive and at most {max}, not {value}")))
+    }
+}
+
+/// What is left of a wish after the vehicle's limits [m/s²].
+pub(super) fn limited(acceleration: f64, velocity: f64, vehicle: &Vehicle) -> f64 {
+    acceleration.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity))
+}
+
+/// Arc length, its derivative and its second derivative at one point of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Motion {
+    pub(super) s: f64,
+    pub(super) velocity: f64,
+    /// Constant up to the next point (or until the vehicle stands).
+    pub(super) acceleration: f64,
+}
+
+/// Integrates an acceleration law over `n_points` points: constant acceleration in between (ballistic update, Treiber
+/// and Kanagaraj, Physica A 419, 2015), standing exactly where the speed becomes zero.
+pub(super) fn integrate(
+    (s, velocity): (f64, f64),
+    n_points: usize,
+    dt: f64,
+    out: &mut Vec<Motion>,
+    mut law: impl FnMut(usize, f64, f64) -> f64,
+) {
+    out.clear();
+    let (mut s, mut velocity) = (s, velocity);
+    for point in 0..n_points {
+        let acceleration = law(point, s, velocity);
+        let next = velocity + acceleration * dt;
+        if next >= 0.0 {
+            out.push(Motion { s, velocity, acceleration });
+            s += (velocity + 0.5 * acceleration * dt) * dt;
+            velocity = next;
+        } else {
+            // It stands within the interval; the mean acceleration is what its speeds show.
+            out.push(Motion { s, velocity, acceleration: -velocity / dt });
+            s += 0.5 * velocity * velocity / -acceleration;
+            velocity = 0.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAW: CarFollowing =
+        CarFollowing { time_gap: 1.5, minimum_gap: 2.0, acceleration: 1.0, deceleration: 4.0, exponent: 4.0 };
+
+    #[test]
+    fn the_desired_gap_is_that_of_the_formula() {
+        // 2 + v 1.5 + v (v - vl) / (2 sqrt(4)) = 2 + 1.5 v + v (v - vl) / 4
+        for (v, vl, gap) in
+            [(0.0, 0.0, 2.0), (10.0, 10.0, 17.0), (20.0, 10.0, 82.0), (20.0, 0.0, 132.0), (10.0, 16.0, 2.0)]
+        {
+            assert!((LAW.desired_gap(v, vl) - gap).abs() < 1e-12, "{v} {vl}");
+        }
+    }
+
+    #[test]
+    fn the_free_acceleration_is_that_of_the_formula() {
+        for (v, v0, expected) in [
+            (0.0, 20.0, 1.0),
+            (10.0, 20.0, 1.0 - 1.0 / 16.0),
+            (20.0, 20.0, 0.0),
+            // above: -4 (1 - (v0 / v)^1)
+            (25.0, 20.0, -0.8),
+            (10.0, 0.0, -4.0 * (1.0 - 0.001)),
+        ] {
+            assert!((LAW.free(v, v0) - expected).abs() < 1e-12, "{v} {v0}");
+        }
+    }
+
+    #[test]
+    fn the_acceleration_behind_a_leader_is_that_of_the_formula() {
+        for (v, v0, gap, vl, expected) in [
+            // s* = 17
+            (10.0, 20.0, 34.0, 10.0, 1.0 - 1.0 / 16.0 - 0.25),
+            (10.0, 20.0, 17.0, 10.0, -1.0 / 16.0),
+            // s* = 132
+            (20.0, 20.0, 66.0, 0.0, -4.0),
+            // s* = 2: the leader pulls away
+            (10.0, 20.0, 4.0, 16.0, 1.0 - 1.0 / 16.0 - 0.25),
+            (0.0, 20.0, 2.0, 0.0, 0.0),
+        ] {
+            assert!((LAW.acceleration(v, v0, gap, vl) - expected).abs() < 1e-12, "{v} {gap} {vl}");
+        }
+    }
+
+    #[test]
+    fn the_ballistic_update_is_exact_and_stops_where_the_parabola_does() {
+        let mut out = Vec::new();
+        integrate((5.0, 1.0), 4, 0.5, &mut out, |_, _, _| -1.5);
+        // 1, 0.25, then rest after 0.25 / 1.5 s: 0.25² / 3 further.
+        let s: Vec<f64> = out.iter().map(|m| m.s).collect();
+        let rest = 5.3125 + 0.0625 / 3.0;
+        for (found, expected) in s.iter().zip([5.0, 5.3125, rest, rest]) {
+            assert!((found - expected).abs() < 1e-12, "{s:?}");
+        }
+        assert_eq!(out.iter().map(|m| m.velocity).collect::<Vec<_>>(), [1.0, 0.25, 0.0, 0.0]);
+        assert_eq!(out[1].acceleration, -0.5);
+    }
+
+    #[test]
+    fn an_impossible_parameter_is_named() {
+        for (change, name) in [
+            (CarFollowing { time_gap: 0.0, ..LAW }, "time_gap"),
+            (CarFollowing { minimum_gap: -1.0, ..LAW }, "minimum_gap"),
+            (CarFollowing { acceleration: f64::NAN, ..LAW }, "acceleration"),
+            (CarFollowing { deceleration: -2.0, ..LAW }, "deceleration"),
+            (CarFollowing { exponent: 0.0, ..LAW }, "exponent"),
+        ] {
+            assert!(change.validate().expect_err(name).to_string().starts_with(name));
+        }
+    }
+}

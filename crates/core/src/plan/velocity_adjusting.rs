@@ -1,0 +1,90 @@
+//! Keeping the recorded path and, where nobody is in the way, the recorded speed.
+
+use super::ahead::{Ahead, Ego};
+use super::car_following::{CarFollowing, integrate, limited};
+use super::frame::Start;
+use super::idm::RETURN_TIME;
+use super::pace::SpeedLimits;
+use super::track::Track;
+use super::{PlanRequest, PlanResult, Scratch, path_motion, planned, refused};
+
+/// A vehicle this near to its recorded place is on schedule [m] and corrects the rest; a later one is late and does not
+/// catch up.
+const ON_SCHEDULE: f64 = 1.0;
+/// Errors of speed and place decay within these times [s].
+const VELOCITY_TIME: f64 = 0.5;
+const PLACE_TIME: f64 = 1.0;
+/// A vehicle slower than recorded at its place by more than this [m/s] accelerates with the car-following model.
+const SLOW: f64 = 0.3;
+/// Places nearer than this are the same [m].
+const SAME_PLACE: f64 = 0.02;
+/// Lateral acceleration in curves beyond the end of the recording [m/s²].
+const LATERAL_ACCELERATION: f64 = 3.0;
+/// A recording that ends (nearly) standing goes on with this speed, so that the vehicle follows its lane [m/s].
+const STANDING: f64 = 0.1;
+
+/// Acceleration if nobody is in the way [m/s²].
+fn undisturbed(
+    track: &Track,
+    law: &CarFollowing,
+    clock_now: f64,
+    (s, velocity): (f64, f64),
+    pace: f64,
+    dt: f64,
+) -> f64 {
+    let last = track.clock(track.last_time_step());
+    let latest = track.latest_clock(s + SAME_PLACE);
+    let behind = track.s_at(clock_now, dt) - s;
+    let on_schedule = behind.abs() < ON_SCHEDULE || latest > clock_now;
+    let clock = if on_schedule { clock_now } else { latest };
+    if clock >= last {
+        let wish = track.last_velocity().min(pace);
+        let wish = if wish < STANDING { 0.0 } else { wish };
+        return if velocity < wish || velocity > wish + SLOW {
+            law.free(velocity, wish)
+        } else {
+            (wish - velocity) / dt
+        };
+    }
+    let recorded = track.velocity_at(clock);
+    let change = (track.velocity_at(clock + 1.0) - recorded) / dt;
+    if on_schedule {
+        let place = if behind.abs() < ON_SCHEDULE { behind } else { behind.signum() * ON_SCHEDULE };
+        return change + (recorded - velocity) / VELOCITY_TIME + place / (PLACE_TIME * PLACE_TIME);
+    }
+    if velocity < recorded - SLOW {
+        return law.free(velocity, recorded).max(change);
+    }
+    (change + (recorded - velocity) / VELOCITY_TIME).max(-2.0 * law.deceleration.max(-change))
+}
+
+/// The plan for a request.
+pub(super) fn plan(request: &PlanRequest, law: &CarFollowing, track: &Track, scratch: &mut Scratch) -> PlanResult {
+    let path = track.path();
+    let hint = track.s_at(track.clock(request.time_step), request.dt);
+    let near = path.project_near(request.vehicle.rear_axle_from_center(request.state.pose()), hint, 2.0).is_some();
+    let hint = if near { hint } else { f64::NAN };
+    let start = match Start::on(path, hint, &request.state, request.vehicle, request.previous.is_some()) {
+        Ok(start) => start,
+        Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
+    };
+    let n_points = request.predictions.n_steps + 1;
+    let ego = Ego::new(request, path, (start.s, start.s_dot, start.d), RETURN_TIME);
+    let Scratch { ahead, pace, motions, free, .. } = scratch;
+    ahead.collect(request, &ego, n_points);
+    pace.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
+    let clock = track.clock(request.time_step);
+    let drive = |ahead: &Ahead, point: usize, s: f64, velocity: f64| {
+        let now = clock + point as f64;
+        let wish = undisturbed(track, law, now, (s, velocity), pace.at(s), request.dt);
+        limited(wish.min(ahead.allowed(point, &ego, s, velocity, law)), velocity, request.vehicle)
+    };
+    let from = (start.s, start.s_dot);
+    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
+    ahead.decide(request, &ego, free);
+    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
+    match path_motion::trajectory(request, path, &start, motions, RETURN_TIME) {
+        Some(trajectory) => planned(trajectory),
+        None => refused(request, scratch, "its path bends too tightly where it is"),
+    }
+}
