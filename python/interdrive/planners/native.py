@@ -122,8 +122,8 @@ class VelocityAdjusting:
 
     Behind leaders and before those who cross it brakes with the Intelligent Driver Model: Treiber, Hennecke, Helbing,
     "Congested traffic states in empirical observations and microscopic simulations", Phys. Rev. E 62, 2000,
-    doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the gap
-    s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
+    doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the
+    gap s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
     acceleration is at most a (1 - (s* / s)²). See docs/planners.md.
 
     Attributes:
@@ -211,9 +211,7 @@ RECORDS: dict[str, type] = {
 }
 
 #: The core's settings of each native planner.
-NativePlanner = (
-    _core.FrenetSettings | _core.RecordedSettings | _core.VelocityAdjustingSettings | _core.IdmSettings
-)
+NativePlanner = _core.FrenetSettings | _core.RecordedSettings | _core.VelocityAdjustingSettings | _core.IdmSettings
 
 
 def native_name(record: object) -> str | None:
