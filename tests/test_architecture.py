@@ -4,6 +4,11 @@ import re
 import tomllib
 from pathlib import Path
 
+from interdrive import _core
+from interdrive.recording import OUTCOME_NAMES
+from interdrive.run import PLAN_STATUS
+from interdrive.scenario import KINDS
+
 ROOT = Path(__file__).parent.parent
 PICTURE = re.search(r"## The picture\n\n(.*?)\n\n", (ROOT / "ARCHITECTURE.md").read_text(), re.DOTALL)[1]
 PYTHON, RUST = (
@@ -30,3 +35,11 @@ def test_no_module_of_the_package_imports_the_package_itself():
     for path in (ROOT / "python" / "interdrive").rglob("*.py"):
         for names in re.findall(r"^\s*from interdrive import (.*)", path.read_text(), re.M):
             assert names == "_core", f"{path}: {names}"
+
+
+def test_codes_mean_the_same_on_both_sides_of_the_boundary():
+    def snake(name: str) -> str:
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+    ours = {"kind": KINDS, "outcome": OUTCOME_NAMES, "plan_status": PLAN_STATUS}
+    assert {what: tuple(map(snake, names)) for what, names in _core.CODES.items()} == ours

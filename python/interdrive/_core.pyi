@@ -12,6 +12,7 @@ _Bools = NDArray[np.bool_]
 _Interval = tuple[float, float]
 
 __all__ = [
+    "CODES",
     "Agent",
     "Ego",
     "FrenetSettings",
@@ -37,6 +38,8 @@ __all__ = [
     "__version__",
 ]
 __version__: str
+#: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status".
+CODES: dict[str, list[str]]
 
 class InterdriveError(Exception): ...
 class InputError(InterdriveError): ...

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from interdrive.agents import Agent
 
 #: Names of the core's outcome codes.
-_OUTCOME_NAMES = (
+OUTCOME_NAMES = (
     "running",
     "goal_reached",
     "goal_reached_late",
@@ -46,7 +46,7 @@ def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
     return Outcomes(
         agent_id=raw["agent_id"],
         planner=tuple(planners[i] for i in raw["agent_id"].tolist()),
-        outcome=tuple(_OUTCOME_NAMES[code] for code in raw["kind"].tolist()),
+        outcome=tuple(OUTCOME_NAMES[code] for code in raw["kind"].tolist()),
         time_step=raw["time_step"],
         partner_id=raw["partner_id"],
         off_road=raw["off_road"],

@@ -24,6 +24,20 @@ pub enum OutcomeKind {
     PlannerError = 7,
 }
 
+impl OutcomeKind {
+    /// All; the position is the code that crosses the Python boundary.
+    pub const ALL: [Self; 8] = [
+        Self::Running,
+        Self::GoalReached,
+        Self::GoalReachedLate,
+        Self::TimeLimit,
+        Self::GoalMissed,
+        Self::Infeasible,
+        Self::Collision,
+        Self::PlannerError,
+    ];
+}
+
 /// How, when and against whom an agent ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {

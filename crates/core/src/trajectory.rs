@@ -264,6 +264,11 @@ pub enum PlanStatus {
     Error = 4,
 }
 
+impl PlanStatus {
+    /// All; the position is the code that crosses the Python boundary.
+    pub const ALL: [Self; 5] = [Self::None, Self::Planned, Self::EmergencyBraking, Self::Infeasible, Self::Error];
+}
+
 /// One trajectory: point 0 is the state at planning time, point `i` is `i * dt` later. Positions are footprint centres.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trajectory {

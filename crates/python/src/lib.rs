@@ -9,11 +9,25 @@ mod scenario;
 mod view;
 mod world;
 
+use interdrive_core::recording::OutcomeKind;
+use interdrive_core::trajectory::PlanStatus;
+use interdrive_core::vehicle::ParticipantKind;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Names of the codes in arrays, by their position, as the core calls them.
+fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let codes = PyDict::new(py);
+    codes.set_item("kind", ParticipantKind::ALL.map(|kind| format!("{kind:?}")))?;
+    codes.set_item("outcome", OutcomeKind::ALL.map(|kind| format!("{kind:?}")))?;
+    codes.set_item("plan_status", PlanStatus::ALL.map(|status| format!("{status:?}")))?;
+    Ok(codes)
+}
 
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("CODES", codes(module.py())?)?;
     errors::register(module)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;

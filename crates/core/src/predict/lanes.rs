@@ -1,0 +1,167 @@
+//! Following every lane that fits, one mode each.
+
+use super::{LaneFollowing, go_straight, write};
+use crate::geometry::Pose;
+use crate::road::RoadNetwork;
+use crate::scene::Scene;
+use crate::trajectory::{Predictions, State};
+
+/// A participant that is faster than the caps (they are on a grid) may brake harder than planned by this factor.
+const BRAKING_FACTOR: f64 = 1.5;
+/// How it gets back to its speed behind a curve [m/s²].
+const ACCELERATION: f64 = 1.0;
+
+/// One lane to follow: a chain of lanelets, where on it, and how well it fits.
+struct Lane {
+    chain: Vec<usize>,
+    s: f64,
+    d: f64,
+    heading_error: f64,
+    weight: f64,
+}
+
+/// The lanes on which a participant may be, best fit first; their weights are not normalised.
+fn lanes_of(state: &State, reach: f64, settings: &LaneFollowing, road: &RoadNetwork) -> Vec<Lane> {
+    const OFFSET_MAX: f64 = 1.0;
+    const HEADING_MAX: f64 = 0.7;
+    const OFFSET_SCALE: f64 = 0.8;
+    const HEADING_SCALE: f64 = 0.25;
+    /// Lanes that fit worse than the best by this factor are left out.
+    const WEIGHT_SHARE: f64 = 0.05;
+    let mut lanes: Vec<Lane> = Vec::new();
+    for found in road.matching(state.pose(), OFFSET_MAX, HEADING_MAX) {
+        let fit = (-(found.d / OFFSET_SCALE).powi(2) - (found.heading_error / HEADING_SCALE).powi(2)).exp().max(1e-12);
+        let chains = road.paths_from(found.lanelet, found.s, reach, settings.modes_max);
+        let weight = fit / chains.len().max(1) as f64;
+        lanes.extend(chains.into_iter().map(|chain| Lane {
+            chain,
+            s: found.s,
+            d: found.d,
+            heading_error: found.heading_error,
+            weight,
+        }));
+    }
+    // Best first; equal weights keep the order in which the road network lists them.
+    lanes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+    let mut kept: Vec<Lane> = Vec::with_capacity(settings.modes_max);
+    for lane in lanes {
+        let fits = kept.first().is_none_or(|best| lane.weight >= WEIGHT_SHARE * best.weight);
+        // Where one lanelet ends and the next begins, both match, and so would the same lane twice.
+        if kept.len() < settings.modes_max && fits && !kept.iter().any(|other| is_same_lane(other, &lane)) {
+            kept.push(lane);
+        }
+    }
+    kept
+}
+
+/// One chain goes on as the other does, from the first lanelet that both have.
+fn is_same_lane(a: &Lane, b: &Lane) -> bool {
+    let continues = |long: &Lane, short: &Lane| {
+        let joint = long.chain.iter().position(|lanelet| *lanelet == short.chain[0]);
+        joint.is_some_and(|joint| long.chain[joint..].iter().zip(&short.chain).all(|(x, y)| x == y))
+    };
+    continues(a, b) || continues(b, a)
+}
+
+pub(super) fn follow_lanes(
+    out: &mut Predictions,
+    i: usize,
+    row: usize,
+    state: &State,
+    settings: &LaneFollowing,
+    scene: &Scene,
+    road: &RoadNetwork,
+) {
+    let horizon = out.n_steps as f64 * scene.dt;
+    let lanes = if scene.participants.kind[row].is_vehicle() && state.velocity > 0.0 {
+        lanes_of(state, state.velocity * horizon + 10.0, settings, road)
+    } else {
+        Vec::new()
+    };
+    if lanes.is_empty() {
+        go_straight(out, i, state, &settings.spread, scene.dt);
+        return;
+    }
+    let total: f64 = lanes.iter().map(|lane| lane.weight).sum();
+    for (mode, lane) in lanes.iter().enumerate() {
+        out.probability[i * out.n_modes + mode] = lane.weight / total;
+        follow_lane(out, i, mode, state, lane, settings, scene.dt, road);
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "private; the parts of one mode")]
+fn follow_lane(
+    out: &mut Predictions,
+    i: usize,
+    mode: usize,
+    state: &State,
+    lane: &Lane,
+    settings: &LaneFollowing,
+    dt: f64,
+    road: &RoadNetwork,
+) {
+    let caps = SpeedCaps::along(lane, state.velocity * out.n_steps as f64 * dt, settings, road);
+    let start = out.offset(i, mode);
+    // The pose now, seen from the lane: the prediction starts exactly at the participant.
+    let (now, _) = road.chain_pose(&lane.chain, lane.s, 0.0, lane.d);
+    let shift = state.pose().position - now.position;
+    let drift = state.velocity * lane.heading_error.sin();
+    let (mut distance, mut velocity) = (0.0, state.velocity);
+    for k in 0..out.n_steps {
+        let time = (k + 1) as f64 * dt;
+        let allowed = caps.at(distance + velocity * dt);
+        velocity = if velocity > allowed {
+            (velocity - BRAKING_FACTOR * settings.deceleration * dt).max(allowed)
+        } else {
+            (velocity + ACCELERATION * dt).min(allowed).min(state.velocity)
+        };
+        distance += velocity * dt;
+        let d = returning(lane.d, drift, time, settings.return_time);
+        let (pose, _) = road.chain_pose(&lane.chain, lane.s, distance, d);
+        let fade = (1.0 - time / settings.return_time).max(0.0);
+        let ahead = returning(lane.d, drift, time + dt, settings.return_time);
+        let pose = Pose {
+            position: pose.position + shift * fade,
+            orientation: pose.orientation + (ahead - d).atan2((velocity * dt).max(0.05)),
+        };
+        write(out, start + k, pose, velocity, settings.spread.covariance(pose.orientation, velocity, time));
+    }
+}
+
+/// Cubic from (offset, drift) to (0, 0) within `duration`: the lateral offset at `time`.
+fn returning(offset: f64, drift: f64, time: f64, duration: f64) -> f64 {
+    if time >= duration {
+        return 0.0;
+    }
+    let u = time / duration;
+    let h00 = (1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u);
+    let h10 = u * (1.0 - u) * (1.0 - u);
+    h00 * offset + h10 * duration * drift
+}
+
+/// Speed up to which curves ahead can be driven, on a grid along the lane.
+struct SpeedCaps {
+    spacing: f64,
+    values: [f64; Self::COUNT],
+}
+
+impl SpeedCaps {
+    const COUNT: usize = 33;
+
+    fn along(lane: &Lane, reach: f64, settings: &LaneFollowing, road: &RoadNetwork) -> Self {
+        let spacing = (reach.max(10.0)) / (Self::COUNT - 1) as f64;
+        let mut values = [f64::INFINITY; Self::COUNT];
+        for (j, value) in values.iter_mut().enumerate() {
+            let (_, curvature) = road.chain_pose(&lane.chain, lane.s, j as f64 * spacing, 0.0);
+            *value = (settings.lateral_acceleration / curvature.abs().max(1e-6)).sqrt();
+        }
+        for j in (0..Self::COUNT - 1).rev() {
+            values[j] = values[j].min((values[j + 1].powi(2) + 2.0 * settings.deceleration * spacing).sqrt());
+        }
+        Self { spacing, values }
+    }
+
+    fn at(&self, distance: f64) -> f64 {
+        self.values[((distance / self.spacing) as usize).min(Self::COUNT - 1)]
+    }
+}
