@@ -106,6 +106,7 @@ def case_study(
         raise InputError(f"other vehicle {other}: it has no recording; vehicles with one: {known}")
     simulations = {
         "deterministic": alone,
+        "semi_deterministic": prepared([agent, other], {agent: planner, other: "velocity_adjusting"}),
         "interactive": prepared([agent, other], planner),
     }
     runs = {degree: simulation.run(on_step) for degree, simulation in simulations.items()}
