@@ -14,13 +14,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.errors import InputError
+from interdrive.errors import InputError, MissingExtraError
 from interdrive.planners.contract import Trajectory
 from interdrive.planners.native import FrenetWeights
 
 try:
     import frenetix
-    from frenetix.trajectory_functions import ComputeInitialState, FillCoordinates, cost_functions, feasability_functions
+    from frenetix.trajectory_functions import (
+        ComputeInitialState,
+        FillCoordinates,
+        cost_functions,
+        feasability_functions,
+    )
 except ImportError:  # said when a planner is made, so that its settings can be listed without the library
     frenetix = None
 
@@ -61,6 +66,8 @@ class Frenetix:
         prediction_margin_width: Predicted participants are wider by this, in all [m].
         rear_cone_angle: Opening angle of the cone behind the agent [rad] ...
         rear_cone_distance: ... in which participants further away than this are not considered at all [m].
+        arrival_reserve: The agent wants to be at its goal in the middle of the goal's time, but no earlier than this
+            before its end [s]; inf: in the middle, however long the interval, as the published planner does.
         replan_every: A new plan every so many calls; in between the last one is followed unchecked.
         carry_state: Begin a plan at the Frenet state that the library stated for this point of the plan before, as its
             own planner does; false: compute it from the agent's state.
@@ -77,6 +84,7 @@ class Frenetix:
     prediction_margin_width: float = 0.2
     rear_cone_angle: float = 0.3490658503988659
     rear_cone_distance: float = 6.0
+    arrival_reserve: float = 2.0
     replan_every: int = 3
     carry_state: bool = True
     path_spacing: float = 1.0
@@ -88,13 +96,14 @@ class Frenetix:
     def __post_init__(self) -> None:
         """Checks the library and the ranges."""
         if frenetix is None:
-            raise InputError("planner frenetix needs the extra: pip install interdrive[frenetix]")
+            raise MissingExtraError("planner frenetix needs the extra: pip install interdrive[frenetix]")
         for name, low, high in (
             ("level", 0, 4),
             ("horizon", 0.5, 10.0),
             ("t_min", 0.3, self.horizon),
             ("d_max", 0.0, 10.0),
             ("low_velocity", 0.1, 10.0),
+            ("arrival_reserve", 0.0, float("inf")),
             ("replan_every", 1, 20),
             ("path_spacing", 0.1, 5.0),
         ):
@@ -144,9 +153,9 @@ class Frenetix:
         return handler
 
     def samples(self, view: View, start: _Floats) -> _Floats:
-        """The sampling matrix of the library, shape (samples, 13), from the Frenet start state (s, s', s'', d, d', d'')."""
+        """The library's sampling matrix, shape (samples, 13), for a Frenet start state (s, s', s'', d, d', d'')."""
         vehicle, v = view.ego.vehicle, view.ego.velocity
-        n, step = 2 ** (self.level + 1) + 1, max(1, 10 // (self.level + 1)) * view.dt
+        n, step = 2 ** (self.level + 1) + 1, 0.1 * (10 // (self.level + 1))
         times = np.append(np.round(np.arange(self.t_min, self.horizon + view.dt, step), 2), self.horizon)
         reach = vehicle.acceleration_max * self.horizon
         fastest = max(min(v + reach / 6.0, _VELOCITY_MAX, vehicle.velocity_max), 0.001)
@@ -163,7 +172,7 @@ class Frenetix:
     def _costs(self, view: View, predictions: Predictions, frame: _Frame) -> Iterator[Any]:
         """The cost terms with a weight; all are the library's."""
         ego, weights = view.ego, self.weights
-        desired = desired_velocity(view)
+        desired = desired_velocity(view, self.arrival_reserve)
         plain = {
             "distance_to_reference": cost_functions.CalculateDistanceToReferencePathCost,
             "lateral_jerk": cost_functions.CalculateLateralJerkCost,
@@ -199,7 +208,9 @@ class Frenetix:
         """The most probable mode of everybody whom a sample could come near, as the library wants it."""
         ego, margin = view.ego, (self.prediction_margin_length, self.prediction_margin_width)
         steps = min(predictions.x.shape[2], round(self.horizon / view.dt))
-        farthest = 1.5 * (ego.velocity + 6.0) * view.dt * np.arange(1, steps + 1) + 2.0 * self.d_max + 20.0 + _COST_REACH
+        farthest = (
+            1.5 * (ego.velocity + 6.0) * view.dt * np.arange(1, steps + 1) + 2.0 * self.d_max + 20.0 + _COST_REACH
+        )
         found = {}
         for row, participant in enumerate(predictions.ids.tolist()):
             mode = int(np.argmax(predictions.probability[row]))
@@ -297,7 +308,7 @@ class _Frame:
         return float(np.angle(np.exp(1j * (orientation - self.turn))))
 
     def start_of(self, ego: Ego, low: bool) -> _Floats:
-        """(s, s', s'', d, d', d'') of the rear axle, computed by the library; d by arc length if `low`, else by time."""
+        """(s, s', s'', d, d', d'') of the rear axle, by the library; d by arc length if `low`, else by time."""
         vehicle, back = ego.vehicle, ego.vehicle.rear_axle_to_center
         rear = np.array([[ego.x - back * np.cos(ego.orientation), ego.y - back * np.sin(ego.orientation)]])
         x, y = self.points(rear)[0].tolist()
@@ -374,7 +385,9 @@ class _Plan:
 def _feasible(handler: Any) -> list[Any]:  # noqa: ANN401 - frenetix.TrajectoryHandler
     """Samples within all limits, the cheapest first; equal ones in the order of their ends."""
     samples = [sample for sample in handler.get_sorted_trajectories() if sample.valid and sample.feasible]
-    return sorted(samples, key=lambda sample: (sample.cost, *sample.sampling_parameters[[_END_TIME, _END_S_DOT, _END_D]]))
+    return sorted(
+        samples, key=lambda sample: (sample.cost, *sample.sampling_parameters[[_END_TIME, _END_S_DOT, _END_D]])
+    )
 
 
 def _braking(view: View, n_points: int, deceleration: float) -> _Plan:
@@ -391,9 +404,10 @@ def _braking(view: View, n_points: int, deceleration: float) -> _Plan:
     return _Plan(view.time_step, x, y, theta, velocity)
 
 
-def desired_velocity(view: View) -> float:
-    """The speed that brings the rear axle to the middle of the goal area in the middle of the goal's time [m/s].
+def desired_velocity(view: View, arrival_reserve: float) -> float:
+    """The constant speed that brings the rear axle to the middle of the goal area in time [m/s].
 
+    In time is in the middle of the goal's time interval, but no earlier than `arrival_reserve` [s] before its end.
     Within the area, too late, or without a place: the middle of the goal's speed interval, else the present speed.
     """
     ego = view.ego
@@ -401,7 +415,7 @@ def desired_velocity(view: View) -> float:
     _, _, interval, _ = max(ego.goal.states, key=lambda state: state[1][1])
     at_goal = ego.velocity if interval is None else 0.5 * (max(interval[0], 0.01) + max(interval[1], 0.01))
     entry, leave = ego.route.goal_entry_s, ego.route.goal_exit_s
-    left = (0.5 * (first + last) - view.time_step) * view.dt
+    left = (max(0.5 * (first + last), last - arrival_reserve / view.dt) - view.time_step) * view.dt
     if not np.isfinite(entry):
         wanted = ego.velocity
     elif entry <= ego.s <= leave or left <= 0.0:
