@@ -253,7 +253,7 @@ impl PyView {
         margin_width: f64,
     ) -> PyResult<Option<(i64, usize)>> {
         let drive = self.swept(&x, &y, &orientation)?;
-        Ok(self.scene.first_contact(&drive, &predictions.0, [margin_length, margin_width]))
+        Ok(self.scene.first_contact(&drive, &predictions.table(), [margin_length, margin_width]))
     }
 }
 
