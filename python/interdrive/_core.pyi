@@ -118,6 +118,8 @@ class Goal:
     def __new__(
         cls, states: Sequence[tuple[Sequence[Shape], tuple[int, int], _Interval | None, _Interval | None]]
     ) -> Goal: ...
+    @property
+    def states(self) -> list[tuple[list[_Floats], tuple[int, int], _Interval | None, _Interval | None]]: ...
     def is_met(self, x: float, y: float, orientation: float, velocity: float, time_step: int) -> tuple[bool, bool]: ...
 
 @final
@@ -251,6 +253,16 @@ class View:
         acceleration: _Floats | None = None,
         yaw_rate: _Floats | None = None,
     ) -> None: ...
+    def on_road(self, x: _Floats, y: _Floats, orientation: _Floats) -> bool: ...
+    def first_contact(
+        self,
+        x: _Floats,
+        y: _Floats,
+        orientation: _Floats,
+        predictions: Predictions,
+        margin_length: float = 0.0,
+        margin_width: float = 0.0,
+    ) -> tuple[int, int] | None: ...
     @property
     def time_step(self) -> int: ...
     @property

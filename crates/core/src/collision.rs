@@ -1,7 +1,7 @@
 //! Contact between bodies, and departure from the road, during one step. Between two poses a body moves in a straight
 //! line at constant speed and turns the shorter way at a constant rate; nothing is missed however fast it is.
 
-use crate::geometry::shape::{ConvexPart, Placement, Shape};
+use crate::geometry::shape::{ConvexPart, OrientedBox, Placement, Shape};
 use crate::geometry::{Aabb, Point, Pose, wrap_angle};
 use crate::road::RoadNetwork;
 
@@ -163,6 +163,13 @@ pub fn departs_road(road: &RoadNetwork, shape: &Shape, from: Pose, to: Pose) -> 
     let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
     let looks = (travel / ROAD_CHECK_SPACING).ceil().max(1.0) as usize;
     (0..=looks).map(|look| look as f64 / looks as f64).find(|fraction| !road.covers(shape, motion.pose_at(*fraction)))
+}
+
+/// One box per interval between consecutive poses, each around a footprint (length, width [m], centred on the pose) at
+/// both ends of its interval.
+pub fn swept_boxes(poses: &[Pose], length: f64, width: f64) -> Vec<OrientedBox> {
+    let footprint = |pose: Pose| OrientedBox::new(pose, length, width);
+    poses.windows(2).map(|pair| OrientedBox::spanning(&footprint(pair[0]), &footprint(pair[1]))).collect()
 }
 
 #[cfg(test)]

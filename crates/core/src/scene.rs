@@ -1,6 +1,8 @@
 //! What can be seen: everybody who is present at one time step, with their past. Neither the recorded future nor
 //! anybody's plan is here.
 
+mod contact;
+
 use std::sync::Arc;
 
 use crate::geometry::shape::Shape;

@@ -238,6 +238,8 @@ pub struct PyGoal(pub Goal);
 type Interval = (f64, f64);
 /// One alternative: areas in the world frame, time steps, velocity and orientation intervals.
 type Alternative<'py> = (Vec<PyRef<'py, PyShape>>, (i64, i64), Option<Interval>, Option<Interval>);
+/// The same on its way up, with outlines for the areas.
+type Stated<'py> = (Vec<Bound<'py, PyAny>>, (i64, i64), Option<Interval>, Option<Interval>);
 
 #[pymethods]
 impl PyGoal {
@@ -254,6 +256,21 @@ impl PyGoal {
             })
             .collect();
         Self(Goal { states })
+    }
+
+    /// Every alternative: outlines of its areas in the world frame (none: anywhere), time steps, velocity interval,
+    /// orientation interval.
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Vec<Stated<'py>>> {
+        let placed = |area: &PlacedShape| -> PyResult<Vec<Bound<'py, PyAny>>> {
+            let in_world = |part: Vec<Point>| part.into_iter().map(|point| area.pose.world_from_body(point));
+            area.shape.outline().into_iter().map(|part| arrays::points(py, in_world(part))).collect()
+        };
+        let stated = |state: &GoalState| {
+            let outlines: PyResult<Vec<_>> = state.areas.iter().map(placed).collect();
+            Ok((outlines?.into_iter().flatten().collect(), state.time_step, state.velocity, state.orientation))
+        };
+        self.0.states.iter().map(stated).collect()
     }
 
     /// Whether a state meets the goal, with and without its time.

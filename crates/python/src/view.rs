@@ -2,19 +2,22 @@
 
 use std::sync::Arc;
 
-use interdrive_core::geometry::Point;
+use interdrive_core::collision::swept_boxes;
+use interdrive_core::geometry::shape::OrientedBox;
+use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::outside::{StatedPlan, check_plan};
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::State;
 use interdrive_core::world::Agent;
-use numpy::{PyArray1, PyReadonlyArrayDyn};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use crate::arrays;
 use crate::errors::{InputError, exception};
 use crate::scenario::{PyGoal, PyRoadNetwork, PyRoute, PyVehicle};
+use crate::world::PyPredictions;
 
 /// One field of the past of some rows: shape (rows, history), the last column is now.
 fn past<'py, T: numpy::Element + Copy>(
@@ -170,6 +173,21 @@ impl PyView {
         check_plan(&points, &self.state, &self.agent.vehicle, self.scene.dt).map_err(exception)?;
         Ok(points)
     }
+
+    /// The swept boxes of the agent's footprint along a drive, given by its centres and headings.
+    fn swept(
+        &self,
+        x: &PyReadonlyArray1<'_, f64>,
+        y: &PyReadonlyArray1<'_, f64>,
+        orientation: &PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Vec<OrientedBox>> {
+        let x = x.as_array();
+        let (y, orientation) =
+            (arrays::read_row("y", y, x.len())?, arrays::read_row("orientation", orientation, x.len())?);
+        let poses: Vec<Pose> =
+            x.iter().zip(y).zip(orientation).map(|((x, y), theta)| Pose::new(*x, y, theta)).collect();
+        Ok(swept_boxes(&poses, self.agent.vehicle.length, self.agent.vehicle.width))
+    }
 }
 
 participants_seen!(PyView);
@@ -208,6 +226,34 @@ impl PyView {
         yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
     ) -> PyResult<()> {
         self.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()]).map(|_| ())
+    }
+
+    /// Whether the agent stays on the road along a drive of its footprint's centre, shape (points,) each: the boxes
+    /// that it sweeps from point to point.
+    fn on_road(
+        &self,
+        x: PyReadonlyArray1<'_, f64>,
+        y: PyReadonlyArray1<'_, f64>,
+        orientation: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<bool> {
+        let mut scratch = Vec::new();
+        Ok(self.swept(&x, &y, &orientation)?.iter().all(|swept| self.road.box_is_covered(swept, &mut scratch)))
+    }
+
+    /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with a participant of
+    /// the predictions in its most probable mode, longer and wider by the margins [m], in all; None: no contact.
+    #[pyo3(signature = (x, y, orientation, predictions, margin_length=0.0, margin_width=0.0))]
+    fn first_contact(
+        &self,
+        x: PyReadonlyArray1<'_, f64>,
+        y: PyReadonlyArray1<'_, f64>,
+        orientation: PyReadonlyArray1<'_, f64>,
+        predictions: &PyPredictions,
+        margin_length: f64,
+        margin_width: f64,
+    ) -> PyResult<Option<(i64, usize)>> {
+        let drive = self.swept(&x, &y, &orientation)?;
+        Ok(self.scene.first_contact(&drive, &predictions.table(), [margin_length, margin_width]))
     }
 }
 

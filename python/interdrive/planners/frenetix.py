@@ -1,0 +1,425 @@
+"""FRENETIX in our cars: the published C++ trajectory handler, with the loop around it that its planner has.
+
+Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE Access 2024, doi 10.1109/ACCESS.2024.3436835; PyPI `frenetix` 0.4
+(LGPL), an optional library: `pip install interdrive[frenetix]`. The library computes trajectories, costs and limits of
+samples. What is written here is what its users write around it: the samples, the desired speed, the choice, the tests
+of the chosen trajectory against others and the road (done by our core), and what happens when nothing is left. What it
+cannot be told and where it differs from `frenet` is in docs/planners_third_party.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import InputError, MissingExtraError
+from interdrive.planners.contract import Trajectory
+from interdrive.planners.native import FrenetWeights
+
+try:
+    import frenetix
+    from frenetix.trajectory_functions import (
+        ComputeInitialState,
+        FillCoordinates,
+        cost_functions,
+        feasability_functions,
+    )
+except ImportError:  # said when a planner is made, so that its settings can be listed without the library
+    frenetix = None
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from interdrive._core import Ego, Predictions, View
+
+    _Floats = NDArray[np.float64]
+
+#: The path ahead that samples can reach, and a little behind the agent [m]; there its heading must not be cut.
+_BEHIND, _AHEAD = 10.0, 120.0
+#: Headings are given to the library within this of its x axis [rad]; it cuts them at half a turn.
+_HEADING_MAX = 2.6
+#: Below this speed an agent without an admissible sample stands [m/s].
+_STANDING = 0.1
+#: The library looks at participants nearer than this to the agent's box [m] (squared: 50 m²).
+_COST_REACH = 7.1
+#: The fastest end speed that is sampled [m/s], and by how much the desired speed may differ from the present one [m/s].
+_VELOCITY_MAX, _VELOCITY_STEP = 36.0, 5.0
+#: Columns of the sampling matrix: start and end time; start (s, s', s''), end s' and s''; start and end (d, d', d'').
+_END_TIME, _START_S, _END_S_DOT, _START_D, _END_D, _COLUMNS = 1, 2, 5, 7, 10, 13
+
+
+@dataclass
+class Frenetix:
+    """The FRENETIX trajectory handler (PyPI `frenetix` 0.4) with the sampling, costs and checks of its own planner.
+
+    Attributes:
+        level: Fineness of the sampling, 0 to 4: 48, 180, 800, 3564, 12716 samples.
+        horizon: Length of a plan [s].
+        t_min: Shortest time in which a manoeuvre ends [s].
+        d_max: Lateral end positions lie within this distance of the reference path [m].
+        low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
+        prediction_margin_length: Predicted participants are longer by this, in all [m].
+        prediction_margin_width: Predicted participants are wider by this, in all [m].
+        rear_cone_angle: Opening angle of the cone behind the agent [rad] ...
+        rear_cone_distance: ... in which participants further away than this are not considered at all [m].
+        arrival_reserve: The agent wants to be at its goal in the middle of the goal's time, but no earlier than this
+            before its end [s]; inf: in the middle, however long the interval, as the published planner does.
+        replan_every: A new plan every so many calls; in between the last one is followed unchecked.
+        carry_state: Begin a plan at the Frenet state that the library stated for this point of the plan before, as its
+            own planner does; false: compute it from the agent's state.
+        path_spacing: Distance of the vertices of the reference path that the library gets [m].
+        weights: Weights of the cost.
+    """
+
+    level: int = 2
+    horizon: float = 3.0
+    t_min: float = 1.1
+    d_max: float = 3.0
+    low_velocity: float = 2.0
+    prediction_margin_length: float = 0.5
+    prediction_margin_width: float = 0.2
+    rear_cone_angle: float = 0.3490658503988659
+    rear_cone_distance: float = 6.0
+    arrival_reserve: float = 2.0
+    replan_every: int = 3
+    carry_state: bool = True
+    path_spacing: float = 1.0
+    weights: FrenetWeights = field(default_factory=FrenetWeights)
+
+    #: Every agent has its own object and nothing is shared.
+    parallel = True
+
+    def __post_init__(self) -> None:
+        """Checks the library and the ranges."""
+        if frenetix is None:
+            raise MissingExtraError("planner frenetix needs the extra: pip install interdrive[frenetix]")
+        for name, low, high in (
+            ("level", 0, 4),
+            ("horizon", 0.5, 10.0),
+            ("t_min", 0.3, self.horizon),
+            ("d_max", 0.0, 10.0),
+            ("low_velocity", 0.1, 10.0),
+            ("arrival_reserve", 0.0, float("inf")),
+            ("replan_every", 1, 20),
+            ("path_spacing", 0.1, 5.0),
+        ):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise InputError(f"frenetix.{name} must be at least {low} and at most {high}, not {value}")
+        self._frame: _Frame | None = None
+        self._last: _Plan | None = None
+
+    def plan(self, view: View, predictions: Predictions) -> Trajectory:
+        """The rest of the plan before, or the cheapest admissible sample, or a stop."""
+        ego = view.ego
+        last, passed = self._last, 0 if self._last is None else view.time_step - self._last.time_step
+        if last is not None and not last.leads_to(ego, passed):
+            last = None
+        if last is not None and passed < self.replan_every and passed + 2 <= len(last.x):
+            return last.rest(passed)
+        self._frame = frame = _Frame.around(self._frame, ego, self.path_spacing)
+        low = ego.velocity < self.low_velocity
+        carried = last.curvilinear_at(passed, low) if last is not None and self.carry_state else None
+        start = frame.start_of(ego, low) if carried is None else carried
+        considered = predictions.of(view.ids[~self._in_rear_cone(view)])
+        handler = self._evaluated(view, considered, frame, start, low)
+        plans = (_Plan.of(sample, view, frame, low) for sample in _feasible(handler))
+        self._last = self._chosen(view, considered, plans, float(start[3]))
+        return self._last.rest(0)
+
+    def _evaluated(
+        self, view: View, predictions: Predictions, frame: _Frame, start: _Floats, low: bool
+    ) -> frenetix.TrajectoryHandler:
+        """All samples with their costs and limits."""
+        ego, vehicle = view.ego, view.ego.vehicle
+        handler = frenetix.TrajectoryHandler(dt=view.dt)
+        handler.add_function(FillCoordinates(low, frame.heading(ego.orientation), frame.system, self.horizon))
+        checks = feasability_functions
+        for check in (
+            checks.CheckYawRateConstraint(vehicle.steering_angle_max, vehicle.wheelbase, False),
+            checks.CheckAccelerationConstraint(vehicle.velocity_switch, vehicle.acceleration_max, False),
+            checks.CheckCurvatureConstraint(vehicle.steering_angle_max, vehicle.wheelbase, False),
+            checks.CheckCurvatureRateConstraint(vehicle.wheelbase, vehicle.steering_rate_max, False),
+        ):
+            handler.add_feasability_function(check)
+        for cost in self._costs(view, predictions, frame):
+            handler.add_cost_function(cost)
+        handler.generate_trajectories(self.samples(view, start), low)
+        handler.evaluate_all_current_functions(True)
+        return handler
+
+    def samples(self, view: View, start: _Floats) -> _Floats:
+        """The library's sampling matrix, shape (samples, 13), for a Frenet start state (s, s', s'', d, d', d'')."""
+        vehicle, v = view.ego.vehicle, view.ego.velocity
+        n, step = 2 ** (self.level + 1) + 1, 0.1 * (10 // (self.level + 1))
+        times = np.append(np.round(np.arange(self.t_min, self.horizon + view.dt, step), 2), self.horizon)
+        reach = vehicle.acceleration_max * self.horizon
+        fastest = max(min(v + reach / 6.0, _VELOCITY_MAX, vehicle.velocity_max), 0.001)
+        speeds = np.append(np.linspace(max(0.001, v - reach), fastest, n), start[1])
+        offsets = np.append(np.linspace(-self.d_max, self.d_max, n), start[3])
+        axes = (np.unique(times[times <= self.horizon]), np.unique(speeds), np.unique(offsets))
+        ends = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        rows = np.zeros((len(ends), _COLUMNS))
+        rows[:, _START_S : _START_S + 3] = start[:3]
+        rows[:, _START_D : _START_D + 3] = start[3:]
+        rows[:, [_END_TIME, _END_S_DOT, _END_D]] = ends
+        return rows
+
+    def _costs(self, view: View, predictions: Predictions, frame: _Frame) -> Iterator[Any]:
+        """The cost terms with a weight; all are the library's."""
+        ego, weights = view.ego, self.weights
+        desired = desired_velocity(view, self.arrival_reserve)
+        plain = {
+            "distance_to_reference": cost_functions.CalculateDistanceToReferencePathCost,
+            "lateral_jerk": cost_functions.CalculateLateralJerkCost,
+            "longitudinal_jerk": cost_functions.CalculateLongitudinalJerkCost,
+            "acceleration": cost_functions.CalculateAccelerationCost,
+            "jerk": cost_functions.CalculateJerkCost,
+            "lateral_velocity": cost_functions.CalculateLateralVelocityCost,
+            "lateral_acceleration": cost_functions.CalculateLateralAccelerationCost,
+            "longitudinal_velocity": cost_functions.CalculateLongitudinalVelocityCost,
+            "longitudinal_acceleration": cost_functions.CalculateLongitudinalAccelerationCost,
+            "orientation_offset": cost_functions.CalculateOrientationOffsetCost,
+        }
+        for name, cost in plain.items():
+            if getattr(weights, name) > 0:
+                yield cost(name, getattr(weights, name))
+        if weights.velocity_offset > 0:
+            yield cost_functions.CalculateVelocityOffsetCost(
+                "velocity_offset", weights.velocity_offset, desired, view.dt, self.t_min, False, 2
+            )
+        if weights.distance_to_obstacles > 0 and len(view.ids):
+            centers = frame.points(np.column_stack([view.x[:, -1], view.y[:, -1]]))
+            yield cost_functions.CalculateDistanceToObstacleCost(
+                "distance_to_obstacles", weights.distance_to_obstacles, centers
+            )
+        expected = self._expected(view, predictions, frame) if weights.prediction > 0 else {}
+        if expected:
+            vehicle = ego.vehicle
+            yield cost_functions.CalculateCollisionProbabilityFast(
+                "prediction", weights.prediction, expected, vehicle.length, vehicle.width, vehicle.rear_axle_to_center
+            )
+
+    def _expected(self, view: View, predictions: Predictions, frame: _Frame) -> dict[int, Any]:
+        """The most probable mode of everybody whom a sample could come near, as the library wants it."""
+        ego, margin = view.ego, (self.prediction_margin_length, self.prediction_margin_width)
+        steps = min(predictions.x.shape[2], round(self.horizon / view.dt))
+        farthest = (
+            1.5 * (ego.velocity + 6.0) * view.dt * np.arange(1, steps + 1) + 2.0 * self.d_max + 20.0 + _COST_REACH
+        )
+        found = {}
+        for row, participant in enumerate(predictions.ids.tolist()):
+            mode = int(np.argmax(predictions.probability[row]))
+            x, y = predictions.x[row, mode, :steps], predictions.y[row, mode, :steps]
+            until = int(np.argmin(np.append(predictions.valid[row, mode, :steps], False)))
+            if not (np.hypot(x[:until] - ego.x, y[:until] - ego.y) < farthest[:until]).any():
+                continue
+            seen = int(np.searchsorted(view.ids, participant))
+            mean = frame.points(np.column_stack([x[:until], y[:until]]))
+            half = 0.5 * (predictions.orientation[row, mode, :until] - frame.turn)
+            covariance = frame.covariances(predictions.covariance[row, mode, :until])
+            poses = []
+            for k in range(until):
+                whole = np.zeros((6, 6), order="F")
+                whole[:2, :2] = covariance[k]
+                turn = np.array([0.0, 0.0, np.sin(half[k]), np.cos(half[k])])
+                poses.append(frenetix.PoseWithCovariance(np.array([mean[k, 0], mean[k, 1], 0.0]), turn, whole))
+            size = float(view.length[seen]) + margin[0], float(view.width[seen]) + margin[1]
+            found[participant] = frenetix.PredictedObject(participant, poses, *size)
+        return found
+
+    def _in_rear_cone(self, view: View) -> NDArray[np.bool_]:
+        """Who is behind and far enough away to keep the distance."""
+        ego = view.ego
+        dx, dy = view.x[:, -1] - ego.x, view.y[:, -1] - ego.y
+        distance = np.hypot(dx, dy)
+        behind = -(dx * np.cos(ego.orientation) + dy * np.sin(ego.orientation))
+        cone: NDArray[np.bool_] = behind >= distance * np.cos(0.5 * self.rear_cone_angle)
+        return cone & (distance > self.rear_cone_distance)
+
+    def _chosen(self, view: View, predictions: Predictions, plans: Iterable[_Plan], offset: float) -> _Plan:
+        """The first plan, cheapest first, that touches nobody and stays on the road; otherwise a stop."""
+        margins = self.prediction_margin_length, self.prediction_margin_width
+        refused = []
+        for plan in plans:
+            drive = plan.x, plan.y, plan.orientation
+            if view.first_contact(*drive, predictions, *margins) is None and view.on_road(*drive):
+                return plan
+            refused.append(plan)
+        n = round(self.horizon / view.dt) + 1
+        if view.ego.velocity <= _STANDING:
+            return _braking(view, n, view.ego.velocity / view.dt)
+        if refused:  # the one that is slowest, soonest, straightest, whatever it hits: the original's "stopping"
+            return min(refused, key=lambda plan: (plan.ends[1], plan.ends[0], abs(plan.ends[2] - offset)))
+        return _braking(view, n, view.ego.vehicle.acceleration_max)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """The reference path as the library's coordinate system, turned by `turn` [rad] against the world.
+
+    The library cuts every heading at half a turn and takes the jump for a yaw rate; on a road that leads west it would
+    refuse nearly all samples. Turning the world so that the road ahead leads along x changes nothing else.
+    """
+
+    system: Any
+    turn: float
+
+    @staticmethod
+    def around(before: _Frame | None, ego: Ego, spacing: float) -> _Frame:
+        """The frame before if the headings of the path ahead still fit, otherwise a new one."""
+        route = ego.route
+        heading = route.reference_orientation
+        scale = (len(heading) - 1) / route.length
+        first, last = (int(np.clip(scale * (ego.s + by), 0, len(heading) - 1)) for by in (-_BEHIND, _AHEAD))
+        low, high = float(heading[first : last + 1].min()), float(heading[first : last + 1].max())
+        if before is not None and max(high - before.turn, before.turn - low) < _HEADING_MAX:
+            return before
+        frame = _Frame(None, 0.5 * (low + high))
+        knots = np.linspace(0.0, route.length, len(heading))
+        s = np.arange(0.0, route.length, spacing)
+        path = np.column_stack([np.interp(s, knots, route.reference_path[:, axis]) for axis in (0, 1)])
+        return _Frame(frenetix.CoordinateSystemWrapper(np.array(frame.points(path), order="C")), frame.turn)
+
+    def points(self, points: _Floats) -> _Floats:
+        """World to frame, shape (points, 2)."""
+        cos, sin = np.cos(self.turn), np.sin(self.turn)
+        turned: _Floats = points @ np.array([[cos, -sin], [sin, cos]])
+        return turned
+
+    def world(self, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]:
+        """Frame to world."""
+        cos, sin = np.cos(self.turn), np.sin(self.turn)
+        return cos * x - sin * y, sin * x + cos * y
+
+    def covariances(self, covariances: _Floats) -> _Floats:
+        """World to frame, shape (points, 2, 2); exactly symmetric, which the library insists on."""
+        cos, sin = np.cos(self.turn), np.sin(self.turn)
+        back = np.array([[cos, sin], [-sin, cos]])
+        turned: _Floats = back @ covariances @ back.T
+        return 0.5 * (turned + turned.transpose(0, 2, 1))
+
+    def heading(self, orientation: float) -> float:
+        """World to frame, within half a turn."""
+        return float(np.angle(np.exp(1j * (orientation - self.turn))))
+
+    def start_of(self, ego: Ego, low: bool) -> _Floats:
+        """(s, s', s'', d, d', d'') of the rear axle, by the library; d by arc length if `low`, else by time."""
+        vehicle, back = ego.vehicle, ego.vehicle.rear_axle_to_center
+        rear = np.array([[ego.x - back * np.cos(ego.orientation), ego.y - back * np.sin(ego.orientation)]])
+        x, y = self.points(rear)[0].tolist()
+        steering = float(np.arctan2(vehicle.wheelbase * ego.yaw_rate, ego.velocity))
+        sample = frenetix.TrajectorySample(x, y, self.heading(ego.orientation), ego.acceleration, ego.velocity)
+        ComputeInitialState(self.system, vehicle.wheelbase, steering, low).evaluate_trajectory(sample)
+        c = sample.curvilinear
+        return np.array([array[0] for array in (c.s, c.s_dot, c.s_ddot, c.d, c.d_dot, c.d_ddot)])
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """A plan in the world: footprint centres, made at `time_step`.
+
+    Attributes:
+        curvilinear: (s, s', s'', d, d', d'') of all points as the library states them, shape (6, points); None for
+            plans that the library did not make.
+        low: The lateral derivatives are by arc length.
+        ends: Time [s], speed [m/s] and offset [m] at the end of the manoeuvre.
+    """
+
+    time_step: int
+    x: _Floats
+    y: _Floats
+    orientation: _Floats
+    velocity: _Floats
+    curvilinear: _Floats | None = None
+    low: bool = False
+    ends: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @staticmethod
+    def of(sample: Any, view: View, frame: _Frame, low: bool) -> _Plan:  # noqa: ANN401 - frenetix.TrajectorySample
+        """From the rear axle in the library's frame to the centre in the world."""
+        points, curve, parameters = sample.cartesian, sample.curvilinear, sample.sampling_parameters
+        theta = np.unwrap(np.asarray(points.theta) + frame.turn)
+        theta += 2.0 * np.pi * np.round((view.ego.orientation - theta[0]) / (2.0 * np.pi))
+        x, y = frame.world(np.asarray(points.x), np.asarray(points.y))
+        back = view.ego.vehicle.rear_axle_to_center
+        return _Plan(
+            time_step=view.time_step,
+            x=x + back * np.cos(theta),
+            y=y + back * np.sin(theta),
+            orientation=theta,
+            velocity=np.array(points.v),
+            curvilinear=np.array([curve.s, curve.s_dot, curve.s_ddot, curve.d, curve.d_dot, curve.d_ddot]),
+            low=low,
+            ends=(float(parameters[_END_TIME]), float(parameters[_END_S_DOT]), float(parameters[_END_D])),
+        )
+
+    def leads_to(self, ego: Ego, point: int) -> bool:
+        """The agent is where this plan wanted it to be at a point."""
+        if not 0 < point < len(self.x):
+            return False
+        there = (self.x[point] - ego.x, self.y[point] - ego.y, self.velocity[point] - ego.velocity)
+        return bool(np.abs(there).max() < 1e-6)
+
+    def rest(self, point: int) -> Trajectory:
+        """From a point on."""
+        return Trajectory(self.x[point:], self.y[point:], self.orientation[point:], self.velocity[point:])
+
+    def curvilinear_at(self, point: int, low: bool) -> _Floats | None:
+        """The Frenet state of a point; lateral derivatives are converted if they are wanted by another variable."""
+        if self.curvilinear is None:
+            return None
+        s, s_dot, s_ddot, d, by_first, by_second = self.curvilinear[:, point].tolist()
+        if low and not self.low:
+            prime = by_first / s_dot if s_dot > 1e-3 else 0.0
+            by_first, by_second = prime, (by_second - prime * s_ddot) / s_dot**2 if s_dot > 1e-3 else 0.0
+        elif self.low and not low:
+            by_first, by_second = s_dot * by_first, s_ddot * by_first + s_dot**2 * by_second
+        return np.array([s, s_dot, s_ddot, d, by_first, by_second])
+
+
+def _feasible(handler: Any) -> list[Any]:  # noqa: ANN401 - frenetix.TrajectoryHandler
+    """Samples within all limits, the cheapest first; equal ones in the order of their ends."""
+    samples = [sample for sample in handler.get_sorted_trajectories() if sample.valid and sample.feasible]
+    return sorted(
+        samples, key=lambda sample: (sample.cost, *sample.sampling_parameters[[_END_TIME, _END_S_DOT, _END_D]])
+    )
+
+
+def _braking(view: View, n_points: int, deceleration: float) -> _Plan:
+    """Along the present arc until the agent stands [m/s²]."""
+    ego, t = view.ego, view.dt * np.arange(n_points)
+    velocity = np.maximum(ego.velocity - deceleration * t, 0.0)
+    travelled = np.append(0.0, np.cumsum(0.5 * view.dt * (velocity[1:] + velocity[:-1])))
+    curvature = ego.yaw_rate / ego.velocity if ego.velocity > 1.0 else 0.0
+    theta = ego.orientation + curvature * travelled
+    middle = 0.5 * (theta[1:] + theta[:-1])
+    steps = np.diff(travelled)
+    x = ego.x + np.append(0.0, np.cumsum(steps * np.cos(middle)))
+    y = ego.y + np.append(0.0, np.cumsum(steps * np.sin(middle)))
+    return _Plan(view.time_step, x, y, theta, velocity)
+
+
+def desired_velocity(view: View, arrival_reserve: float) -> float:
+    """The constant speed that brings the rear axle to the middle of the goal area in time [m/s].
+
+    In time is in the middle of the goal's time interval, but no earlier than `arrival_reserve` [s] before its end.
+    Within the area, too late, or without a place: the middle of the goal's speed interval, else the present speed.
+    """
+    ego = view.ego
+    first, last = ego.goal_time_step
+    _, _, interval, _ = max(ego.goal.states, key=lambda state: state[1][1])
+    at_goal = ego.velocity if interval is None else 0.5 * (max(interval[0], 0.01) + max(interval[1], 0.01))
+    entry, leave = ego.route.goal_entry_s, ego.route.goal_exit_s
+    left = (max(0.5 * (first + last), last - arrival_reserve / view.dt) - view.time_step) * view.dt
+    if not np.isfinite(entry):
+        wanted = ego.velocity
+    elif entry <= ego.s <= leave or left <= 0.0:
+        wanted = at_goal
+    else:
+        wanted = (0.5 * (entry + leave) - ego.s) / left
+    return float(np.clip(wanted, max(ego.velocity - _VELOCITY_STEP, 0.0), min(ego.velocity + _VELOCITY_STEP, 50.0)))
