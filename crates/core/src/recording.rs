@@ -1,4 +1,6 @@
-//! What happened: states of everybody, plans and outcomes. Append-only.
+//! What happened: states of everybody, plans and outcomes, and who saw whom if asked. Append-only.
+
+use std::collections::BTreeMap;
 
 use crate::trajectory::{Plans, State, States};
 
@@ -77,12 +79,27 @@ pub struct Recording {
     /// One block of participants per time step.
     columns: Vec<Vec<Option<State>>>,
     plans: Vec<Plans>,
+    /// First and last time steps of every stretch in which an observer saw somebody, by the ids of both.
+    sightings: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
+}
+
+/// A stretch of time steps in which an agent saw another participant without a break.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sighting {
+    /// Who saw.
+    pub observer: i64,
+    /// Who was seen.
+    pub seen: i64,
+    /// First time step.
+    pub first: i64,
+    /// Last time step, included.
+    pub last: i64,
 }
 
 impl Recording {
     /// Nothing recorded yet.
     pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
-        Self { ids, first_time_step, columns: Vec::new(), plans: Vec::new() }
+        Self { ids, first_time_step, columns: Vec::new(), plans: Vec::new(), sightings: BTreeMap::new() }
     }
 
     /// Adds the states of the next time step, one per participant.
@@ -93,6 +110,29 @@ impl Recording {
     /// Adds the plans that led to the next time step.
     pub(crate) fn push_plans(&mut self, plans: Plans) {
         self.plans.push(plans);
+    }
+
+    /// Notes that an agent sees others at a time step; called in the order of time.
+    pub(crate) fn push_sightings(&mut self, time_step: i64, observer: i64, seen: impl Iterator<Item = i64>) {
+        for id in seen {
+            let stretches = self.sightings.entry((observer, id)).or_default();
+            match stretches.last_mut() {
+                Some((_, last)) if *last == time_step - 1 => *last = time_step,
+                _ => stretches.push((time_step, time_step)),
+            }
+        }
+    }
+
+    /// Who saw whom when, sorted by observer, seen and time; nothing unless it was asked for.
+    pub fn sightings(&self) -> impl Iterator<Item = Sighting> {
+        self.sightings.iter().flat_map(|((observer, seen), stretches)| {
+            stretches.iter().map(|(first, last)| Sighting {
+                observer: *observer,
+                seen: *seen,
+                first: *first,
+                last: *last,
+            })
+        })
     }
 
     /// Participant ids, ascending.

@@ -2,6 +2,7 @@
 //! anybody's plan is here.
 
 mod contact;
+pub mod sight;
 
 use std::sync::Arc;
 
@@ -22,6 +23,22 @@ pub struct Participants {
     pub is_static: Vec<bool>,
     /// Driven by a planner; the others replay their recording.
     pub is_agent: Vec<bool>,
+}
+
+/// What an agent can see.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewLimits {
+    /// Who is further away [m] is not seen: centre to centre, to the nearest point of a circle around static obstacles.
+    pub sensor_radius: f64,
+    /// Who is hidden behind others is not seen; see [`sight::seen_from`]. The eye is the centre of the own footprint.
+    /// Everything hides but pedestrians, bicycles and motorcycles, past which one can look.
+    pub occlusion: bool,
+}
+
+impl Default for ViewLimits {
+    fn default() -> Self {
+        Self { sensor_radius: 80.0, occlusion: false }
+    }
 }
 
 /// All participants at one time step.
@@ -66,18 +83,29 @@ impl Scene {
         if (moved - stated).abs() > CONTRADICTION { moved } else { now.velocity }
     }
 
-    /// Rows present within `radius` [m] (centre to centre) of a row, without that row.
-    pub fn visible_from(&self, row: usize, radius: f64) -> Vec<usize> {
-        let me = self.state(row).pose().position;
-        let near = |other: &usize| {
-            let reach = radius
-                + if self.participants.is_static[*other] {
-                    self.participants.shape[*other].bounding_radius()
-                } else {
-                    0.0
-                };
-            *other != row && self.state(*other).pose().position.distance(me) <= reach
+    /// Rows that the participant in a row sees, ascending, without that row. The one place that decides who is seen.
+    pub fn visible_from(&self, row: usize, limits: &ViewLimits) -> Vec<usize> {
+        let eye = self.state(row).pose().position;
+        let is_near = |other: usize| {
+            let size =
+                if self.participants.is_static[other] { self.participants.shape[other].bounding_radius() } else { 0.0 };
+            self.state(other).pose().position.distance(eye) <= limits.sensor_radius + size
         };
-        self.present.iter().copied().filter(near).collect()
+        let others = self.present.iter().copied().filter(|other| *other != row);
+        if !limits.occlusion {
+            return others.filter(|other| is_near(*other)).collect();
+        }
+        let others: Vec<usize> = others.collect();
+        let bodies: Vec<sight::Body<'_>> = others
+            .iter()
+            .map(|other| sight::Body {
+                shape: &self.participants.shape[*other],
+                pose: self.state(*other).pose(),
+                hides: self.participants.is_static[*other] || self.participants.kind[*other].blocks_sight(),
+                is_wanted: is_near(*other),
+            })
+            .collect();
+        let seen = sight::seen_from(eye, &bodies);
+        others.into_iter().zip(seen).filter_map(|(other, is_seen)| is_seen.then_some(other)).collect()
     }
 }

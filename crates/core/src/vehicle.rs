@@ -71,6 +71,11 @@ impl ParticipantKind {
             Self::Car | Self::Truck | Self::Bus | Self::Motorcycle | Self::Bicycle | Self::PriorityVehicle | Self::Taxi
         )
     }
+
+    /// Others cannot be seen through or past it: everything but pedestrians, bicycles and motorcycles.
+    pub fn blocks_sight(self) -> bool {
+        !matches!(self, Self::Pedestrian | Self::Bicycle | Self::Motorcycle)
+    }
 }
 
 /// Parameters and limits of a vehicle. Positions of participants are footprint centres; the kinematic model lives at

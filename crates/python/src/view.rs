@@ -330,7 +330,7 @@ impl PyEgo {
     fn road_edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let view = self.view.get();
         let center = Point::new(view.state.x, view.state.y);
-        let radius = view.agent.sensor_radius;
+        let radius = view.agent.view.sensor_radius;
         let aabb = interdrive_core::geometry::Aabb { min: center, max: center }.grown(radius);
         let mut near = Vec::new();
         view.road.edges_near(&aabb, &mut near);

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
-use interdrive_core::scene::Scene;
-use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
+            visible,
+            row,
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, World, WorldSettings};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
@@ -28,7 +28,9 @@ pub struct PyAgent(pub Agent);
 #[pymethods]
 impl PyAgent {
     #[new]
-    #[pyo3(signature = (id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, sensor_radius))]
+    #[pyo3(signature = (
+        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, *, sensor_radius, occlusion=false
+    ))]
     fn new(
         id: i64,
         kind: i64,
@@ -40,6 +42,7 @@ impl PyAgent {
         route: &PyRoute,
         planner: Option<NativePlanner<'_>>,
         sensor_radius: f64,
+        occlusion: bool,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
         let planner = planner.map_or(Planner::External, Planner::from);
@@ -53,7 +56,7 @@ impl PyAgent {
             goal: goal.0.clone(),
             route: Arc::clone(&route.route),
             planner,
-            sensor_radius,
+            view: ViewLimits { sensor_radius, occlusion },
         }))
     }
 }
@@ -328,7 +331,9 @@ pub struct PyWorld(World);
 #[pymethods]
 impl PyWorld {
     #[new]
-    #[pyo3(signature = (scenario, agents, *, grace_factor, replan_every, history_steps, threads))]
+    #[pyo3(signature = (
+        scenario, agents, *, grace_factor, replan_every, history_steps, threads, record_views=false
+    ))]
     fn new(
         py: Python<'_>,
         scenario: &PyScenario,
@@ -337,9 +342,10 @@ impl PyWorld {
         replan_every: usize,
         history_steps: usize,
         threads: usize,
+        record_views: bool,
     ) -> PyResult<Self> {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
-        let settings = WorldSettings { grace_factor, replan_every, history_steps, threads };
+        let settings = WorldSettings { grace_factor, replan_every, history_steps, threads, record_views };
         let scenario = Arc::clone(&scenario.0);
         detached(py, || World::new(scenario, agents, settings)).map(Self)
     }
@@ -379,15 +385,10 @@ impl PyWorld {
     #[pyo3(signature = (scene, id, s=None))]
     fn view(&self, scene: &PyScene, id: i64, s: Option<f64>) -> PyResult<PyView> {
         let agent = Arc::clone(self.0.agent(id).map_err(exception)?);
+        let visible = self.0.visible(id, &scene.scene).map_err(exception)?;
         let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
-        if !scene.scene.present.contains(&row) {
-            return Err(InputError::new_err(format!(
-                "agent {id} is not present at time step {}",
-                scene.scene.time_step
-            )));
-        }
         Ok(PyView {
-            visible: scene.scene.visible_from(row, agent.sensor_radius),
+            visible,
             row,
             state: scene.scene.state(row),
             s: s.map_or_else(|| self.0.progress(id).map_err(exception), Ok)?,
@@ -491,6 +492,17 @@ impl PyWorld {
             dict.set_item(name, arrays::grid(py, values, shape)?)?;
         }
         dict.set_item("valid", arrays::grid(py, states.valid, shape)?)?;
+        Ok(dict)
+    }
+
+    /// Who saw whom from when to when so far as a dict of arrays; empty unless the world records views.
+    fn sightings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let sightings: Vec<_> = self.0.recording().sightings().collect();
+        let dict = PyDict::new(py);
+        dict.set_item("observer_id", arrays::row(py, sightings.iter().map(|s| s.observer).collect()))?;
+        dict.set_item("seen_id", arrays::row(py, sightings.iter().map(|s| s.seen).collect()))?;
+        dict.set_item("first_time_step", arrays::row(py, sightings.iter().map(|s| s.first).collect()))?;
+        dict.set_item("last_time_step", arrays::row(py, sightings.iter().map(|s| s.last).collect()))?;
         Ok(dict)
     }
 

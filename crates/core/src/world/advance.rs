@@ -31,6 +31,9 @@ impl World {
                 self.driving()
             )));
         }
+        if self.settings.record_views {
+            self.note_sightings();
+        }
         self.adopt(plans);
         let next = self.next_states();
         self.judge_contacts(&next);
@@ -48,6 +51,16 @@ impl World {
             }
         }
         Ok(())
+    }
+
+    /// Records whom the agents see that drive now.
+    fn note_sightings(&mut self) {
+        let scene = self.scene_with_past(0);
+        let ids = &self.participants.ids;
+        for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
+            let seen = scene.visible_from(drive.row, &drive.agent.view);
+            self.recording.push_sightings(self.time_step, drive.agent.id, seen.into_iter().map(|row| ids[row]));
+        }
     }
 
     /// Keeps the plans; ends those who have none.

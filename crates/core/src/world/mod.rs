@@ -14,7 +14,7 @@ use crate::predict::{Predictor, predict};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
 use crate::scenario::{Goal, Scenario};
-use crate::scene::{Participants, Scene};
+use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
 
@@ -39,8 +39,8 @@ pub struct Agent {
     pub route: Arc<Route>,
     /// Who plans.
     pub planner: Planner,
-    /// Who is further away [m] is not seen.
-    pub sensor_radius: f64,
+    /// What it sees.
+    pub view: ViewLimits,
 }
 
 /// Settings of a world.
@@ -54,11 +54,13 @@ pub struct WorldSettings {
     pub history_steps: usize,
     /// Number of threads that plan.
     pub threads: usize,
+    /// Record at every step whom each driving agent sees.
+    pub record_views: bool,
 }
 
 impl Default for WorldSettings {
     fn default() -> Self {
-        Self { grace_factor: 1.7, replan_every: 1, history_steps: 30, threads: 1 }
+        Self { grace_factor: 1.7, replan_every: 1, history_steps: 30, threads: 1, record_views: false }
     }
 }
 
@@ -218,14 +220,30 @@ impl World {
 
     /// What can be seen now.
     pub fn scene(&self) -> Scene {
+        self.scene_with_past(self.settings.history_steps)
+    }
+
+    fn scene_with_past(&self, history_steps: usize) -> Scene {
         let present = (0..self.states.len()).filter(|row| self.states[*row].is_some()).collect();
         Scene {
             time_step: self.time_step,
             dt: self.scenario.dt,
             participants: Arc::clone(&self.participants),
             present,
-            past: self.recording.last_states(self.settings.history_steps + 1),
+            past: self.recording.last_states(history_steps + 1),
         }
+    }
+
+    /// Rows of the participants that an agent sees, ascending.
+    ///
+    /// # Errors
+    /// `UnknownId`; `InvalidInput` if the agent is not present in the scene.
+    pub fn visible(&self, id: i64, scene: &Scene) -> Result<Vec<usize>> {
+        let drive = &self.drives[self.drive_index(id)?];
+        if scene.present.binary_search(&drive.row).is_err() {
+            return Err(Error::invalid(format!("agent {id} is not present at time step {}", scene.time_step)));
+        }
+        Ok(scene.visible_from(drive.row, &drive.agent.view))
     }
 
     /// Expectations of a native predictor for everybody present.
@@ -285,8 +303,9 @@ fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
                 "agent {id} starts at time step {start}, before the scenario ({first_time_step})"
             )));
         }
-        if agent.sensor_radius.is_nan() || agent.sensor_radius <= 0.0 {
-            return Err(Error::invalid(format!("agent {id} has a sensor radius of {} m", agent.sensor_radius)));
+        let radius = agent.view.sensor_radius;
+        if radius.is_nan() || radius <= 0.0 {
+            return Err(Error::invalid(format!("agent {id} has a sensor radius of {radius} m")));
         }
         if agent.goal.states.is_empty() {
             return Err(Error::invalid(format!("agent {id} has no goal")));

@@ -94,7 +94,7 @@ impl World {
 
     fn others<'a>(&'a self, drive: &Drive, scene: &Scene) -> Vec<Other<'a>> {
         scene
-            .visible_from(drive.row, drive.agent.sensor_radius)
+            .visible_from(drive.row, &drive.agent.view)
             .into_iter()
             .map(|row| {
                 let state = scene.state(row);
