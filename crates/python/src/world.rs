@@ -5,8 +5,8 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
-            visible,
-            row,
+use interdrive_core::scene::{Scene, ViewLimits};
+use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, World, WorldSettings};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};

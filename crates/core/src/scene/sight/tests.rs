@@ -78,7 +78,7 @@ fn a_car_is_seen_unless_nearer_bodies_take_all_of_its_directions() {
         ),
         ("behind the eye", vec![truck_ahead, (&car, Pose::new(-30.0, 0.0, 0.0))], vec![true, true]),
     ] {
-        for turn in [0.0, 1.0, 2.5, -1.57, 3.14159] {
+        for turn in [0.0, 1.0, 2.5, -1.57, std::f64::consts::PI] {
             let frame = Pose::new(0.0, 0.0, turn);
             let turned: Vec<(&Shape, Pose)> = bodies
                 .iter()
