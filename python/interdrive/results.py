@@ -1,7 +1,7 @@
 """The run folder: its Parquet columns, its one writer and its one reader. pyarrow is loaded on first use.
 
-A run folder holds outcomes.parquet, states.parquet, plans.parquet, timing.parquet, run.json and scenario.xml. The same
-run gives the same bytes. Absent numbers are null.
+A run folder holds outcomes.parquet, states.parquet, plans.parquet, timing.parquet, run.json and scenario.xml; and
+views.parquet if `record.views` asked for it. The same run gives the same bytes. Absent numbers are null.
 """
 
 from __future__ import annotations
@@ -87,6 +87,12 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("velocity", "number", "[m/s]", nullable=True),
         Column("acceleration", "number", "[m/s²]", nullable=True),
     ),
+    "views": (
+        Column("observer_id", "integer", "the agent that saw"),
+        Column("seen_id", "integer", "the participant that it saw"),
+        Column("first_time_step", "integer", "first time step of a stretch without a break"),
+        Column("last_time_step", "integer", "last time step of the stretch, included"),
+    ),
     "timing": (
         Column("time_step", "integer", ""),
         Column("phase", "label", "one of interdrive.run.PHASES; the phases of a time step add up to the step"),
@@ -101,13 +107,17 @@ _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
 
 @dataclass(frozen=True)
 class Results:
-    """What a run folder says: four Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary."""
+    """What a run folder says: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
+
+    `views` is None unless `record.views` asked for it.
+    """
 
     outcomes: pa.Table
     states: pa.Table
     plans: pa.Table
     timing: pa.Table
     info: dict[str, Any]
+    views: pa.Table | None = None
 
 
 def outcome_table(run: Run) -> pa.Table:
@@ -178,6 +188,15 @@ def timing_table(run: Run) -> pa.Table:
     return _table("timing", time_step=run.timings.time_step, phase=_labels(names, index), seconds=run.timings.seconds)
 
 
+def views_table(run: Run) -> pa.Table | None:
+    """Who saw whom, one row per stretch of time steps, as an Arrow table; None if that was not recorded."""
+    seen = run.views
+    if seen is None:
+        return None
+    names = [column.name for column in COLUMNS["views"]]
+    return _table("views", **{name: getattr(seen, name) for name in names})
+
+
 def information(run: Run) -> dict[str, Any]:
     """What run.json says: everything that is needed to know and to repeat the run, as plain values."""
     scenario = run.scenario
@@ -195,6 +214,7 @@ def information(run: Run) -> dict[str, Any]:
         "seed": run.settings.get("seed"),
         "digest": run.digest,
         "finished": run.finished,
+        "views": None if run.views is None else "views.parquet",
         "notes": list(run.notes),
         "versions": {
             "interdrive": _version("interdrive"),
@@ -230,7 +250,10 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
             ("states", states_table(run)),
             ("plans", plans_table(run)),
             ("timing", timing_table(run)),
+            ("views", views_table(run)),
         ):
+            if table is None:
+                continue
             _write_parquet(table, partial / f"{name}.parquet")
         text = json.dumps(_finite(information(run)), indent=2, ensure_ascii=False, allow_nan=False)
         _write_bytes(text.encode() + b"\n", partial / "run.json")
@@ -251,6 +274,8 @@ def load(folder: str | Path) -> Results:
     info = _read_information(folder)
     tables = {}
     for name in COLUMNS:
+        if name == "views" and info.get("views") is None:
+            continue
         path = folder / f"{name}.parquet"
         try:
             tables[name] = pq.read_table(path, partitioning=None)

@@ -120,6 +120,29 @@ class Plans:
 
 
 @dataclass(frozen=True)
+class Views:
+    """Who saw whom: one row per stretch of time steps without a break, sorted by observer, seen and time.
+
+    Attributes:
+        observer_id: The agent that saw, shape (stretches,).
+        seen_id: The participant that it saw.
+        first_time_step: First time step of the stretch.
+        last_time_step: Last time step of the stretch, included.
+    """
+
+    observer_id: Ints
+    seen_id: Ints
+    first_time_step: Ints
+    last_time_step: Ints
+
+    def seen_by(self, observer_id: int, time_step: int) -> list[int]:
+        """Ids of those whom an agent saw at a time step, ascending."""
+        now = (self.first_time_step <= time_step) & (time_step <= self.last_time_step)
+        seen: list[int] = self.seen_id[now & (self.observer_id == observer_id)].tolist()
+        return seen
+
+
+@dataclass(frozen=True)
 class Timings:
     """Wall time in long form: one row per time step and phase.
 
@@ -197,6 +220,7 @@ class Run:
         digest: SHA-256 of all states; equal digests mean equal bits.
         finished: False if the run was stopped from outside.
         snapshots: What was asked to be kept for pictures, sorted by time step.
+        views: Who saw whom; None unless `record.views` asked for it.
     """
 
     scenario: Scenario
@@ -210,3 +234,4 @@ class Run:
     digest: str
     finished: bool = True
     snapshots: tuple[Snapshot, ...] = field(default=())
+    views: Views | None = None

@@ -17,9 +17,13 @@ class ViewSettings:
 
     Attributes:
         sensor_radius: Participants further away (centre to centre) are not seen [m].
+        occlusion: Participants of which no part is in the line of sight are not seen either: seen from the centre of
+            the agent's footprint, all of theirs is behind nearer ones. Everything hides what is behind it but
+            pedestrians, bicycles and motorcycles.
     """
 
     sensor_radius: float = 80.0
+    occlusion: bool = False
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -77,6 +81,17 @@ class RoadSettings:
 
 
 @dataclass(frozen=True)
+class RecordSettings:
+    """What a run keeps besides states and plans.
+
+    Attributes:
+        views: Who saw whom at which time steps (`Run.views`, views.parquet).
+    """
+
+    views: bool = False
+
+
+@dataclass(frozen=True)
 class SimulationSettings:
     """All settings of a run; the dotted names are those of `--set` and of the configuration file."""
 
@@ -87,3 +102,4 @@ class SimulationSettings:
     view: ViewSettings = field(default_factory=ViewSettings)
     step: StepSettings = field(default_factory=StepSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
+    record: RecordSettings = field(default_factory=RecordSettings)

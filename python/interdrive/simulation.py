@@ -24,7 +24,7 @@ from interdrive.predictors import native
 from interdrive.predictors import resolve as resolve_predictor
 from interdrive.recording import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.recording import snapshot as _snapshot
-from interdrive.run import Plans, Run, Snapshot
+from interdrive.run import Plans, Run, Snapshot, Views
 from interdrive.run_settings import SimulationSettings
 from interdrive.scenario import KINDS, Scenario
 from interdrive.settings import flatten
@@ -135,7 +135,8 @@ class Simulation:
                     agent.native_goal,
                     agent.route,
                     native_record,
-                    self._choices[agent.id].view.sensor_radius,
+                    sensor_radius=self._choices[agent.id].view.sensor_radius,
+                    occlusion=self._choices[agent.id].view.occlusion,
                 )
             )
         step = self.settings.step
@@ -146,6 +147,7 @@ class Simulation:
             replan_every=step.replan_every,
             history_steps=step.history_steps,
             threads=self.threads,
+            record_views=self.settings.record.views,
         )
         self._hire()
         self._touching = self.world.entered_in_contact
@@ -296,6 +298,7 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             snapshots=tuple(self._snapshots),
+            views=Views(**self.world.sightings()) if self.settings.record.views else None,
         )
 
     def _repeatable_settings(self) -> dict[str, Any]:

@@ -6,6 +6,7 @@ pub mod sight;
 
 use std::sync::Arc;
 
+use crate::geometry::Point;
 use crate::geometry::shape::Shape;
 use crate::trajectory::{State, States};
 use crate::vehicle::ParticipantKind;
@@ -85,24 +86,27 @@ impl Scene {
 
     /// Rows that the participant in a row sees, ascending, without that row. The one place that decides who is seen.
     pub fn visible_from(&self, row: usize, limits: &ViewLimits) -> Vec<usize> {
+        let participants = &self.participants;
         let eye = self.state(row).pose().position;
-        let is_near = |other: usize| {
-            let size =
-                if self.participants.is_static[other] { self.participants.shape[other].bounding_radius() } else { 0.0 };
-            self.state(other).pose().position.distance(eye) <= limits.sensor_radius + size
-        };
         let others = self.present.iter().copied().filter(|other| *other != row);
+        let is_near = |other: usize, position: Point| {
+            let size = if participants.is_static[other] { participants.shape[other].bounding_radius() } else { 0.0 };
+            position.distance(eye) <= limits.sensor_radius + size
+        };
         if !limits.occlusion {
-            return others.filter(|other| is_near(*other)).collect();
+            return others.filter(|other| is_near(*other, self.state(*other).pose().position)).collect();
         }
         let others: Vec<usize> = others.collect();
         let bodies: Vec<sight::Body<'_>> = others
             .iter()
-            .map(|other| sight::Body {
-                shape: &self.participants.shape[*other],
-                pose: self.state(*other).pose(),
-                hides: self.participants.is_static[*other] || self.participants.kind[*other].blocks_sight(),
-                is_wanted: is_near(*other),
+            .map(|other| {
+                let pose = self.state(*other).pose();
+                sight::Body {
+                    shape: &participants.shape[*other],
+                    pose,
+                    hides: participants.is_static[*other] || participants.kind[*other].blocks_sight(),
+                    is_wanted: is_near(*other, pose.position),
+                }
             })
             .collect();
         let seen = sight::seen_from(eye, &bodies);

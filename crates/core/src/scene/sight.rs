@@ -5,7 +5,7 @@
 //! all parts in front of it are taken away is what can be seen of it. No angle is computed: ranges are pairs of vectors,
 //! compared by the sign of their cross product.
 
-use crate::geometry::shape::{ConvexPart, Placement, Shape};
+use crate::geometry::shape::{Placement, Shape};
 use crate::geometry::{Point, Pose};
 
 /// Gaps between hiding bodies that are narrower than this are closed [rad]: 0.1 mm at 100 m.
@@ -57,6 +57,7 @@ impl Range {
         self.first * (1.0 / self.first.norm()) + self.last * (1.0 / self.last.norm())
     }
 
+    #[inline]
     fn is_wide(&self) -> bool {
         let cross = self.first.cross(self.last);
         let scale = self.first.norm_squared() * self.last.norm_squared();
@@ -64,51 +65,127 @@ impl Range {
     }
 }
 
-/// A convex part as the eye sees it; coordinates relative to the eye.
-#[derive(Debug, Clone)]
+/// A convex part as the eye sees it.
+#[derive(Debug, Clone, Copy)]
 struct Silhouette {
     body: usize,
+    hides: bool,
+    is_wanted: bool,
     range: Range,
+    /// Sectors of the full turn that the range touches, one bit each: parts without a common one do not meet.
+    sectors: u64,
     /// No point of its body is nearer to the eye [m].
     near: f64,
     /// No point of its body is further away [m].
     far: f64,
-    /// Corners of a polygon, counter-clockwise; the centre of a circle.
-    corners: Vec<Point>,
+    /// Corners of a polygon, counter-clockwise, or the centre of a circle; in the common list.
+    corners: (usize, usize),
     radius: f64,
 }
 
-impl Silhouette {
-    /// `None` if the eye lies in the part.
-    fn new(body: usize, part: &ConvexPart, placement: &Placement, eye: Point, near: f64, far: f64) -> Option<Self> {
-        let corners: Vec<Point> = part.vertices.iter().map(|vertex| placement.apply(*vertex) - eye).collect();
-        let range = match corners.as_slice() {
-            [center] => tangents(*center, part.radius)?,
-            _ => extremes(&corners)?,
-        };
-        Some(Self { body, range, near, far, corners, radius: part.radius })
+/// Everything around an eye; coordinates relative to it.
+#[derive(Debug, Default)]
+struct Surroundings {
+    /// Sorted by `near`.
+    parts: Vec<Silhouette>,
+    corners: Vec<Point>,
+}
+
+impl Surroundings {
+    /// Adds the parts of a body; false if the eye lies in one of them, then none is added.
+    fn add(&mut self, index: usize, body: &Body<'_>, eye: Point, near: f64, far: f64) -> bool {
+        let placement = Placement::new(body.pose);
+        let (n_parts, n_corners) = (self.parts.len(), self.corners.len());
+        for part in body.shape.parts() {
+            let start = self.corners.len();
+            self.corners.extend(part.vertices.iter().map(|vertex| placement.apply(*vertex) - eye));
+            let range = match &self.corners[start..] {
+                [center] => tangents(*center, part.radius),
+                corners => extremes(corners),
+            };
+            let Some(range) = range else {
+                self.parts.truncate(n_parts);
+                self.corners.truncate(n_corners);
+                return false;
+            };
+            self.parts.push(Silhouette {
+                body: index,
+                hides: body.hides,
+                is_wanted: body.is_wanted,
+                range,
+                sectors: sectors(&range),
+                near,
+                far,
+                corners: (start, self.corners.len()),
+                radius: part.radius,
+            });
+        }
+        true
     }
 
-    /// Distance to where a ray from the eye enters, in lengths of `direction`; the ray meets the part.
-    fn entry(&self, direction: Point) -> f64 {
-        if let [center] = self.corners.as_slice() {
+    /// Some of the part's directions are not taken by nearer parts of other bodies; `left` is working memory.
+    fn is_seen(&self, part: &Silhouette, left: &mut Vec<Range>) -> bool {
+        left.clear();
+        left.push(part.range);
+        for other in self.parts.iter().take_while(|other| other.near < part.far) {
+            if !other.hides || other.sectors & part.sectors == 0 || other.body == part.body {
+                continue;
+            }
+            let Some(common) = part.range.common(&other.range).filter(Range::is_wide) else { continue };
+            if other.far < part.near || self.is_nearer(other, part, common.middle()) {
+                take_away(left, &common);
+                if left.is_empty() {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    fn is_nearer(&self, part: &Silhouette, other: &Silhouette, direction: Point) -> bool {
+        self.entry(part, direction) < self.entry(other, direction)
+    }
+
+    /// Distance to where a ray from the eye enters a part that it meets, in lengths of `direction`.
+    fn entry(&self, part: &Silhouette, direction: Point) -> f64 {
+        let corners = &self.corners[part.corners.0..part.corners.1];
+        if let [center] = corners {
             let length_squared = direction.norm_squared();
             let (along, across) = (center.dot(direction), center.cross(direction));
-            let half_chord = (self.radius * self.radius * length_squared - across * across).max(0.0).sqrt();
+            let half_chord = (part.radius * part.radius * length_squared - across * across).max(0.0).sqrt();
             return (along - half_chord) / length_squared;
         }
-        let n = self.corners.len();
         let mut entry = 0.0_f64;
-        for i in 0..n {
-            let corner = self.corners[i];
-            let outwards = -(self.corners[(i + 1) % n] - corner).left();
+        let mut from = corners[corners.len() - 1];
+        for to in corners {
+            let outwards = -(*to - from).left();
             let towards = outwards.dot(direction);
             if towards < 0.0 {
-                entry = entry.max(outwards.dot(corner) / towards);
+                entry = entry.max(outwards.dot(from) / towards);
             }
+            from = *to;
         }
         entry
     }
+}
+
+/// The sectors, of 64 around the eye, from the one of the range's first direction to that of its last one.
+fn sectors(range: &Range) -> u64 {
+    // Grows with the angle, from 0 to 4 over a full turn: the way along the edge of a square, without trigonometry.
+    let along_square = |v: Point| {
+        let share = v.y / (v.x.abs() + v.y.abs());
+        if v.x < 0.0 {
+            2.0 - share
+        } else if share < 0.0 {
+            4.0 + share
+        } else {
+            share
+        }
+    };
+    let sector = |v: Point| ((along_square(v) * 16.0) as u32).min(63);
+    let (first, last) = (sector(range.first), sector(range.last));
+    let (from_first, up_to_last) = (u64::MAX << first, u64::MAX >> (63 - last));
+    if first <= last { from_first & up_to_last } else { from_first | up_to_last }
 }
 
 /// Tangents from the origin to a circle; `None` from inside.
@@ -152,57 +229,21 @@ pub fn seen_from(eye: Point, bodies: &[Body<'_>]) -> Vec<bool> {
     };
     let furthest = bodies.iter().filter(|body| body.is_wanted).map(|body| bounds(body).1).fold(0.0, f64::max);
     let mut seen = vec![false; bodies.len()];
-    let mut hiding: Vec<Silhouette> = Vec::with_capacity(bodies.len());
-    let mut wanted: Vec<Silhouette> = Vec::with_capacity(bodies.len());
+    let mut around = Surroundings::default();
     for (index, body) in bodies.iter().enumerate() {
         let (near, far) = bounds(body);
-        if !body.is_wanted && (!body.hides || near >= furthest) {
-            continue;
-        }
-        let placement = Placement::new(body.pose);
-        let parts = body.shape.parts();
-        let shown: Vec<Silhouette> =
-            parts.iter().filter_map(|part| Silhouette::new(index, part, &placement, eye, near, far)).collect();
-        if shown.len() < parts.len() {
+        if (body.is_wanted || (body.hides && near < furthest)) && !around.add(index, body, eye, near, far) {
             seen[index] = body.is_wanted;
-            continue;
-        }
-        if body.is_wanted {
-            wanted.extend(shown.iter().cloned());
-        }
-        if body.hides {
-            hiding.extend(shown);
         }
     }
-    // Nearest first: the loop below ends with the first one that is too far away to hide anything.
-    hiding.sort_by(|a, b| a.near.total_cmp(&b.near));
+    around.parts.sort_unstable_by(|a, b| a.near.total_cmp(&b.near));
     let mut left = Vec::new();
-    for part in &wanted {
+    for part in around.parts.iter().filter(|part| part.is_wanted) {
         if !seen[part.body] {
-            seen[part.body] = is_seen(part, &hiding, &mut left);
+            seen[part.body] = around.is_seen(part, &mut left);
         }
     }
     seen
-}
-
-/// Some of the part's directions are not taken by nearer parts of other bodies.
-fn is_seen(part: &Silhouette, hiding: &[Silhouette], left: &mut Vec<Range>) -> bool {
-    left.clear();
-    left.push(part.range);
-    for other in hiding.iter().take_while(|other| other.near < part.far) {
-        let Some(common) = part.range.common(&other.range) else { continue };
-        if other.body == part.body || !common.is_wide() {
-            continue;
-        }
-        let middle = common.middle();
-        if other.entry(middle) < part.entry(middle) {
-            take_away(left, &common);
-            if left.is_empty() {
-                return false;
-            }
-        }
-    }
-    true
 }
 
 fn take_away(left: &mut Vec<Range>, taken: &Range) {
