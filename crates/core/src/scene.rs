@@ -113,3 +113,82 @@ impl Scene {
         others.into_iter().zip(seen).filter_map(|(other, is_seen)| is_seen.then_some(other)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Everybody stands at (x, 0), ids are 0, 1, ...; an entry is (kind, is_static, footprint, x).
+    fn scene(everybody: &[(ParticipantKind, bool, Shape, f64)]) -> Scene {
+        let ids: Vec<i64> = (0..everybody.len() as i64).collect();
+        let mut past = States::absent(ids.clone(), 0, 1);
+        for (row, (.., x)) in everybody.iter().enumerate() {
+            past.set(row, 0, &State { x: *x, ..State::default() });
+        }
+        let participants = Participants {
+            ids,
+            kind: everybody.iter().map(|(kind, ..)| *kind).collect(),
+            shape: everybody.iter().map(|(_, _, shape, _)| shape.clone()).collect(),
+            is_static: everybody.iter().map(|(_, is_static, ..)| *is_static).collect(),
+            is_agent: vec![false; everybody.len()],
+        };
+        Scene {
+            time_step: 0,
+            dt: 0.1,
+            participants: Arc::new(participants),
+            present: (0..everybody.len()).collect(),
+            past,
+        }
+    }
+
+    #[test]
+    fn distance_counts_to_centres_and_to_the_edge_of_static_obstacles() {
+        let (car, wall) = (Shape::rectangle(4.0, 2.0), Shape::rectangle(30.0, 1.0));
+        let scene = scene(&[
+            (ParticipantKind::Car, false, car.clone(), 0.0),
+            (ParticipantKind::Car, false, car.clone(), 20.0),
+            (ParticipantKind::Car, false, car, 20.1),
+            (ParticipantKind::Structure, true, wall.clone(), 34.9),
+            (ParticipantKind::Structure, true, wall, 35.1),
+        ]);
+        let limits = ViewLimits { sensor_radius: 20.0, occlusion: false };
+        assert_eq!(scene.visible_from(0, &limits), [1, 3]);
+        assert_eq!(scene.visible_from(2, &limits), [1, 3, 4]);
+    }
+
+    #[test]
+    fn one_looks_past_pedestrians_and_two_wheelers_but_not_past_anything_else() {
+        for (kind, is_static, hides) in [
+            (ParticipantKind::Truck, false, true),
+            (ParticipantKind::ParkedVehicle, true, true),
+            (ParticipantKind::Unknown, false, true),
+            (ParticipantKind::Pedestrian, false, false),
+            (ParticipantKind::Bicycle, false, false),
+            (ParticipantKind::Motorcycle, false, false),
+            (ParticipantKind::Pedestrian, true, true), // a statue
+        ] {
+            let wide = Shape::rectangle(1.0, 3.0);
+            let scene = scene(&[
+                (ParticipantKind::Car, false, wide.clone(), 0.0),
+                (kind, is_static, wide.clone(), 10.0),
+                (ParticipantKind::Car, false, wide, 20.0),
+            ]);
+            let seen = scene.visible_from(0, &ViewLimits { occlusion: true, ..ViewLimits::default() });
+            assert_eq!(seen, if hides { vec![1] } else { vec![1, 2] }, "{kind:?} {is_static}");
+        }
+    }
+
+    #[test]
+    fn who_is_too_far_away_to_be_seen_can_hide_others() {
+        // The body origin of the train is 70 m away, its side 40 m; the car behind it is 57 m away.
+        let across = Shape::rectangle_at(3.0, 100.0, Point::new(-30.0, 0.0), 0.0);
+        let scene = scene(&[
+            (ParticipantKind::Car, false, Shape::rectangle(4.0, 2.0), 0.0),
+            (ParticipantKind::Train, false, across, 70.0),
+            (ParticipantKind::Car, false, Shape::rectangle(4.0, 2.0), 57.0),
+        ]);
+        let seen = |occlusion| scene.visible_from(0, &ViewLimits { sensor_radius: 60.0, occlusion });
+        assert_eq!(seen(false), [2]);
+        assert_eq!(seen(true), Vec::<usize>::new());
+    }
+}
