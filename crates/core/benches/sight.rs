@@ -12,7 +12,7 @@ use interdrive_core::vehicle::ParticipantKind;
 /// Eight lanes, four in either direction, in each a car or a truck every 20 m.
 fn traffic(n: usize) -> Scene {
     let ids: Vec<i64> = (0..n as i64).collect();
-    let is_truck = |i: usize| i % 5 == 0;
+    let is_truck = |i: usize| i.is_multiple_of(5);
     let participants = Participants {
         ids: ids.clone(),
         kind: (0..n).map(|i| if is_truck(i) { ParticipantKind::Truck } else { ParticipantKind::Car }).collect(),
