@@ -16,7 +16,16 @@ if TYPE_CHECKING:
     from interdrive.agents import AgentSettings, GoalSettings
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
     from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
-    from interdrive.planners import Frenet, Idm, Planner, PlannerSettings, Recorded, Trajectory, VelocityAdjusting
+    from interdrive.planners import (
+        Frenet,
+        Idm,
+        IdmMobil,
+        Planner,
+        PlannerSettings,
+        Recorded,
+        Trajectory,
+        VelocityAdjusting,
+    )
     from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Predictor, PredictorSettings
     from interdrive.results import load, save
     from interdrive.run import Run
@@ -43,6 +52,7 @@ _HOME = {
     "shipped_scenarios": "files",
     "Frenet": "planners",
     "Idm": "planners",
+    "IdmMobil": "planners",
     "Planner": "planners",
     "PlannerSettings": "planners",
     "Recorded": "planners",
@@ -70,6 +80,7 @@ __all__ = [
     "GoalSettings",
     "GroundTruth",
     "Idm",
+    "IdmMobil",
     "InputError",
     "InterdriveError",
     "LaneFollowing",

@@ -17,6 +17,7 @@ __all__ = [
     "Ego",
     "FrenetSettings",
     "Goal",
+    "IdmMobilSettings",
     "IdmSettings",
     "InputError",
     "InterdriveError",
@@ -206,6 +207,12 @@ class IdmSettings:
     def defaults() -> dict[str, Any]: ...
 
 @final
+class IdmMobilSettings:
+    def __new__(cls, values: dict[str, Any]) -> IdmMobilSettings: ...
+    @staticmethod
+    def defaults() -> dict[str, Any]: ...
+
+@final
 class Scene:
     @property
     def road(self) -> RoadNetwork: ...
@@ -335,7 +342,12 @@ class Agent:
         start_time_step: int,
         goal: Goal,
         route: Route,
-        planner: FrenetSettings | RecordedSettings | VelocityAdjustingSettings | IdmSettings | None,
+        planner: FrenetSettings
+        | RecordedSettings
+        | VelocityAdjustingSettings
+        | IdmSettings
+        | IdmMobilSettings
+        | None,
         *,
         sensor_radius: float,
         occlusion: bool = False,

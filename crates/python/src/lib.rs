@@ -39,6 +39,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<planner::PyRecordedSettings>()?;
     module.add_class::<planner::PyVelocityAdjustingSettings>()?;
     module.add_class::<planner::PyIdmSettings>()?;
+    module.add_class::<planner::PyIdmMobilSettings>()?;
     module.add_class::<view::PyScene>()?;
     module.add_class::<view::PyView>()?;
     module.add_class::<view::PyEgo>()?;

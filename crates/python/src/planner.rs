@@ -1,7 +1,7 @@
 //! Parameter records of native planners.
 
 use interdrive_core::plan::frenet::{Candidates, Comfort, CostWeights, FrenetSettings, N_TERMS, Rejection};
-use interdrive_core::plan::{CarFollowing, IdmSettings, Planner};
+use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, Planner};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -15,6 +15,7 @@ pub enum NativePlanner<'py> {
     Recorded(PyRef<'py, PyRecordedSettings>),
     VelocityAdjusting(PyRef<'py, PyVelocityAdjustingSettings>),
     Idm(PyRef<'py, PyIdmSettings>),
+    IdmMobil(PyRef<'py, PyIdmMobilSettings>),
 }
 
 impl From<NativePlanner<'_>> for Planner {
@@ -24,6 +25,7 @@ impl From<NativePlanner<'_>> for Planner {
             NativePlanner::Recorded(_) => Self::Recorded,
             NativePlanner::VelocityAdjusting(settings) => Self::VelocityAdjusting(settings.0),
             NativePlanner::Idm(settings) => Self::Idm(settings.0),
+            NativePlanner::IdmMobil(settings) => Self::IdmMobil(Box::new(settings.0)),
         }
     }
 }
@@ -113,6 +115,13 @@ record!(
     [time_gap, minimum_gap, acceleration, deceleration, exponent]
 );
 record!(read_idm, write_idm, IdmSettings, "", [desired_velocity_max, lateral_acceleration]);
+record!(
+    read_mobil,
+    write_mobil,
+    IdmMobilSettings,
+    "",
+    [politeness, changing_threshold, safe_deceleration, bias, lane_change_duration]
+);
 
 #[pyclass(frozen, name = "FrenetSettings", module = "interdrive._core")]
 pub struct PyFrenetSettings(pub FrenetSettings);
@@ -197,6 +206,33 @@ impl PyIdmSettings {
         let (values, settings) = (PyDict::new(py), IdmSettings::default());
         write_car_following(&values, &settings.law)?;
         write_idm(&values, &settings)?;
+        Ok(values)
+    }
+}
+
+#[pyclass(frozen, name = "IdmMobilSettings", module = "interdrive._core")]
+pub struct PyIdmMobilSettings(pub IdmMobilSettings);
+
+#[pymethods]
+impl PyIdmMobilSettings {
+    /// From a dict of names; every name must be there.
+    #[new]
+    fn new(values: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let mut settings = IdmMobilSettings::default();
+        read_car_following(values, "idm_mobil", &mut settings.idm.law)?;
+        read_idm(values, "idm_mobil", &mut settings.idm)?;
+        read_mobil(values, "idm_mobil", &mut settings)?;
+        named("idm_mobil", settings.validate())?;
+        Ok(Self(settings))
+    }
+
+    /// The core's defaults as a dict of names.
+    #[staticmethod]
+    fn defaults(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let (values, settings) = (PyDict::new(py), IdmMobilSettings::default());
+        write_car_following(&values, &settings.idm.law)?;
+        write_idm(&values, &settings.idm)?;
+        write_mobil(&values, &settings)?;
         Ok(values)
     }
 }

@@ -180,6 +180,49 @@ class Idm:
 
 
 @dataclass(frozen=True)
+class IdmMobil:
+    """Drives with the Intelligent Driver Model, as `Idm`, and changes lanes with MOBIL.
+
+    Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", Transportation Research
+    Record 1999, 2007, doi 10.3141/1999-10. A change must be safe, the new follower brakes with at most b_safe (eq. 2),
+    and worth it: own gain + p (gain of the new follower + gain of the old follower) + bias > threshold (eq. 3), where a
+    gain is an acceleration of the car-following model after the change minus that before. The bias is one for lanes
+    that lead to the goal; it grows by up to b_safe where such a lane has to be reached soon. See docs/planners.md.
+
+    Attributes:
+        time_gap: Time gap T to a leader [s].
+        minimum_gap: Gap s0 to a standing leader [m].
+        acceleration: Acceleration a from standstill on a free road [m/s²].
+        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
+        exponent: Exponent of v / v0.
+        desired_velocity_max: Upper bound of the desired speed v0 [m/s].
+        lateral_acceleration: Lateral acceleration in curves [m/s²].
+        politeness: Politeness p: what the followers gain or lose counts this much.
+        changing_threshold: A change must gain more than this [m/s²].
+        safe_deceleration: The new follower must not have to brake harder than this, b_safe [m/s²].
+        bias: Bias for each lane nearer to the one that leads to the goal [m/s²].
+        lane_change_duration: Duration of a lane change [s].
+    """
+
+    time_gap: float = 1.0
+    minimum_gap: float = 2.0
+    acceleration: float = 1.0
+    deceleration: float = 1.5
+    exponent: float = 4.0
+    desired_velocity_max: float = math.inf
+    lateral_acceleration: float = 3.0
+    politeness: float = 0.2
+    changing_threshold: float = 0.1
+    safe_deceleration: float = 4.0
+    bias: float = 0.3
+    lane_change_duration: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        native_planner(self)
+
+
+@dataclass(frozen=True)
 class PlannerSettings:
     """Settings of all native planners.
 
@@ -187,11 +230,13 @@ class PlannerSettings:
         frenet: Settings of `frenet`.
         velocity_adjusting: Settings of `velocity_adjusting`.
         idm: Settings of `idm`.
+        idm_mobil: Settings of `idm_mobil`.
     """
 
     frenet: Frenet = field(default_factory=Frenet)
     velocity_adjusting: VelocityAdjusting = field(default_factory=VelocityAdjusting)
     idm: Idm = field(default_factory=Idm)
+    idm_mobil: IdmMobil = field(default_factory=IdmMobil)
 
 
 #: Names of the native planners, each with one line of explanation.
@@ -200,6 +245,7 @@ NATIVE = {
     "recorded": "replays the recording",
     "velocity_adjusting": "keeps the recorded path, and the recorded speed unless somebody is in the way",
     "idm": "drives its reference path with the Intelligent Driver Model",
+    "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
 }
 
 #: The record of each native planner.
@@ -208,10 +254,17 @@ RECORDS: dict[str, type] = {
     "recorded": Recorded,
     "velocity_adjusting": VelocityAdjusting,
     "idm": Idm,
+    "idm_mobil": IdmMobil,
 }
 
 #: The core's settings of each native planner.
-NativePlanner = _core.FrenetSettings | _core.RecordedSettings | _core.VelocityAdjustingSettings | _core.IdmSettings
+NativePlanner = (
+    _core.FrenetSettings
+    | _core.RecordedSettings
+    | _core.VelocityAdjustingSettings
+    | _core.IdmSettings
+    | _core.IdmMobilSettings
+)
 
 
 def native_name(record: object) -> str | None:
@@ -234,4 +287,6 @@ def native_planner(record: object) -> NativePlanner | None:
         return _core.VelocityAdjustingSettings(flatten(record))
     if isinstance(record, Idm):
         return _core.IdmSettings(flatten(record))
+    if isinstance(record, IdmMobil):
+        return _core.IdmMobilSettings(flatten(record))
     return None

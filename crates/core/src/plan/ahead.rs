@@ -24,6 +24,10 @@ const MODE_PROBABILITY: f64 = 0.2;
 const FOOT_TOLERANCE: f64 = 0.05;
 /// Structures are looked for every so many metres of the path.
 const STRUCTURE_STEP: f64 = 1.0;
+/// Somebody is looked at every so many points of the plan, and in between only if it is not away from the corridor by
+/// this distance [m] at both.
+const STRIDE: usize = 5;
+const AWAY: f64 = 0.3;
 /// The vehicle goes first if it has left the stretch by this distance [m] when the other comes.
 const CLEARANCE: f64 = 1.0;
 /// The vehicle comes after the other by this time [s].
@@ -47,9 +51,12 @@ struct Place {
     along: bool,
     /// In the corridor.
     inside: bool,
+    /// Distance to the corridor [m], negative on its right, zero in it.
+    clearance: f64,
 }
 
-const OUTSIDE: Place = Place { low: f64::NAN, high: f64::NAN, velocity: 0.0, along: true, inside: false };
+const OUTSIDE: Place =
+    Place { low: f64::NAN, high: f64::NAN, velocity: 0.0, along: true, inside: false, clearance: 0.0 };
 
 /// Consecutive points at which somebody occupies a stretch of the path in one way.
 #[derive(Debug, Clone, Copy)]
@@ -179,22 +186,46 @@ impl Ahead {
             }
             let row = self.places.len();
             self.places.push(present.unwrap_or(OUTSIDE));
-            let (first, mut foot) = (predictions.offset(other.row, mode), foot);
-            let mut found = present.is_some_and(|place| place.inside);
-            for point in 1..self.n_points {
-                let k = first + point + shift - 1;
+            let start = predictions.offset(other.row, mode) + shift;
+            let center = |point: usize| match point {
+                0 => now.center,
+                _ if point + shift > predictions.n_steps => Point::new(f64::NAN, f64::NAN),
+                _ => Point::new(predictions.x[start + point - 1], predictions.y[start + point - 1]),
+            };
+            let at = |point: usize, foot: &mut Option<f64>| {
+                let k = start + point - 1;
                 let known = point + shift <= predictions.n_steps && predictions.valid[k];
-                let center = if known { Point::new(predictions.x[k], predictions.y[k]) } else { Point::default() };
-                let next = if known && region.contains(center) {
-                    let body =
-                        other.shape.oriented_box(Pose { position: center, orientation: predictions.orientation[k] });
-                    place(ego, &body, &mut foot, predictions.velocity[k], point as f64 * self.dt)
-                } else {
-                    foot = None;
-                    None
+                if !known || !region.contains(center(point)) {
+                    return None;
+                }
+                let pose = Pose { position: center(point), orientation: predictions.orientation[k] };
+                let body = other.shape.oriented_box(pose);
+                place(ego, &body, foot, predictions.velocity[k], point as f64 * self.dt)
+            };
+            // Every few points first; those in between only where somebody is near the corridor or changes sides.
+            let mut foot = foot;
+            let mut found = present.is_some_and(|place| place.inside);
+            let (mut from, mut before) = (0, present);
+            while from + 1 < self.n_points {
+                let to = (from + STRIDE).min(self.n_points - 1);
+                let foot_before = foot;
+                let after = at(to, &mut foot);
+                let stays_away = match (before, after) {
+                    (Some(a), Some(b)) => {
+                        a.clearance * b.clearance > 0.0 && a.clearance.abs().min(b.clearance.abs()) > AWAY
+                    }
+                    (None, None) => !region.overlaps(&Aabb::around([center(from), center(to)])),
+                    _ => false,
                 };
-                found |= next.is_some_and(|place| place.inside);
-                self.places.push(next.unwrap_or(OUTSIDE));
+                let mut inner = foot_before;
+                for point in from + 1..to {
+                    let place = if stays_away { None } else { at(point, &mut inner) };
+                    found |= place.is_some_and(|place| place.inside);
+                    self.places.push(place.unwrap_or(OUTSIDE));
+                }
+                found |= after.is_some_and(|place| place.inside);
+                self.places.push(after.unwrap_or(OUTSIDE));
+                (from, before) = (to, after);
             }
             if found {
                 self.push_claims(ego, row, index, mode);
@@ -342,8 +373,8 @@ fn place(ego: &Ego, body: &OrientedBox, hint: &mut Option<f64>, velocity: f64, t
     let (right, left) = ego.corridor(time);
     let along = velocity.abs() < STANDING || cos * velocity.signum() > SAME_DIRECTION;
     let velocity = if velocity.abs() < STANDING { 0.0 } else { (velocity * cos).max(0.0) };
-    let inside = d + half_d > right && d - half_d < left;
-    Some(Place { low: s - half_s, high: s + half_s, velocity, along, inside })
+    let clearance = (d - half_d - left).max(0.0) + (d + half_d - right).min(0.0);
+    Some(Place { low: s - half_s, high: s + half_s, velocity, along, inside: clearance == 0.0, clearance })
 }
 
 /// Somebody in the corridor behind the vehicle who drives the same way: keeping the distance is up to them.
@@ -374,7 +405,7 @@ fn structure(request: &PlanRequest, other: &Other, ego: &Ego) -> Option<Place> {
         return None;
     }
     let low = (1..=n).find(|i| touches(*i)).map(|i| ego.s + ego.to_front + (i as f64 - 1.0) * STRUCTURE_STEP)?;
-    Some(Place { low, high: low + 2.0 * ego.to_front, velocity: 0.0, along: true, inside: true })
+    Some(Place { low, high: low + 2.0 * ego.to_front, velocity: 0.0, along: true, inside: true, clearance: 0.0 })
 }
 
 /// Somebody who will join the path does so ahead of the vehicle, as far as one can tell from both present speeds.

@@ -6,6 +6,8 @@ mod car_following;
 mod frame;
 pub mod frenet;
 mod idm;
+mod lanes;
+mod mobil;
 pub mod outside;
 mod pace;
 mod path_motion;
@@ -16,6 +18,7 @@ mod velocity_adjusting;
 
 pub use car_following::CarFollowing;
 pub use idm::IdmSettings;
+pub use mobil::IdmMobilSettings;
 
 use crate::error::Result;
 use crate::geometry::Pose;
@@ -25,6 +28,7 @@ use crate::route::Route;
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
+use lanes::Lanes;
 use pace::SpeedLimits;
 use track::Track;
 
@@ -39,6 +43,8 @@ pub enum Planner {
     VelocityAdjusting(CarFollowing),
     /// The reference path with the Intelligent Driver Model.
     Idm(IdmSettings),
+    /// The same with lane changes by MOBIL.
+    IdmMobil(Box<IdmMobilSettings>),
     /// Somebody outside the core, who writes a row of `Plans`.
     External,
 }
@@ -111,6 +117,8 @@ pub enum Prepared {
     Track(Box<Track>),
     /// Speed limits along the reference path.
     SpeedLimits(SpeedLimits),
+    /// The lanes that lead to the goal.
+    Lanes(Lanes),
 }
 
 impl Prepared {
@@ -123,7 +131,7 @@ impl Prepared {
         id: i64,
         first_time_step: i64,
         vehicle: &Vehicle,
-        route: &Route,
+        (route, goal): (&Route, &Goal),
         scenario: &Scenario,
     ) -> Result<Self> {
         let track = |name| Ok(Self::Track(Box::new(Track::new(scenario, id, first_time_step, vehicle, name)?)));
@@ -131,6 +139,7 @@ impl Prepared {
             Planner::Frenet(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => track("recorded"),
             Planner::VelocityAdjusting(_) => track("velocity_adjusting"),
+            Planner::IdmMobil(_) => Ok(Self::Lanes(Lanes::along(route, goal, &scenario.road)?)),
             Planner::Idm(_) => Ok(Self::SpeedLimits(SpeedLimits::along(&route.path, &route.lanelets, &scenario.road))),
         }
     }
@@ -169,6 +178,7 @@ pub fn plan(
             velocity_adjusting::plan(request, law, track, scratch)
         }
         (Planner::Idm(settings), Prepared::SpeedLimits(limits)) => idm::plan(request, settings, limits, scratch),
+        (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, scratch),
         _ => unreachable!("prepared for another planner"),
     })
 }

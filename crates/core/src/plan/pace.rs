@@ -31,7 +31,8 @@ impl SpeedLimits {
         Self { values: (0..n).map(|i| limit_at(i).unwrap_or(f64::INFINITY)).collect() }
     }
 
-    fn at(&self, s: f64) -> f64 {
+    /// The limit at an arc length [m/s].
+    pub(super) fn at(&self, s: f64) -> f64 {
         let index = (s / SPACING).max(0.0) as usize;
         self.values.get(index.min(self.values.len().max(1) - 1)).copied().unwrap_or(f64::INFINITY)
     }

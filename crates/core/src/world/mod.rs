@@ -137,9 +137,9 @@ impl World {
         let drives = agents
             .into_iter()
             .map(|agent| {
-                let Agent { id, start_time_step, ref planner, ref vehicle, ref route, .. } = agent;
+                let Agent { id, start_time_step, ref planner, ref vehicle, ref route, ref goal, .. } = agent;
                 Ok(Drive {
-                    prepared: Prepared::new(planner, id, start_time_step, vehicle, route, &scenario)?,
+                    prepared: Prepared::new(planner, id, start_time_step, vehicle, (route, goal), &scenario)?,
                     row: participants.ids.binary_search(&id).expect("agents are participants"),
                     outcome: Outcome::running(start_time_step),
                     s: route.start_s,

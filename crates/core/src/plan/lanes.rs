@@ -1,0 +1,254 @@
+//! The lanes that an agent may use on its way: for each a chain of lanelets, a smooth path along it, and how many lane
+//! changes are missing to the goal, and until where they must be done.
+
+use std::collections::VecDeque;
+
+use super::pace::SpeedLimits;
+use crate::error::Result;
+use crate::geometry::polyline::ReferencePath;
+use crate::geometry::{Point, Pose};
+use crate::road::RoadNetwork;
+use crate::route::Route;
+use crate::scenario::Goal;
+
+/// Lanes begin at least this far before the start [m], where the road does.
+const LEAD_IN: f64 = 40.0;
+/// They end this far beyond the goal; without a goal they are this long [m].
+const EXTENSION: f64 = 150.0;
+const FREE_LENGTH: f64 = 400.0;
+/// Where the map ends, the path goes on straight for this length [m].
+const STRAIGHT_ON: f64 = 80.0;
+/// Most lanes of an agent.
+const LANES_MAX: usize = 8;
+/// Most lanelets of a lane: a bound for maps with loops.
+const CHAIN_MAX: usize = 200;
+/// A lane change ends this far before the place where the lane must be left [m].
+const RESERVE: f64 = 5.0;
+/// Feet are searched this far around the expected place [m].
+const FOOT_WINDOW: f64 = 25.0;
+
+/// One lane, possibly of many lanelets.
+#[derive(Debug, Clone)]
+pub struct Lane {
+    pub(super) path: ReferencePath,
+    pub(super) limits: SpeedLimits,
+    pieces: Vec<Piece>,
+}
+
+/// A lanelet of a lane.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    lanelet: usize,
+    /// Arc length on the path at which it ends [m].
+    end: f64,
+    /// Lane changes that are missing to the goal.
+    changes: usize,
+    /// Arc length on the path up to which the next of them can be made [m]; infinite if none is missing.
+    last_chance: f64,
+}
+
+/// What is left to do for an agent in a lane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Need {
+    /// Lane changes that are missing to the goal.
+    pub(super) changes: usize,
+    /// Arc length on the path of the lane up to which the next of them can be made [m]; infinite if none is missing.
+    pub(super) last_chance: f64,
+}
+
+/// All lanes of an agent; the first one is that of its start.
+#[derive(Debug, Clone)]
+pub struct Lanes {
+    pub(super) lanes: Vec<Lane>,
+}
+
+/// Number of lane changes that are missing from every lanelet to the goal; `usize::MAX` if it cannot be reached.
+///
+/// Without a place as goal, the goal is where the map ends.
+fn missing_changes(road: &RoadNetwork, goal: Option<usize>) -> Vec<usize> {
+    let lanelets = road.lanelets();
+    let mut changes = vec![usize::MAX; lanelets.len()];
+    let mut queue = VecDeque::new();
+    let neighbours = |i: usize| {
+        let sides = [lanelets[i].adjacent_left, lanelets[i].adjacent_right];
+        sides.into_iter().flatten().filter(|side| side.1).map(|side| side.0)
+    };
+    let map_ends = |i: usize| {
+        lanelets[i].successors.is_empty() && neighbours(i).all(|beside| lanelets[beside].successors.is_empty())
+    };
+    for (i, changes) in changes.iter_mut().enumerate() {
+        if goal.map_or_else(|| map_ends(i), |goal| goal == i) {
+            *changes = 0;
+            queue.push_back(i);
+        }
+    }
+    // Breadth first, those without a change before those with one more.
+    while let Some(i) = queue.pop_front() {
+        let here = changes[i];
+        for &before in &lanelets[i].predecessors {
+            if changes[before] > here {
+                changes[before] = here;
+                queue.push_front(before);
+            }
+        }
+        for beside in neighbours(i) {
+            if changes[beside] > here + 1 {
+                changes[beside] = here + 1;
+                queue.push_back(beside);
+            }
+        }
+    }
+    changes
+}
+
+impl Lanes {
+    /// The lane of the start, the lanes beside it, those beside them, and so on.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a lane makes no path.
+    pub(super) fn along(route: &Route, goal: &Goal, road: &RoadNetwork) -> Result<Self> {
+        let has_place = goal.states.iter().any(|state| !state.areas.is_empty());
+        let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
+        let changes = missing_changes(road, goal_lanelet);
+        let length = if has_place { route.path.length() + EXTENSION } else { FREE_LENGTH };
+        let goal_place = has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position);
+        let start = route.path.at(route.start_s).position;
+        let mut chains: Vec<Vec<usize>> = vec![chain(road, route.lanelets[0], &changes, start, length)];
+        let mut at = 0;
+        while at < chains.len() {
+            for i in 0..chains[at].len() {
+                let lanelet = &road.lanelets()[chains[at][i]];
+                for (beside, same) in [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten() {
+                    let is_new = same && !chains.iter().any(|chain| chain.contains(&beside));
+                    if is_new && chains.len() < LANES_MAX {
+                        chains.push(chain(road, beside, &changes, start, length));
+                    }
+                }
+            }
+            at += 1;
+        }
+        let lanes =
+            chains.into_iter().map(|chain| Lane::new(road, chain, &changes, goal_place)).collect::<Result<_>>()?;
+        Ok(Self { lanes })
+    }
+}
+
+/// Lanelets of the lane through one of them: ahead the way with the fewest changes, the straightest of equals; behind the
+/// straightest.
+fn chain(road: &RoadNetwork, through: usize, changes: &[usize], start: Point, length: f64) -> Vec<usize> {
+    let lanelets = road.lanelets();
+    let mut chain = VecDeque::from([through]);
+    let foot = lanelets[through].center.project(start).s;
+    let mut behind = foot;
+    while behind < LEAD_IN && chain.len() < CHAIN_MAX {
+        let before = road.predecessors_straightest_first(chain[0]);
+        let Some(&before) = before.iter().find(|before| !chain.contains(before)) else { break };
+        behind += lanelets[before].length;
+        chain.push_front(before);
+    }
+    let mut ahead = lanelets[through].length - foot;
+    while ahead < length && chain.len() < CHAIN_MAX {
+        let next = road.successors_straightest_first(chain[chain.len() - 1]);
+        // The first of equals is the straightest.
+        let next = next.iter().copied().filter(|next| !chain.contains(next)).min_by_key(|next| changes[*next]);
+        let Some(next) = next else { break };
+        ahead += lanelets[next].length;
+        chain.push_back(next);
+    }
+    chain.into()
+}
+
+impl Lane {
+    fn new(road: &RoadNetwork, chain: Vec<usize>, changes: &[usize], goal_place: Option<Point>) -> Result<Self> {
+        let lanelets = road.lanelets();
+        let mut points: Vec<Point> = Vec::new();
+        for &lanelet in &chain {
+            points.extend_from_slice(lanelets[lanelet].center.points());
+        }
+        let (first, last) = (chain[0], chain[chain.len() - 1]);
+        let before = points[0] - Point::from_angle(road.heading_at(first, 0.0)) * LEAD_IN;
+        points.insert(0, before);
+        let heading = road.heading_at(last, lanelets[last].length);
+        points.push(points[points.len() - 1] + Point::from_angle(heading) * STRAIGHT_ON);
+        let path = ReferencePath::through(&points)?;
+        let mut expected = LEAD_IN;
+        let mut pieces: Vec<Piece> = Vec::with_capacity(chain.len());
+        for &lanelet in &chain {
+            expected += lanelets[lanelet].length;
+            let end = lanelets[lanelet].center.at(lanelets[lanelet].length);
+            expected = path.project_near(end, expected, FOOT_WINDOW).map_or(expected, |foot| foot.0);
+            pieces.push(Piece { lanelet, end: expected, changes: changes[lanelet], last_chance: f64::INFINITY });
+        }
+        // Nobody needs to go on changing beyond the goal.
+        let goal_s = goal_place.and_then(|place| path.project(place)).map_or(f64::INFINITY, |foot| foot.0);
+        for i in 0..pieces.len() {
+            if pieces[i].changes == 0 {
+                continue;
+            }
+            let helps = |piece: &&Piece| {
+                let lanelet = &lanelets[piece.lanelet];
+                let sides = [lanelet.adjacent_left, lanelet.adjacent_right];
+                sides.into_iter().flatten().any(|(beside, same)| same && changes[beside] < pieces[i].changes)
+            };
+            let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
+            pieces[i].last_chance = last.min(goal_s) - RESERVE;
+        }
+        Ok(Self { limits: SpeedLimits::along(&path, &chain, road), path, pieces })
+    }
+
+    fn piece_at(&self, s: f64) -> &Piece {
+        let i = self.pieces.partition_point(|piece| piece.end <= s);
+        &self.pieces[i.min(self.pieces.len() - 1)]
+    }
+
+    /// What is left to do at an arc length; `None` if the goal cannot be reached from there.
+    pub(super) fn need(&self, s: f64) -> Option<Need> {
+        let piece = self.piece_at(s);
+        (piece.changes != usize::MAX).then_some(Need { changes: piece.changes, last_chance: piece.last_chance })
+    }
+
+    /// Width at an arc length of the path [m].
+    pub(super) fn width(&self, s: f64, road: &RoadNetwork) -> f64 {
+        let piece = self.piece_at(s);
+        let lanelet = &road.lanelets()[piece.lanelet];
+        lanelet.width_at((lanelet.length - (piece.end - s)).clamp(0.0, lanelet.length))
+    }
+
+    fn holds(&self, lanelet: usize, s: f64) -> bool {
+        // The same place may be a little further on one path than on the other.
+        const SLACK: f64 = 5.0;
+        [s - SLACK, s, s + SLACK].iter().any(|s| self.piece_at(*s).lanelet == lanelet)
+    }
+}
+
+impl Lanes {
+    /// The lanes to the left and to the right of one, with the arc lengths beside `s` on it.
+    pub(super) fn beside(&self, lane: usize, s: f64, road: &RoadNetwork) -> [Option<(usize, f64)>; 2] {
+        let here = self.lanes[lane].path.at(s).position;
+        let lanelet = &road.lanelets()[self.lanes[lane].piece_at(s).lanelet];
+        [lanelet.adjacent_left, lanelet.adjacent_right].map(|side| {
+            let (beside, _) = side.filter(|side| side.1)?;
+            self.lanes.iter().enumerate().find_map(|(index, other)| {
+                let (foot, _) = other.path.project(here)?;
+                (index != lane && other.holds(beside, foot)).then_some((index, foot))
+            })
+        })
+    }
+
+    /// The lane to which a pose fits best, with the arc length and the offset of its position; ties by number.
+    pub(super) fn nearest(&self, pose: Pose, ahead: f64) -> Option<(usize, f64, f64)> {
+        let tip = pose.position + Point::from_angle(pose.orientation) * ahead;
+        let mut best: Option<(usize, f64, f64, f64)> = None;
+        for (index, lane) in self.lanes.iter().enumerate() {
+            let Some((s, d)) = lane.path.project(pose.position) else { continue };
+            let Some((_, d_ahead)) = lane.path.project_near(tip, s + ahead, 10.0) else { continue };
+            if Point::from_angle(pose.orientation).dot(lane.path.at(s).tangent()) < 0.5 {
+                continue;
+            }
+            if best.is_none_or(|(.., least)| d_ahead.abs() < least - 1e-6) {
+                best = Some((index, s, d, d_ahead.abs()));
+            }
+        }
+        best.map(|(index, s, d, _)| (index, s, d))
+    }
+}

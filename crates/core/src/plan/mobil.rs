@@ -1,0 +1,409 @@
+//! Changing lanes with MOBIL ("minimizing overall braking induced by lane changes"), driving with the IDM.
+//!
+//! Source: Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", Transportation
+//! Research Record 1999, 2007, doi 10.3141/1999-10: safety criterion eq. 2, incentive eq. 3. The bias for the right lane
+//! of eq. 5 is one for the lane that leads to the goal here.
+//!
+//! A change that is under way is seen from the previous plan, which leads to the lane that it aims at.
+
+use super::ahead::{Ahead, Ego};
+use super::car_following::{CarFollowing, integrate, limited, positive};
+use super::frame::Start;
+use super::idm::{IdmSettings, RETURN_TIME};
+use super::lanes::{Lane, Lanes, Need};
+use super::{PlanRequest, PlanResult, Scratch, path_motion, planned, refused};
+use crate::error::{Error, Result};
+use crate::geometry::Pose;
+
+/// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
+const AIM: f64 = 5.0;
+/// An agent this near to the middle of its lane may think of another one [m].
+const SETTLED: f64 = 0.4;
+/// A change is urgent if less than this time and this length are left for each one that is missing.
+const URGENT_TIME: f64 = 10.0;
+const URGENT_LENGTH: f64 = 40.0;
+/// Shortest time in which the rest of a change is driven [s].
+const REST_MIN: f64 = 0.5;
+/// Somebody within this distance of the edge of the corridor beside the agent is in it [m].
+const SIDE_MARGIN: f64 = 0.2;
+
+/// Parameters of the planner `idm_mobil`. Defaults as in the simulations of the source (table 1), politeness from the
+/// range studied there (0 to 1).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IdmMobilSettings {
+    /// Driving in a lane.
+    pub idm: IdmSettings,
+    /// Politeness p: what others gain or lose counts this much.
+    pub politeness: f64,
+    /// Changing threshold: a change must gain more than this [m/s²].
+    pub changing_threshold: f64,
+    /// Safe deceleration b_safe: nobody in the other lane has to brake harder than this [m/s²].
+    pub safe_deceleration: f64,
+    /// Bias for each lane nearer to the one that the route needs [m/s²].
+    pub bias: f64,
+    /// Duration of a lane change [s].
+    pub lane_change_duration: f64,
+}
+
+impl Default for IdmMobilSettings {
+    fn default() -> Self {
+        Self {
+            idm: IdmSettings::default(),
+            politeness: 0.2,
+            changing_threshold: 0.1,
+            safe_deceleration: 4.0,
+            bias: 0.3,
+            lane_change_duration: 4.0,
+        }
+    }
+}
+
+impl IdmMobilSettings {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the field and what is expected.
+    pub fn validate(&self) -> Result<()> {
+        self.idm.validate()?;
+        for (name, value) in [("changing_threshold", self.changing_threshold), ("bias", self.bias)] {
+            if !(0.0..=100.0).contains(&value) {
+                return Err(Error::invalid(format!("{name} must be between 0 and 100, not {value}")));
+            }
+        }
+        if !(-10.0..=10.0).contains(&self.politeness) {
+            return Err(Error::invalid(format!("politeness must be between -10 and 10, not {}", self.politeness)));
+        }
+        positive("safe_deceleration", self.safe_deceleration, 100.0)?;
+        if !(1.0..=60.0).contains(&self.lane_change_duration) {
+            let duration = self.lane_change_duration;
+            return Err(Error::invalid(format!("lane_change_duration must be between 1 and 60, not {duration}")));
+        }
+        Ok(())
+    }
+
+    /// The change is worth it (eq. 3): own gain plus p times what the followers gain, above the threshold. Accelerations
+    /// before and after the change [m/s²].
+    fn is_worth_it(&self, own: (f64, f64), new: (f64, f64), old: (f64, f64), bias: f64) -> bool {
+        let others = new.1 - new.0 + old.1 - old.0;
+        own.1 - own.0 + self.politeness * others + bias > self.changing_threshold
+    }
+
+    /// What speaks against a lane [m/s²]: the bias for every change that is missing there, up to b_safe more when it
+    /// becomes urgent.
+    fn burden(&self, need: &Need, s: f64, velocity: f64) -> f64 {
+        if need.changes == 0 {
+            return 0.0;
+        }
+        let changes = need.changes as f64;
+        let left = (need.last_chance - s).max(0.0) / changes;
+        let urgency = (1.0 - left / (URGENT_TIME * velocity + URGENT_LENGTH)).max(0.0);
+        changes * self.bias + urgency * self.safe_deceleration
+    }
+}
+
+/// Who is next in a lane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Next {
+    /// From bumper to bumper [m]; negative if beside.
+    gap: f64,
+    /// Speed along the lane [m/s].
+    velocity: f64,
+}
+
+/// Leader and follower in a lane, of an agent that is (or would be) there.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Neighbours {
+    leader: Option<Next>,
+    follower: Option<Next>,
+}
+
+impl Neighbours {
+    fn of(request: &PlanRequest, lane: &Lane, ego: &Ego) -> Self {
+        let mut found = Self::default();
+        let (half, reach) = (ego.half_width + SIDE_MARGIN, ego.reach);
+        let here = request.state.pose().position;
+        for other in request.others {
+            if other.is_static && other.shape.parts().len() > 1 {
+                continue;
+            }
+            let body = other.shape.oriented_box(other.pose);
+            let distance = body.center.distance(here);
+            if distance > reach {
+                continue;
+            }
+            let Some((s, d)) = lane.path.project_near(body.center, ego.s, distance + 10.0) else { continue };
+            let tangent = lane.path.at(s).tangent();
+            let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis).abs());
+            let half_s = body.half_length * cos.abs() + body.half_width * sin;
+            let half_d = body.half_length * sin + body.half_width * cos.abs();
+            if d.abs() > half + half_d {
+                continue;
+            }
+            let middle = 0.5 * (ego.to_front + ego.to_rear);
+            let half_ego = 0.5 * (ego.to_front - ego.to_rear);
+            let offset = s - (ego.s + middle);
+            let gap = offset.abs() - half_s - half_ego;
+            let next = Next { gap, velocity: (other.velocity * cos).max(0.0) };
+            let place = if offset > 0.0 { &mut found.leader } else { &mut found.follower };
+            if place.is_none_or(|known| gap < known.gap) {
+                *place = Some(next);
+            }
+        }
+        found
+    }
+
+    /// Nobody is beside the agent.
+    fn is_free(&self) -> bool {
+        [self.leader, self.follower].iter().flatten().all(|next| next.gap > 0.0)
+    }
+
+    /// What the agent's own acceleration is there [m/s²].
+    fn own(&self, law: &CarFollowing, velocity: f64, wish: f64) -> f64 {
+        let interaction = self.leader.map_or(0.0, |next| law.interaction(velocity, next.gap, next.velocity));
+        law.free(velocity, wish) + interaction
+    }
+
+    /// Acceleration of the follower behind the agent, and behind the agent's leader if the agent were not there [m/s²].
+    /// What its desired speed adds is the same in both and left out.
+    fn behind(&self, law: &CarFollowing, velocity: f64, own_length: f64) -> Option<(f64, f64)> {
+        let follower = self.follower?;
+        let with = law.interaction(follower.velocity, follower.gap, velocity);
+        let without = self.leader.map_or(0.0, |leader| {
+            let gap = follower.gap.max(0.0) + own_length + leader.gap.max(0.0);
+            law.interaction(follower.velocity, gap, leader.velocity)
+        });
+        Some((with, without))
+    }
+}
+
+/// Where the agent drives on one lane.
+#[derive(Debug, Clone, Copy)]
+struct Aim {
+    lane: usize,
+    s: f64,
+    d: f64,
+}
+
+/// The plan for a request.
+pub(super) fn plan(
+    request: &PlanRequest,
+    settings: &IdmMobilSettings,
+    lanes: &Lanes,
+    scratch: &mut Scratch,
+) -> PlanResult {
+    let trusted = request.previous.is_some();
+    let wish = match Start::new(request, trusted) {
+        Ok(start) => settings.idm.goal_velocity(request, &start),
+        Err(_) => request.state.velocity.max(0.0).min(settings.idm.desired_velocity_max),
+    };
+    let Some(aim) = aim(request, lanes) else {
+        return refused(request, scratch, "the agent is on none of its lanes");
+    };
+    let chosen = choose(request, settings, lanes, aim, wish);
+    let lane = &lanes.lanes[chosen.lane];
+    let start = match Start::on(&lane.path, chosen.s, &request.state, request.vehicle, trusted) {
+        Ok(start) => start,
+        Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
+    };
+    let time = time_left(request, settings, lane, &start);
+    let n_points = request.predictions.n_steps + 1;
+    let law = &settings.idm.law;
+    let ego = Ego::new(request, &lane.path, (start.s, start.s_dot, start.d), time);
+    let Scratch { ahead, pace, motions, free, .. } = scratch;
+    ahead.collect(request, &ego, n_points);
+    let comfort = settings.idm.lateral_acceleration;
+    pace.fill(&lane.path, &lane.limits, (start.s, ego.reach), comfort, law.deceleration);
+    let need = lane.need(start.s).filter(|need| need.changes > 0);
+    let drive = |ahead: &Ahead, point: usize, s: f64, velocity: f64| {
+        let free = law.free(velocity, wish.min(pace.at(s)));
+        let taken = (ahead.allowed(point, &ego, s, velocity, law) - law.acceleration).min(0.0);
+        // The place where the lane must be left is a standing leader.
+        let end = need.map_or(f64::INFINITY, |need| need.last_chance - s - ego.to_front);
+        limited(free + taken.min(law.interaction(velocity, end, 0.0)), velocity, request.vehicle)
+    };
+    let from = (start.s, start.s_dot);
+    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
+    ahead.decide(request, &ego, free);
+    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
+    match path_motion::trajectory(request, &lane.path, &start, motions, time) {
+        Some(trajectory) => planned(trajectory),
+        None => refused(request, scratch, "its lane bends too tightly where it is"),
+    }
+}
+
+/// The lane that the previous plan leads to; without one the nearest lane.
+fn aim(request: &PlanRequest, lanes: &Lanes) -> Option<Aim> {
+    let rear_axle = |pose: Pose| Pose { position: request.vehicle.rear_axle_from_center(pose), ..pose };
+    let here = rear_axle(request.state.pose());
+    let last = request.previous.and_then(|plan| plan.points.last()).filter(|point| point.is_finite());
+    let towards = last.and_then(|last| lanes.nearest(rear_axle(last.pose()), AIM)).map(|(lane, ..)| lane);
+    let on = |lane: usize| lanes.lanes[lane].path.project(here.position).map(|(s, d)| Aim { lane, s, d });
+    towards.and_then(on).or_else(|| lanes.nearest(here, 0.0).map(|(lane, s, d)| Aim { lane, s, d }))
+}
+
+/// The lane to drive to: the one aimed at, another one if MOBIL says so, or back if a change has become unsafe.
+fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim: Aim, wish: f64) -> Aim {
+    let velocity = request.state.velocity.max(0.0);
+    let law = &settings.idm.law;
+    let on = |lane: usize, s: f64| {
+        let ego = Ego::new(request, &lanes.lanes[lane].path, (s, velocity, 0.0), RETURN_TIME);
+        (ego, Neighbours::of(request, &lanes.lanes[lane], &ego))
+    };
+    let is_safe = |neighbours: &Neighbours| {
+        let new = neighbours.behind(law, velocity, request.vehicle.length);
+        neighbours.is_free() && new.is_none_or(|(with, _)| law.acceleration + with >= -settings.safe_deceleration)
+    };
+    let beside = lanes.beside(aim.lane, aim.s, request.road);
+    if aim.d.abs() > SETTLED {
+        // Under way. Back only while the agent is mostly in the lane that it leaves.
+        let half = 0.5 * lanes.lanes[aim.lane].width(aim.s, request.road);
+        let origin = beside[usize::from(aim.d < 0.0)];
+        if let Some((lane, s)) = origin.filter(|_| aim.d.abs() > half)
+            && !is_safe(&on(aim.lane, aim.s).1)
+            && let Some((s, d)) = lanes.lanes[lane].path.project_near(
+                request.vehicle.rear_axle_from_center(request.state.pose()),
+                s,
+                10.0,
+            )
+        {
+            return Aim { lane, s, d };
+        }
+        return aim;
+    }
+    let (_, here) = on(aim.lane, aim.s);
+    let own_now = own(settings, &lanes.lanes[aim.lane], &here, aim.s, velocity, wish, request);
+    let Some(need) = lanes.lanes[aim.lane].need(aim.s) else { return aim };
+    let mut best: Option<(f64, Aim)> = None;
+    for (lane, s) in beside.into_iter().flatten() {
+        let Some(need_there) = lanes.lanes[lane].need(s) else { continue };
+        let (_, there) = on(lane, s);
+        let own_then = own(settings, &lanes.lanes[lane], &there, s, velocity, wish, request);
+        if !is_safe(&there) || own_then < -settings.safe_deceleration {
+            continue;
+        }
+        let length = request.vehicle.length;
+        let (new_after, new_before) = there.behind(law, velocity, length).unwrap_or_default();
+        let (old_before, old_after) = here.behind(law, velocity, length).unwrap_or_default();
+        let bias = settings.burden(&need, aim.s, velocity) - settings.burden(&need_there, s, velocity);
+        let (new, old) = ((new_before, new_after), (old_before, old_after));
+        let gain = own_then - own_now + bias;
+        if settings.is_worth_it((own_now, own_then), new, old, bias) && best.is_none_or(|(most, _)| gain > most) {
+            let rear_axle = request.vehicle.rear_axle_from_center(request.state.pose());
+            let d = lanes.lanes[lane].path.project_near(rear_axle, s, 10.0).map_or(0.0, |foot| foot.1);
+            best = Some((gain, Aim { lane, s, d }));
+        }
+    }
+    best.map_or(aim, |(_, aim)| aim)
+}
+
+/// The agent's acceleration in a lane, with speed limits, curves and the place where the lane must be left [m/s²].
+fn own(
+    settings: &IdmMobilSettings,
+    lane: &Lane,
+    neighbours: &Neighbours,
+    s: f64,
+    velocity: f64,
+    wish: f64,
+    request: &PlanRequest,
+) -> f64 {
+    let law = &settings.idm.law;
+    let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
+    let end = lane.need(s).filter(|need| need.changes > 0).map_or(f64::INFINITY, |need| need.last_chance - front);
+    neighbours
+        .own(law, velocity, wish.min(lane.limits.at(s)))
+        .min(law.free(velocity, wish) + law.interaction(velocity, end, 0.0))
+}
+
+/// Time for giving up the offset from the lane [s]: the rest of the change if one is under way, otherwise as gently as
+/// a change.
+fn time_left(request: &PlanRequest, settings: &IdmMobilSettings, lane: &Lane, start: &Start) -> f64 {
+    let duration = settings.lane_change_duration;
+    let width = lane.width(start.s, request.road).max(start.d.abs()).max(1.0);
+    let share = start.d.abs() / width;
+    let passed = passed_share(share);
+    // Of a change by `width` within `duration` at the present speed, at this place.
+    let slope = 30.0 * (passed * (1.0 - passed)).powi(2) * width / (duration * start.velocity.max(1.0));
+    let under_way = start.d_prime * -start.d.signum() > 0.5 * slope && slope > 0.0;
+    if under_way { (duration * (1.0 - passed)).max(REST_MIN) } else { (duration * share.sqrt()).max(2.0) }
+}
+
+/// Share of the time of a change that has passed when this share of the way is left: inverse of
+/// 1 - 10 u³ + 15 u⁴ - 6 u⁵.
+fn passed_share(left: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..30 {
+        let u: f64 = 0.5 * (low + high);
+        if 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0)) > left { low = u } else { high = u }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings() -> IdmMobilSettings {
+        IdmMobilSettings { politeness: 0.5, changing_threshold: 0.2, ..IdmMobilSettings::default() }
+    }
+
+    #[test]
+    fn the_incentive_is_that_of_the_formula() {
+        // own gain + 0.5 (gain of the new follower + gain of the old one) + bias > 0.2
+        for (own, new, old, bias, expected) in [
+            ((-0.5, 0.5), (0.0, 0.0), (0.0, 0.0), 0.0, true),
+            ((0.0, 0.2), (0.0, 0.0), (0.0, 0.0), 0.0, false),
+            ((0.0, 1.0), (0.0, -1.8), (0.0, 0.0), 0.0, false),
+            ((0.0, 1.0), (0.0, -1.8), (-0.5, 0.0), 0.0, true),
+            ((0.0, 0.0), (0.0, -0.2), (0.0, 0.0), 0.31, true),
+            ((0.3, 0.0), (0.0, 0.0), (0.0, 0.0), 0.4, false),
+        ] {
+            assert_eq!(settings().is_worth_it(own, new, old, bias), expected, "{own:?} {new:?} {old:?} {bias}");
+        }
+    }
+
+    #[test]
+    fn followers_lose_what_the_model_says() {
+        let law = CarFollowing { time_gap: 1.5, minimum_gap: 2.0, acceleration: 1.0, deceleration: 4.0, exponent: 4.0 };
+        let next = |gap, velocity| Some(Next { gap, velocity });
+        let neighbours = Neighbours { leader: next(29.0, 10.0), follower: next(17.0, 10.0) };
+        // s* = 17 at equal speeds: behind the agent 17 m, behind its leader 17 + 5 + 29 = 51 m.
+        let (with, without) = neighbours.behind(&law, 10.0, 5.0).expect("a follower");
+        assert!((with + 1.0).abs() < 1e-12 && (without + 1.0 / 9.0).abs() < 1e-12, "{with} {without}");
+    }
+
+    #[test]
+    fn the_burden_of_a_lane_grows_towards_the_place_where_it_must_be_left() {
+        let settings = IdmMobilSettings::default();
+        let need = |changes| Need { changes, last_chance: 340.0 };
+        assert_eq!(settings.burden(&Need { changes: 0, last_chance: f64::INFINITY }, 0.0, 10.0), 0.0);
+        // Urgent from 10 s and 40 m on: 140 m.
+        assert!((settings.burden(&need(1), 100.0, 10.0) - 0.3).abs() < 1e-12);
+        assert!((settings.burden(&need(1), 270.0, 10.0) - 2.3).abs() < 1e-12);
+        // Two changes: 70 m for each.
+        assert!((settings.burden(&need(2), 200.0, 10.0) - 2.6).abs() < 1e-12);
+        assert!((settings.burden(&need(1), 400.0, 10.0) - 4.3).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_share_of_a_change_that_has_passed_follows_from_what_is_left() {
+        for (left, passed) in [(1.0, 0.0), (0.5, 0.5), (0.0, 1.0), (1.0 - 0.103_515_625, 0.25)] {
+            assert!((passed_share(left) - passed).abs() < 2e-3, "{left}: {}", passed_share(left));
+        }
+    }
+
+    #[test]
+    fn an_impossible_setting_is_named() {
+        let check = |change: fn(&mut IdmMobilSettings), name: &str| {
+            let mut settings = IdmMobilSettings::default();
+            settings.validate().expect("valid");
+            change(&mut settings);
+            assert!(settings.validate().expect_err(name).to_string().starts_with(name));
+        };
+        check(|s| s.politeness = f64::NAN, "politeness");
+        check(|s| s.changing_threshold = -0.1, "changing_threshold");
+        check(|s| s.safe_deceleration = 0.0, "safe_deceleration");
+        check(|s| s.bias = -1.0, "bias");
+        check(|s| s.lane_change_duration = 0.5, "lane_change_duration");
+        check(|s| s.idm.law.time_gap = 0.0, "time_gap");
+    }
+}
