@@ -249,11 +249,12 @@ impl Ahead {
                 continue;
             }
             let last = at - 1;
-            let entry = places[first..=last].iter().map(|place| place.low).fold(f64::INFINITY, f64::min);
             let (front, middle) = (ego.s + ego.to_front, 0.5 * (places[first].low + places[first].high));
-            // Who is beside or behind now is not waited for.
-            let is_passed = if along { middle <= front } else { entry < front - COMMITTED };
-            if first == 0 && is_passed {
+            // What lies beside or behind the vehicle's front cannot be waited for.
+            let lows = places[first..=last].iter().map(|place| place.low);
+            let entry = lows.filter(|low| *low >= front - COMMITTED).fold(f64::INFINITY, f64::min);
+            let is_passed = if along { first == 0 && middle <= front } else { entry.is_infinite() };
+            if is_passed {
                 continue;
             }
             let stays = last + 1 == places.len();
@@ -374,7 +375,32 @@ fn place(ego: &Ego, body: &OrientedBox, hint: &mut Option<f64>, velocity: f64, t
     let along = velocity.abs() < STANDING || cos * velocity.signum() > SAME_DIRECTION;
     let velocity = if velocity.abs() < STANDING { 0.0 } else { (velocity * cos).max(0.0) };
     let clearance = (d - half_d - left).max(0.0) + (d + half_d - right).min(0.0);
-    Some(Place { low: s - half_s, high: s + half_s, velocity, along, inside: clearance == 0.0, clearance })
+    let inside = clearance == 0.0;
+    let crosses = inside && !along;
+    let (low, high) = if crosses { stretch(body, (cos, sin), (right - d, left - d))? } else { (-half_s, half_s) };
+    Some(Place { low: s + low, high: s + high, velocity, along, inside, clearance })
+}
+
+/// The part of a box within the corridor, along the path, relative to the box's centre [m]. `cos` and `sin` are those of
+/// the box's axis in the frame of the path, the edges of the corridor are relative to the centre.
+fn stretch(body: &OrientedBox, (cos, sin): (f64, f64), (right, left): (f64, f64)) -> Option<(f64, f64)> {
+    let corner = |ahead: f64, beside: f64| Point::new(ahead * cos - beside * sin, ahead * sin + beside * cos);
+    let (l, w) = (body.half_length, body.half_width);
+    let corners = [corner(l, w), corner(-l, w), corner(-l, -w), corner(l, -w)];
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut include = |s: f64| (low, high) = (low.min(s), high.max(s));
+    for (i, a) in corners.iter().enumerate() {
+        if (right..=left).contains(&a.y) {
+            include(a.x);
+        }
+        let b = corners[(i + 1) % 4];
+        for edge in [right, left] {
+            if (a.y - edge) * (b.y - edge) < 0.0 {
+                include(a.x + (b.x - a.x) * (edge - a.y) / (b.y - a.y));
+            }
+        }
+    }
+    (low <= high).then_some((low, high))
 }
 
 /// Somebody in the corridor behind the vehicle who drives the same way: keeping the distance is up to them.
@@ -422,13 +448,15 @@ fn is_joined_ahead(ego: &Ego, claim: &Claim, places: &[Place], free: &[Motion], 
 fn must_wait(request: &PlanRequest, ego: &Ego, claim: &Claim, places: &[Place], free: &[Motion], dt: f64) -> bool {
     let passes_first =
         (claim.first..=claim.last).all(|point| free[point].s + ego.to_rear > places[point].high + CLEARANCE);
-    let is_committed = ego.s + ego.to_front > claim.entry;
-    if passes_first || is_committed {
+    let distance = claim.entry - ego.s - ego.to_front;
+    // False for a stretch that the front has entered, too.
+    let can_stop = ego.velocity * ego.velocity <= 2.0 * request.vehicle.acceleration_max * distance;
+    if passes_first || !can_stop {
         return false;
     }
-    let Some(arrival) = free.iter().position(|motion| motion.s + ego.to_front >= claim.entry) else { return true };
     let other = &request.others[claim.other];
-    let (own_time, other_time) = (arrival as f64 * dt, claim.first as f64 * dt);
+    // Both at their present speeds, as others see it: so two who meet agree about who is first.
+    let (own_time, other_time) = (distance / ego.velocity.max(1e-3), claim.first as f64 * dt);
     if other.velocity.abs() > 2.0 * COURTESY * other_time {
         return true;
     }

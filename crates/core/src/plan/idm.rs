@@ -64,7 +64,7 @@ pub(super) fn plan(
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.law;
     let ego = Ego::new(request, path, (start.s, start.s_dot, start.d), RETURN_TIME);
-    let Scratch { ahead, pace, motions, free, .. } = scratch;
+    let Scratch { ahead, pace, motions, free, road, .. } = scratch;
     ahead.collect(request, &ego, n_points);
     pace.fill(path, limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
     let wish = settings.goal_velocity(request, &start);
@@ -78,7 +78,7 @@ pub(super) fn plan(
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
     ahead.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
-    match path_motion::trajectory(request, path, &start, motions, RETURN_TIME) {
+    match path_motion::trajectory_on_road(request, path, &start, motions, RETURN_TIME, road) {
         Some(trajectory) => planned(trajectory),
         None => refused(request, scratch, "its path bends too tightly where it is"),
     }

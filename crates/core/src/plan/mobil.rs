@@ -20,8 +20,10 @@ const AIM: f64 = 5.0;
 /// An agent this near to the middle of its lane may think of another one [m].
 const SETTLED: f64 = 0.4;
 /// A change is urgent if less than this time and this length are left for each one that is missing.
-const URGENT_TIME: f64 = 10.0;
+const URGENT_TIME: f64 = 15.0;
 const URGENT_LENGTH: f64 = 40.0;
+/// Before the place where its lane must be left an agent brakes with this share of the comfortable deceleration.
+const END_BRAKING: f64 = 0.7;
 /// Shortest time in which the rest of a change is driven [s].
 const REST_MIN: f64 = 0.5;
 /// Somebody within this distance of the edge of the corridor beside the agent is in it [m].
@@ -209,23 +211,21 @@ pub(super) fn plan(
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
     let ego = Ego::new(request, &lane.path, (start.s, start.s_dot, start.d), time);
-    let Scratch { ahead, pace, motions, free, .. } = scratch;
+    let Scratch { ahead, pace, motions, free, road, .. } = scratch;
     ahead.collect(request, &ego, n_points);
     let comfort = settings.idm.lateral_acceleration;
     pace.fill(&lane.path, &lane.limits, (start.s, ego.reach), comfort, law.deceleration);
-    let need = lane.need(start.s).filter(|need| need.changes > 0);
+    let need = lane.need(start.s);
     let drive = |ahead: &Ahead, point: usize, s: f64, velocity: f64| {
-        let free = law.free(velocity, wish.min(pace.at(s)));
+        let free = law.free(velocity, wish.min(pace.at(s)).min(end_velocity(law, need, s + ego.to_front)));
         let taken = (ahead.allowed(point, &ego, s, velocity, law) - law.acceleration).min(0.0);
-        // The place where the lane must be left is a standing leader.
-        let end = need.map_or(f64::INFINITY, |need| need.last_chance - s - ego.to_front);
-        limited(free + taken.min(law.interaction(velocity, end, 0.0)), velocity, request.vehicle)
+        limited(free + taken, velocity, request.vehicle)
     };
     let from = (start.s, start.s_dot);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
     ahead.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
-    match path_motion::trajectory(request, &lane.path, &start, motions, time) {
+    match path_motion::trajectory_on_road(request, &lane.path, &start, motions, time, road) {
         Some(trajectory) => planned(trajectory),
         None => refused(request, scratch, "its lane bends too tightly where it is"),
     }
@@ -308,10 +308,14 @@ fn own(
 ) -> f64 {
     let law = &settings.idm.law;
     let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
-    let end = lane.need(s).filter(|need| need.changes > 0).map_or(f64::INFINITY, |need| need.last_chance - front);
-    neighbours
-        .own(law, velocity, wish.min(lane.limits.at(s)))
-        .min(law.free(velocity, wish) + law.interaction(velocity, end, 0.0))
+    let end = end_velocity(law, lane.need(s), front);
+    neighbours.own(law, velocity, wish.min(lane.limits.at(s)).min(end))
+}
+
+/// Speed from which the agent still stops comfortably, with a reserve, before the place where its lane must be left [m/s].
+fn end_velocity(law: &CarFollowing, need: Option<Need>, front: f64) -> f64 {
+    let Some(need) = need.filter(|need| need.changes > 0) else { return f64::INFINITY };
+    (2.0 * END_BRAKING * law.deceleration * (need.last_chance - front).max(0.0)).sqrt()
 }
 
 /// Time for giving up the offset from the lane [s]: the rest of the change if one is under way, otherwise as gently as

@@ -155,6 +155,7 @@ pub struct Scratch {
     /// Motions of the plan, and of a plan for which those who come later do not count.
     motions: Vec<car_following::Motion>,
     free: Vec<car_following::Motion>,
+    road: Vec<u32>,
 }
 
 /// The plan of a native planner; `None` for one outside the core.

@@ -5,6 +5,7 @@ use super::car_following::Motion;
 use super::frame::{FrenetPoint, Start, Waypoint};
 use super::polynomial::Polynomial;
 use crate::geometry::polyline::{PathPoint, ReferencePath};
+use crate::geometry::shape::OrientedBox;
 use crate::trajectory::{State, Trajectory};
 
 /// An offset is given up over at least this length [m], ...
@@ -15,6 +16,16 @@ const CURVATURE_WANTED: f64 = 0.12;
 /// If the vehicle cannot drive it, the length is raised by this factor, so many times.
 const LENGTH_FACTOR: f64 = 1.6;
 const ATTEMPTS: usize = 4;
+
+/// Ends beside the path that are tried in this order if the footprint would leave the road [m], ...
+const BESIDE: [f64; 9] = [0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0];
+/// ... reached within this time [s].
+const BESIDE_TIME: f64 = 1.5;
+/// Near the middle of a lane that is as straight as this nobody leaves the road: offset [m], curvature [1/m], looked at
+/// every so many metres.
+const HARMLESS_OFFSET: f64 = 0.4;
+const STRAIGHT_CURVATURE: f64 = 0.02;
+const STRAIGHT_STEP: f64 = 3.0;
 
 /// Everything at an arc length; beyond its end the path goes on straight.
 pub(super) fn point_at(path: &ReferencePath, s: f64) -> PathPoint {
@@ -27,29 +38,30 @@ pub(super) fn point_at(path: &ReferencePath, s: f64) -> PathPoint {
     at
 }
 
-/// Lateral offset over arc length: from the present one, with its derivatives, to zero.
+/// Lateral offset over arc length: from the present one, with its derivatives, to another one.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Return {
+struct Shift {
     polynomial: Polynomial,
+    end: f64,
     length: f64,
 }
 
-impl Return {
+impl Shift {
     /// Within `length` [m].
-    pub(super) fn within(start: &Start, length: f64) -> Self {
-        Self { polynomial: Polynomial::to_rest([start.d, start.d_prime, start.d_prime2], 0.0, length), length }
+    fn within(start: &Start, end: f64, length: f64) -> Self {
+        Self { polynomial: Polynomial::to_rest([start.d, start.d_prime, start.d_prime2], end, length), end, length }
     }
 
     /// Length that takes `time` [s] at the present speed, but is not too abrupt.
-    pub(super) fn length(start: &Start, time: f64) -> f64 {
-        let gentle = (5.77 * start.d.abs() / CURVATURE_WANTED).sqrt();
+    fn length(start: &Start, end: f64, time: f64) -> f64 {
+        let gentle = (5.77 * (start.d - end).abs() / CURVATURE_WANTED).sqrt();
         (start.velocity * time).max(gentle).max(LENGTH_MIN)
     }
 
     /// Offset and its first two derivatives by arc length, after `distance` [m].
     fn at(&self, distance: f64) -> [f64; 3] {
         if distance >= self.length {
-            return [0.0; 3];
+            return [self.end, 0.0, 0.0];
         }
         let [d, d_prime, d_prime2, _] = self.polynomial.at(distance);
         [d, d_prime, d_prime2]
@@ -66,15 +78,80 @@ pub(super) fn trajectory(
     time: f64,
 ) -> Option<Trajectory> {
     let mut points = Vec::with_capacity(motions.len());
-    let mut length = Return::length(start, time);
+    shifted(request, path, start, motions, (0.0, time), &mut points)?;
+    Some(Trajectory { points })
+}
+
+/// The same, but where the footprint would leave the road, beside the path: where lanes are narrow and bend tightly a
+/// vehicle whose rear axle follows the middle leaves its lane.
+pub(super) fn trajectory_on_road(
+    request: &PlanRequest,
+    path: &ReferencePath,
+    start: &Start,
+    motions: &[Motion],
+    time: f64,
+    scratch: &mut Vec<u32>,
+) -> Option<Trajectory> {
+    let mut points = Vec::with_capacity(motions.len());
+    shifted(request, path, start, motions, (0.0, time), &mut points)?;
+    let is_harmless = start.d.abs() < HARMLESS_OFFSET && is_straight(path, start.s, motions);
+    if is_harmless {
+        return Some(Trajectory { points });
+    }
+    let mut longest = stays_on_road(request, &points, scratch);
+    let mut best = points.clone();
+    for (end, time) in BESIDE.iter().map(|end| (*end, time.min(BESIDE_TIME))) {
+        if longest >= points.len() {
+            break;
+        }
+        if shifted(request, path, start, motions, (end, time), &mut points).is_some() {
+            let stays = stays_on_road(request, &points, scratch);
+            if stays > longest {
+                longest = stays;
+                best.clone_from(&points);
+            }
+        }
+    }
+    Some(Trajectory { points: best })
+}
+
+/// The path does not bend more than any lane leaves room for.
+fn is_straight(path: &ReferencePath, s: f64, motions: &[Motion]) -> bool {
+    let end = motions.last().map_or(s, |motion| motion.s) + 5.0;
+    let n = ((end - s) / STRAIGHT_STEP).ceil() as usize;
+    (0..=n).all(|i| path.at(s + i as f64 * STRAIGHT_STEP).curvature.abs() < STRAIGHT_CURVATURE)
+}
+
+/// Number of points up to which the footprint stays on the road once it is fully on it.
+fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>) -> usize {
+    let (length, width) = (request.vehicle.length, request.vehicle.width);
+    let mut was_on_road = false;
+    let leaves = points.iter().position(|point| {
+        let covered = request.road.box_is_covered(&OrientedBox::new(point.pose(), length, width), scratch);
+        was_on_road |= covered;
+        was_on_road && !covered
+    });
+    leaves.unwrap_or(points.len())
+}
+
+/// Ends at an offset from the path, within a time at the present speed or as fast as the vehicle can.
+fn shifted(
+    request: &PlanRequest,
+    path: &ReferencePath,
+    start: &Start,
+    motions: &[Motion],
+    (end, time): (f64, f64),
+    points: &mut Vec<State>,
+) -> Option<()> {
+    let mut length = Shift::length(start, end, time);
     for _ in 0..ATTEMPTS {
-        if write(request, path, start, motions, &Return::within(start, length), &mut points)? {
+        if write(request, path, start, motions, &Shift::within(start, end, length), points)? {
             break;
         }
         length *= LENGTH_FACTOR;
     }
     points[0] = request.state;
-    Some(Trajectory { points })
+    Some(())
 }
 
 /// Whether the vehicle can drive it; `None` if it cannot be expressed.
@@ -83,7 +160,7 @@ fn write(
     path: &ReferencePath,
     start: &Start,
     motions: &[Motion],
-    lateral: &Return,
+    lateral: &Shift,
     points: &mut Vec<State>,
 ) -> Option<bool> {
     let vehicle = request.vehicle;
