@@ -8,12 +8,14 @@
 
 use super::car_following::{CarFollowing, Motion};
 use super::{Other, PlanRequest};
-use crate::geometry::polyline::ReferencePath;
+use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::shape::{OrientedBox, Shape};
 use crate::geometry::{Aabb, Point, Pose, wrap_angle};
 
 /// The corridor is wider than the vehicle by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.2;
+/// In bends by at most this more, on the outside [m].
+const WIDENING_MAX: f64 = 2.0;
 /// Somebody slower than this stands, whatever the heading [m/s].
 const STANDING: f64 = 0.5;
 /// Somebody moves along the path within 60 degrees of it (cosine).
@@ -120,6 +122,15 @@ impl<'a> Ego<'a> {
         let d = self.d * (1.0 - time / self.return_time).max(0.0);
         let half = self.half_width + CORRIDOR_MARGIN;
         (d.min(0.0) - half, d.max(0.0) + half)
+    }
+
+    /// How far the front swings out of the corridor on the right and on the left of an arc length: the rear axle follows
+    /// the path, the front is ahead of it on the tangent.
+    fn overhang(&self, at: &PathPoint, s: f64) -> (f64, f64) {
+        let before = self.path.at(s - 0.5 * self.to_front).curvature;
+        let curvature = if before.abs() > at.curvature.abs() { before } else { at.curvature };
+        let swing = (0.5 * curvature * self.to_front * self.to_front).clamp(-WIDENING_MAX, WIDENING_MAX);
+        (swing.max(0.0), (-swing).max(0.0))
     }
 
     fn middle(&self) -> f64 {
@@ -346,7 +357,7 @@ fn region(ego: &Ego) -> Aabb {
 }
 
 /// Arc length of the foot of a point: Newton's method from the last foot, otherwise a search.
-fn foot_of(ego: &Ego, point: Point, hint: &mut Option<f64>) -> Option<(f64, f64, Point)> {
+fn foot_of(ego: &Ego, point: Point, hint: &mut Option<f64>) -> Option<(f64, f64, PathPoint)> {
     if let Some(mut s) = *hint {
         for _ in 0..3 {
             let at = ego.path.at(s);
@@ -354,7 +365,7 @@ fn foot_of(ego: &Ego, point: Point, hint: &mut Option<f64>) -> Option<(f64, f64,
             let (ahead, d) = (offset.dot(at.tangent()), at.tangent().cross(offset));
             if ahead.abs() < FOOT_TOLERANCE {
                 *hint = Some(s);
-                return Some((s + ahead, d, at.tangent()));
+                return Some((s + ahead, d, at));
             }
             s += ahead / (1.0 - at.curvature * d).clamp(0.3, 3.0);
         }
@@ -362,16 +373,23 @@ fn foot_of(ego: &Ego, point: Point, hint: &mut Option<f64>) -> Option<(f64, f64,
     let half = 0.5 * ego.reach;
     let found = ego.path.project_near(point, ego.s + half, half + 10.0);
     *hint = found.map(|(s, _)| s);
-    found.map(|(s, d)| (s, d, ego.path.at(s).tangent()))
+    found.map(|(s, d)| (s, d, ego.path.at(s)))
 }
 
 /// What a box occupies of the path; `None` if it is not beside it.
 fn place(ego: &Ego, body: &OrientedBox, hint: &mut Option<f64>, velocity: f64, time: f64) -> Option<Place> {
-    let (s, d, tangent) = foot_of(ego, body.center, hint)?;
+    let (s, d, at) = foot_of(ego, body.center, hint)?;
+    let tangent = at.tangent();
     let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
     let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
     let half_d = body.half_length * sin.abs() + body.half_width * cos.abs();
     let (right, left) = ego.corridor(time);
+    let (right, left) = if d - half_d < left + WIDENING_MAX && d + half_d > right - WIDENING_MAX {
+        let (wider_right, wider_left) = ego.overhang(&at, s);
+        (right - wider_right, left + wider_left)
+    } else {
+        (right, left)
+    };
     let along = velocity.abs() < STANDING || cos * velocity.signum() > SAME_DIRECTION;
     let velocity = if velocity.abs() < STANDING { 0.0 } else { (velocity * cos).max(0.0) };
     let clearance = (d - half_d - left).max(0.0) + (d + half_d - right).min(0.0);
