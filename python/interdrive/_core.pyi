@@ -342,12 +342,7 @@ class Agent:
         start_time_step: int,
         goal: Goal,
         route: Route,
-        planner: FrenetSettings
-        | RecordedSettings
-        | VelocityAdjustingSettings
-        | IdmSettings
-        | IdmMobilSettings
-        | None,
+        planner: FrenetSettings | RecordedSettings | VelocityAdjustingSettings | IdmSettings | IdmMobilSettings | None,
         *,
         sensor_radius: float,
         occlusion: bool = False,
