@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
-from interdrive.errors import InputError, InterdriveError
-from interdrive.settings import bind, constructed, dotted
+from interdrive.errors import InputError, InterdriveError, MissingExtraError
+from interdrive.settings import bind, constructed, description, dotted
 
 
 @dataclass(frozen=True)
@@ -85,25 +85,99 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
             found: Any = importlib.import_module(module_name)
         except InterdriveError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise InputError(f"{what} {name}: module {module_name} does not import ({error})") from error
         for part in attribute.split("."):
             if not hasattr(found, part):
                 raise InputError(f"{what} {name}: module {module_name} has no {attribute}")
             found = getattr(found, part)
         return found
-    entry_points = importlib.metadata.entry_points(group=f"interdrive.{what}s")
-    if name in entry_points.names:
-        try:
-            return entry_points[name].load()
-        except InterdriveError:
-            raise
-        except Exception as error:
-            raise InputError(f"{what} {name}: its entry point does not load ({error})") from error
-    names = sorted({*native, *entry_points.names})
+    offered = [entry_point for entry_point in _entry_points(what) if entry_point.name == name]
+    if len(offered) > 1:
+        sources = " and ".join(_source(entry_point) for entry_point in offered)
+        raise InputError(f"{what} {name} is offered by {sources}: write it as {offered[0].value} or {offered[1].value}")
+    if offered:
+        return _loaded(offered[0], what)
+    names = sorted({*native, *(entry_point.name for entry_point in _entry_points(what))})
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}, or module:object"
     raise InputError(f"unknown {what} {name!r}: {hint}")
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A planner or predictor that can be chosen by name.
+
+    Attributes:
+        name: Its name.
+        source: "built-in", or the distribution that offers it, with its version.
+        text: What it is, in one line; why it cannot be used, if so.
+        is_usable: It can be used as things are.
+    """
+
+    name: str
+    source: str
+    text: str
+    is_usable: bool = True
+
+
+def listed(native: Mapping[str, str], what: str) -> list[Listed]:
+    """Native ones first, then what installed distributions offer, by name.
+
+    Args:
+        native: Name -> one line.
+        what: "planner" or "predictor".
+    """
+    found = [Listed(name, "built-in", text) for name, text in native.items()]
+    for entry_point in _entry_points(what):
+        lacking = _missing_extra(entry_point)
+        try:
+            text = description(_loaded(entry_point, what)).partition("\n")[0]
+        except InterdriveError as error:
+            text, lacking = "", lacking or str(error)
+        if entry_point.name in native:
+            lacking = f"hidden by the built-in {what} of that name, write it as {entry_point.value}"
+        text = f"{text} ({lacking})" if text and lacking else text or lacking
+        found.append(Listed(entry_point.name, _source(entry_point), text, not lacking))
+    return found
+
+
+def _entry_points(what: str) -> list[importlib.metadata.EntryPoint]:
+    """What installed distributions offer, by name and source; one that is found twice on the path counts once."""
+    found = {(e.name, _source(e), e.value): e for e in importlib.metadata.entry_points(group=f"interdrive.{what}s")}
+    return [found[key] for key in sorted(found)]
+
+
+def _source(entry_point: importlib.metadata.EntryPoint) -> str:
+    return f"{entry_point.dist.name} {entry_point.dist.version}" if entry_point.dist else "an unknown distribution"
+
+
+def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # noqa: ANN401 - whatever was registered
+    name = entry_point.name
+    try:
+        return entry_point.load()
+    except InterdriveError:
+        raise
+    except (Exception, SystemExit) as error:
+        lacking = _missing_extra(entry_point)
+        if lacking and isinstance(error, ImportError):
+            raise MissingExtraError(f"{what} {name} {lacking}") from error
+        raise InputError(f"{what} {name}: its entry point does not load ({type(error).__name__}: {error})") from error
+
+
+def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
+    """What to install, if the distribution has an extra of the same name that is not installed; else ""."""
+    name, distribution = entry_point.name, entry_point.dist
+    if distribution is None or name not in (distribution.metadata.get_all("Provides-Extra") or ()):
+        return ""
+    for requirement in distribution.requires or ():
+        package, _, marker = requirement.partition(";")
+        if re.search(rf"extra\s*==\s*['\"]{re.escape(name)}['\"]", marker):
+            try:
+                importlib.metadata.version(re.split(r"[^\w.-]", package.strip(), maxsplit=1)[0])
+            except importlib.metadata.PackageNotFoundError:
+                return f"needs the extra: pip install {distribution.name}[{name}]"
+    return ""
 
 
 def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | None = None) -> Any:  # noqa: ANN401

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 import enum
+import inspect
 import math
 import re
 import types
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from interdrive.errors import InputError
@@ -89,12 +90,40 @@ def dotted(tables: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def described(instance: DataclassInstance) -> list[tuple[str, Any, str]]:
-    """(dotted name, value, one line of text from the docstring) of every field, for listings."""
-    return [
-        (name, _plain(getattr(owner, leaf)), _documentation(type(owner), leaf))
-        for name, owner, leaf in _leaves(instance, "")
-    ]
+def described(owner: DataclassInstance | type[DataclassInstance]) -> list[tuple[str, Any, str]]:
+    """(dotted name, value, one line of text from the docstring) of every field, for listings.
+
+    Of a class the values are the defaults; a field without one says so.
+    """
+    kind = owner if isinstance(owner, type) else type(owner)
+    rows: list[tuple[str, Any, str]] = []
+    for item in fields(owner):
+        if not item.init:
+            continue
+        value = _default(item) if isinstance(owner, type) else getattr(owner, item.name)
+        if is_dataclass(value) and not isinstance(value, type):
+            rows += [(f"{item.name}.{name}", inner, text) for name, inner, text in described(value)]
+        else:
+            rows.append((item.name, _plain(value), _documentation(kind, item.name)))
+    return rows
+
+
+def description(thing: object) -> str:
+    """The docstring of a class, function or object up to its fields; "" if nobody wrote one."""
+    kind = thing if isinstance(thing, type) or hasattr(thing, "__qualname__") else type(thing)
+    return re.split(r"^(?:Attributes|Args|Raises|Returns|Example):", _written(kind), maxsplit=1, flags=re.M)[0].strip()
+
+
+def _default(item: Field[Any]) -> object:
+    if item.default is not MISSING:
+        return item.default
+    return "must be given" if item.default_factory is MISSING else item.default_factory()
+
+
+def _written(owner: object) -> str:
+    """The docstring, unless a dataclass made it up."""
+    text = getattr(owner, "__doc__", None) or ""
+    return "" if text.startswith(f"{getattr(owner, '__name__', '')}(") else inspect.cleandoc(text)
 
 
 def _leaves(instance: DataclassInstance, prefix: str) -> Iterator[tuple[str, DataclassInstance, str]]:
@@ -245,7 +274,13 @@ def _expectation(hint: object) -> str:
 
 
 def _documentation(owner: type, field: str) -> str:
-    """What the class docstring says behind "field:" (the unit stands there in brackets); "" if it says nothing."""
+    """What the docstring of the class or of one that it inherits from says behind "field:"; "" if nothing.
+
+    The unit stands there in brackets.
+    """
     end = r"\n\s*\w+: |\s\w+: [A-Z\[]|\n\s*\n|\Z"
-    found = re.search(rf"(?:^|(?<=[.\s])){field}: (.*?)(?={end})", owner.__doc__ or "", re.DOTALL)
-    return " ".join(found.group(1).split()) if found else ""
+    for kind in owner.__mro__:
+        found = re.search(rf"(?:^|(?<=[.\s])){field}: (.*?)(?={end})", _written(kind), re.DOTALL)
+        if found:
+            return " ".join(found.group(1).split())
+    return ""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.check import Inspection
+    from interdrive.plugins import Listed
     from interdrive.run import Run
     from interdrive.studies import CaseStudy
 
@@ -211,6 +212,22 @@ def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
     for reason, numbers in groups.items():
         table.add_row(", ".join(numbers), escape(reason))
     console.print(table)
+
+
+def print_text(text: str) -> None:
+    """A text as it is."""
+    _output().print(text, markup=False, soft_wrap=True)
+
+
+def print_plugins(found: Sequence[Listed]) -> None:
+    """Name, source and one line of what can be chosen."""
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("name", no_wrap=True)
+    table.add_column("from", no_wrap=True)
+    table.add_column("what it is", overflow="fold")
+    for item in found:
+        table.add_row(escape(item.name), escape(item.source), escape(item.text), style="" if item.is_usable else "dim")
+    _output().print(table)
 
 
 def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:

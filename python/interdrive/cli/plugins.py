@@ -1,0 +1,54 @@
+"""`interdrive planners` and `interdrive predictors`: who can be chosen, and with which settings."""
+
+from __future__ import annotations
+
+from dataclasses import is_dataclass
+from typing import Any
+
+import click
+
+
+@click.command()
+@click.argument("name", required=False)
+def planners(name: str | None) -> None:
+    """List all planners with one line each; with NAME, the settings of that planner.
+
+    NAME may be a built-in planner, one that an installed distribution offers, or module:object. Its settings can be
+    given behind it, for all agents (--planner NAME,SETTING=VALUE) or for one (--agent ID=NAME,SETTING=VALUE).
+    """
+    from interdrive.planners import NATIVE, RECORDS  # noqa: PLC0415
+
+    _show(name, "planner", NATIVE, RECORDS)
+
+
+@click.command()
+@click.argument("name", required=False)
+def predictors(name: str | None) -> None:
+    """List all predictors with one line each; with NAME, the settings of that predictor.
+
+    NAME may be a built-in predictor, one that an installed distribution offers, or module:object. Its settings can be
+    given behind it: --predictor NAME,SETTING=VALUE.
+    """
+    from interdrive.predictors import NATIVE, RECORDS  # noqa: PLC0415
+
+    _show(name, "predictor", NATIVE, RECORDS)
+
+
+def _show(name: str | None, what: str, native: dict[str, str], records: dict[str, type]) -> None:
+    from interdrive.cli.report import print_plugins, print_settings, print_text  # noqa: PLC0415 - rich
+    from interdrive.plugins import find, listed  # noqa: PLC0415
+    from interdrive.settings import described, description  # noqa: PLC0415
+
+    if name is None:
+        print_plugins(listed(native, what))
+        print_text(f"`interdrive {what}s NAME` lists the settings of one; module:object chooses one of your own.")
+        return
+    found: Any = records[name] if name in records else find(name, tuple(native), what)
+    text = description(found)
+    print_text(f"{name}: {native[name]}\n\n{text}" if name in native else f"{name}: {text or 'without a docstring'}")
+    rows = described(found) if is_dataclass(found) else []
+    if rows:
+        print_text("")
+        print_settings(rows)
+    else:
+        print_text("\nIt has no settings.")

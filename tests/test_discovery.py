@@ -1,0 +1,171 @@
+"""What can be chosen by name: built-in, installed entry points, module:object; listed without crashes."""
+
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from interdrive import InputError, simulate
+from interdrive.cli import main
+from interdrive.errors import MissingExtraError
+from interdrive.planners import NATIVE
+from interdrive.plugins import find, listed
+from interdrive.testing import problem, straight_road, world
+
+MODULE = '''"""Planners of somebody."""
+from dataclasses import dataclass, field
+import numpy as np
+from interdrive import Trajectory
+
+@dataclass
+class Cautious:
+    """Drives slower than it could.
+
+    Attributes:
+        share: Of the present speed it keeps this.
+        gap: Distance to a leader [m].
+    """
+
+    gap: float
+    share: float = 0.99
+    memory: list = field(default_factory=list, init=False)
+
+    def plan(self, view, predictions):
+        ego, time = view.ego, np.arange(31) * view.dt
+        speed = self.share * ego.velocity
+        return Trajectory(ego.x + speed * time, np.full(31, ego.y), np.zeros(31), np.full(31, speed))
+
+class Lucky:
+    """Expects nothing."""
+
+    def predict(self, scene):
+        raise RuntimeError("luck is not a method")
+
+def ordinary():
+    """Makes a cautious one."""
+    return Cautious(gap=2.0)
+'''
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Two distributions that offer planners and predictors, some of which cannot be used."""
+
+    def distribution(name, entry_points, metadata=""):
+        folder = tmp_path / f"{name}-1.2.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n{metadata}")
+        (folder / "entry_points.txt").write_text(entry_points)
+
+    (tmp_path / "somebodys.py").write_text(MODULE)
+    (tmp_path / "breaks.py").write_text("import sys\nsys.exit('no licence')\n")
+    (tmp_path / "lacks.py").write_text("import a_library_that_nobody_has\n")
+    distribution(
+        "somebody",
+        "[interdrive.planners]\ncautious = somebodys:Cautious\nbreaks = breaks:Planner\nlacks = lacks:Planner\n"
+        "frenet = somebodys:Cautious\ntwice = somebodys:Cautious\n[interdrive.predictors]\nlucky = somebodys:Lucky\n",
+        "Provides-Extra: lacks\nRequires-Dist: a-library-that-nobody-has>=2 ; extra == 'lacks'\n",
+    )
+    distribution("another", "[interdrive.planners]\ntwice = somebodys:ordinary\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield tmp_path
+    for module in ("somebodys", "breaks", "lacks"):
+        sys.modules.pop(module, None)
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(main, list(arguments))
+
+
+def test_native_planners_come_first_and_everybody_has_one_line(installed):
+    found = listed(NATIVE, "planner")
+    assert [item.name for item in found[: len(NATIVE)]] == list(NATIVE)
+    assert {item.source for item in found[: len(NATIVE)]} == {"built-in"}
+    for item in found:
+        assert item.text, item.name
+        assert "\n" not in item.text
+
+
+def test_what_is_installed_is_listed_with_its_source_and_what_is_wrong_with_it(installed):
+    found = {(item.name, item.source): item for item in listed(NATIVE, "planner")}
+    cautious = found["cautious", "somebody 1.2"]
+    assert (cautious.text, cautious.is_usable) == ("Drives slower than it could.", True)
+    assert "pip install somebody[lacks]" in found["lacks", "somebody 1.2"].text
+    assert "SystemExit: no licence" in found["breaks", "somebody 1.2"].text
+    assert "hidden by the built-in planner" in found["frenet", "somebody 1.2"].text
+    assert not any(found[name, "somebody 1.2"].is_usable for name in ("lacks", "breaks", "frenet"))
+
+
+def test_a_name_leads_to_its_object_and_only_that_is_imported(installed):
+    assert find("cautious", tuple(NATIVE), "planner").__name__ == "Cautious"
+    assert "lacks" not in sys.modules
+    assert "breaks" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "words"),
+    [
+        ("cautios", InputError, "did you mean cautious?"),
+        ("breaks", InputError, "planner breaks: its entry point does not load (SystemExit: no licence)"),
+        ("lacks", MissingExtraError, "planner lacks needs the extra: pip install somebody[lacks]"),
+        (
+            "twice",
+            InputError,
+            "offered by another 1.2 and somebody 1.2: write it as somebodys:ordinary or somebodys:Cautious",
+        ),
+    ],
+)
+def test_a_name_that_cannot_be_used_is_refused_in_one_line(installed, name, kind, words):
+    with pytest.raises(kind) as refused:
+        find(name, tuple(NATIVE), "planner")
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_installed_planner_drives_with_its_settings(installed):
+    scenario = world(straight_road(), problems=[problem(100, 20.0, goal=(60.0, 0.0), time_step=(0, 90))])
+    run = simulate(scenario, planner="cautious,gap=3,share=0.98", threads=1)
+    assert run.settings["planner"] == {"planner": "cautious", "gap": 3.0, "share": 0.98}
+    assert run.states.velocity[0, 1] == pytest.approx(0.98 * run.states.velocity[0, 0])
+
+
+def test_the_command_lists_planners_and_the_settings_of_one(installed):
+    done = invoke("planners")
+    assert done.exit_code == 0, done.output
+    lines = {line.split()[0]: line for line in done.stdout.splitlines() if line[:1].strip()}
+    assert {*NATIVE, "cautious", "lacks", "breaks"} <= lines.keys()
+    assert "built-in" in lines["idm"]
+    assert "somebody 1.2" in lines["cautious"]
+    done = invoke("planners", "cautious")
+    assert "Drives slower than it could." in done.stdout
+    rows = [line.split(maxsplit=1) for line in done.stdout.splitlines() if line.startswith(("gap", "share"))]
+    assert [row[0] for row in rows] == ["gap", "share"]
+    assert rows[0][1].strip() == "must be given  Distance to a leader [m]."
+    assert rows[1][1].split(maxsplit=1)[0] == "0.99"
+    assert "memory" not in done.stdout
+
+
+def test_the_command_shows_native_records_functions_and_module_objects(installed):
+    shown = invoke("planners", "frenet").stdout
+    assert "Werling" in shown
+    assert "weights.prediction" in shown
+    assert "[m/s]" in shown
+    assert "It has no settings." in invoke("planners", "somebodys:ordinary").stdout
+    assert "share" in invoke("planners", "somebodys:Cautious").stdout
+
+
+def test_predictors_have_the_same_command(installed):
+    listing = invoke("predictors").stdout
+    for name in ("constant_velocity", "lane_following", "ground_truth", "lucky"):
+        assert f"\n{name} " in listing
+    assert "position_sigma" in invoke("predictors", "lane_following").stdout
+    assert "It has no settings." in invoke("predictors", "ground_truth").stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "name"), [("planners", "frent"), ("predictors", "lane_folowing"), ("planners", "a:b")]
+)
+def test_a_wrong_name_is_one_line(command, name):
+    done = invoke(command, name)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
