@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+from click.testing import CliRunner
 
 from drivers import Straight
-from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings
+from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings, load
+from interdrive.cli import main
 from interdrive.plugins import Choice, read_choice
 from interdrive.settings import bind
 from interdrive.testing import Car, problem, straight_road, world
@@ -31,6 +36,17 @@ class Steady(Straight):
         self.calls.append(view.time_step)
         plan = super().plan(view, predictions)
         return type(plan)(plan.x, plan.y, plan.orientation, plan.velocity * self.share)
+
+
+if TYPE_CHECKING:
+    from elsewhere import Memory
+
+
+@dataclass
+class Forgetful(Steady):
+    """Has a field whose type is not known at run time."""
+
+    memory: Memory | None = field(default=None, init=False)
 
 
 @dataclass
@@ -171,6 +187,38 @@ def test_an_object_of_a_plug_in_is_stored_by_its_settings_but_not_by_what_it_rem
     run = stored({100: given, "default": "frenet"})
     assert run["planner"]["100"] == {"planner": "test_choices:Steady", "share": 0.9, "name": ""}
     assert run["repeatable"]
+
+
+def test_only_the_types_of_given_settings_must_be_known():
+    assert stored("test_choices:Forgetful,share=0.9")["planner"] == {"planner": "test_choices:Forgetful", "share": 0.9}
+
+
+def test_an_object_for_all_is_copied_once_per_agent_and_once_to_check_it():
+    class Counted(Straight):
+        copies = 0
+
+        def __deepcopy__(self, memory):
+            Counted.copies += 1
+            return Counted()
+
+    simulation(Counted())
+    assert Counted.copies == 3
+
+
+def test_the_examples_of_the_documentation_run(tmp_path, monkeypatch):
+    text = (Path(__file__).parent.parent / "docs" / "choices.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    configuration, *_ = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "run.toml").write_text(configuration)
+    done = CliRunner().invoke(main, ["run", "--config", "run.toml", "--out", "made"])
+    assert done.exit_code == 0, done.output
+    made = load("made").info["settings"]
+    assert made["planner"]["1001"] == {"planner": "idm", "time_gap": 2.0}
+    assert made["planner"]["1002"] == {"planner": "frenet", "weights.prediction": 0.5}
+    assert made["views"] == {"1001": {"sensor_radius": 40.0, "occlusion": True}}
+    assert made["settings"]["planner.frenet.level"] == 1
+    for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(compile(example, "docs", "exec", dont_inherit=True), {"__name__": "example"})
 
 
 def test_a_setting_without_a_default_may_be_given():

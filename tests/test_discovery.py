@@ -111,7 +111,7 @@ def test_a_name_leads_to_its_object_and_only_that_is_imported(installed):
         (
             "twice",
             InputError,
-            "offered by another 1.2 and somebody 1.2: write it as somebodys:ordinary or somebodys:Cautious",
+            "offered by another 1.2 and somebody 1.2: write it as somebodys:ordinary or",
         ),
     ],
 )

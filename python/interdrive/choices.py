@@ -62,20 +62,17 @@ def named(
         choice = Choice(choice.chosen if choice.chosen is not None else "frenet", own)
         record: Any = resolve_planner(choice, settings.planner)
         name = planner_name(record)
-        if name is not None:
-            if hasattr(settings.planner, name):
-                of_planner: dict[str, Any] = {name: record}
-                settings = replace(settings, planner=replace(settings.planner, **of_planner))
-            choice = Choice(name)
-        planner = choice
+        if name is not None and hasattr(settings.planner, name):
+            of_planner: dict[str, Any] = {name: record}
+            settings = replace(settings, planner=replace(settings.planner, **of_planner))
+        planner = _converted(choice, record) if name is None else Choice(name)
     expected = read_choice(predictor, "predictor")
     record = resolve_predictor(expected, settings.predictor)
     name = predictor_name(record)
-    if name is not None:
-        if hasattr(settings.predictor, name):
-            of_predictor: dict[str, Any] = {name: record}
-            settings = replace(settings, predictor=replace(settings.predictor, **of_predictor))
-        expected = Choice(name)
+    if name is not None and hasattr(settings.predictor, name):
+        of_predictor: dict[str, Any] = {name: record}
+        settings = replace(settings, predictor=replace(settings.predictor, **of_predictor))
+    expected = _converted(expected, record) if name is None else Choice(name)
     return settings, planner, expected
 
 
@@ -104,7 +101,8 @@ def per_agent(
     default = read_choice(wanted.get(_DEFAULT, "frenet"), "planner")
     if default.chosen is None:
         default = Choice("frenet", default.settings)
-    for_default = _checked(default, settings)
+    # One choice for all has been checked and converted; what it makes may be expensive.
+    for_default = default if isinstance(planner, Choice) else _checked(default, settings)
     chosen: dict[int, AgentChoice] = {}
     for agent in agents:
         try:
@@ -194,10 +192,14 @@ def _checked(choice: Choice, settings: SimulationSettings) -> Choice:
         usual = flatten(native_record(name, settings.planner))
         own = {key: value for key, value in flatten(found).items() if value != usual[key]}
         return Choice(name, {**own, **{f"view.{key}": value for key, value in view.items()}})
-    if own:
-        values = flatten(found)
-        own = {key: values[key] for key in own}
-    return Choice(choice.chosen, {**own, **{f"view.{key}": value for key, value in view.items()}})
+    converted = _converted(Choice(choice.chosen, own), found).settings
+    return Choice(choice.chosen, {**converted, **{f"view.{key}": value for key, value in view.items()}})
+
+
+def _converted(choice: Choice, found: Any) -> Choice:  # noqa: ANN401 - a planner or predictor
+    """The choice with its settings as values of the planner's or predictor's types."""
+    values = flatten(found) if choice.settings else {}
+    return Choice(choice.chosen, {name: values[name] for name in choice.settings})
 
 
 def _plain(choice: Choice, what: str) -> tuple[Any, bool]:

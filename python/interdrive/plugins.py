@@ -32,7 +32,7 @@ def read_choice(given: object, what: str) -> Choice:
     """A choice from one of its spellings.
 
     Args:
-        given: A text `NAME[,SETTING=VALUE...]` (commas in brackets do not separate), a table with the key `what` and
+        given: A text `PLANNER[,NAME=VALUE...]` (commas in brackets do not separate), a table with the key `what` and
             settings (as TOML and run.json have it), or anything else that can be chosen, without settings.
         what: "planner" or "predictor".
 
@@ -52,18 +52,19 @@ def read_choice(given: object, what: str) -> Choice:
 
 
 def _spelled(text: str, what: str) -> Choice:
+    form = f"write {what.upper()}[,NAME=VALUE...]"
     parts = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
     chosen = parts.pop(0) if "=" not in parts[0] else None
     settings: dict[str, object] = {}
     for part in parts:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not name:
-            raise InputError(f"{what} {text!r}: {part or 'nothing'} behind a comma; write NAME[,SETTING=VALUE...]")
+            raise InputError(f"{what} {text!r}: {part or 'nothing'} behind a comma; {form}")
         if name in settings:
             raise InputError(f"{what} {text!r}: {name} is there twice")
         settings[name] = value
     if chosen == "":
-        raise InputError(f"{what} {text!r}: the name is missing; write NAME[,SETTING=VALUE...]")
+        raise InputError(f"{what} {text!r}: the name is missing; {form}")
     return Choice(chosen, settings)
 
 

@@ -70,7 +70,7 @@ def constructed(kind: type[T], values: Mapping[str, Any]) -> T:
         if item.init and item.default is MISSING and item.default_factory is MISSING:
             if item.name not in values:
                 raise InputError(f"{item.name}: this setting has no default and must be given")
-            needed[item.name] = _fitting(item.name, values[item.name], kind, get_type_hints(kind)[item.name])
+            needed[item.name] = _fitting(item.name, values[item.name], kind)
     return bind(kind(**needed), values)
 
 
@@ -158,7 +158,6 @@ def _unknown(key: str, known: list[str]) -> str:
 
 
 def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
-    hints = get_type_hints(type(instance))
     changes: dict[str, Any] = {}
     for item in fields(instance):
         if not item.init:
@@ -169,7 +168,7 @@ def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
             if new is not old:
                 changes[item.name] = new
         elif name in values:
-            changes[item.name] = _fitting(name, values[name], type(instance), hints[item.name])
+            changes[item.name] = _fitting(name, values[name], type(instance))
     if not changes:
         return instance
     try:
@@ -179,14 +178,22 @@ def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
         raise InputError(text if text.startswith(prefix) or not group else f"{group}: {text}") from None
 
 
-def _fitting(name: str, value: object, owner: type, hint: object) -> object:
+def _fitting(name: str, value: object, owner: type) -> object:
     """The value as the type of the field says, or one line that says what was expected, with the unit."""
+    hint = _hint(owner, name.rpartition(".")[2])
     try:
         return _converted(value, hint)
     except _MismatchError:
         unit = re.search(r"\[[^\]]+\]", _documentation(owner, name.rpartition(".")[2]))
         expected = _expectation(hint) + (f" {unit.group()}" if unit else "")
         raise InputError(f"{name}: expected {expected}, not {value!r}") from None
+
+
+def _hint(owner: type, field: str) -> object:
+    """The type of a field. Names in the types of other fields may be unknown at run time."""
+    kind = next(kind for kind in owner.__mro__ if field in inspect.get_annotations(kind))
+    alone = {"__annotations__": {field: inspect.get_annotations(kind)[field]}, "__module__": kind.__module__}
+    return get_type_hints(type(kind.__name__, (), alone))[field]
 
 
 def _converted(value: object, hint: object) -> object:

@@ -48,7 +48,7 @@ def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
         except ValueError:
             equals = ""
         if not equals:
-            raise InputError(f"--agent {text}: write it as ID=NAME[,SETTING=VALUE...]")
+            raise InputError(f"--agent {text}: write it as ID=PLANNER[,NAME=VALUE...]")
         if agent in found:
             raise InputError(f"--agent {text}: agent {agent} is there twice")
         try:

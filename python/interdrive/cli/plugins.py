@@ -14,7 +14,7 @@ def planners(name: str | None) -> None:
     """List all planners with one line each; with NAME, the settings of that planner.
 
     NAME may be a built-in planner, one that an installed distribution offers, or module:object. Its settings can be
-    given behind it, for all agents (--planner NAME,SETTING=VALUE) or for one (--agent ID=NAME,SETTING=VALUE).
+    given behind it, for all agents (--planner idm,time_gap=2.0) or for one (--agent 5=idm,time_gap=2.0).
     """
     from interdrive.planners import NATIVE, RECORDS  # noqa: PLC0415
 
@@ -27,7 +27,7 @@ def predictors(name: str | None) -> None:
     """List all predictors with one line each; with NAME, the settings of that predictor.
 
     NAME may be a built-in predictor, one that an installed distribution offers, or module:object. Its settings can be
-    given behind it: --predictor NAME,SETTING=VALUE.
+    given behind it: --predictor lane_following,modes_max=1.
     """
     from interdrive.predictors import NATIVE, RECORDS  # noqa: PLC0415
 

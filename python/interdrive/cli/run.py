@@ -30,19 +30,19 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--planner",
-    metavar="NAME[,SETTING=VALUE...]",
+    metavar="PLANNER[,NAME=VALUE...]",
     help="Who plans for the agents: frenet (default), another one that `interdrive planners` lists, or module:object.",
 )
 @click.option(
     "--agent",
     "by_agent",
-    metavar="ID=NAME[,SETTING=VALUE...]",
+    metavar="ID=PLANNER[,NAME=VALUE...]",
     multiple=True,
     help="Another planner, settings or view for one agent, for instance 5=frenet,level=1,view.sensor_radius=40.",
 )
 @click.option(
     "--predictor",
-    metavar="NAME[,SETTING=VALUE...]",
+    metavar="PREDICTOR[,NAME=VALUE...]",
     help="Who predicts: lane_following (default), another one that `interdrive predictors` lists, or module:object.",
 )
 @click.option(
