@@ -10,6 +10,7 @@ pub mod route;
 pub mod scenario;
 pub mod recording;
 pub mod collision;
+pub mod criticality;
 pub mod scene;
 pub mod predict;
 pub mod plan;

@@ -1,0 +1,249 @@
+//! The formulas on numbers: one vehicle behind another one on one path. Derivations and sources: docs/criticality.md.
+
+/// Slower than this [m/s] is standing.
+pub const STANDING: f64 = 1e-3;
+/// Denominators below this are no approach.
+const NO_APPROACH: f64 = 1e-12;
+
+/// Time headway [s]: headway [m] over the speed along the path [m/s] of the vehicle behind. 0 in contact, infinite for
+/// one that stands or reverses.
+pub fn time_headway(headway: f64, velocity: f64) -> f64 {
+    if headway <= 0.0 {
+        0.0
+    } else if velocity <= STANDING {
+        f64::INFINITY
+    } else {
+        headway / velocity
+    }
+}
+
+/// Time to collision [s] with constant accelerations: the smallest t >= 0 at which
+/// `headway + velocity * t + acceleration * t² / 2` is 0; infinite if there is none (Jansson 2005).
+///
+/// Velocity [m/s] and acceleration [m/s²] are those of the leader minus those of the follower.
+pub fn time_to_collision(headway: f64, velocity: f64, acceleration: f64) -> f64 {
+    if headway <= 0.0 {
+        return 0.0;
+    }
+    let discriminant = velocity * velocity - 2.0 * headway * acceleration;
+    if discriminant < 0.0 {
+        return f64::INFINITY;
+    }
+    let denominator = discriminant.sqrt() - velocity;
+    if denominator <= NO_APPROACH { f64::INFINITY } else { 2.0 * headway / denominator }
+}
+
+/// Required longitudinal acceleration [m/s²], at most 0: the largest constant acceleration of the follower that keeps
+/// the gap from ever closing (Jansson 2005). `headway` [m] is positive; `velocity` [m/s] is that of the leader minus
+/// that of the follower; `leader_acceleration` [m/s²] is taken to last.
+pub fn required_acceleration(headway: f64, velocity: f64, leader_acceleration: f64) -> f64 {
+    let closing = if velocity < 0.0 { velocity * velocity / (2.0 * headway) } else { 0.0 };
+    (leader_acceleration - closing).min(0.0)
+}
+
+/// As [`required_acceleration`] for a leader that brakes to rest and stays there, if it rests before the gap would
+/// have closed: the follower stops behind it. Speeds [m/s] along the path.
+pub fn required_acceleration_stopping(headway: f64, follower: f64, leader: f64, leader_acceleration: f64) -> f64 {
+    let required = required_acceleration(headway, leader - follower, leader_acceleration);
+    if leader_acceleration >= 0.0 || leader < 0.0 || follower <= 0.0 {
+        return required;
+    }
+    let rest = leader / -leader_acceleration;
+    let touch = if follower > leader { 2.0 * headway / (follower - leader) } else { f64::INFINITY };
+    if rest < touch {
+        -follower * follower / (2.0 * (headway + leader * leader / (-2.0 * leader_acceleration)))
+    } else {
+        required
+    }
+}
+
+/// Required lateral acceleration [m/s²], at least 0: the smaller one of those that pass the other vehicle on its left
+/// or on its right after `time` [s] (Jansson 2005). `offset` [m] is where the other one will be then, left positive;
+/// `left` and `right` [m] are how far away the centres must be for passing there.
+pub fn required_lateral_acceleration(time: f64, offset: f64, left: f64, right: f64) -> f64 {
+    if !(time > 0.0 && time.is_finite()) || offset <= -left || offset >= right {
+        return 0.0;
+    }
+    2.0 * (offset + left).min(right - offset) / (time * time)
+}
+
+/// Minimal stopping distance [m] at a speed [m/s] with the deceleration that is available [m/s²] (Allen 1978).
+pub fn minimal_stopping_distance(velocity: f64, deceleration: f64) -> f64 {
+    velocity * velocity / (2.0 * deceleration)
+}
+
+/// Proportion of stopping distance: remaining distance [m] over minimal stopping distance [m] (Allen 1978). 0 inside.
+pub fn proportion_of_stopping_distance(remaining: f64, stopping: f64) -> f64 {
+    if remaining <= 0.0 {
+        0.0
+    } else if stopping <= 0.0 {
+        f64::INFINITY
+    } else {
+        remaining / stopping
+    }
+}
+
+/// Time exposed [s] to a time to collision of at most `threshold` [s], and its integral below the threshold [s²]
+/// (Minderhoud and Bovy 2001), of samples `dt` [s] apart; NaN is not exposed.
+pub fn exposure(ttc: &[f64], threshold: f64, dt: f64) -> (f64, f64) {
+    let exposed = ttc.iter().filter(|ttc| **ttc <= threshold);
+    let (n, below) = exposed.fold((0_u32, 0.0), |(n, below), ttc| (n + 1, below + (threshold - ttc)));
+    (dt * f64::from(n), dt * below)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INF: f64 = f64::INFINITY;
+
+    #[track_caller]
+    fn near(found: f64, expected: f64) {
+        let same = found == expected || (found - expected).abs() <= 1e-6 * expected.abs().max(1.0);
+        assert!(same, "{found} instead of {expected}");
+    }
+
+    #[test]
+    fn time_headway_is_headway_over_speed_and_infinite_at_rest() {
+        for (headway, velocity, expected) in [(30.5, 20.0, 1.525), (30.5, 0.0, INF), (30.5, -3.0, INF), (0.0, 0.0, 0.0)]
+        {
+            assert_eq!(time_headway(headway, velocity), expected);
+        }
+    }
+
+    #[test]
+    fn time_to_collision_is_the_first_time_without_a_gap() {
+        for (headway, velocity, acceleration, expected) in [
+            (30.0, -10.0, 0.0, 3.0),
+            (30.0, -10.0, -2.0, 60.0 / (10.0 + 220.0_f64.sqrt())),
+            (30.0, -10.0, -2.0, 2.416198),
+            (30.0, -10.0, 1.0, 3.675445),
+            (30.0, -10.0, -1.0, 2.649111),
+            (20.0, -2.0, -0.1, 8.284271),
+            (30.0, 0.0, -2.0, 30.0_f64.sqrt()),
+            (30.0, -10.0, 2.0, INF),
+            (30.0, 5.0, 0.0, INF),
+            (30.0, -20.0, 0.0, 1.5),
+            (30.0, 0.0, 0.0, INF),
+            (0.0, 1.0, 0.0, 0.0),
+        ] {
+            near(time_to_collision(headway, velocity, acceleration), expected);
+        }
+    }
+
+    #[test]
+    fn the_gap_is_zero_at_the_time_to_collision_and_positive_before() {
+        let mut random = crate::geometry::shape::Lcg::new(7);
+        let mut finite = 0;
+        for _ in 0..2000 {
+            let (gap, velocity) = (random.within(0.1, 100.0), random.within(-30.0, 10.0));
+            let acceleration = random.within(-9.0, 9.0);
+            let ttc = time_to_collision(gap, velocity, acceleration);
+            let at = |t: f64| gap + velocity * t + 0.5 * acceleration * t * t;
+            if ttc.is_finite() {
+                finite += 1;
+                assert!(
+                    at(ttc).abs() < 1e-7 * (1.0 + ttc * ttc * acceleration.abs()),
+                    "{gap} {velocity} {acceleration}"
+                );
+            }
+            let last = ttc.min(60.0);
+            assert!((0..400).all(|i| at(last * f64::from(i) / 400.0) > -1e-9));
+        }
+        assert!(finite > 500);
+    }
+
+    #[test]
+    fn time_to_collision_does_not_jump_where_the_acceleration_vanishes() {
+        for acceleration in [-1e-9, -1e-13, 1e-13, 1e-9] {
+            near(time_to_collision(20.0, -2.0, acceleration), 10.0);
+        }
+    }
+
+    #[test]
+    fn required_acceleration_brakes_for_closing_gaps_and_braking_leaders_only() {
+        for (headway, velocity, leader, expected) in [
+            (30.0, -10.0, 0.0, -5.0 / 3.0),
+            (30.0, -10.0, -2.0, -2.0 - 5.0 / 3.0),
+            (30.0, 10.0, 0.0, 0.0),
+            (30.0, -10.0, 2.0, 0.0),
+            (30.0, 0.0, -3.0, -3.0),
+        ] {
+            near(required_acceleration(headway, velocity, leader), expected);
+        }
+        near(-required_acceleration(30.0, -10.0, 0.0) / 11.5, 0.144928);
+        near(-required_acceleration(30.0, -10.0, -2.0) / 11.5, 0.318841);
+        near(-required_acceleration(30.0, 0.0, -3.0) / 11.5, 0.260870);
+    }
+
+    #[test]
+    fn the_required_acceleration_just_keeps_the_gap_open() {
+        let mut random = crate::geometry::shape::Lcg::new(11);
+        for _ in 0..500 {
+            let (gap, velocity, leader) =
+                (random.within(0.5, 80.0), random.within(-25.0, 10.0), random.within(-8.0, 3.0));
+            let required = required_acceleration(gap, velocity, leader);
+            let smallest = |own: f64| {
+                let at = |t: f64| gap + velocity * t + 0.5 * (leader - own) * t * t;
+                (0..4000).map(|i| at(f64::from(i) * 0.01)).fold(INF, f64::min)
+            };
+            assert!(smallest(required) >= -1e-6);
+            if required < 0.0 && velocity < 0.0 {
+                // A little less braking closes the gap sooner or later.
+                assert!(time_to_collision(gap, velocity, leader - (required + 1e-3)).is_finite());
+            }
+        }
+    }
+
+    #[test]
+    fn a_leader_that_comes_to_rest_needs_to_be_stopped_behind() {
+        // Both at 10 m/s, 20 m apart, the leader brakes with 5: it rests after 10 m, so 30 m are left for stopping.
+        near(required_acceleration_stopping(20.0, 10.0, 10.0, -5.0), -100.0 / 60.0);
+        // It does not rest before the gap would have closed: as before.
+        near(required_acceleration_stopping(2.0, 20.0, 10.0, -1.0), required_acceleration(2.0, -10.0, -1.0));
+        near(required_acceleration_stopping(30.0, 20.0, 10.0, 0.0), -5.0 / 3.0);
+        // Already standing, its brake still on.
+        near(required_acceleration_stopping(20.0, 10.0, 0.0, -1.0), -100.0 / 40.0);
+    }
+
+    #[test]
+    fn required_lateral_acceleration_takes_the_easier_side() {
+        let w = 2.0;
+        for (time, offset, expected) in [
+            (3.0, 0.0, 4.0 / 9.0),
+            (3.0, 0.8, 2.4 / 9.0),
+            (3.0, -0.8, 2.4 / 9.0),
+            (2.0, 1.0 - 0.25 * 2.0, 0.75),
+            (3.0, 2.5, 0.0),
+            (INF, 0.0, 0.0),
+            (0.0, 0.0, 0.0),
+        ] {
+            near(required_lateral_acceleration(time, offset, w, w), expected);
+        }
+        near(required_lateral_acceleration(3.0, 0.0, w, w) / 8.0, 0.055556);
+        near(required_lateral_acceleration(3.0, 0.8, w, w) / 8.0, 0.033333);
+        near(required_lateral_acceleration(2.0, 0.5, w, w) / 8.0, 0.09375);
+    }
+
+    #[test]
+    fn stopping_distances_and_their_proportions() {
+        near(minimal_stopping_distance(20.0, 11.5), 17.391304);
+        near(proportion_of_stopping_distance(30.0, minimal_stopping_distance(10.0, 11.5)), 6.9);
+        near(proportion_of_stopping_distance(10.0, minimal_stopping_distance(10.0, 11.5)), 2.3);
+        assert_eq!(proportion_of_stopping_distance(0.0, 0.0), 0.0);
+        assert_eq!(proportion_of_stopping_distance(3.0, 0.0), INF);
+    }
+
+    #[test]
+    fn exposure_counts_samples_below_the_threshold() {
+        let ttc: Vec<f64> = (0..26).map(|k| 3.005 - 0.1 * f64::from(k)).collect();
+        let (time, integral) = exposure(&ttc, 2.0, 0.1);
+        near(time, 1.5);
+        near(time / (26.0 * 0.1), 15.0 / 26.0);
+        near(integral, 1.1925);
+        let (time, integral) = exposure(&ttc[..25], 2.0, 0.1);
+        near(time, 1.4);
+        near(integral, 1.043);
+        assert_eq!(exposure(&[f64::NAN, INF], 2.0, 0.1), (0.0, 0.0));
+    }
+}

@@ -1,0 +1,463 @@
+//! Criticality: how near recorded or simulated traffic comes to accidents, thirteen measures for every vehicle and time
+//! step, and the harm of collisions. Evaluated afterwards, on what was recorded. Definitions: docs/criticality.md.
+
+mod conflict;
+mod curve;
+pub mod harm;
+pub mod kernels;
+mod moment;
+mod overlap;
+mod paths;
+mod settings;
+#[cfg(test)]
+mod tests;
+mod traffic;
+
+use std::collections::BTreeSet;
+
+use rayon::prelude::*;
+
+pub use conflict::Connector;
+pub use settings::{LeadMembership, Settings, ThwMode};
+pub use traffic::Traffic;
+
+use crate::error::{Error, Result};
+use crate::road::RoadNetwork;
+use conflict::{Conflicts, crossing_connectors};
+use moment::{Context, Decisive, Following, Moment, Via};
+use overlap::Overlaps;
+use paths::{PathSystems, starts};
+
+/// What is measured; the position is the place in [`Criticality::series`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Measure {
+    /// Headway [m].
+    Hw = 0,
+    /// Time headway [s].
+    Thw = 1,
+    /// Time to collision [s].
+    Ttc = 2,
+    /// Share of time exposed to a small time to collision, from here on.
+    Tet = 3,
+    /// Time-integrated time to collision [s²], from here on.
+    Tit = 4,
+    /// Distance of closest encounter [m].
+    Dce = 5,
+    /// Time to closest encounter [s].
+    Ttce = 6,
+    /// Encroachment time [s].
+    Et = 7,
+    /// Post-encroachment time [s].
+    Pet = 8,
+    /// Required longitudinal acceleration [m/s²].
+    ALongReq = 9,
+    /// Brake threat number.
+    Btn = 10,
+    /// Required lateral acceleration [m/s²].
+    ALatReq = 11,
+    /// Steer threat number.
+    Stn = 12,
+    /// Proportion of stopping distance.
+    Psd = 13,
+    /// Minimal stopping distance [m].
+    Msd = 14,
+}
+
+impl Measure {
+    /// All, in order, with the names used outside.
+    pub const ALL: [(Self, &'static str); 15] = [
+        (Self::Hw, "hw"),
+        (Self::Thw, "thw"),
+        (Self::Ttc, "ttc"),
+        (Self::Tet, "tet"),
+        (Self::Tit, "tit"),
+        (Self::Dce, "dce"),
+        (Self::Ttce, "ttce"),
+        (Self::Et, "et"),
+        (Self::Pet, "pet"),
+        (Self::ALongReq, "a_long_req"),
+        (Self::Btn, "btn"),
+        (Self::ALatReq, "a_lat_req"),
+        (Self::Stn, "stn"),
+        (Self::Psd, "psd"),
+        (Self::Msd, "msd"),
+    ];
+
+    /// Larger values are more critical.
+    pub fn grows(self) -> bool {
+        use Measure::{ALatReq, Btn, Msd, Stn, Tet, Tit};
+        matches!(self, Btn | ALatReq | Stn | Msd | Tet | Tit)
+    }
+}
+
+/// Where conflict areas are looked for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ConflictAreas {
+    /// Between the connectors of the intersections that the map states.
+    Stated(Vec<Connector>),
+    /// Between all lanelets that cross or join.
+    Crossing,
+}
+
+/// What is to be evaluated.
+#[derive(Debug, Clone)]
+pub struct Request {
+    /// Participants to judge; each must be there at some time and not be static.
+    pub ids: Vec<i64>,
+    /// Available deceleration per id [m/s²]; empty: that of the settings.
+    pub deceleration: Vec<f64>,
+    /// Parameters and switches.
+    pub settings: Settings,
+    /// Where conflict areas are looked for.
+    pub conflict_areas: ConflictAreas,
+    /// Pairs of ids that touched between a time step and the one before, with that time step: their footprints may
+    /// be apart again at it.
+    pub contacts: Vec<(i64, i64, i64)>,
+    /// Number of threads; results do not depend on it.
+    pub threads: usize,
+}
+
+/// One measure of all judged participants; arrays of shape (judged, time steps), row-major.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Series {
+    /// Infinite: no conflict. NaN: absent, or cannot be computed.
+    pub value: Vec<f64>,
+    /// Id of the participant that was decisive; -1: nobody.
+    pub partner: Vec<i64>,
+    /// Index into [`Criticality::ways`]; -1: none.
+    pub way: Vec<i64>,
+}
+
+/// The most critical value of a measure for one participant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extreme {
+    /// Value; NaN if it could not be computed at any time step.
+    pub value: f64,
+    /// First time step with that value.
+    pub time_step: i64,
+    /// Id; -1: nobody.
+    pub partner: i64,
+    /// Index into [`Criticality::ways`]; -1: none.
+    pub way: i64,
+}
+
+/// A path (lanelets in driving order) or a conflict area (the own lanelet, the other one's), as lanelet ids.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Way {
+    /// Lanelet ids.
+    pub lanelets: Vec<i64>,
+    /// The two lanelets cross.
+    pub is_conflict_area: bool,
+}
+
+/// What is known about one participant beyond the measures at each time step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// Time with a time to collision of at most the threshold [s].
+    pub tet_seconds: f64,
+    /// Integrated time to collision per time [s].
+    pub tit_mean: f64,
+    /// Share of the time steps before a conflict area at which it could not have stopped before it; NaN without any.
+    pub psd_below_one: f64,
+    /// The conflict area of the encroachment time was occupied from the first state on.
+    pub et_left_censored: bool,
+    /// Who was first in the conflict area of the post-encroachment time; -1: nobody.
+    pub pet_first: i64,
+}
+
+/// All measures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Criticality {
+    /// Who was judged, ascending.
+    pub ids: Vec<i64>,
+    /// Time step of the first column.
+    pub first_time_step: i64,
+    /// Number of columns.
+    pub n_steps: usize,
+    /// One per [`Measure`].
+    pub series: Vec<Series>,
+    /// Per measure and judged participant.
+    pub extremes: Vec<Vec<Extreme>>,
+    /// Per judged participant.
+    pub exposure: Vec<Exposure>,
+    /// Paths and conflict areas that values refer to.
+    pub ways: Vec<Way>,
+}
+
+/// All measures for some participants.
+///
+/// # Errors
+/// `InvalidInput` or `UnknownId` naming the participant or the setting that cannot be used.
+pub fn evaluate(traffic: &Traffic, request: &Request) -> Result<Criticality> {
+    request.settings.validate()?;
+    if request.threads == 0 {
+        return Err(Error::invalid("threads must be at least 1"));
+    }
+    let judged = judged(traffic, request)?;
+    let contacts = contacts(traffic, &request.contacts)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(request.threads)
+        .build()
+        .map_err(|error| Error::invalid(format!("{} threads could not be started: {error}", request.threads)))?;
+    Ok(pool.install(|| evaluated(traffic, request, &judged, &contacts)))
+}
+
+/// Rows with their available deceleration, ascending.
+fn judged(traffic: &Traffic, request: &Request) -> Result<Vec<(usize, f64)>> {
+    let given = &request.deceleration;
+    if !given.is_empty() && given.len() != request.ids.len() {
+        let n = request.ids.len();
+        return Err(Error::invalid(format!("{} available decelerations are given for {n} participants", given.len())));
+    }
+    let mut found = Vec::with_capacity(request.ids.len());
+    for (i, &id) in request.ids.iter().enumerate() {
+        let row = traffic.states.row(id).ok_or(Error::UnknownId { what: "participant", id })?;
+        if traffic.is_static[row] {
+            return Err(Error::invalid(format!("participant {id} is static: there is nothing to judge")));
+        }
+        if traffic.span(row).is_none() {
+            return Err(Error::invalid(format!("participant {id} is never there: there is nothing to judge")));
+        }
+        let deceleration = given.get(i).copied().unwrap_or(request.settings.deceleration);
+        if !(deceleration > 0.0 && deceleration.is_finite()) {
+            return Err(Error::invalid(format!(
+                "the available deceleration of participant {id} must be positive, not {deceleration}"
+            )));
+        }
+        found.push((row, deceleration));
+    }
+    found.sort_by_key(|(row, _)| *row);
+    if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        return Err(Error::invalid(format!("participant {} is asked for twice", traffic.states.ids[pair[0].0])));
+    }
+    Ok(found)
+}
+
+fn contacts(traffic: &Traffic, given: &[(i64, i64, i64)]) -> Result<Vec<(u32, u32, u32)>> {
+    let row = |id: i64| traffic.states.row(id).ok_or(Error::UnknownId { what: "participant", id });
+    let mut found = Vec::with_capacity(given.len());
+    for &(a, b, time_step) in given {
+        let (a, b) = (row(a)? as u32, row(b)? as u32);
+        let column = usize::try_from(time_step - traffic.states.first_time_step)
+            .ok()
+            .filter(|column| *column < traffic.states.n_steps)
+            .ok_or_else(|| Error::invalid(format!("a contact at time step {time_step} is outside the recording")))?;
+        found.push((a.min(b), a.max(b), column as u32));
+    }
+    found.sort_unstable();
+    Ok(found)
+}
+
+/// One participant's part of the result.
+struct Judged {
+    /// Per measure and column.
+    series: Vec<Vec<Decisive>>,
+    extremes: Vec<(Decisive, usize)>,
+    exposure: Exposure,
+}
+
+fn evaluated(
+    traffic: &Traffic,
+    request: &Request,
+    judged: &[(usize, f64)],
+    contacts: &[(u32, u32, u32)],
+) -> Criticality {
+    let settings = &request.settings;
+    let tracks = traffic::tracks(traffic);
+    let columns = traffic::columns(traffic);
+    let needed: BTreeSet<paths::Start> = judged
+        .iter()
+        .flat_map(|(row, _)| (0..traffic.states.n_steps).map(|column| (*row, column)))
+        .filter(|(row, column)| traffic.is_there(*row, *column))
+        .flat_map(|(row, column)| starts(tracks[row].here(column)).map(|(start, _)| start))
+        .collect();
+    let paths = PathSystems::new(&traffic.road, needed, settings.radius);
+    let wants_overlaps = settings.oncoming_filter
+        || settings.lead_membership == LeadMembership::Footprint
+        || request.conflict_areas == ConflictAreas::Crossing;
+    let overlaps = wants_overlaps.then(|| Overlaps::new(&traffic.road, settings.erosion, settings.overlap_min));
+    let connectors = match (&request.conflict_areas, &overlaps) {
+        (ConflictAreas::Stated(connectors), _) => connectors.clone(),
+        (ConflictAreas::Crossing, Some(overlaps)) => crossing_connectors(&traffic.road, overlaps),
+        (ConflictAreas::Crossing, None) => Vec::new(),
+    };
+    let conflicts = Conflicts::new(traffic, &tracks, &connectors, settings.overlap_min);
+    let context = Context {
+        traffic,
+        settings,
+        tracks: &tracks,
+        columns: &columns,
+        paths: &paths,
+        overlaps: overlaps.as_ref(),
+        contacts,
+    };
+    let found: Vec<Judged> =
+        judged.par_iter().map(|(row, deceleration)| judge(&context, &conflicts, *row, *deceleration)).collect();
+    assemble(traffic, &paths, judged, &found)
+}
+
+fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, deceleration: f64) -> Judged {
+    let Context { traffic, settings, .. } = context;
+    let (n, dt) = (traffic.states.n_steps, traffic.dt);
+    let there: Vec<bool> = (0..n).map(|column| traffic.is_there(row, column)).collect();
+    let mut series = vec![vec![Decisive::nobody(f64::NAN); n]; Measure::ALL.len()];
+    let mut write = |measure: Measure, column: usize, value: Decisive| series[measure as usize][column] = value;
+    let encroachment = conflicts.of(row);
+    let (mut closest, mut closest_column) = (Decisive::nobody(f64::INFINITY), None);
+    let (mut exposed_time, mut exposed_integral) = (0.0, 0.0);
+    let alive = there.iter().filter(|there| **there).count() as f64 * dt;
+    let (mut n_before, mut n_cannot_stop) = (0_u32, 0_u32);
+    // Backwards: encounters and exposure look ahead.
+    for column in (0..n).rev().filter(|column| there[*column]) {
+        let moment = Moment::new(context, row, column);
+        let Following { hw, thw, ttc, a_long_req, a_lat_req } = moment.following();
+        let times = |value: Decisive, factor: f64| Decisive { value: value.value.abs() * factor, ..value };
+        write(Measure::Hw, column, hw);
+        write(Measure::Thw, column, thw);
+        write(Measure::Ttc, column, ttc);
+        write(Measure::ALongReq, column, a_long_req);
+        write(Measure::Btn, column, times(a_long_req, 1.0 / deceleration));
+        write(Measure::ALatReq, column, a_lat_req);
+        write(Measure::Stn, column, times(a_lat_req, 1.0 / settings.lateral_acceleration));
+        if ttc.value <= settings.ttc_threshold {
+            exposed_time += dt;
+            exposed_integral += dt * (settings.ttc_threshold - ttc.value);
+        }
+        write(Measure::Tet, column, Decisive::nobody(exposed_time / alive));
+        write(Measure::Tit, column, Decisive::nobody(exposed_integral));
+        let (distance, partner) = moment.nearest();
+        if distance <= closest.value && partner != u32::MAX {
+            (closest, closest_column) = (Decisive { value: distance, partner, via: Via::Nothing }, Some(column));
+        }
+        write(Measure::Dce, column, closest);
+        let time = closest_column.map_or(f64::INFINITY, |at| (at - column) as f64 * dt);
+        write(Measure::Ttce, column, Decisive { value: time, ..closest });
+        let velocity = traffic.states.velocity[traffic.index(row, column)];
+        let stopping = kernels::minimal_stopping_distance(velocity, deceleration);
+        write(Measure::Msd, column, Decisive::nobody(stopping));
+        let remaining = encroachment.remaining[column];
+        let proportion = kernels::proportion_of_stopping_distance(remaining.value, stopping);
+        write(Measure::Psd, column, Decisive { value: proportion, ..remaining });
+        if encroachment.is_before[column] {
+            n_before += 1;
+            n_cannot_stop += u32::from(proportion < 1.0);
+        }
+        write(Measure::Et, column, encroachment.et_series[column]);
+        write(Measure::Pet, column, encroachment.pet_series[column]);
+    }
+    let exposure = Exposure {
+        tet_seconds: exposed_time,
+        tit_mean: exposed_integral / alive,
+        psd_below_one: f64::from(n_cannot_stop) / f64::from(n_before),
+        et_left_censored: encroachment.is_left_censored,
+        pet_first: i64::from(encroachment.pet_first),
+    };
+    let extremes = extremes(&series, &there, encroachment.et, encroachment.pet);
+    Judged { series, extremes, exposure }
+}
+
+/// The most critical value of every measure with its column. Encroachment comes as it is, the running sums and the
+/// closest encounter from the first state, the time to it from the moment of the smallest time to collision.
+fn extremes(series: &[Vec<Decisive>], there: &[bool], et: Decisive, pet: Decisive) -> Vec<(Decisive, usize)> {
+    let first = there.iter().position(|there| *there).expect("judged participants are there");
+    let extreme = |measure: Measure| {
+        let values = &series[measure as usize];
+        let mut best: Option<usize> = None;
+        for column in (first..values.len()).filter(|column| there[*column] && !values[*column].value.is_nan()) {
+            let better = |than: usize| {
+                if measure.grows() {
+                    values[column].value > values[than].value
+                } else {
+                    values[column].value < values[than].value
+                }
+            };
+            if best.is_none_or(better) {
+                best = Some(column);
+            }
+        }
+        let column = best.unwrap_or(first);
+        (values[column], column)
+    };
+    // The column at which an encroachment value is said for the last time: when it is decided.
+    let decided = |measure: Measure, value: Decisive| {
+        let same = |one: &Decisive| one.partner == value.partner && one.via == value.via && one.value == value.value;
+        let column = series[measure as usize].iter().rposition(same).unwrap_or(first);
+        (value, column)
+    };
+    Measure::ALL
+        .iter()
+        .map(|(measure, _)| match measure {
+            Measure::Et => decided(Measure::Et, et),
+            Measure::Pet => decided(Measure::Pet, pet),
+            Measure::Tet | Measure::Tit => (series[*measure as usize][first], first),
+            Measure::Ttce => {
+                let (ttc, column) = extreme(Measure::Ttc);
+                let column = if ttc.value.is_finite() { column } else { first };
+                (series[Measure::Ttce as usize][column], column)
+            }
+            _ => extreme(*measure),
+        })
+        .collect()
+}
+
+fn assemble(traffic: &Traffic, paths: &PathSystems, judged: &[(usize, f64)], found: &[Judged]) -> Criticality {
+    let (n, n_measures) = (traffic.states.n_steps, Measure::ALL.len());
+    let mut vias: Vec<Via> = found
+        .iter()
+        .flat_map(|one| one.series.iter().flatten().chain(one.extremes.iter().map(|(value, _)| value)))
+        .map(|value| value.via)
+        .filter(|via| *via != Via::Nothing)
+        .collect();
+    vias.sort_unstable();
+    vias.dedup();
+    let ids = &traffic.states.ids;
+    let id_of = |row: u32| ids.get(row as usize).copied().unwrap_or(-1);
+    let way_of = |via: Via| vias.binary_search(&via).map_or(-1, |index| index as i64);
+    let series = (0..n_measures)
+        .map(|measure| {
+            let all = || found.iter().flat_map(move |one| one.series[measure].iter());
+            Series {
+                value: all().map(|value| value.value).collect(),
+                partner: all().map(|value| id_of(value.partner)).collect(),
+                way: all().map(|value| way_of(value.via)).collect(),
+            }
+        })
+        .collect();
+    let extremes = (0..n_measures)
+        .map(|measure| {
+            let at = |one: &Judged| {
+                let (value, column) = one.extremes[measure];
+                Extreme {
+                    value: value.value,
+                    time_step: traffic.states.first_time_step + column as i64,
+                    partner: id_of(value.partner),
+                    way: way_of(value.via),
+                }
+            };
+            found.iter().map(at).collect()
+        })
+        .collect();
+    let exposure = found
+        .iter()
+        .map(|one| Exposure { pet_first: u32::try_from(one.exposure.pet_first).map_or(-1, id_of), ..one.exposure })
+        .collect();
+    Criticality {
+        ids: judged.iter().map(|(row, _)| ids[*row]).collect(),
+        first_time_step: traffic.states.first_time_step,
+        n_steps: n,
+        series,
+        extremes,
+        exposure,
+        ways: vias.iter().map(|via| way(&traffic.road, paths, *via)).collect(),
+    }
+}
+
+fn way(road: &RoadNetwork, paths: &PathSystems, via: Via) -> Way {
+    let id = |lanelet: &u32| road.lanelets()[*lanelet as usize].id;
+    match via {
+        Via::Path(code) => Way { lanelets: paths.lanelets(code).iter().map(id).collect(), is_conflict_area: false },
+        Via::ConflictArea(own, other) => Way { lanelets: vec![id(&own), id(&other)], is_conflict_area: true },
+        Via::Nothing => Way { lanelets: Vec::new(), is_conflict_area: false },
+    }
+}
