@@ -37,6 +37,17 @@ __all__ = [
     "View",
     "World",
     "__version__",
+    "boundary_harm",
+    "collision_harm",
+    "evaluate_criticality",
+    "exposure",
+    "minimal_stopping_distance",
+    "participant_mass",
+    "proportion_of_stopping_distance",
+    "required_acceleration",
+    "required_lateral_acceleration",
+    "time_headway",
+    "time_to_collision",
 ]
 __version__: str
 #: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status".
@@ -456,3 +467,54 @@ class World:
     def states(self) -> dict[str, Any]: ...
     def sightings(self) -> dict[str, Any]: ...
     def plans(self) -> dict[str, Any]: ...
+
+def time_headway(headway: _Floats, velocity: _Floats) -> _Floats: ...
+def time_to_collision(headway: _Floats, velocity: _Floats, acceleration: _Floats) -> _Floats: ...
+def required_acceleration(
+    headway: _Floats, follower: _Floats, leader: _Floats, leader_acceleration: _Floats, leader_stops: bool
+) -> _Floats: ...
+def required_lateral_acceleration(time: _Floats, offset: _Floats, left: _Floats, right: _Floats) -> _Floats: ...
+def minimal_stopping_distance(velocity: _Floats, deceleration: _Floats) -> _Floats: ...
+def proportion_of_stopping_distance(remaining: _Floats, stopping: _Floats) -> _Floats: ...
+def exposure(ttc: _Floats, threshold: float, dt: float) -> tuple[float, float]: ...
+def participant_mass(kinds: Sequence[int], length: _Floats, width: _Floats) -> _Floats: ...
+def boundary_harm(kind: int, impact_speed: float) -> float: ...
+def collision_harm(
+    kinds: tuple[int, int],
+    masses: tuple[float, float],
+    velocities: tuple[float, float],
+    orientations: tuple[float, float],
+    positions: tuple[tuple[float, float], tuple[float, float]],
+    asymmetric: bool,
+) -> tuple[float, tuple[float, float, float, str], tuple[float, float, float, str]]: ...
+def evaluate_criticality(
+    dt: float,
+    road: RoadNetwork,
+    ids: Sequence[int],
+    shapes: Sequence[Shape],
+    is_static: Sequence[bool],
+    first_time_step: int,
+    x: _Floats,
+    y: _Floats,
+    orientation: _Floats,
+    velocity: _Floats,
+    acceleration: _Floats,
+    valid: _Bools,
+    *,
+    judged: Sequence[int],
+    deceleration: Sequence[float],
+    connectors: Sequence[tuple[int, int]] | None,
+    contacts: Sequence[tuple[int, int, int]],
+    threads: int,
+    radius: float,
+    ttc_threshold: float,
+    default_deceleration: float,
+    lateral_acceleration: float,
+    oncoming_filter: bool,
+    opposite_angle: float,
+    erosion: float,
+    overlap_min: float,
+    lead_by_footprint: bool,
+    thw_recorded: bool,
+    leader_stops: bool,
+) -> dict[str, Any]: ...

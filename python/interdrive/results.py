@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.criticality import IMPACT_AREAS, agent_harm
 from interdrive.errors import ResultsError
 from interdrive.run import PHASES, PLAN_STATUS
 
@@ -36,7 +37,10 @@ if TYPE_CHECKING:
 FORMAT = 1
 
 #: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
-_OTHER_FILES = ("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4")
+_OTHER_FILES = (
+    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4"),
+    *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
+)
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,14 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("partner_id", "integer", "the other participant of a collision", nullable=True),
         Column("off_road", "truth", "the collision was with the edge of the road"),
         Column("impact_speed", "number", "size of the relative velocity at a collision [m/s]", nullable=True),
+        Column(
+            "harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True
+        ),
+        Column("partner_harm", "number", "the same in the other participant", nullable=True),
+        Column(
+            "impact_angle", "number", "direction to the other participant, seen from the agent [rad]", nullable=True
+        ),
+        Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
         Column("message", "text", "why, in words"),
     ),
     "states": (
@@ -122,16 +134,20 @@ class Results:
 
 def outcome_table(run: Run) -> pa.Table:
     """How every agent ended, one row each, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
-    ended = run.outcomes
+    ended, harm = run.outcomes, agent_harm(run)
     return _table(
         "outcomes",
         agent_id=ended.agent_id,
-        planner=_labels(ended.planner),
-        outcome=_labels(ended.outcome),
+        planner=labels(ended.planner),
+        outcome=labels(ended.outcome),
         time_step=ended.time_step,
         partner_id=np.ma.masked_equal(ended.partner_id, -1),
         off_road=ended.off_road,
         impact_speed=ended.impact_speed,
+        harm=harm.harm,
+        partner_harm=harm.partner_harm,
+        impact_angle=harm.impact_angle,
+        impact_area=labels(IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area])),
         message=ended.message,
     )
 
@@ -148,7 +164,7 @@ def states_table(run: Run) -> pa.Table:
         "states",
         time_step=states.first_time_step + step,
         participant_id=states.ids[row],
-        kind=_labels(states.kinds, row),
+        kind=labels(states.kinds, row),
         is_agent=states.is_agent[row],
         length=states.length[row],
         width=states.width[row],
@@ -173,7 +189,7 @@ def plans_table(run: Run) -> pa.Table:
         "plans",
         time_step=plans.time_step[row],
         agent_id=plans.agent_id[row],
-        status=_labels(PLAN_STATUS, plans.status[row]),
+        status=labels(PLAN_STATUS, plans.status[row]),
         cost=plans.cost[row],
         point=point,
         **along,
@@ -185,7 +201,7 @@ def timing_table(run: Run) -> pa.Table:
     names = (*PHASES, *sorted(set(run.timings.phase) - set(PHASES)))
     order = {phase: index for index, phase in enumerate(names)}
     index = np.array([order[phase] for phase in run.timings.phase], dtype=np.int64)
-    return _table("timing", time_step=run.timings.time_step, phase=_labels(names, index), seconds=run.timings.seconds)
+    return _table("timing", time_step=run.timings.time_step, phase=labels(names, index), seconds=run.timings.seconds)
 
 
 def views_table(run: Run) -> pa.Table | None:
@@ -421,11 +437,11 @@ def _write_parquet(table: pa.Table, path: Path) -> None:
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
-    labels = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
+    named = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
     with path.open("wb") as file:
         # Numbers hardly repeat: splitting their bytes compresses better than looking for repetitions.
         pq.write_table(
-            table, file, compression="zstd", compression_level=1, use_dictionary=labels, use_byte_stream_split=numbers
+            table, file, compression="zstd", compression_level=1, use_dictionary=named, use_byte_stream_split=numbers
         )
         file.flush()
         os.fsync(file.fileno())
@@ -495,14 +511,15 @@ def write_table(table: pa.Table, path: Path) -> None:
     _write_bytes(sink.getvalue().to_pybytes(), path)
 
 
-def _labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array
-    """Texts from a short list; `index` picks from `names`, without it every name stands for one row."""
+def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array
+    """Texts from a short list; `index` picks from `names` (null where negative), without it each name is one row."""
     import pyarrow as pa  # noqa: PLC0415
 
     places: dict[str, int] = {}
     place = np.array([places.setdefault(name, len(places)) for name in names], dtype=np.int32)
-    picked = place if index is None else place[index]
-    return pa.DictionaryArray.from_arrays(pa.array(picked, pa.int32()), pa.array(list(places), pa.string()))
+    picked = place if index is None else np.append(place, np.int32(-1))[index]
+    indices = pa.array(picked, pa.int32(), mask=picked < 0)
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(places), pa.string()))
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from interdrive.criticality import Criticality, CriticalitySettings
     from interdrive.scenario import Scenario
 
     Floats = NDArray[np.float64]
@@ -235,3 +238,19 @@ class Run:
     finished: bool = True
     snapshots: tuple[Snapshot, ...] = field(default=())
     views: Views | None = None
+
+    def criticality(
+        self,
+        ids: Sequence[int] | None = None,
+        *,
+        settings: CriticalitySettings | None = None,
+        deceleration: Mapping[int, float] | None = None,
+        threads: int | None = None,
+    ) -> Criticality:
+        """All criticality measures at every time step, of all agents by default.
+
+        Arguments and errors are those of `interdrive.criticality.evaluate`.
+        """
+        from interdrive.criticality import evaluate  # noqa: PLC0415 - only who asks pays for it
+
+        return evaluate(self, ids, settings=settings, deceleration=deceleration, threads=threads)

@@ -197,6 +197,23 @@ class PlanningProblem:
 
 
 @dataclass(frozen=True)
+class Incoming:
+    """One way into an intersection, as the file states it.
+
+    Attributes:
+        id: Id of the incoming element.
+        intersection_id: Of which intersection.
+        lanelet_ids: Lanelets that lead to the intersection.
+        connector_ids: Lanelets that lead across it from there: to the right, straight on, to the left.
+    """
+
+    id: int
+    intersection_id: int
+    lanelet_ids: tuple[int, ...]
+    connector_ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Scenario:
     """Everything a CommonRoad file says about a drive.
 
@@ -210,6 +227,7 @@ class Scenario:
         path: The file; None if the scenario came from memory.
         sha256: Of the file's bytes; empty if the scenario came from memory.
         notes: One line per thing that was repaired, derived or left out while reading.
+        incomings: Ways into intersections, sorted by intersection and id; none if the file states no intersection.
     """
 
     name: str
@@ -221,3 +239,4 @@ class Scenario:
     path: Path | None = None
     sha256: str = ""
     notes: tuple[str, ...] = ()
+    incomings: tuple[Incoming, ...] = ()

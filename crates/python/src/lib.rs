@@ -3,6 +3,7 @@
 #![allow(clippy::too_many_arguments, reason = "one array per field: Python passes them by name")]
 
 mod arrays;
+mod criticality;
 mod errors;
 mod planner;
 mod scenario;
@@ -29,6 +30,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CODES", codes(module.py())?)?;
     errors::register(module)?;
+    criticality::register(module)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;
     module.add_class::<scenario::PyScenario>()?;

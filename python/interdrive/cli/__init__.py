@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 import click
 
 from interdrive.cli.check import check
+from interdrive.cli.criticality import criticality
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.run import run
 from interdrive.cli.settings import settings
@@ -71,7 +72,7 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (run, study, check, verify, settings, planners, predictors):
+for _command in (run, study, criticality, check, verify, settings, planners, predictors):
     main.add_command(_command)
 
 __all__ = ["main"]

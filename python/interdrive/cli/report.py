@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Table
 
+from interdrive.criticality import MEASURES, agent_harm
 from interdrive.run import OUTCOMES
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.check import Inspection
+    from interdrive.criticality import Criticality
     from interdrive.plugins import Listed
     from interdrive.run import Run
     from interdrive.studies import CaseStudy
@@ -110,8 +112,10 @@ def print_run(run: Run, folder: Path) -> None:
 def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
     ended = run.outcomes
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "message"):
-        table.add_column(escape(name), justify="right" if name in ("agent", "time [s]", "impact [m/s]") else "left")
+    harms = agent_harm(run).harm
+    right = ("agent", "time [s]", "impact [m/s]", "harm")
+    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "harm", "message"):
+        table.add_column(escape(name), justify="right" if name in right else "left")
     several = len(set(ended.planner)) > 1
     if several:
         table.add_column("planner")
@@ -126,10 +130,36 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
             f"{ended.time_step[row] * run.scenario.dt:.1f}",
             partner,
             impact,
+            f"{harms[row]:.3f}" if np.isfinite(harms[row]) else "",
             escape(ended.message[row]),
         ]
         table.add_row(*cells, *([escape(ended.planner[row])] if several else []))
     return table
+
+
+def print_criticality(found: Criticality, name: str, folder: Path) -> None:
+    """The most critical moment of every measure, notes, and where the tables are."""
+    console = _output()
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("measure", "", "most critical", "vehicle", "with", "time [s]", "path or conflict area"):
+        table.add_column(escape(column), justify="right" if column in ("most critical", "time [s]") else "left")
+    quiet = []
+    for measure in MEASURES:
+        moment = found.most_critical(measure.name)
+        if moment is None:
+            quiet.append(measure.name)
+            continue
+        partner = str(moment.partner_id) if moment.partner_id >= 0 else ""
+        value, time = f"{moment.value:.3f} {measure.unit}".rstrip(), f"{moment.time_step * found.dt:.1f}"
+        table.add_row(measure.name, measure.title, value, str(moment.agent_id), partner, time, moment.way)
+    vehicles = f"{len(found.ids)} vehicle{'s' * (len(found.ids) != 1)} judged"
+    if table.row_count:
+        console.print(table)
+    if quiet:
+        console.print(f"no conflict in {', '.join(quiet)}", style="dim")
+    console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
+    _print_notes(console, found.notes, "Criticality.notes")
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 
 def _print_notes(console: Console, notes: Sequence[str], where: str) -> None:

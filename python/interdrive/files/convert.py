@@ -13,7 +13,7 @@ from interdrive.errors import InputError
 from interdrive.files.document import Facts, polygon
 from interdrive.files.motion import Floats, Track, completed, track, wrapped
 from interdrive.files.shapes import Foreign, middle_of, shape_of
-from interdrive.scenario import GoalState, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+from interdrive.scenario import GoalState, Incoming, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -102,6 +102,7 @@ def converted(
         path=path,
         sha256=sha256,
         notes=notes.lines(),
+        incomings=_incomings(scenario.lanelet_network),
     )
 
 
@@ -149,6 +150,26 @@ def _lanelets(network: Foreign, file: str, notes: _Notes) -> Lanelets:
         speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
         types=tuple(tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or ())) for lanelet in lanelets),
     )
+
+
+def _incomings(network: Foreign) -> tuple[Incoming, ...]:
+    """Ways into all intersections; commonroad-io 2024 and 2026 call their parts by different names."""
+
+    def ids(owner: Foreign, *names: str) -> tuple[int, ...]:
+        return tuple(sorted({int(number) for name in names for number in getattr(owner, name, None) or ()}))
+
+    ways = ("right", "straight", "left")
+    found = [
+        Incoming(
+            id=int(incoming.incoming_id),
+            intersection_id=int(intersection.intersection_id),
+            lanelet_ids=ids(incoming, "incoming_lanelets"),
+            connector_ids=ids(incoming, *(f"{group}_{way}" for group in ("outgoing", "successors") for way in ways)),
+        )
+        for intersection in network.intersections
+        for incoming in intersection.incomings
+    ]
+    return tuple(sorted(found, key=lambda one: (one.intersection_id, one.id)))
 
 
 def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> float:

@@ -71,7 +71,9 @@ class _Stamp:
     strong: bool
 
 
-def draw_scenes(scenes: Sequence[Scene], pair: tuple[int, int], names: tuple[str, str]) -> Figure:
+def draw_scenes(
+    scenes: Sequence[Scene], pair: tuple[int, int], names: tuple[str, str], *, filled: str = "when nearest"
+) -> Figure:
     """A figure, 180 mm wide, with a panel per run; all panels show the same part of the world at the same times.
 
     Footprints are drawn every so many seconds; those of the moment when the two vehicles are nearest to each other are
@@ -81,6 +83,7 @@ def draw_scenes(scenes: Sequence[Scene], pair: tuple[int, int], names: tuple[str
         scenes: The runs, of one scenario.
         pair: Ids of the two vehicles.
         names: What the legend calls them.
+        filled: What the legend says about the moment whose footprints are filled.
 
     Returns:
         A matplotlib figure without pyplot; `save_figure` writes it.
@@ -111,7 +114,7 @@ def draw_scenes(scenes: Sequence[Scene], pair: tuple[int, int], names: tuple[str
         _draw_labels(axes, scene, stamps, view, points_per_metre=72.0 * width / view.width)
         if index == 0:
             _draw_scale(axes, view, metres_per_mm=view.width * _MM / width)
-    _legend(figure, scenes, names)
+    _legend(figure, scenes, names, filled)
     return figure
 
 
@@ -288,13 +291,13 @@ def _draw_scale(axes: Axes, view: View, metres_per_mm: float) -> None:
     )
 
 
-def _legend(figure: Figure, scenes: Sequence[Scene], names: tuple[str, str]) -> None:
+def _legend(figure: Figure, scenes: Sequence[Scene], names: tuple[str, str], filled: str) -> None:
     handles: list[Patch] = [
         Patch(fc=(*_rgb(color), _PALE), ec=color, lw=0.7, label=name)
         for color, name in zip(_COLORS, names, strict=True)
     ]
     if any(scene.nearest is not None for scene in scenes):
-        handles.append(Patch(fc="#555555", ec=INK, lw=0.7, label="filled: when nearest"))
+        handles.append(Patch(fc="#555555", ec=INK, lw=0.7, label=f"filled: {filled}"))
         handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.4, label="recorded traffic at that time"))
     figure.legend(
         handles=handles,

@@ -134,7 +134,7 @@ pub struct Series {
 pub struct Extreme {
     /// Value; NaN if it could not be computed at any time step.
     pub value: f64,
-    /// First time step with that value.
+    /// First time step with that value; of the distance of the closest encounter, the encounter itself.
     pub time_step: i64,
     /// Id; -1: nobody.
     pub partner: i64,
@@ -391,6 +391,15 @@ fn extremes(series: &[Vec<Decisive>], there: &[bool], et: Decisive, pet: Decisiv
             Measure::Et => decided(Measure::Et, et),
             Measure::Pet => decided(Measure::Pet, pet),
             Measure::Tet | Measure::Tit => (series[*measure as usize][first], first),
+            Measure::Dce => {
+                // The distance is known long before: the moment is that of the encounter.
+                let (dce, column) = extreme(Measure::Dce);
+                let meets = |at: &usize| {
+                    series[Measure::Dce as usize][*at].value == dce.value
+                        && series[Measure::Ttce as usize][*at].value == 0.0
+                };
+                (dce, (column..there.len()).find(meets).unwrap_or(column))
+            }
             Measure::Ttce => {
                 let (ttc, column) = extreme(Measure::Ttc);
                 let column = if ttc.value.is_finite() { column } else { first };

@@ -123,7 +123,10 @@ fn of_the_connectors_behind_one_lane_the_followed_one_counts() {
     // Straight on and a turn to the left start in the same lane; the crossing road cuts only the straight one.
     let lane = |id, points: &[Point], next: &[i64]| with_successors(tapered_lane(id, points, 4.0, 4.0), next);
     let turn: Vec<Point> = (0..=16)
-        .map(|i| Point::new(-10.0, 10.0) + Point::from_angle((f64::from(i) / 16.0 - 1.0) * std::f64::consts::FRAC_PI_2) * 10.0)
+        .map(|i| {
+            Point::new(-10.0, 10.0)
+                + Point::from_angle((f64::from(i) / 16.0 - 1.0) * std::f64::consts::FRAC_PI_2) * 10.0
+        })
         .collect();
     let road = open(vec![
         lane(1, &straight((-60.0, 0.0), (-10.0, 0.0)), &[2, 4]),

@@ -21,6 +21,8 @@ fn crossing_cars_meet_when_they_are_nearest() {
     let found = judged(&traffic(crossing(), &crossing_cars(-64.55, 90)), 1);
     near(at(&found, Measure::Dce, 0), 16.275902, 1e-6);
     near(at(&found, Measure::Ttce, 0), 5.0, 1e-9);
+    let dce = &found.extremes[Measure::Dce as usize][0];
+    assert_eq!((dce.time_step, dce.partner), (50, 2));
 }
 
 #[test]

@@ -1,0 +1,221 @@
+"""Criticality as tables and files; run folders and plain recordings as something that can be judged and drawn."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.criticality import MEASURES
+from interdrive.errors import ResultsError
+from interdrive.files import read_scenario
+from interdrive.results import Column, arrow_table, labels, load, replacing, write_table
+from interdrive.run import AgentRecord, Outcomes, Plans, Run, States, Timings
+
+if TYPE_CHECKING:
+    from interdrive.criticality import Criticality
+    from interdrive.results import ArrowTable, Results
+    from interdrive.scenario import Scenario
+
+_NAMES = tuple(measure.name for measure in MEASURES)
+
+#: Columns of criticality.parquet, one row per judged participant, time step and measure.
+COLUMNS = (
+    Column("agent_id", "integer", "who is judged"),
+    Column("time_step", "integer", "when"),
+    Column("measure", "label", "one of interdrive.criticality.MEASURES"),
+    Column("value", "number", "in the unit of the measure; inf: no conflict, null: cannot be computed", nullable=True),
+    Column("partner_id", "integer", "the participant that was decisive", nullable=True),
+    Column(
+        "path",
+        "label",
+        "lanelets of the path that was decisive (12 > 15), or the two that cross in the conflict area (12 x 34)",
+        nullable=True,
+    ),
+)
+
+_TABLE, _EXTREMES = "criticality.parquet", "criticality_extremes.parquet"
+
+
+def criticality_table(found: Criticality) -> ArrowTable:
+    """All measures in long form, sorted by participant, time step and measure, as an Arrow table."""
+    row, step = np.nonzero(found.present)
+    n = len(MEASURES)
+
+    def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
+        return np.stack([getattr(found.series[name], field)[row, step] for name in _NAMES], axis=1).ravel()
+
+    partner = stacked("partner")
+    return arrow_table(
+        COLUMNS,
+        {
+            "agent_id": np.repeat(found.ids[row], n),
+            "time_step": np.repeat(found.first_time_step + step, n),
+            "measure": labels(_NAMES, np.tile(np.arange(n), len(row))),
+            "value": stacked("value"),
+            "partner_id": np.ma.masked_equal(partner, -1),
+            "path": labels(found.ways, stacked("way")),
+        },
+    )
+
+
+def criticality_extremes_table(found: Criticality) -> ArrowTable:
+    """The most critical value of every measure per participant, with the columns of `criticality_table`."""
+    n = len(MEASURES)
+
+    def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
+        return np.stack([getattr(found.extremes[name], field) for name in _NAMES], axis=1).ravel()
+
+    return arrow_table(
+        COLUMNS,
+        {
+            "agent_id": np.repeat(found.ids, n),
+            "time_step": stacked("time_step"),
+            "measure": labels(_NAMES, np.tile(np.arange(n), len(found.ids))),
+            "value": stacked("value"),
+            "partner_id": np.ma.masked_equal(stacked("partner"), -1),
+            "path": labels(found.ways, stacked("way")),
+        },
+    )
+
+
+def save_criticality(found: Criticality, folder: str | Path) -> None:
+    """Writes criticality.parquet and criticality_extremes.parquet into a folder; older ones are replaced.
+
+    Raises:
+        ResultsError: if a file cannot be written; one line with path and cause.
+    """
+    for name, table in ((_TABLE, criticality_table(found)), (_EXTREMES, criticality_extremes_table(found))):
+        with replacing(Path(folder) / name) as partial:
+            write_table(table, partial)
+
+
+def reopen(folder: str | Path) -> Run:
+    """A run folder as a run, for judging and drawing: states, outcomes, scenario; plans and timings are left out.
+
+    The scenario is the file that was simulated if it is still there unchanged, otherwise scenario.xml in the folder.
+
+    Raises:
+        ResultsError: if the folder or one of its files is missing, damaged or of another format.
+        InputError: if the scenario cannot be read.
+    """
+    results = load(folder)
+    try:
+        scenario = _scenario_of(Path(folder), results.info)
+        states = _states(results, scenario)
+        outcomes = _outcomes(results)
+        return _run(scenario, states, outcomes, str(results.info["digest"]), tuple(results.info["notes"]))
+    except (KeyError, TypeError) as cause:
+        raise ResultsError(f"{folder}: run.json lacks something that belongs to a run ({cause!r})") from None
+
+
+def recorded_run(scenario: Scenario) -> Run:
+    """The recorded traffic of a scenario as a run without agents."""
+    obstacles = scenario.obstacles
+    sizes = np.array([_extent(shape) for shape in obstacles.shapes]).reshape(-1, 2)
+    states = States(
+        ids=obstacles.ids,
+        kinds=obstacles.kinds,
+        first_time_step=0,
+        is_agent=np.zeros(len(obstacles.ids), dtype=np.bool_),
+        is_static=obstacles.is_static,
+        length=sizes[:, 0],
+        width=sizes[:, 1],
+        **{name: getattr(obstacles, name) for name in _STATE_COLUMNS},
+        valid=obstacles.valid,
+    )
+    none = np.empty(0, dtype=np.int64)
+    nobody = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), ())
+    return _run(scenario, states, nobody, "", scenario.notes)
+
+
+_STATE_COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+
+
+def _extent(shape: Any) -> tuple[float, float]:  # noqa: ANN401 - interdrive.scenario.Shape
+    from interdrive.handles import core_shape  # noqa: PLC0415 - with the core
+
+    return core_shape(shape).extent
+
+
+def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
+    stored = info["scenario"]
+    if stored["path"] is not None:
+        path = Path(stored["path"])
+        try:
+            if hashlib.sha256(path.read_bytes()).hexdigest() == stored["sha256"]:
+                return read_scenario(path)
+        except OSError:
+            pass  # moved away; the folder has a copy of the road
+    return read_scenario(folder / "scenario.xml")
+
+
+def _states(results: Results, scenario: Scenario) -> States:
+    table = results.states
+    column = {name: table[name].to_numpy(zero_copy_only=False) for name in ("time_step", "participant_id", "length")}
+    ids, row = np.unique(column["participant_id"], return_inverse=True)
+    first = int(column["time_step"].min(initial=0)) if not len(ids) else int(column["time_step"].min())
+    step = column["time_step"] - first
+    shape = (len(ids), int(step.max(initial=-1)) + 1)
+    valid = np.zeros(shape, dtype=np.bool_)
+    valid[row, step] = True
+
+    def filled(name: str) -> Any:  # noqa: ANN401 - array of numbers
+        values = np.full(shape, np.nan)
+        values[row, step] = table[name].to_numpy(zero_copy_only=False)
+        return values
+
+    def of_participant(name: str) -> Any:  # noqa: ANN401 - array
+        return table[name].to_numpy(zero_copy_only=False)[np.unique(row, return_index=True)[1]]
+
+    standing = set(scenario.obstacles.ids[scenario.obstacles.is_static].tolist())
+    return States(
+        ids=ids,
+        kinds=tuple(of_participant("kind").tolist()),
+        first_time_step=first,
+        is_agent=of_participant("is_agent").astype(np.bool_),
+        is_static=np.array([number in standing for number in ids.tolist()], dtype=np.bool_),
+        length=of_participant("length"),
+        width=of_participant("width"),
+        **{name: filled(name) for name in _STATE_COLUMNS},
+        valid=valid,
+    )
+
+
+def _outcomes(results: Results) -> Outcomes:
+    table = results.outcomes
+    partner = [-1 if number is None else number for number in table["partner_id"].to_pylist()]
+    return Outcomes(
+        agent_id=table["agent_id"].to_numpy(),
+        planner=tuple(table["planner"].to_pylist()),
+        outcome=tuple(table["outcome"].to_pylist()),
+        time_step=table["time_step"].to_numpy(),
+        partner_id=np.array(partner, dtype=np.int64),
+        off_road=table["off_road"].to_numpy(zero_copy_only=False),
+        impact_speed=table["impact_speed"].to_numpy(zero_copy_only=False),
+        message=tuple(table["message"].to_pylist()),
+    )
+
+
+def _run(scenario: Scenario, states: States, outcomes: Outcomes, digest: str, notes: tuple[str, ...]) -> Run:
+    """A run without plans, timings and routes."""
+    none, floats = np.empty(0, dtype=np.int64), np.empty((0, 0))
+    rows = dict(zip(states.ids.tolist(), states.valid, strict=True))
+    agents = tuple(
+        AgentRecord(
+            id=number,
+            planner=planner,
+            origin="recorded",
+            start_time_step=states.first_time_step + int(rows[number].argmax()),
+            goal_time_step=(0, 0),
+            goal_areas=(),
+            route_lanelet_ids=(),
+            reference_path=np.empty((0, 2)),
+        )
+        for number, planner in zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True)
+    )
+    plans = Plans(none, none, none, none.astype(np.float64), floats, floats, floats, floats, floats)
+    timings = Timings(none, (), none.astype(np.float64))
+    return Run(scenario, {}, agents, outcomes, states, plans, timings, notes, digest)

@@ -1,0 +1,95 @@
+"""`interdrive criticality`: how near recorded or simulated traffic came to accidents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
+from interdrive.errors import InputError
+from interdrive.settings import bind
+
+if TYPE_CHECKING:
+    from interdrive.criticality import Criticality
+    from interdrive.run import Run
+
+
+@click.command()
+@click.argument("what", metavar="FILE|RUN")
+@click.option("--ids", metavar="ID,ID", help="Who is judged (all agents of a run, all vehicles of a file).")
+@click.option(
+    "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting, such as radius=50; see the manual."
+)
+@click.option("--threads", metavar="N", type=click.IntRange(min=1), help="All cores; results do not depend on it.")
+@click.option("--out", metavar="DIR", help="Where the tables go (a run's own folder, or a new one under out/).")
+@click.option("--png", is_flag=True, help="Draw the measures over time, and the most critical moment.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def criticality(
+    what: str,
+    ids: str | None,
+    assignments: tuple[str, ...],
+    threads: int | None,
+    out: str | None,
+    png: bool,
+    quiet: bool,
+) -> int:
+    """Evaluate thirteen criticality measures for every vehicle and time step, without simulating.
+
+    FILE is a CommonRoad file or the name of a shipped scenario: its recorded traffic is judged. RUN is a run folder.
+    Writes criticality.parquet (every vehicle, time step and measure) and criticality_extremes.parquet (the most
+    critical value of each vehicle and measure), and prints the most critical moments.
+    """
+    from interdrive.assessment import save_criticality  # noqa: PLC0415
+    from interdrive.cli.report import print_criticality, progress  # noqa: PLC0415 - rich
+    from interdrive.criticality import CriticalitySettings, evaluate  # noqa: PLC0415
+
+    settings = bind(CriticalitySettings(), assigned(assignments))
+    judged = _numbers(ids)
+    with progress(quiet=quiet) as report:
+        report.say(f"reading {what}")
+        run, folder = _opened(what, out)
+        report.say("evaluating")
+        source = run if run.agents else run.scenario
+        found = evaluate(source, judged, settings=settings, threads=threads)
+        report.say("writing")
+        save_criticality(found, folder)
+        if png:
+            report.say("drawing")
+            _draw(run, found, folder)
+    if not quiet:
+        print_criticality(found, run.scenario.name, shown(folder))
+    return 0
+
+
+def _numbers(ids: str | None) -> list[int] | None:
+    if ids is None:
+        return None
+    try:
+        return [int(number) for number in ids.split(",") if number.strip()]
+    except ValueError:
+        raise InputError(f"--ids {ids}: write them as 12,34") from None
+
+
+def _opened(what: str, out: str | None) -> tuple[Run, Path]:
+    """What to judge, and the folder for the tables."""
+    from interdrive.assessment import recorded_run, reopen  # noqa: PLC0415
+    from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
+
+    if Path(what).is_dir():
+        return reopen(what), Path(out or what).resolve()
+    name = scenario_named(what)
+    path = shipped_scenario(name) if name in shipped_scenarios() and not Path(name).exists() else name
+    run = recorded_run(read_scenario(path))
+    return run, Path(out).resolve() if out else new_folder(f"{Path(what).stem}-criticality").resolve()
+
+
+def _draw(run: Run, found: Criticality, folder: Path) -> None:
+    from interdrive.plots import draw_critical_moment, draw_criticality, save_figure  # noqa: PLC0415
+
+    moment = found.most_critical_moment()
+    if moment is None:
+        return
+    save_figure(draw_criticality(found, moment.agent_id), folder / "criticality.png")
+    save_figure(draw_critical_moment(run, moment), folder / "criticality_moment.png")

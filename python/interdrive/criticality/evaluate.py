@@ -1,0 +1,279 @@
+"""All measures for recorded or simulated traffic, in one call of the core."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive import _core
+from interdrive.criticality.measures import MEASURES, measure_named
+from interdrive.criticality.settings import CriticalitySettings
+from interdrive.criticality.source import connectors_of, traffic_of
+from interdrive.errors import InputError
+from interdrive.handles import core_road, core_shape
+from interdrive.scenario import Scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from interdrive.criticality.source import Bools, Floats, Ints, RecordedRun, Traffic
+
+#: Gaps between lanelets do not matter to the measures; this is what a road must be built with.
+_GAP_TOLERANCE, _OPEN_END_LENGTH = 0.1, 0.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """One measure over time; arrays of shape (judged, time_steps).
+
+    Attributes:
+        value: In the unit of the measure. inf: no conflict. nan: absent, or cannot be computed.
+        partner: Id of the participant that was decisive; -1 for nobody.
+        way: Index into `Criticality.ways`; -1 for none.
+    """
+
+    value: Floats
+    partner: Ints
+    way: Ints
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """The most critical value of one measure per judged participant; arrays of shape (judged,).
+
+    Attributes:
+        value: nan if it could not be computed at any time step.
+        time_step: When; of the distance of the closest encounter, the encounter itself.
+        partner: Id of the participant that was decisive; -1 for nobody.
+        way: Index into `Criticality.ways`; -1 for none.
+    """
+
+    value: Floats
+    time_step: Ints
+    partner: Ints
+    way: Ints
+
+
+@dataclass(frozen=True)
+class CriticalMoment:
+    """When, for whom and with whom a measure was most critical.
+
+    Attributes:
+        measure: Its name. value: In its unit.
+        agent_id: Who was judged. partner_id: Who was decisive; -1 for nobody.
+        time_step: When.
+        way: Path or conflict area, as in `Criticality.ways`; "" for none.
+    """
+
+    measure: str
+    value: float
+    agent_id: int
+    partner_id: int
+    time_step: int
+    way: str
+
+
+@dataclass(frozen=True)
+class Criticality:
+    """All measures of some participants.
+
+    Attributes:
+        ids: Who was judged, ascending, shape (judged,).
+        first_time_step: Time step of column 0.
+        dt: Time between steps [s].
+        present: Whether each was there, shape (judged, time_steps).
+        series: By name of the measure (`MEASURES`).
+        extremes: By name of the measure.
+        tet_seconds: Time with a time to collision of at most the threshold [s], shape (judged,).
+        tit_mean: Time integrated TTC per time of presence [s], shape (judged,).
+        psd_below_one: Share of the time steps before a conflict area at which it could not have stopped before it; nan
+            without any; shape (judged,).
+        et_left_censored: The conflict area of the encroachment time was occupied from the first state on.
+        pet_first: Who was first in the conflict area of the post-encroachment time; -1 for nobody.
+        ways: Paths ("12 > 15 > 18", lanelets in driving order) and conflict areas ("12 x 34": the own lanelet, the
+            other one's) that values refer to.
+        settings: As evaluated.
+        notes: One line per thing the user should know.
+    """
+
+    ids: Ints
+    first_time_step: int
+    dt: float
+    present: Bools
+    series: Mapping[str, Series]
+    extremes: Mapping[str, Extremes]
+    tet_seconds: Floats
+    tit_mean: Floats
+    psd_below_one: Floats
+    et_left_censored: Bools
+    pet_first: Ints
+    ways: tuple[str, ...]
+    settings: CriticalitySettings
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Floats:
+        """Values of a measure, shape (judged, time_steps).
+
+        Raises:
+            InputError: There is no such measure.
+        """
+        return self.series[measure_named(name).name].value
+
+    def row(self, participant_id: int) -> int:
+        """Row of a judged participant.
+
+        Raises:
+            InputError: It was not judged.
+        """
+        rows = np.flatnonzero(self.ids == participant_id)
+        if not len(rows):
+            raise InputError(f"participant {participant_id} was not judged")
+        return int(rows[0])
+
+    def most_critical(self, name: str) -> CriticalMoment | None:
+        """The most critical moment of a measure among all judged participants; the first one of several equal ones.
+
+        Returns:
+            None if there was no conflict: no finite value, or none above 0 for a measure that grows (none below 0 for
+            the required longitudinal acceleration).
+
+        Raises:
+            InputError: There is no such measure.
+        """
+        measure = measure_named(name)
+        extremes = self.extremes[measure.name]
+        values = np.where(np.isfinite(extremes.value), extremes.value, np.nan)
+        if measure.none_is_zero:
+            values = np.where(values == 0.0, np.nan, values)
+        if not np.isfinite(values).any():
+            return None
+        row = int(np.nanargmax(values) if measure.grows else np.nanargmin(values))
+        way = int(extremes.way[row])
+        return CriticalMoment(
+            measure=measure.name,
+            value=float(values[row]),
+            agent_id=int(self.ids[row]),
+            partner_id=int(extremes.partner[row]),
+            time_step=int(extremes.time_step[row]),
+            way="" if way < 0 else self.ways[way],
+        )
+
+    def most_critical_moment(self) -> CriticalMoment | None:
+        """The moment to look at: the smallest time to collision; without any, the smallest distance of an encounter.
+
+        Returns:
+            None if nobody met anybody.
+        """
+        for name in ("ttc", "dce"):
+            moment = self.most_critical(name)
+            if moment is not None:
+                return moment
+        return None
+
+
+def evaluate(
+    source: Scenario | RecordedRun,
+    ids: Sequence[int] | None = None,
+    *,
+    settings: CriticalitySettings | None = None,
+    deceleration: Mapping[int, float] | None = None,
+    threads: int | None = None,
+) -> Criticality:
+    """All measures at every time step.
+
+    Args:
+        source: A finished run, or a scenario whose recorded traffic is judged.
+        ids: Participants to judge; by default all agents of a run, all recorded vehicles of a scenario.
+        settings: Parameters and switches; the defaults otherwise.
+        deceleration: Available deceleration of single vehicles by id [m/s²].
+        threads: The number of cores by default. Results do not depend on it.
+
+    Returns:
+        The measures, rows sorted by id.
+
+    Raises:
+        InputError: An id that is not there, is static or never present; impossible settings or states. One line.
+    """
+    chosen = settings or CriticalitySettings()
+    scenario = source if isinstance(source, Scenario) else source.scenario
+    traffic = traffic_of(source)
+    judged = traffic.default_ids if ids is None else list(ids)
+    available = dict(deceleration or {})
+    strangers = [number for number in available if number not in judged]
+    if strangers:
+        raise InputError(f"participant {strangers[0]}: a deceleration is given for it, but it is not judged")
+    found = _core.evaluate_criticality(
+        scenario.dt,
+        core_road(scenario, _GAP_TOLERANCE, _OPEN_END_LENGTH),
+        traffic.ids.tolist(),
+        [core_shape(shape) for shape in traffic.shapes],
+        traffic.is_static.tolist(),
+        traffic.first_time_step,
+        traffic.x,
+        traffic.y,
+        traffic.orientation,
+        traffic.velocity,
+        traffic.acceleration,
+        np.ascontiguousarray(traffic.valid),
+        judged=judged,
+        deceleration=[available.get(number, chosen.deceleration) for number in judged],
+        connectors=connectors_of(scenario) if chosen.conflict_areas == "stated" else None,
+        contacts=traffic.contacts,
+        threads=threads or os.cpu_count() or 1,
+        radius=chosen.radius,
+        ttc_threshold=chosen.ttc_threshold,
+        default_deceleration=chosen.deceleration,
+        lateral_acceleration=chosen.lateral_acceleration,
+        oncoming_filter=chosen.oncoming_filter,
+        opposite_angle=chosen.opposite_angle,
+        erosion=chosen.erosion,
+        overlap_min=chosen.overlap_min,
+        lead_by_footprint=chosen.lead_membership == "footprint",
+        thw_recorded=chosen.thw_mode == "recorded",
+        leader_stops=chosen.leader_stops,
+    )
+    notes = []
+    if chosen.conflict_areas == "stated" and not scenario.incomings:
+        notes.append(
+            "the map states no intersection: no conflict areas for et, pet and psd; "
+            "conflict_areas=crossing looks for crossing lanelets"
+        )
+    return _criticality(found, traffic, scenario.dt, chosen, tuple(notes))
+
+
+def _criticality(
+    found: dict[str, Any], traffic: Traffic, dt: float, settings: CriticalitySettings, notes: tuple[str, ...]
+) -> Criticality:
+    measures = found["measures"]
+    rows = np.searchsorted(traffic.ids, found["ids"])
+    present = traffic.valid[rows]
+    present.setflags(write=False)
+    return Criticality(
+        ids=found["ids"],
+        first_time_step=traffic.first_time_step,
+        dt=dt,
+        present=present,
+        series={
+            m.name: Series(**{key: measures[m.name][key] for key in ("value", "partner", "way")}) for m in MEASURES
+        },
+        extremes={
+            m.name: Extremes(
+                value=measures[m.name]["extreme"],
+                time_step=measures[m.name]["extreme_time_step"],
+                partner=measures[m.name]["extreme_partner"],
+                way=measures[m.name]["extreme_way"],
+            )
+            for m in MEASURES
+        },
+        tet_seconds=found["tet_seconds"],
+        tit_mean=found["tit_mean"],
+        psd_below_one=found["psd_below_one"],
+        et_left_censored=found["et_left_censored"],
+        pet_first=found["pet_first"],
+        ways=tuple((" x " if crosses else " > ").join(map(str, lanelets)) for crosses, lanelets in found["ways"]),
+        settings=settings,
+        notes=notes,
+    )

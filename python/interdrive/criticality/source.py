@@ -1,0 +1,161 @@
+"""What is evaluated: runs and recordings as arrays. Runs are known by their shape: their module lies above this one."""
+# ruff: noqa: D102 - the names are those of interdrive.run, which documents them
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from interdrive.scenario import Scenario, Shape
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+    Bools = NDArray[np.bool_]
+
+_TABLES = ("x", "y", "orientation", "velocity", "acceleration")
+
+#: Recorded participants of these kinds are judged only if they are asked for by id.
+_NOT_DRIVING = ("pedestrian", "construction_zone", "structure")
+
+
+class RecordedStates(Protocol):
+    """`interdrive.run.States`."""
+
+    @property
+    def ids(self) -> Ints: ...
+    @property
+    def kinds(self) -> tuple[str, ...]: ...
+    @property
+    def first_time_step(self) -> int: ...
+    @property
+    def is_agent(self) -> Bools: ...
+    @property
+    def is_static(self) -> Bools: ...
+    @property
+    def length(self) -> Floats: ...
+    @property
+    def width(self) -> Floats: ...
+    @property
+    def x(self) -> Floats: ...
+    @property
+    def y(self) -> Floats: ...
+    @property
+    def orientation(self) -> Floats: ...
+    @property
+    def velocity(self) -> Floats: ...
+    @property
+    def acceleration(self) -> Floats: ...
+    @property
+    def valid(self) -> Bools: ...
+
+
+class RecordedOutcomes(Protocol):
+    """`interdrive.run.Outcomes`."""
+
+    @property
+    def agent_id(self) -> Ints: ...
+    @property
+    def outcome(self) -> tuple[str, ...]: ...
+    @property
+    def time_step(self) -> Ints: ...
+    @property
+    def partner_id(self) -> Ints: ...
+    @property
+    def off_road(self) -> Bools: ...
+    @property
+    def impact_speed(self) -> Floats: ...
+
+
+class RecordedRun(Protocol):
+    """`interdrive.run.Run`."""
+
+    @property
+    def scenario(self) -> Scenario: ...
+    @property
+    def states(self) -> RecordedStates: ...
+    @property
+    def outcomes(self) -> RecordedOutcomes: ...
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Participants as arrays, with who is judged by default.
+
+    Attributes:
+        ids: Shape (participants,).
+        shapes: Footprints in the body frame.
+        is_static: Shape (participants,).
+        first_time_step: Time step of column 0.
+        x: Shape (participants, time_steps) [m]. y: [m]. orientation: [rad]. velocity: [m/s]. acceleration: [m/s²].
+        valid: Present.
+        default_ids: Agents of a run, vehicles of a recording.
+        contacts: Pairs that touched on the way to a time step, with that time step.
+    """
+
+    ids: Ints
+    shapes: tuple[Shape, ...]
+    is_static: Bools
+    first_time_step: int
+    x: Floats
+    y: Floats
+    orientation: Floats
+    velocity: Floats
+    acceleration: Floats
+    valid: Bools
+    default_ids: list[int]
+    contacts: list[tuple[int, int, int]]
+
+
+def traffic_of(source: Scenario | RecordedRun) -> Traffic:
+    """Participants of a run, or the recorded ones of a scenario."""
+    if isinstance(source, Scenario):
+        obstacles = source.obstacles
+        driving = np.array([kind not in _NOT_DRIVING for kind in obstacles.kinds], dtype=np.bool_)
+        return Traffic(
+            ids=obstacles.ids,
+            shapes=obstacles.shapes,
+            is_static=obstacles.is_static,
+            first_time_step=0,
+            **{name: np.ascontiguousarray(getattr(obstacles, name), dtype=np.float64) for name in _TABLES},
+            valid=obstacles.valid,
+            default_ids=obstacles.ids[~obstacles.is_static & driving & obstacles.valid.any(axis=1)].tolist(),
+            contacts=[],
+        )
+    states, ended = source.states, source.outcomes
+    rows = zip(ended.agent_id.tolist(), ended.partner_id.tolist(), ended.time_step.tolist(), ended.outcome, strict=True)
+    return Traffic(
+        ids=states.ids,
+        shapes=footprints(source),
+        is_static=states.is_static,
+        first_time_step=states.first_time_step,
+        **{name: np.ascontiguousarray(getattr(states, name), dtype=np.float64) for name in _TABLES},
+        valid=states.valid,
+        default_ids=states.ids[states.is_agent & states.valid.any(axis=1)].tolist(),
+        contacts=[(who, whom, when) for who, whom, when, how in rows if how == "collision" and whom >= 0],
+    )
+
+
+def footprints(run: RecordedRun) -> tuple[Shape, ...]:
+    """Footprints of all participants of a run; who was never recorded has a rectangle."""
+    obstacles, states = run.scenario.obstacles, run.states
+    recorded = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
+    sizes = zip(states.ids.tolist(), states.length.tolist(), states.width.tolist(), strict=True)
+    return tuple(
+        recorded.get(number) or Shape("rectangle", length=length, width=width) for number, length, width in sizes
+    )
+
+
+def connectors_of(scenario: Scenario) -> list[tuple[int, int]]:
+    """Lanelets across intersections, each with the number of the incoming that leads to it."""
+    known = set(scenario.lanelets.ids.tolist())
+    return [
+        (connector, number)
+        for number, incoming in enumerate(scenario.incomings)
+        for connector in incoming.connector_ids
+        if connector in known
+    ]
