@@ -55,6 +55,10 @@ class Demanding(Straight):
 
     speed: float
 
+    def __post_init__(self):
+        if self.speed < 0:
+            raise ValueError("only forwards")
+
 
 def two_lanes():
     problems = [
@@ -289,6 +293,10 @@ def test_a_planning_problem_may_be_named_by_its_own_id():
         ),
         ({"planner": "test_choices:Steady,shar=2"}, "shar: there is no such setting; did you mean share?"),
         ({"planner": "test_choices:Steady,calls=[2]"}, "calls: there is no such setting"),
+        (
+            {"planner": {100: "test_choices:Demanding,speed=-3"}},
+            "agent 100: planner test_choices:Demanding cannot be made (ValueError: only forwards)",
+        ),
         ({"planner": {100: 3}}, "agent 100: 3 is no planner"),
         ({"planner": {3.5: "frenet"}}, "a planner is given for 3.5, which is no agent id"),
         ({"views": {100: 40.0}}, "agent 100: a view must be ViewSettings or a mapping of its fields, not 40.0"),

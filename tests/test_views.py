@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers import Straight
-from interdrive import SimulationSettings, ViewSettings, load, save, simulate
+from interdrive import Simulation, SimulationSettings, ViewSettings, load, save, simulate
 from interdrive.scenario import Shape
 from interdrive.settings import bind
 from interdrive.testing import Car, crossing, problem, straight_road, world
@@ -159,3 +159,21 @@ def test_recording_views_does_not_change_the_run():
         for value in ("true", "false")
     }
     assert len(digests) == 1
+
+
+def test_in_dense_traffic_line_of_sight_hides_some_and_shows_nobody_else(scenarios_folder):
+    path = next(scenarios_folder.glob("*/USA_US101-23_1_T-1.xml"))
+
+    def seen(occlusion):
+        simulation = Simulation(
+            path, agents=24, settings=settings(record__views="true", view__occlusion=occlusion), threads=1
+        )
+        simulation.step()
+        run = simulation.record()
+        return {observer: set(run.views.seen_by(observer, 0)) for observer in run.views.observer_id.tolist()}
+
+    near, in_sight = seen("false"), seen("true")
+    assert in_sight.keys() == near.keys()
+    assert all(in_sight[observer] <= near[observer] for observer in near)
+    share = sum(map(len, in_sight.values())) / sum(map(len, near.values()))
+    assert 0.3 < share < 0.9

@@ -209,7 +209,9 @@ def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | N
     except InterdriveError:
         raise
     except Exception as error:
-        raise InputError(f"{what} {choice!r} cannot be made ({type(error).__name__}: {error})") from error
+        kind = choice if hasattr(choice, "__qualname__") else type(choice)
+        name = f"{kind.__module__}:{kind.__qualname__}"
+        raise InputError(f"{what} {name} cannot be made ({type(error).__name__}: {error})") from error
     raise InputError(f"{next(iter(settings))}: it has no settings; only those that are dataclasses have")
 
 

@@ -22,8 +22,7 @@ from interdrive.planners.calls import ask
 from interdrive.planners.workers import Workers, can_be_sent
 from interdrive.predictors import native
 from interdrive.predictors import resolve as resolve_predictor
-from interdrive.recording import agent_record, digest, outcomes_of, states_of, timings_of
-from interdrive.recording import snapshot as _snapshot
+from interdrive.recording import agent_record, digest, outcomes_of, snapshot, states_of, timings_of
 from interdrive.run import Plans, Run, Snapshot, Views
 from interdrive.run_settings import SimulationSettings
 from interdrive.scenario import KINDS, Scenario
@@ -190,7 +189,7 @@ class Simulation:
         self._plan_python(scene, predictions, plans)
         marks.append(clock())
         if self._snapshots_of is not None and self._snapshots_of in world.driving:
-            self._snapshots.append(_snapshot(world, scene, predictions, self._snapshots_of))
+            self._snapshots.append(snapshot(world, scene, predictions, self._snapshots_of))
         marks.append(clock())
         world.step(plans)
         marks.append(clock())
