@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError, MissingExtraError
+from interdrive.planners.arrival import arrival_velocity, braking_along_arc
 from interdrive.planners.contract import Trajectory
 from interdrive.planners.native import FrenetWeights
 
@@ -46,8 +47,8 @@ _HEADING_MAX = 2.6
 _STANDING = 0.1
 #: The library looks at participants nearer than this to the agent's box [m] (squared: 50 m²).
 _COST_REACH = 7.1
-#: The fastest end speed that is sampled [m/s], and by how much the desired speed may differ from the present one [m/s].
-_VELOCITY_MAX, _VELOCITY_STEP = 36.0, 5.0
+#: The fastest end speed that is sampled [m/s].
+_VELOCITY_MAX = 36.0
 #: Columns of the sampling matrix: start and end time; start (s, s', s''), end s' and s''; start and end (d, d', d'').
 _END_TIME, _START_S, _END_S_DOT, _START_D, _END_D, _COLUMNS = 1, 2, 5, 7, 10, 13
 
@@ -172,7 +173,7 @@ class Frenetix:
     def _costs(self, view: View, predictions: Predictions, frame: _Frame) -> Iterator[Any]:
         """The cost terms with a weight; all are the library's."""
         ego, weights = view.ego, self.weights
-        desired = desired_velocity(view, self.arrival_reserve)
+        desired = arrival_velocity(view, self.arrival_reserve)
         plain = {
             "distance_to_reference": cost_functions.CalculateDistanceToReferencePathCost,
             "lateral_jerk": cost_functions.CalculateLateralJerkCost,
@@ -252,10 +253,10 @@ class Frenetix:
             refused.append(plan)
         n = round(self.horizon / view.dt) + 1
         if view.ego.velocity <= _STANDING:
-            return _braking(view, n, view.ego.velocity / view.dt)
+            return _Plan.braking(view, n, view.ego.velocity / view.dt)
         if refused:  # the one that is slowest, soonest, straightest, whatever it hits: the original's "stopping"
             return min(refused, key=lambda plan: (plan.ends[1], plan.ends[0], abs(plan.ends[2] - offset)))
-        return _braking(view, n, view.ego.vehicle.acceleration_max)
+        return _Plan.braking(view, n, view.ego.vehicle.acceleration_max)
 
 
 @dataclass(frozen=True)
@@ -358,6 +359,12 @@ class _Plan:
             ends=(float(parameters[_END_TIME]), float(parameters[_END_S_DOT]), float(parameters[_END_D])),
         )
 
+    @staticmethod
+    def braking(view: View, n_points: int, deceleration: float) -> _Plan:
+        """Along the present arc until the agent stands."""
+        drive = braking_along_arc(view, n_points, deceleration)
+        return _Plan(view.time_step, drive.x, drive.y, drive.orientation, drive.velocity)
+
     def leads_to(self, ego: Ego, point: int) -> bool:
         """The agent is where this plan wanted it to be at a point."""
         if not 0 < point < len(self.x):
@@ -388,38 +395,3 @@ def _feasible(handler: Any) -> list[Any]:  # noqa: ANN401 - frenetix.TrajectoryH
     return sorted(
         samples, key=lambda sample: (sample.cost, *sample.sampling_parameters[[_END_TIME, _END_S_DOT, _END_D]])
     )
-
-
-def _braking(view: View, n_points: int, deceleration: float) -> _Plan:
-    """Along the present arc until the agent stands [m/s²]."""
-    ego, t = view.ego, view.dt * np.arange(n_points)
-    velocity = np.maximum(ego.velocity - deceleration * t, 0.0)
-    travelled = np.append(0.0, np.cumsum(0.5 * view.dt * (velocity[1:] + velocity[:-1])))
-    curvature = ego.yaw_rate / ego.velocity if ego.velocity > 1.0 else 0.0
-    theta = ego.orientation + curvature * travelled
-    middle = 0.5 * (theta[1:] + theta[:-1])
-    steps = np.diff(travelled)
-    x = ego.x + np.append(0.0, np.cumsum(steps * np.cos(middle)))
-    y = ego.y + np.append(0.0, np.cumsum(steps * np.sin(middle)))
-    return _Plan(view.time_step, x, y, theta, velocity)
-
-
-def desired_velocity(view: View, arrival_reserve: float) -> float:
-    """The constant speed that brings the rear axle to the middle of the goal area in time [m/s].
-
-    In time is in the middle of the goal's time interval, but no earlier than `arrival_reserve` [s] before its end.
-    Within the area, too late, or without a place: the middle of the goal's speed interval, else the present speed.
-    """
-    ego = view.ego
-    first, last = ego.goal_time_step
-    _, _, interval, _ = max(ego.goal.states, key=lambda state: state[1][1])
-    at_goal = ego.velocity if interval is None else 0.5 * (max(interval[0], 0.01) + max(interval[1], 0.01))
-    entry, leave = ego.route.goal_entry_s, ego.route.goal_exit_s
-    left = (max(0.5 * (first + last), last - arrival_reserve / view.dt) - view.time_step) * view.dt
-    if not np.isfinite(entry):
-        wanted = ego.velocity
-    elif entry <= ego.s <= leave or left <= 0.0:
-        wanted = at_goal
-    else:
-        wanted = (0.5 * (entry + leave) - ego.s) / left
-    return float(np.clip(wanted, max(ego.velocity - _VELOCITY_STEP, 0.0), min(ego.velocity + _VELOCITY_STEP, 50.0)))
