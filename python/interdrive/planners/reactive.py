@@ -1,10 +1,10 @@
 """CommonRoad's reactive planner in our cars.
 
-Wuersching and Althoff, "Sampling-based optimal trajectory generation for autonomous vehicles using reachable sets", ITSC
-2021; after Werling et al., ICRA 2010. PyPI `commonroad-reactive-planner` 2025.1, an optional library:
-`pip install interdrive[reactive]`. Samples, costs, limits and the search for the cheapest trajectory without contact are
-the library's; from the view it gets its start state, reference path, desired speed, obstacles and the edges of the road.
-What it cannot be told and where it differs from `frenet` is in docs/planners_third_party.md.
+Wuersching and Althoff, "Sampling-based optimal trajectory generation for autonomous vehicles using reachable sets",
+ITSC 2021; after Werling et al., ICRA 2010. PyPI `commonroad-reactive-planner` 2025.1, an optional library:
+`pip install interdrive[reactive]`. Samples, costs, limits and the search for the cheapest trajectory without contact
+are the library's; from the view it gets its start state, reference path, desired speed, obstacles and the edges of the
+road. What it cannot be told and where it differs from `frenet` is in docs/planners_third_party.md.
 """
 
 from __future__ import annotations
@@ -44,6 +44,9 @@ if TYPE_CHECKING:
 _EDGE = 0.005
 #: Below this speed an agent without a trajectory stands [m/s].
 _STANDING = 0.1
+#: The start's acceleration is given within this share of the limit: the library tests it, too, and would find no way out
+#: of full braking.
+_START_SHARE = 0.95
 
 
 @dataclass
@@ -56,7 +59,8 @@ class Reactive:
         t_min: Shortest time in which a manoeuvre ends [s].
         d_max: Lateral end positions lie within this distance of the reference path [m].
         low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
-        deceleration_ratio: Speeds are sampled down to what this share of the largest deceleration leaves.
+        deceleration_ratio: Speeds are sampled down to what this share of the largest deceleration leaves after the
+            horizon; twice the library's, whose horizon is twice as long.
         collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
             always counts.
         arrive_in_time: Desire the speed that brings the agent to its goal in time; false: the library's own wish, the
@@ -72,7 +76,7 @@ class Reactive:
     t_min: float = 0.4
     d_max: float = 3.0
     low_velocity: float = 4.0
-    deceleration_ratio: float = 0.125
+    deceleration_ratio: float = 0.25
     collision_mode_probability: float = 0.2
     arrive_in_time: bool = True
     arrival_reserve: float = 2.0
@@ -100,7 +104,7 @@ class Reactive:
         ):
             value = getattr(self, name)
             if not low <= value <= high:
-                raise InputError(f"reactive.{name} must be at least {low} and at most {high}, not {value}")
+                raise InputError(f"{name} must be at least {low} and at most {high}, not {value}")
         self._planner: Any = None
         self._last: tuple[int, Trajectory] | None = None
 
@@ -112,6 +116,8 @@ class Reactive:
         if self._planner is None:
             self._planner = self._new_planner(view)
         planner, ego = self._planner, view.ego
+        # The library converts the start state in the mode of the plan before and plans in the mode of this one.
+        planner._low_vel_mode = ego.velocity < self.low_velocity
         planner.reset(
             initial_state_cart=_rear_axle_state(view),
             collision_checker=self._obstacles(view, predictions),
@@ -119,7 +125,9 @@ class Reactive:
         )
         desired = arrival_velocity(view, self.arrival_reserve) if self.arrive_in_time else None
         planner.set_desired_velocity(desired_velocity=desired, current_speed=max(ego.velocity, 1e-3))
-        found = planner.plan()
+        found = _asked(planner)
+        if found is not None and ego.velocity <= _STANDING and not planner.infeasible_count_collision:
+            found = self._start_off(planner, found)
         n = round(self.horizon / view.dt) + 1
         if found is not None:
             plan = _in_world(found[0].state_list, ego)
@@ -129,6 +137,18 @@ class Reactive:
             plan = braking_along_arc(view, n, ego.vehicle.acceleration_max)
         self._last = view.time_step, plan
         return plan
+
+    def _start_off(self, planner: Any, found: Any) -> Any:  # noqa: ANN401 - ReactivePlanner and what it returns
+        """The same, or a start with finer samples if it only stays although nobody is in the way.
+
+        The library takes finer samples only if it finds nothing, and staying is something; but of the coarse ones none
+        may steer gently enough to start off.
+        """
+        for level in range(2, self.level + 1):
+            if found[0].state_list[-1].velocity > _STANDING or planner.infeasible_count_collision:
+                break
+            found = _asked(planner, level) or found
+        return found
 
     def _rest(self, view: View) -> Trajectory | None:
         """What is left of the plan before, if it still holds and the agent is on it."""
@@ -193,6 +213,17 @@ class Reactive:
         return checker
 
 
+def _asked(planner: Any, level: int | None = None) -> Any:  # noqa: ANN401 - ReactivePlanner and what it returns
+    """The library's plan; None if it has none."""
+    try:
+        return planner.plan(level)
+    except TypeError:
+        # Standing and without any drivable sample it wants to stay, but fails to format its own log line.
+        if planner.x_0.velocity > _STANDING:
+            raise
+        return None
+
+
 def _edges(view: View) -> Any:  # noqa: ANN401 - pycrcc.ShapeGroup
     """The edges of the road as thin boxes, without those that the agent's footprint touches now (it starts there)."""
     ego, edges = view.ego, view.ego.road_edges
@@ -237,13 +268,13 @@ def _planning_problem(view: View) -> Any:  # noqa: ANN401 - PlanningProblem
 
 def _rear_axle_state(view: View) -> Any:  # noqa: ANN401 - ReactivePlannerState
     ego, vehicle = view.ego, view.ego.vehicle
-    back = vehicle.rear_axle_to_center
+    back, limit = vehicle.rear_axle_to_center, _START_SHARE * vehicle.acceleration_max
     return ReactivePlannerState(
         time_step=view.time_step,
         position=np.array([ego.x - back * np.cos(ego.orientation), ego.y - back * np.sin(ego.orientation)]),
         orientation=ego.orientation,
         velocity=ego.velocity,
-        acceleration=ego.acceleration,
+        acceleration=min(max(ego.acceleration, -limit), limit),
         yaw_rate=ego.yaw_rate,
         steering_angle=float(np.arctan2(vehicle.wheelbase * ego.yaw_rate, ego.velocity)),
     )
