@@ -6,7 +6,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench oracles format clean
+.PHONY: demo test check bench oracles third_party format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -44,6 +44,21 @@ bench: $(VENV)/.installed ## one table: time per step, phases, memory, start
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
 
+third_party: .venv-third/.installed ## drives planners of others; see docs/planners_third_party.md
+	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
+
+# Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
+.venv-third/.tools: pyproject.toml
+	$(PYTHON) -m venv .venv-third
+	.venv-third/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	.venv-third/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; e = o['optional-dependencies']; print(*o['dependencies'], *e['frenetix'], *e['reactive'], *p['build-system']['requires'], 'pytest>=8', sep='\n')" > .venv-third/requirements.txt
+	.venv-third/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-third/requirements.txt
+	touch $@
+
+.venv-third/.installed: .venv-third/.tools $(RUST)
+	VIRTUAL_ENV=$(CURDIR)/.venv-third .venv-third/bin/maturin develop --release --quiet
+	touch $@
+
 .venv-oracles/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-oracles
 	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
@@ -61,4 +76,4 @@ format: $(VENV)/.tools ## writes what `make check` wants to see
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-oracles target demo out
+	rm -rf $(VENV) .venv-oracles .venv-third target demo out

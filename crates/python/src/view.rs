@@ -240,8 +240,8 @@ impl PyView {
         Ok(self.swept(&x, &y, &orientation)?.iter().all(|swept| self.road.box_is_covered(swept, &mut scratch)))
     }
 
-    /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with a participant of
-    /// the predictions in its most probable mode, longer and wider by the margins [m], in all; None: no contact.
+    /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with somebody else of the
+    /// predictions in their most probable mode, longer and wider by the margins [m], in all; None: no contact.
     #[pyo3(signature = (x, y, orientation, predictions, margin_length=0.0, margin_width=0.0))]
     fn first_contact(
         &self,
@@ -253,7 +253,7 @@ impl PyView {
         margin_width: f64,
     ) -> PyResult<Option<(i64, usize)>> {
         let drive = self.swept(&x, &y, &orientation)?;
-        Ok(self.scene.first_contact(&drive, &predictions.table(), [margin_length, margin_width]))
+        Ok(self.scene.first_contact(self.agent.id, &drive, &predictions.table(), [margin_length, margin_width]))
     }
 }
 

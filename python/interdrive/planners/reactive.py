@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 _EDGE = 0.005
 #: Below this speed an agent without a trajectory stands [m/s].
 _STANDING = 0.1
-#: The start's acceleration is given within this share of the limit: the library tests it, too, and would find no way out
-#: of full braking.
+#: The start's acceleration is given within this share of the limit: the library tests it, too, and would find no way
+#: out of full braking.
 _START_SHARE = 0.95
 
 

@@ -6,19 +6,20 @@ use crate::geometry::shape::{OrientedBox, Shape};
 use crate::trajectory::Predictions;
 
 impl Scene {
-    /// Id and interval of the first contact of a drive that begins now with a participant of the predictions, where
-    /// its most probable mode expects it; of several in one interval, the smallest id.
+    /// Id and interval of the first contact of a drive of `agent` that begins now with somebody else of the predictions,
+    /// where the most probable mode expects them; of several in one interval, the smallest id.
     ///
     /// `drive` holds the swept boxes of the intervals from now on. Participants are longer and wider by `margin` [m],
     /// in all, and are swept between their positions as well; static obstacles count with their exact shapes.
     pub fn first_contact(
         &self,
+        agent: i64,
         drive: &[OrientedBox],
         predictions: &Predictions,
         margin: [f64; 2],
     ) -> Option<(i64, usize)> {
         let mut first: Option<(i64, usize)> = None;
-        for (row, id) in predictions.ids.iter().enumerate() {
+        for (row, id) in predictions.ids.iter().enumerate().filter(|(_, id)| **id != agent) {
             let until = first.map_or(drive.len(), |(_, interval)| interval);
             let participant = self.participants.ids.binary_search(id).ok();
             let Some(participant) = participant.filter(|row| self.present.binary_search(row).is_ok()) else { continue };
@@ -135,23 +136,24 @@ mod tests {
     fn two_who_meet_touch_in_the_interval_in_which_their_bumpers_meet() {
         let (scene, predictions) = oncoming();
         // 16 m between the bumpers close at 20 m/s: contact at 0.8 s, the end of interval 7.
-        assert_eq!(scene.first_contact(&drive(10.0, 0.0), &predictions, [0.0, 0.0]), Some((3, 7)));
-        assert_eq!(scene.first_contact(&drive(10.0, 0.0), &predictions, [4.2, 0.0]), Some((3, 6)));
-        assert_eq!(scene.first_contact(&drive(5.0, 0.0), &predictions, [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions, [0.0, 0.0]), Some((3, 7)));
+        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions, [4.2, 0.0]), Some((3, 6)));
+        assert_eq!(scene.first_contact(1, &drive(5.0, 0.0), &predictions, [0.0, 0.0]), None);
     }
 
     #[test]
     fn who_passes_beside_touches_only_with_the_margin() {
         let (scene, predictions) = oncoming();
-        assert_eq!(scene.first_contact(&drive(10.0, 2.1), &predictions, [0.0, 0.0]), None);
-        assert_eq!(scene.first_contact(&drive(10.0, 2.1), &predictions, [0.0, 0.3]), Some((3, 7)));
-        assert_eq!(scene.first_contact(&drive(10.0, 3.95), &predictions, [0.0, 0.0]), Some((8, 0)));
-        assert_eq!(scene.first_contact(&drive(10.0, 3.85), &predictions, [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 2.1), &predictions, [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 2.1), &predictions, [0.0, 0.3]), Some((3, 7)));
+        assert_eq!(scene.first_contact(1, &drive(10.0, 3.95), &predictions, [0.0, 0.0]), Some((8, 0)));
+        assert_eq!(scene.first_contact(1, &drive(10.0, 3.85), &predictions, [0.0, 0.0]), None);
     }
 
     #[test]
-    fn only_participants_of_the_predictions_count() {
+    fn only_others_of_the_predictions_count() {
         let (scene, predictions) = oncoming();
-        assert_eq!(scene.first_contact(&drive(10.0, 0.0), &predictions.of(&[8]), [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(3, &drive(10.0, 0.0), &predictions, [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions.of(&[8]), [0.0, 0.0]), None);
     }
 }
