@@ -40,6 +40,7 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 
 bench: $(VENV)/.installed ## one table: time per step, phases, memory, start
 	$(BIN)/python benchmarks/table.py
+	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
