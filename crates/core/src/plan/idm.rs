@@ -10,8 +10,9 @@ use crate::error::Result;
 
 /// An offset from the path is given up in this time [s].
 pub(super) const RETURN_TIME: f64 = 4.0;
-/// Least speed of an agent whose goal says nothing about where or how fast [m/s].
-const CRUISE_VELOCITY_MIN: f64 = 5.0;
+/// Least desired speed of an agent whose goal says nothing about where or how fast, or is over [m/s]: that of city
+/// traffic in Treiber and Kesting 2013, table 11.2. The present speed would not do: behind a leader it would fall for ever.
+const CRUISE_VELOCITY_MIN: f64 = 15.0;
 
 /// Parameters of the planner `idm`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,6 +19,8 @@ const EXTENSION_SPACING: f64 = 2.0;
 /// The last offset from the lane's centre is given up over this time at the last speed [s], at least this length [m].
 const RETURN_TIME: f64 = 4.0;
 const RETURN_LENGTH_MIN: f64 = 20.0;
+/// Less than this is no motion [m].
+const MOVED: f64 = 2.0;
 /// The last position belongs to a lane within this distance [m].
 const LANE_TOLERANCE: f64 = 1.5;
 
@@ -104,6 +106,11 @@ impl Track {
     pub(super) fn s_at(&self, clock: f64, dt: f64) -> f64 {
         let last = (self.s.len() - 1) as f64;
         interpolated(&self.s, clock) + self.last_velocity() * (clock - last).max(0.0) * dt
+    }
+
+    /// It moves on after a time (a position in the tables).
+    pub(super) fn drives_on(&self, clock: f64) -> bool {
+        self.s[self.s.len() - 1] > interpolated(&self.s, clock) + MOVED
     }
 
     /// Speed at a time [m/s].

@@ -16,6 +16,8 @@ const VELOCITY_TIME: f64 = 0.5;
 const PLACE_TIME: f64 = 1.0;
 /// A vehicle slower than recorded at its place by more than this [m/s] accelerates with the car-following model.
 const SLOW: f64 = 0.3;
+/// A late vehicle passes a place where it stood, and has left by then, at this speed [m/s].
+const PASSING: f64 = 2.0;
 /// Places nearer than this are the same [m].
 const SAME_PLACE: f64 = 0.02;
 /// Lateral acceleration in curves beyond the end of the recording [m/s²].
@@ -52,6 +54,9 @@ fn undisturbed(
         let place = if behind.abs() < ON_SCHEDULE { behind } else { behind.signum() * ON_SCHEDULE };
         return change + (recorded - velocity) / VELOCITY_TIME + place / (PLACE_TIME * PLACE_TIME);
     }
+    // Where it stood, and drove on since, it does not stand again.
+    let (recorded, change) =
+        if recorded < PASSING && track.drives_on(clock) { (PASSING, 0.0) } else { (recorded, change) };
     if velocity < recorded - SLOW {
         return law.free(velocity, recorded).max(change);
     }
