@@ -22,14 +22,19 @@ const STANDING: f64 = 0.5;
 const SAME_DIRECTION: f64 = 0.5;
 /// Modes with at least this probability count, and the most probable one.
 const MODE_PROBABILITY: f64 = 0.2;
-/// A foot found by Newton's method is good if it is off by less than this along the path [m].
-const FOOT_TOLERANCE: f64 = 0.05;
+/// From a foot that is off by less than this along the path [m] the last step is made without a look.
+const FOOT_TOLERANCE: f64 = 0.3;
 /// Structures are looked for every so many metres of the path.
 const STRUCTURE_STEP: f64 = 1.0;
-/// Somebody is looked at every so many points of the plan, and in between only if it is not away from the corridor by
-/// this distance [m] at both.
-const STRIDE: usize = 5;
-const AWAY: f64 = 0.3;
+/// Where the path turns by less than this [rad], the foot of a point within 20 m of it lies within this distance of where it
+/// would be on a straight path [m]: 20 m times the sine, and 6 % of the reach.
+const STRAIGHT_TURN: f64 = 0.35;
+const STRAIGHT_WINDOW: f64 = 20.0;
+/// Who is further behind the rear axle than this, and its size, is not looked at [m].
+const BEHIND: f64 = 3.0;
+/// Somebody who is further away from the corridor, on one side of it, than this times the time between two looks [m/s] is
+/// not in it in between.
+const SWERVE: f64 = 0.4;
 /// The vehicle goes first if it has left the stretch by this distance [m] when the other comes.
 const CLEARANCE: f64 = 1.0;
 /// The vehicle comes after the other by this time [s].
@@ -153,7 +158,7 @@ impl Ahead {
         self.places.clear();
         self.claims.clear();
         (self.n_points, self.dt) = (n_points, request.dt);
-        let region = region(ego);
+        let region = Region::new(ego);
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
                 self.add_static(request, index, other, ego, &region);
@@ -163,13 +168,14 @@ impl Ahead {
         }
     }
 
-    fn add_static(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Aabb) {
-        if !other.shape.aabb(other.pose).overlaps(region) {
+    fn add_static(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
+        if !other.shape.aabb(other.pose).overlaps(&region.aabb) {
             return;
         }
         let place = if is_box(other.shape) {
             let body = other.shape.oriented_box(other.pose);
-            place(ego, &body, &mut None, 0.0, 0.0).filter(|place| place.inside)
+            let foot = foot_of(ego, region, body.center, None);
+            foot.and_then(|foot| place(ego, &body, &foot, 0.0, 0.0)).filter(|place| place.inside)
         } else {
             structure(request, other, ego)
         };
@@ -179,71 +185,52 @@ impl Ahead {
         self.push_claims(ego, row, index, 0);
     }
 
-    fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Aabb) {
+    fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
         let predictions = request.predictions;
         let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
         let region = region.grown(other.shape.bounding_radius());
-        let now = other.shape.oriented_box(other.pose);
-        let mut foot = None;
-        let present = if region.contains(now.center) { place(ego, &now, &mut foot, other.velocity, 0.0) } else { None };
-        if present.is_some_and(|place| is_follower(ego, &place)) {
-            return;
-        }
         let probabilities = &predictions.probability[other.row * predictions.n_modes..][..predictions.n_modes];
         let largest = probabilities.iter().copied().fold(0.0, f64::max);
+        let mut now = None;
         for (mode, probability) in probabilities.iter().enumerate() {
             if *probability < largest && *probability < MODE_PROBABILITY || *probability <= 0.0 {
                 continue;
             }
-            let row = self.places.len();
-            self.places.push(present.unwrap_or(OUTSIDE));
             let start = predictions.offset(other.row, mode) + shift;
-            let center = |point: usize| match point {
-                0 => now.center,
-                _ if point + shift > predictions.n_steps => Point::new(f64::NAN, f64::NAN),
-                _ => Point::new(predictions.x[start + point - 1], predictions.y[start + point - 1]),
-            };
-            let at = |point: usize, foot: &mut Option<f64>| {
-                let k = start + point - 1;
-                let known = point + shift <= predictions.n_steps && predictions.valid[k];
-                if !known || !region.contains(center(point)) {
-                    return None;
-                }
-                let pose = Pose { position: center(point), orientation: predictions.orientation[k] };
-                let body = other.shape.oriented_box(pose);
-                place(ego, &body, foot, predictions.velocity[k], point as f64 * self.dt)
-            };
-            // Every few points first; those in between only where somebody is near the corridor or changes sides.
-            let mut foot = foot;
-            let mut found = present.is_some_and(|place| place.inside);
-            let (mut from, mut before) = (0, present);
-            while from + 1 < self.n_points {
-                let to = (from + STRIDE).min(self.n_points - 1);
-                let foot_before = foot;
-                let after = at(to, &mut foot);
-                let stays_away = match (before, after) {
-                    (Some(a), Some(b)) => {
-                        a.clearance * b.clearance > 0.0 && a.clearance.abs().min(b.clearance.abs()) > AWAY
-                    }
-                    (None, None) => !region.overlaps(&Aabb::around([center(from), center(to)])),
-                    _ => false,
-                };
-                let mut inner = foot_before;
-                for point in from + 1..to {
-                    let place = if stays_away { None } else { at(point, &mut inner) };
-                    found |= place.is_some_and(|place| place.inside);
-                    self.places.push(place.unwrap_or(OUTSIDE));
-                }
-                found |= after.is_some_and(|place| place.inside);
-                self.places.push(after.unwrap_or(OUTSIDE));
-                (from, before) = (to, after);
+            let n_known = predictions.n_steps.saturating_sub(shift);
+            let expected = Expected { request, other, ego, region, start, n_known, dt: self.dt };
+            let now = *now.get_or_insert_with(|| expected.at(0, None));
+            if now.place.is_some_and(|place| is_follower(ego, &place)) {
+                return;
             }
-            if found {
+            let (row, last) = (self.places.len(), self.n_points - 1);
+            self.places.resize(row + self.n_points, OUTSIDE);
+            self.put(row, &now);
+            let end = expected.at(last, now.foot);
+            self.put(row + last, &end);
+            self.fill(&expected, row, (0, now), (last, end));
+            if self.places[row..].iter().any(|place| place.inside) {
                 self.push_claims(ego, row, index, mode);
             } else {
                 self.places.truncate(row);
             }
         }
+    }
+
+    fn put(&mut self, at: usize, sample: &Sample) {
+        self.places[at] = sample.place.unwrap_or(OUTSIDE);
+    }
+
+    /// The points between two, halving until somebody is away from the corridor in between.
+    fn fill(&mut self, expected: &Expected, row: usize, (a, before): (usize, Sample), (b, after): (usize, Sample)) {
+        if b - a < 2 || before.stays_away(&after, (b - a) as f64 * self.dt, &expected.region) {
+            return;
+        }
+        let middle = usize::midpoint(a, b);
+        let sample = expected.at(middle, before.foot);
+        self.put(row + middle, &sample);
+        self.fill(expected, row, (a, before), (middle, sample));
+        self.fill(expected, row, (middle, sample), (b, after));
     }
 
     /// Splits the places from `row` on into claims.
@@ -348,37 +335,88 @@ fn not_before(distance: f64, velocity: f64, end_velocity: f64, time: f64) -> f64
 }
 
 /// The part of the world in which the corridor ahead lies.
-fn region(ego: &Ego) -> Aabb {
-    const SPACING: f64 = 5.0;
-    let n = (ego.reach / SPACING).ceil() as usize;
-    let points = (0..=n).map(|i| ego.path.at(ego.s + i as f64 * SPACING).position);
-    // Between two of the points a bend of 5 m radius bulges by less than 0.7 m.
-    Aabb::around(points).grown(ego.half_width + ego.d.abs() + CORRIDOR_MARGIN + 0.7)
+#[derive(Debug, Clone, Copy)]
+struct Region {
+    aabb: Aabb,
+    /// Rear axle and direction of the path there; nothing of the path lies behind it.
+    behind: Option<(Point, Point)>,
+    /// The path hardly bends: rear axle and direction of the path there, from which a foot can be guessed.
+    straight: Option<(Point, Point)>,
 }
 
-/// Arc length of the foot of a point: Newton's method from the last foot, otherwise a search.
-fn foot_of(ego: &Ego, point: Point, hint: &mut Option<f64>) -> Option<(f64, f64, PathPoint)> {
-    if let Some(mut s) = *hint {
+impl Region {
+    fn new(ego: &Ego) -> Self {
+        const SPACING: f64 = 5.0;
+        let n = (ego.reach / SPACING).ceil() as usize;
+        let here = ego.path.at(ego.s);
+        let (origin, axis) = (here.position, here.tangent());
+        let (mut aabb, mut nearest, mut turn) = (Aabb::EMPTY, f64::INFINITY, 0.0_f64);
+        for i in 0..=n {
+            let at = ego.path.at(ego.s + i as f64 * SPACING);
+            aabb = aabb.including(at.position);
+            nearest = nearest.min((at.position - origin).dot(axis));
+            turn = turn.max((at.theta - here.theta).abs());
+        }
+        // Between two of the points a bend of 5 m radius bulges by less than 0.7 m.
+        let aabb = aabb.grown(ego.half_width + ego.d.abs() + CORRIDOR_MARGIN + 0.7);
+        let here = Some((origin, axis));
+        Self { aabb, behind: here.filter(|_| nearest >= 0.0), straight: here.filter(|_| turn < STRAIGHT_TURN) }
+    }
+
+    /// For a body of a radius [m].
+    fn grown(self, radius: f64) -> Self {
+        let behind = self.behind.map(|(origin, axis)| (origin - axis * (radius + BEHIND), axis));
+        Self { aabb: self.aabb.grown(radius), behind, ..self }
+    }
+
+    fn contains(&self, point: Point) -> bool {
+        self.aabb.contains(point) && self.behind.is_none_or(|(origin, axis)| (point - origin).dot(axis) >= 0.0)
+    }
+
+    /// Nothing on the way from one point to another is in it.
+    fn misses(&self, a: Point, b: Point) -> bool {
+        let is_behind = |point: Point| self.behind.is_some_and(|(origin, axis)| (point - origin).dot(axis) < 0.0);
+        is_behind(a) && is_behind(b) || !self.aabb.overlaps(&Aabb::around([a, b]))
+    }
+}
+
+/// Where on the path somebody is.
+#[derive(Debug, Clone, Copy)]
+struct Foot {
+    /// Arc length and offset [m].
+    s: f64,
+    d: f64,
+    at: PathPoint,
+    /// The point.
+    point: Point,
+}
+
+/// The foot of a point: from a foot of the same body at another time if possible, otherwise by a search.
+fn foot_of(ego: &Ego, region: &Region, point: Point, known: Option<Foot>) -> Option<Foot> {
+    if let Some(known) = known {
+        let mut s = known.s + (point - known.point).dot(known.at.tangent());
         for _ in 0..3 {
             let at = ego.path.at(s);
             let offset = point - at.position;
             let (ahead, d) = (offset.dot(at.tangent()), at.tangent().cross(offset));
+            let step = ahead / (1.0 - at.curvature * d).clamp(0.3, 3.0);
             if ahead.abs() < FOOT_TOLERANCE {
-                *hint = Some(s);
-                return Some((s + ahead, d, at));
+                return Some(Foot { s: s + step, d, at, point });
             }
-            s += ahead / (1.0 - at.curvature * d).clamp(0.3, 3.0);
+            s += step;
         }
     }
-    let half = 0.5 * ego.reach;
-    let found = ego.path.project_near(point, ego.s + half, half + 10.0);
-    *hint = found.map(|(s, _)| s);
-    found.map(|(s, d)| (s, d, ego.path.at(s)))
+    let found = match region.straight {
+        Some((origin, axis)) => ego.path.project_near(point, ego.s + (point - origin).dot(axis), STRAIGHT_WINDOW),
+        None => ego.path.project_near(point, ego.s + 0.5 * ego.reach, 0.5 * ego.reach + 10.0),
+    };
+    let (s, d) = found?;
+    Some(Foot { s, d, at: ego.path.at(s), point })
 }
 
-/// What a box occupies of the path; `None` if it is not beside it.
-fn place(ego: &Ego, body: &OrientedBox, hint: &mut Option<f64>, velocity: f64, time: f64) -> Option<Place> {
-    let (s, d, at) = foot_of(ego, body.center, hint)?;
+/// What a box at a foot occupies of the path.
+fn place(ego: &Ego, body: &OrientedBox, foot: &Foot, velocity: f64, time: f64) -> Option<Place> {
+    let Foot { s, d, at, .. } = *foot;
     let tangent = at.tangent();
     let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
     let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
@@ -397,6 +435,70 @@ fn place(ego: &Ego, body: &OrientedBox, hint: &mut Option<f64>, velocity: f64, t
     let crosses = inside && !along;
     let (low, high) = if crosses { stretch(body, (cos, sin), (right - d, left - d))? } else { (-half_s, half_s) };
     Some(Place { low: s + low, high: s + high, velocity, along, inside, clearance })
+}
+
+/// Where one mode of somebody is expected.
+struct Expected<'a> {
+    request: &'a PlanRequest<'a>,
+    other: &'a Other<'a>,
+    ego: &'a Ego<'a>,
+    region: Region,
+    /// Position of point 1 of the plan in the predictions, and how many points from there on are known.
+    start: usize,
+    n_known: usize,
+    dt: f64,
+}
+
+/// Somebody at one point of the plan.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    /// Centre of the box; NaN if unknown.
+    center: Point,
+    foot: Option<Foot>,
+    place: Option<Place>,
+}
+
+impl Expected<'_> {
+    /// At a point of the plan; `near` is a foot at another point.
+    fn at(&self, point: usize, near: Option<Foot>) -> Sample {
+        let predictions = self.request.predictions;
+        let (pose, velocity) = match point.checked_sub(1) {
+            None => (self.other.pose, self.other.velocity),
+            Some(i) if i < self.n_known && predictions.valid[self.start + i] => {
+                let k = self.start + i;
+                let pose = Pose::new(predictions.x[k], predictions.y[k], predictions.orientation[k]);
+                (pose, predictions.velocity[k])
+            }
+            Some(_) => {
+                return Sample { center: Point::new(f64::NAN, f64::NAN), foot: None, place: None };
+            }
+        };
+        if !self.region.contains(pose.position) {
+            return Sample { center: pose.position, foot: None, place: None };
+        }
+        let body = self.other.shape.oriented_box(pose);
+        let foot = foot_of(self.ego, &self.region, body.center, near);
+        let time = point as f64 * self.dt;
+        let place = foot.and_then(|foot| place(self.ego, &body, &foot, velocity, time));
+        Sample { center: pose.position, foot, place }
+    }
+}
+
+impl Sample {
+    /// Between this and a later sample nobody gets into the corridor, unless they swerve.
+    fn stays_away(&self, later: &Self, time: f64, region: &Region) -> bool {
+        match (&self.place, &later.place) {
+            (Some(a), Some(b)) => {
+                a.clearance * b.clearance > 0.0 && a.clearance.abs().min(b.clearance.abs()) > SWERVE * time
+            }
+            // Outside of the region, or too far from the path.
+            (None, None) => {
+                let (a, b) = (self.center, later.center);
+                region.contains(a) && region.contains(b) || region.misses(a, b)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// The part of a box within the corridor, along the path, relative to the box's centre [m]. `cos` and `sin` are those of

@@ -229,6 +229,9 @@ impl Lanes {
         [lanelet.adjacent_left, lanelet.adjacent_right].map(|side| {
             let (beside, _) = side.filter(|side| side.1)?;
             self.lanes.iter().enumerate().find_map(|(index, other)| {
+                if !other.pieces.iter().any(|piece| piece.lanelet == beside) {
+                    return None;
+                }
                 let (foot, _) = other.path.project(here)?;
                 (index != lane && other.holds(beside, foot)).then_some((index, foot))
             })

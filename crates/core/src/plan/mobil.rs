@@ -13,7 +13,7 @@ use super::idm::{IdmSettings, RETURN_TIME};
 use super::lanes::{Lane, Lanes, Need};
 use super::{PlanRequest, PlanResult, Scratch, path_motion, planned, refused};
 use crate::error::{Error, Result};
-use crate::geometry::Pose;
+use crate::geometry::{Point, Pose};
 
 /// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
 const AIM: f64 = 5.0;
@@ -26,6 +26,8 @@ const URGENT_LENGTH: f64 = 40.0;
 const END_BRAKING: f64 = 0.7;
 /// Shortest time in which the rest of a change is driven [s].
 const REST_MIN: f64 = 0.5;
+/// Feet of others are searched within this distance of where they are on a straight lane [m].
+const WINDOW: f64 = 12.0;
 /// Somebody within this distance of the edge of the corridor beside the agent is in it [m].
 const SIDE_MARGIN: f64 = 0.2;
 
@@ -124,6 +126,7 @@ impl Neighbours {
         let mut found = Self::default();
         let (half, reach) = (ego.half_width + SIDE_MARGIN, ego.reach);
         let here = request.state.pose().position;
+        let axis = Point::from_angle(request.state.orientation);
         for other in request.others {
             if other.is_static && other.shape.parts().len() > 1 {
                 continue;
@@ -133,7 +136,11 @@ impl Neighbours {
             if distance > reach {
                 continue;
             }
-            let Some((s, d)) = lane.path.project_near(body.center, ego.s, distance + 10.0) else { continue };
+            // On a lane that hardly bends the foot is about as far ahead as the body.
+            let expected = ego.s + (body.center - here).dot(axis);
+            let narrow = lane.path.project_near(body.center, expected, WINDOW);
+            let wide = || lane.path.project_near(body.center, ego.s, distance + 10.0);
+            let Some((s, d)) = narrow.or_else(wide) else { continue };
             let tangent = lane.path.at(s).tangent();
             let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis).abs());
             let half_s = body.half_length * cos.abs() + body.half_width * sin;
