@@ -22,8 +22,9 @@ const STRAIGHT_ON: f64 = 80.0;
 const LANES_MAX: usize = 8;
 /// Most lanelets of a lane: a bound for maps with loops.
 const CHAIN_MAX: usize = 200;
-/// A lane change ends this far before the place where the lane must be left [m].
-const RESERVE: f64 = 5.0;
+/// A lane change begins this far before the end of the stretch that both lanes share, at the latest [m]: it is the length
+/// that a change takes at walking speed.
+const RESERVE: f64 = 16.0;
 /// Feet are searched this far around the expected place [m].
 const FOOT_WINDOW: f64 = 25.0;
 

@@ -22,6 +22,8 @@ const SETTLED: f64 = 0.4;
 /// A change is urgent if less than this time and this length are left for each one that is missing.
 const URGENT_TIME: f64 = 15.0;
 const URGENT_LENGTH: f64 = 40.0;
+/// A change is at least this long [m].
+const CHANGE_LENGTH_MIN: f64 = 13.0;
 /// Before the place where its lane must be left an agent brakes with this share of the comfortable deceleration.
 const END_BRAKING: f64 = 0.7;
 /// Shortest time in which the rest of a change is driven [s].
@@ -209,6 +211,7 @@ pub(super) fn plan(
         return refused(request, scratch, "the agent is on none of its lanes");
     };
     let chosen = choose(request, settings, lanes, aim, wish);
+    let yields_to = leader_beside(request, settings, lanes, chosen);
     let lane = &lanes.lanes[chosen.lane];
     let start = match Start::on(&lane.path, chosen.s, &request.state, request.vehicle, trusted) {
         Ok(start) => start,
@@ -226,7 +229,12 @@ pub(super) fn plan(
     let drive = |ahead: &Ahead, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(pace.at(s)).min(end_velocity(law, need, s + ego.to_front)));
         let taken = (ahead.allowed(point, &ego, s, velocity, law) - law.acceleration).min(0.0);
-        limited(free + taken, velocity, request.vehicle)
+        let wanted = free + taken;
+        let beside = yields_to.map_or(f64::INFINITY, |leader| {
+            let gap = leader.gap + leader.velocity * point as f64 * request.dt - (s - start.s);
+            (law.acceleration + law.interaction(velocity, gap, leader.velocity)).max(-law.deceleration)
+        });
+        limited(wanted.min(beside), velocity, request.vehicle)
     };
     let from = (start.s, start.s_dot);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
@@ -280,8 +288,14 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
     let (_, here) = on(aim.lane, aim.s);
     let own_now = own(settings, &lanes.lanes[aim.lane], &here, aim.s, velocity, wish, request);
     let Some(need) = lanes.lanes[aim.lane].need(aim.s) else { return aim };
+    // Both lanes must still be side by side at the end of the change.
+    let length = (velocity * settings.lane_change_duration).max(CHANGE_LENGTH_MIN);
+    let beside_then = lanes.beside(aim.lane, aim.s + length, request.road);
     let mut best: Option<(f64, Aim)> = None;
-    for (lane, s) in beside.into_iter().flatten() {
+    for ((lane, s), then) in beside.into_iter().zip(beside_then).filter_map(|(now, then)| Some((now?, then?))) {
+        if lane != then.0 {
+            continue;
+        }
         let Some(need_there) = lanes.lanes[lane].need(s) else { continue };
         let (_, there) = on(lane, s);
         let own_then = own(settings, &lanes.lanes[lane], &there, s, velocity, wish, request);
@@ -301,6 +315,22 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
         }
     }
     best.map_or(aim, |(_, aim)| aim)
+}
+
+/// Whom the agent lets go ahead in the lane to which it must change soon: it falls in with the speed of that lane, braking
+/// no harder than is comfortable, so that a change becomes possible.
+fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim: Aim) -> Option<Next> {
+    let velocity = request.state.velocity.max(0.0);
+    let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;
+    let is_urgent = settings.burden(&need, aim.s, velocity) > need.changes as f64 * settings.bias;
+    if !is_urgent || aim.d.abs() > SETTLED {
+        return None;
+    }
+    let nearer =
+        |(lane, s): &(usize, f64)| lanes.lanes[*lane].need(*s).is_some_and(|there| there.changes < need.changes);
+    let (lane, s) = lanes.beside(aim.lane, aim.s, request.road).into_iter().flatten().find(nearer)?;
+    let ego = Ego::new(request, &lanes.lanes[lane].path, (s, velocity, 0.0), RETURN_TIME);
+    Neighbours::of(request, &lanes.lanes[lane], &ego).leader
 }
 
 /// The agent's acceleration in a lane, with speed limits, curves and the place where the lane must be left [m/s²].
