@@ -26,6 +26,8 @@ const MODE_PROBABILITY: f64 = 0.2;
 const FOOT_TOLERANCE: f64 = 0.3;
 /// Structures are looked for every so many metres of the path.
 const STRUCTURE_STEP: f64 = 1.0;
+/// Between two looks that are nearer in time than this [s], leaders move evenly.
+const INTERPOLATED: f64 = 0.5;
 /// Where the path turns by less than this [rad], the foot of a point within 20 m of it lies within this distance of where it
 /// would be on a straight path [m]: 20 m times the sine, and 6 % of the reach.
 const STRAIGHT_TURN: f64 = 0.35;
@@ -60,6 +62,23 @@ struct Place {
     inside: bool,
     /// Distance to the corridor [m], negative on its right, zero in it.
     clearance: f64,
+}
+
+impl Place {
+    /// Moves along the path in the corridor, or stands there.
+    fn leads(&self) -> bool {
+        self.inside && self.along
+    }
+
+    fn towards(&self, other: &Self, share: f64) -> Self {
+        let between = |a: f64, b: f64| a + (b - a) * share;
+        Self {
+            low: between(self.low, other.low),
+            high: between(self.high, other.high),
+            velocity: between(self.velocity, other.velocity),
+            ..*self
+        }
+    }
 }
 
 const OUTSIDE: Place =
@@ -224,6 +243,16 @@ impl Ahead {
     /// The points between two, halving until somebody is away from the corridor in between.
     fn fill(&mut self, expected: &Expected, row: usize, (a, before): (usize, Sample), (b, after): (usize, Sample)) {
         if b - a < 2 || before.stays_away(&after, (b - a) as f64 * self.dt, &expected.region) {
+            return;
+        }
+        if let (Some(from), Some(to)) = (&before.place, &after.place)
+            && from.leads()
+            && to.leads()
+            && (b - a) as f64 * self.dt < INTERPOLATED
+        {
+            for point in a + 1..b {
+                self.places[row + point] = from.towards(to, (point - a) as f64 / (b - a) as f64);
+            }
             return;
         }
         let middle = usize::midpoint(a, b);
