@@ -150,7 +150,7 @@ class Idm:
     """Drives the reference path of its route with the Intelligent Driver Model.
 
     Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys.
-    Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805, eqs. 3 and 4; defaults and the braking above the desired speed as in
+    Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805; defaults and the braking above the desired speed as in
     Treiber and Kesting, "Traffic Flow Dynamics", 2013, section 11.3. With the gap s and the leader's speed vl the
     acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
     desired speed v0 brings it to its goal in time, within speed limits and slowly enough for curves. See

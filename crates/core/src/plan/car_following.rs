@@ -1,8 +1,8 @@
 //! The Intelligent Driver Model (IDM): how hard to accelerate, from the own speed and what is ahead.
 //!
 //! Sources: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
-//! simulations", Phys. Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805, eqs. 2 to 4; Treiber, Kesting, "Traffic Flow
-//! Dynamics", Springer 2013, section 11.3.
+//! simulations", Phys. Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805; Treiber, Kesting, "Traffic Flow
+//! Dynamics", Springer 2013, section 11.3 (table of parameters, improved model).
 
 use crate::error::{Error, Result};
 use crate::vehicle::Vehicle;
@@ -34,15 +34,15 @@ impl Default for CarFollowing {
 }
 
 impl CarFollowing {
-    /// Desired gap s* [m] (2000, eq. 4): s0 + v T + v (v - vl) / (2 sqrt(a b)), where the part behind s0 is not
-    /// negative (2013, eq. 11.15).
+    /// Desired gap s* [m]: s0 + v T + v (v - vl) / (2 sqrt(a b)), where the part behind s0 is not
+    /// negative (2013).
     pub fn desired_gap(&self, velocity: f64, leader_velocity: f64) -> f64 {
         let approach = (velocity - leader_velocity) / (2.0 * (self.acceleration * self.deceleration).sqrt());
         self.minimum_gap + (velocity * (self.time_gap + approach)).max(0.0)
     }
 
-    /// Acceleration on a free road [m/s²] (2000, eq. 2): a (1 - (v / v0)^delta); above the desired speed the braking of
-    /// the improved model (2013, eq. 11.22): -b (1 - (v0 / v)^(a delta / b)).
+    /// Acceleration on a free road [m/s²]: a (1 - (v / v0)^delta); above the desired speed the braking of
+    /// the improved model (2013): -b (1 - (v0 / v)^(a delta / b)).
     pub fn free(&self, velocity: f64, desired_velocity: f64) -> f64 {
         let v0 = desired_velocity.max(DESIRED_VELOCITY_MIN);
         if velocity <= v0 {
@@ -53,13 +53,13 @@ impl CarFollowing {
         }
     }
 
-    /// What the leader takes away from the free acceleration [m/s²]: -a (s* / s)² (2000, eq. 3), not positive.
+    /// What the leader takes away from the free acceleration [m/s²]: -a (s* / s)², not positive.
     pub fn interaction(&self, velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
         let ratio = self.desired_gap(velocity, leader_velocity) / gap.max(GAP_MIN);
         -self.acceleration * ratio * ratio
     }
 
-    /// The whole model [m/s²] (2000, eq. 3).
+    /// The whole model [m/s²]: a (1 - (v / v0)^delta - (s* / s)²).
     pub fn acceleration(&self, velocity: f64, desired_velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
         self.free(velocity, desired_velocity) + self.interaction(velocity, gap, leader_velocity)
     }

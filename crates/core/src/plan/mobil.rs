@@ -1,8 +1,8 @@
 //! Changing lanes with MOBIL ("minimizing overall braking induced by lane changes"), driving with the IDM.
 //!
 //! Source: Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", Transportation
-//! Research Record 1999, 2007, doi 10.3141/1999-10: safety criterion eq. 2, incentive eq. 3. The bias for the right lane
-//! of eq. 5 is one for the lane that leads to the goal here.
+//! Research Record 1999, 2007, doi 10.3141/1999-10: safety criterion (eq. 2), incentive (eq. 3). The paper's bias
+//! for the right lane is one for the lane that leads to the goal here.
 //!
 //! A change that is under way is seen from the previous plan, which leads to the lane that it aims at.
 
