@@ -65,6 +65,8 @@ third_party: .venv-third/.installed ## drives planners of others; see docs/plann
 	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	.venv-oracles/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['oracles'], *p['build-system']['requires'], sep='\n')" > .venv-oracles/requirements.txt
 	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-oracles/requirements.txt
+	# Black boxes whose own requirements have no wheels; what is called of them needs none of those.
+	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --no-deps commonroad-crime==0.4.5 commonroad-clcs==2025.2.0
 	touch $@
 
 .venv-oracles/.installed: .venv-oracles/.tools $(RUST)

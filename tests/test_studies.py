@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from interdrive import read_scenario, shipped_scenario, simulate
 from interdrive.cli import main
+from interdrive.criticality import CriticalitySettings
 from interdrive.errors import InputError, ResultsError
 from interdrive.results import load
 from interdrive.studies import (
@@ -119,6 +120,16 @@ def test_the_smallest_distance_is_the_one_that_shapely_finds(study):
     for row, run in zip(study.table.to_pylist(), study.runs.values(), strict=True):
         assert not row["collided"]
         assert row["min_dce"] == pytest.approx(smallest_distance(run, study.agent, study.other), abs=1e-9)
+
+
+def test_the_table_has_the_criticality_of_the_agent_with_the_other_vehicle_alone(study):
+    for row, run in zip(study.table.to_pylist(), study.runs.values(), strict=True):
+        settings = CriticalitySettings(conflict_areas="stated" if run.scenario.incomings else "crossing")
+        found = run.criticality([study.agent], others=[study.other], settings=settings)
+        assert set(np.unique(found.series["ttc"].partner)) <= {-1, study.other}
+        for column, measure in (("min_ttc", "ttc"), ("max_btn", "btn"), ("et", "et"), ("pet", "pet")):
+            value = found.extremes[measure].value[0]
+            assert row[column] == (None if np.isnan(value) else value), column
 
 
 def test_the_table_has_the_outcomes_of_both_and_none_for_a_recording(study):

@@ -243,6 +243,7 @@ class Run:
         self,
         ids: Sequence[int] | None = None,
         *,
+        others: Sequence[int] | None = None,
         settings: CriticalitySettings | None = None,
         deceleration: Mapping[int, float] | None = None,
         threads: int | None = None,
@@ -253,4 +254,4 @@ class Run:
         """
         from interdrive.criticality import evaluate  # noqa: PLC0415 - only who asks pays for it
 
-        return evaluate(self, ids, settings=settings, deceleration=deceleration, threads=threads)
+        return evaluate(self, ids, others=others, settings=settings, deceleration=deceleration, threads=threads)

@@ -178,6 +178,7 @@ def evaluate(
     source: Scenario | RecordedRun,
     ids: Sequence[int] | None = None,
     *,
+    others: Sequence[int] | None = None,
     settings: CriticalitySettings | None = None,
     deceleration: Mapping[int, float] | None = None,
     threads: int | None = None,
@@ -187,6 +188,7 @@ def evaluate(
     Args:
         source: A finished run, or a scenario whose recorded traffic is judged.
         ids: Participants to judge; by default all agents of a run, all recorded vehicles of a scenario.
+        others: If given, only these participants (and the judged ones among themselves) are looked at.
         settings: Parameters and switches; the defaults otherwise.
         deceleration: Available deceleration of single vehicles by id [m/s²].
         threads: The number of cores by default. Results do not depend on it.
@@ -201,6 +203,8 @@ def evaluate(
     scenario = source if isinstance(source, Scenario) else source.scenario
     traffic = traffic_of(source)
     judged = traffic.default_ids if ids is None else list(ids)
+    if others is not None:
+        traffic = traffic.only([*judged, *others])
     available = dict(deceleration or {})
     strangers = [number for number in available if number not in judged]
     if strangers:

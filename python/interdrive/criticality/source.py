@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from interdrive.errors import InputError
 from interdrive.scenario import Scenario, Shape
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
@@ -109,6 +112,28 @@ class Traffic:
     valid: Bools
     default_ids: list[int]
     contacts: list[tuple[int, int, int]]
+
+    def only(self, ids: Sequence[int]) -> Traffic:
+        """The same without anybody else.
+
+        Raises:
+            InputError: An id is not there.
+        """
+        strangers = [number for number in ids if number not in self.ids]
+        if strangers:
+            raise InputError(f"there is no participant with id {strangers[0]}")
+        rows = np.flatnonzero(np.isin(self.ids, list(ids)))
+        kept = set(self.ids[rows].tolist())
+        tables: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)[rows]) for name in (*_TABLES, "valid")}
+        return replace(
+            self,
+            ids=self.ids[rows],
+            shapes=tuple(self.shapes[row] for row in rows.tolist()),
+            is_static=self.is_static[rows],
+            default_ids=[number for number in self.default_ids if number in kept],
+            contacts=[contact for contact in self.contacts if contact[0] in kept and contact[1] in kept],
+            **tables,
+        )
 
 
 def traffic_of(source: Scenario | RecordedRun) -> Traffic:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from interdrive.criticality import CriticalitySettings
 from interdrive.handles import core_shape
 from interdrive.results import Column, arrow_table
 from interdrive.scenario import Shape
@@ -74,23 +75,64 @@ def collided(run: Run, first: int, second: int) -> bool:
 
 
 def distance_of_closest_encounter(run: Run, first: int, second: int) -> float:
-    """Smallest distance between the footprints while both are there, DCE [m]; 0 if they collide, nan if never both.
+    """Smallest distance between the footprints while both are there, DCE [m]; 0 if they collide, nan if never both."""
+    if run.states.is_static[run.states.ids == first].any():
+        first, second = second, first
+    # No limit but the size of maps, and whoever comes towards the other one counts.
+    settings = CriticalitySettings(radius=_EVERYWHERE, oncoming_filter=False)
+    value = _extreme("dce", settings)(run, first, second)
+    return float("nan") if value == float("inf") else value
 
-    Eggert, "Predictive risk estimation for intelligent ADAS functions", ITSC 2014, on the simulated states.
-    """
-    if collided(run, first, second):
-        return 0.0
-    distances = footprint_distances(run, first, second)
-    return float(np.nanmin(distances)) if np.isfinite(distances).any() else float("nan")
+
+def _extreme(name: str, settings: CriticalitySettings | None = None) -> Callable[[Run, int, int], float]:
+    """The most critical value of a measure for the first participant, with the second one as the only other one."""
+
+    def of(run: Run, first: int, second: int) -> float:
+        there = set(run.states.ids[run.states.valid.any(axis=1)].tolist())
+        if not {first, second} <= there:
+            return float("nan")
+        areas: Literal["stated", "crossing"] = "stated" if run.scenario.incomings else "crossing"
+        chosen = settings or CriticalitySettings(conflict_areas=areas)
+        return float(run.criticality([first], others=[second], settings=chosen).extremes[name].value[0])
+
+    return of
 
 
-#: The numbers of the table, in its order.
+#: Wider than any map of a scenario [m].
+_EVERYWHERE = 2000.0
+
+#: The numbers of the table, in its order. docs/criticality.md defines them; where the map states no intersection, the
+#: vehicles encroach where lanelets cross or join.
 MEASURES = (
     Measure(
         Column("min_dce", "number", "smallest distance between the footprints of the two [m]", nullable=True),
         "min. DCE [m]",
         2,
         distance_of_closest_encounter,
+    ),
+    Measure(
+        Column("min_ttc", "number", "smallest time to collision of the agent with the other [s]", nullable=True),
+        "min. TTC [s]",
+        2,
+        _extreme("ttc"),
+    ),
+    Measure(
+        Column("max_btn", "number", "largest brake threat number of the agent behind the other", nullable=True),
+        "max. BTN",
+        2,
+        _extreme("btn"),
+    ),
+    Measure(
+        Column("et", "number", "encroachment time of the agent [s]; null: entered, never left", nullable=True),
+        "ET [s]",
+        1,
+        _extreme("et"),
+    ),
+    Measure(
+        Column("pet", "number", "post-encroachment time of the two [s]", nullable=True),
+        "PET [s]",
+        1,
+        _extreme("pet"),
     ),
 )
 

@@ -5,6 +5,8 @@ use crate::geometry::Point;
 
 /// Vertices nearer to each other than this [m] are one: joints of lanelets are that inexact.
 const SAME_VERTEX: f64 = 0.05;
+/// A vertex that leads back by less than this [m] is left out: some lanelets start before the end of the one before.
+const LEADS_BACK: f64 = 3.0;
 
 /// A polyline with a tangent at every vertex.
 #[derive(Debug, Clone)]
@@ -33,7 +35,14 @@ impl Curve {
     pub(super) fn new(vertices: impl IntoIterator<Item = Point>) -> Option<Self> {
         let mut points: Vec<Point> = Vec::new();
         for vertex in vertices {
-            if points.last().is_none_or(|last| last.distance(vertex) > SAME_VERTEX) {
+            let leads_on = match points[..] {
+                [.., before, last] => {
+                    let step = vertex - last;
+                    step.dot(last - before) >= 0.0 || step.norm() > LEADS_BACK
+                }
+                _ => true,
+            };
+            if leads_on && points.last().is_none_or(|last| last.distance(vertex) > SAME_VERTEX) {
                 points.push(vertex);
             }
         }
@@ -149,6 +158,14 @@ mod tests {
                 last = Some(s);
             }
         }
+    }
+
+    #[test]
+    fn lanelets_that_overlap_at_their_joint_do_not_lengthen_the_way() {
+        let vertices = [(0.0, 0.0), (10.0, 0.0), (20.0, 0.0), (19.0, 0.1), (21.0, 0.1), (30.0, 0.1)];
+        let curve = Curve::new(vertices.map(|(x, y)| Point::new(x, y))).expect("a curve");
+        let at = |x: f64| curve.project(Point::new(x, 0.0), 5.0).expect("beside").s;
+        assert!((at(25.0) - at(15.0) - 10.0).abs() < 0.02);
     }
 
     #[test]

@@ -1,0 +1,240 @@
+"""Criticality of real recordings against shapely, and distances along paths against commonroad-clcs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from bodies import body_of, distances
+from commonroad_curves import curvilinear
+from test_bodies import EXACT, EXACT_FAR_AWAY, poses_of
+
+from interdrive.criticality import CriticalitySettings, evaluate
+from interdrive.scenario import Shape
+
+UNFILTERED = CriticalitySettings(oncoming_filter=False)
+CROSSING = CriticalitySettings(oncoming_filter=False, conflict_areas="crossing")
+#: Of each scenario so many vehicles and pairs are compared.
+VEHICLES_MAX, PAIRS_MAX = 12, 600
+
+
+def far_away(scenario):
+    return np.nanmax(np.abs(np.concatenate([bound.ravel() for bound in scenario.lanelets.left]))) > 1e5
+
+
+def closest(scenario, row, bodies):
+    """Smallest footprint distance within the radius at every step, inf without anybody, by shapely."""
+    obstacles = scenario.obstacles
+    own = poses_of(obstacles, row)
+    apart = np.hypot(obstacles.x - own[:, 0], obstacles.y - own[:, 1])
+    apart = np.where(obstacles.valid & obstacles.valid[row], apart, np.inf)
+    apart[row] = np.inf
+    apart[apart >= UNFILTERED.radius] = np.inf
+    reach = np.array([body.reach for body in bodies])
+    # Nobody whose circle is farther away than somebody's centre can be the nearest.
+    worth = apart - reach[:, None] - reach[row] <= apart.min(axis=0)
+    worth &= np.isfinite(apart)
+    nearest = np.full(obstacles.n_steps, np.inf)
+    for other in np.flatnonzero(worth.any(axis=1)).tolist():
+        steps = np.flatnonzero(worth[other])
+        found = distances(bodies[row], own[steps], bodies[other], poses_of(obstacles, other)[steps])
+        nearest[steps] = np.minimum(nearest[steps], found)
+    return nearest
+
+
+def test_distances_of_closest_encounters_are_those_of_shapely(recorded, measured):
+    worst, worst_far, n, n_scenarios, wrong = 0.0, 0.0, 0, 0, []
+    for scenario in recorded:
+        found = evaluate(scenario, settings=UNFILTERED)
+        if not len(found.ids):
+            continue
+        n_scenarios += 1
+        bodies = [body_of(shape) for shape in scenario.obstacles.shapes]
+        for place, number in enumerate(found.ids[:VEHICLES_MAX].tolist()):
+            row = int(np.searchsorted(scenario.obstacles.ids, number))
+            nearest = closest(scenario, row, bodies)
+            steps = np.flatnonzero(found.present[place])
+            for k in steps[:: max(1, len(steps) // 12)].tolist():
+                ahead = nearest[k:]
+                dce, ttce = found["dce"][place, k], found["ttce"][place, k]
+                if not np.isfinite(ahead).any():
+                    assert np.isinf(dce)
+                    assert np.isinf(ttce)
+                    continue
+                n += 1
+                deviation = abs(ahead.min() - dce)
+                if far_away(scenario):
+                    worst_far = max(worst_far, deviation)
+                else:
+                    worst = max(worst, deviation)
+                at = round(ttce / scenario.dt)
+                # The earliest one; where two steps differ by rounding, either.
+                first = int(np.argmax(ahead <= ahead.min() + (EXACT_FAR_AWAY if far_away(scenario) else EXACT)))
+                if at != first and abs(ahead[at] - ahead[first]) > EXACT_FAR_AWAY:
+                    wrong.append((scenario.name, number, k, at, first))
+    assert n_scenarios >= 30
+    remark = f"{n_scenarios} scenarios"
+    measured("dce: shapely", n, worst, EXACT, "m", remark)
+    measured("dce: shapely, coordinates in the millions", n, worst_far, EXACT_FAR_AWAY, "m")
+    measured("ttce: shapely, different steps", n, len(wrong), 0, "", remark, wrong)
+
+
+def outline(scenario, number):
+    row = int(np.searchsorted(scenario.lanelets.ids, number))
+    return shapely.Polygon(np.concatenate([scenario.lanelets.left[row], scenario.lanelets.right[row][::-1]]))
+
+
+def stay(scenario, row, area, body):
+    """First step in the area, and first later one out of it (None: never), by shapely."""
+    obstacles = scenario.obstacles
+    steps = np.flatnonzero(obstacles.valid[row])
+    shapes = body.at(poses_of(obstacles, row)[steps])
+    inside = shapely.distance(shapes, area) <= body.radius
+    if not inside.any():
+        return None
+    enter = int(inside.argmax())
+    later = np.flatnonzero(~inside[enter:])
+    return int(steps[enter]), (int(steps[enter + later[0]]) if len(later) else None)
+
+
+def test_encroachment_times_are_those_of_shapely(recorded, measured):
+    """Pair by pair: times in the conflict area that a value names, worked out from the lanelets' outlines."""
+    n_et, n_pet, n_scenarios, wrong, n_nan = 0, 0, 0, [], 0
+    for scenario in recorded:
+        everybody = evaluate(scenario, settings=CROSSING)
+        obstacles = scenario.obstacles
+        bodies = [body_of(shape) for shape in obstacles.shapes]
+        encroaching = everybody.ids[everybody.extremes["et"].way >= 0].tolist()
+        pairs = [(a, b) for a in encroaching for b in everybody.ids.tolist() if a != b][:PAIRS_MAX]
+        n_before = n_et
+        for a, b in pairs:
+            found = evaluate(scenario, [a], others=[b], settings=CROSSING, threads=1)
+            row, other = (int(np.searchsorted(obstacles.ids, number)) for number in (a, b))
+            for name in ("et", "pet"):
+                extreme = found.extremes[name]
+                if extreme.way[0] < 0:
+                    continue
+                lanelets = [outline(scenario, int(part)) for part in found.ways[extreme.way[0]].split(" x ")]
+                if not all(lanelet.is_valid for lanelet in lanelets):
+                    continue
+                area = lanelets[0].intersection(lanelets[1])
+                own = stay(scenario, row, area, bodies[row])
+                if name == "et":
+                    expected = np.nan if own[1] is None else (own[1] - own[0]) * scenario.dt
+                    n_et, n_nan = n_et + 1, n_nan + int(own[1] is None)
+                else:
+                    expected = post_encroachment(scenario, own, row, stay(scenario, other, area, bodies[other]), other)
+                    n_pet += 1
+                if not np.isclose(extreme.value[0], expected, rtol=0.0, atol=1e-9, equal_nan=True):
+                    wrong.append((scenario.name, a, b, name, float(extreme.value[0]), float(expected)))
+        n_scenarios += n_et > n_before
+    remark = f"{n_scenarios} scenarios, {n_nan} enter and never leave"
+    measured("et: shapely, different values", n_et, sum(one[3] == "et" for one in wrong), 0, "", remark, wrong)
+    measured("pet: shapely, different values", n_pet, sum(one[3] == "pet" for one in wrong), 0, "", remark, wrong)
+    assert n_scenarios >= 30, f"{n_scenarios} scenarios have encroachment"
+
+
+def post_encroachment(scenario, own, row, others, other):
+    obstacles = scenario.obstacles
+    (first, first_row), (second, _) = sorted([(own, row), (others, other)], key=lambda item: (item[0][0], item[1]))
+    last = int(np.flatnonzero(obstacles.valid[first_row])[-1])
+    out = first[1] if first[1] is not None else last + 1 if last + 1 < obstacles.n_steps else None
+    return 0.0 if out is None or second[0] < out else (second[0] - out) * scenario.dt
+
+
+#: Distances along a path: on roads that bend no more than this [1/m], this near to their middle [m].
+CURVATURE_MAX, OFFSET_MAX = 1.0 / 50.0, 2.0
+
+
+@pytest.mark.parametrize("radius", [50.0, 80.0, 200.0])
+def test_distances_along_arcs_are_those_of_the_arc_and_of_curvilinear_coordinates(radius, measured):
+    angle = np.arange(0.0, 90.0 / radius, 1.0 / radius)
+    path = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+    worst, n = 0.0, 0
+    for d in (-2.0, 0.0, 2.0):
+        where = np.linspace(5.0, 80.0, 16) / radius
+        points = (radius - d) * np.column_stack([np.sin(where), -np.cos(where)]) + (0.0, radius)
+        theirs = curvilinear(path, points)[:, 0]
+        worst, n = max(worst, float(np.abs(np.diff(theirs) - np.diff(where) * radius).max())), n + 15
+    measured(f"commonroad-clcs against arcs of {radius:.0f} m: distances", n, worst, 0.06, "m")
+
+
+def test_headways_are_distances_in_curvilinear_coordinates(recorded, measured):
+    """Vehicles made small, so that a headway is the distance of the centres along the path."""
+    size = 0.01
+    worst, n, n_scenarios, cases, all_worst = 0.0, 0, 0, [], 0.0
+    for scenario in recorded:
+        obstacles = scenario.obstacles
+        small = replace(obstacles, shapes=(Shape("circle", radius=size),) * len(obstacles.ids))
+        found = evaluate(replace(scenario, obstacles=small), settings=UNFILTERED)
+        n_before = n
+        series = found.series["hw"]
+        for way in np.unique(series.way[series.way >= 0])[:12].tolist():
+            rows, columns = np.nonzero((series.way == way) & np.isfinite(series.value))
+            keep = np.linspace(0, len(rows) - 1, min(25, len(rows))).astype(int)
+            rows, columns = rows[keep], columns[keep]
+            own = np.searchsorted(obstacles.ids, found.ids[rows])
+            other = np.searchsorted(obstacles.ids, series.partner[rows, columns])
+            path = center_line(scenario, [int(part) for part in found.ways[way].split(" > ")])
+            points = [
+                np.column_stack([obstacles.x[who, columns], obstacles.y[who, columns]]) - path[0]
+                for who in (own, other)
+            ]
+            behind, ahead = (curvilinear(path - path[0], one) for one in points)
+            bend = sharpest_bend(path, behind[:, 0], ahead[:, 0])
+            near = (np.abs(behind[:, 1]) <= OFFSET_MAX) & (np.abs(ahead[:, 1]) <= OFFSET_MAX)
+            # A single lanelet may be driven against its direction.
+            along = np.abs(ahead[:, 0] - behind[:, 0])
+            deviation = np.abs(along - 2 * size - series.value[rows, columns])
+            known = np.isfinite(deviation)
+            kept = known & near & (bend <= CURVATURE_MAX)
+            if kept.any():
+                n += int(kept.sum())
+                at = int(np.where(kept, deviation, -1.0).argmax())
+                worst = max(worst, float(deviation[at]))
+                if deviation[at] > 0.06:
+                    cases.append((scenario.name, found.ways[way], int(found.ids[rows[at]]), columns[at], deviation[at]))
+            if known.any():
+                all_worst = max(all_worst, float(deviation[known].max()))
+        n_scenarios += n > n_before
+    assert n_scenarios >= 30
+    remark = f"{n_scenarios} scenarios; without conditions {all_worst:.2g} m"
+    measured("hw: commonroad-clcs, bends above 50 m, at most 2 m aside", n, worst, 0.06, "m", remark, cases)
+
+
+def center_line(scenario, lanelets):
+    """The way of a path as a polyline, without its lead-in, with a metre of room at both ends."""
+    rows = np.searchsorted(scenario.lanelets.ids, lanelets)
+    parts = [0.5 * (scenario.lanelets.left[row] + scenario.lanelets.right[row]) for row in rows.tolist()]
+    if len(parts) > 1 and np.hypot(*(parts[0][0] - parts[1][-1])) < np.hypot(*(parts[0][-1] - parts[1][0])):
+        parts = [part[::-1] for part in parts]
+    kept = list(parts[0][:2])
+    for point in np.concatenate([parts[0][2:], *parts[1:]]):
+        step = point - kept[-1]
+        # Some lanelets start a little before the end of the one before.
+        if np.hypot(*step) > 0.05 and (step @ (kept[-1] - kept[-2]) >= 0.0 or np.hypot(*step) > 3.0):
+            kept.append(point)
+    points = np.array(kept)
+
+    def beyond(end, before):
+        way = end - before
+        return end + way * (10.0 / np.hypot(*way))
+
+    return np.concatenate([[beyond(points[0], points[1])], points, [beyond(points[-1], points[-2])]])
+
+
+def sharpest_bend(path, start, end):
+    """Largest change of direction per metre around two arc lengths and between them, over 6 m, shape (pairs,)."""
+    s = np.append(0.0, np.hypot(*np.diff(path, axis=0).T).cumsum())
+    at = np.arange(0.0, s[-1], 1.0)
+    fine = np.column_stack([np.interp(at, s, path[:, axis]) for axis in (0, 1)])
+    way = np.unwrap(np.arctan2(*(fine[3:] - fine[:-3]).T[::-1]))
+    bend = np.abs(way[3:] - way[:-3]) / 3.0
+    found = np.zeros(len(start))
+    for i, (a, b) in enumerate(zip(start, end, strict=True)):
+        if np.isfinite(a + b):
+            part = bend[max(0, int(min(a, b)) - 12) : int(max(a, b)) + 12]
+            found[i] = part.max(initial=0.0)
+    return found
