@@ -38,9 +38,10 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	$(BIN)/lint-imports
 	$(BIN)/python scenarios/make.py --check
 
-bench: $(VENV)/.installed ## one table: time per step, phases, memory, start
+bench: $(VENV)/.installed ## time per step, phases, memory, start; time for all criticality measures
 	$(BIN)/python benchmarks/table.py
 	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
+	$(BIN)/python benchmarks/criticality.py
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles

@@ -79,11 +79,16 @@ class CriMe:
             warnings.simplefilter("ignore")
             yield
 
-    def compute(self, name: str, other: int, steps: range | list[int]) -> np.ndarray:
-        """Values at some time steps, shape (steps,)."""
+    def measure(self, name: str):
+        """CriMe's object for a measure."""
         path, cls = MEASURES[name]
         with self._quiet():
-            measure = getattr(importlib.import_module(f"commonroad_crime.measure.{path}"), cls)(self.config)
+            return getattr(importlib.import_module(f"commonroad_crime.measure.{path}"), cls)(self.config)
+
+    def compute(self, name: str, other: int, steps: range | list[int]) -> np.ndarray:
+        """Values at some time steps, shape (steps,)."""
+        measure = self.measure(name)
+        with self._quiet():
             values = [measure.compute(other, step, verbose=False) for step in steps]
         return np.array([np.nan if value is None else value for value in values], dtype=float)
 

@@ -29,7 +29,6 @@ class CriticalitySettings:
         leader_stops: A braking vehicle ahead comes to rest and stays there, for the required longitudinal acceleration.
         conflict_areas: Where vehicles cross: between the connectors of stated intersections, or crossing, between all
             lanelets that cross or join.
-        asymmetric_harm: A side impact on the driver's (left) side differs from one on the right.
     """
 
     radius: float = 100.0
@@ -44,7 +43,6 @@ class CriticalitySettings:
     thw_mode: Literal["normalized", "recorded"] = "normalized"
     leader_stops: bool = False
     conflict_areas: Literal["stated", "crossing"] = "stated"
-    asymmetric_harm: bool = False
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
