@@ -629,3 +629,53 @@ fn has_priority(request: &PlanRequest, ego: &Ego, claim: &Claim) -> bool {
     // It comes from the left if it heads to the right across the path.
     there.tangent().cross(Point::from_angle(predictions.orientation[k])) < 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_part_of_a_box_in_the_corridor_is_what_counts() {
+        let body = |half_length, half_width| OrientedBox {
+            center: Point::default(),
+            axis: Point::new(1.0, 0.0),
+            half_length,
+            half_width,
+        };
+        let diagonal = std::f64::consts::FRAC_1_SQRT_2;
+        for (body, (cos, sin), (right, left), expected) in [
+            // Across the corridor: as wide as the box.
+            (body(2.0, 1.0), (0.0, 1.0), (-0.5, 0.5), Some((-1.0, 1.0))),
+            // Along it: as long as the box.
+            (body(2.0, 1.0), (1.0, 0.0), (-0.5, 0.5), Some((-2.0, 2.0))),
+            // A thin diagonal of which the corridor sees from 0.5 m to 1 m beside the centre.
+            (body(2.0, 0.0), (diagonal, diagonal), (0.5, 1.0), Some((0.5, 1.0))),
+            (body(2.0, 1.0), (1.0, 0.0), (1.5, 2.0), None),
+        ] {
+            match (stretch(&body, (cos, sin), (right, left)), expected) {
+                (Some((low, high)), Some((a, b))) => {
+                    assert!((low - a).abs() < 1e-9 && (high - b).abs() < 1e-9, "{low} {high}");
+                }
+                (found, expected) => assert_eq!(found, expected),
+            }
+        }
+    }
+
+    #[test]
+    fn waiting_takes_no_more_braking_than_is_necessary() {
+        for (distance, velocity, end_velocity, time, expected) in [
+            // It would arrive after 2 s anyway.
+            (20.0, 10.0, 0.0, 2.0, f64::INFINITY),
+            // 10 * 3 - 0.5 * 2.222 * 9 = 20
+            (20.0, 10.0, 0.0, 3.0, -20.0 / 9.0),
+            // Longer than it takes to stop: brake to rest, 10² / (2 * 20).
+            (20.0, 10.0, 0.0, 10.0, -2.5),
+            // Behind somebody with 6 m/s: (36 - 100) / 40.
+            (20.0, 10.0, 6.0, 10.0, -1.6),
+            (-1.0, 10.0, 0.0, 1.0, f64::NEG_INFINITY),
+        ] {
+            let found = not_before(distance, velocity, end_velocity, time);
+            assert!(found == expected || (found - expected).abs() < 1e-9, "{found} for {expected}");
+        }
+    }
+}

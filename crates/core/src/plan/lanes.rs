@@ -256,3 +256,57 @@ impl Lanes {
         best.map(|(index, s, d, _)| (index, s, d))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::shape::{PlacedShape, Shape};
+    use crate::road::testing::{LANE_WIDTH, straight_road};
+    use crate::route::{RouteSettings, find_route};
+    use crate::scenario::GoalState;
+
+    /// Three lanes of 200 m; from the right one at 20 m to a goal at 150 m in a lane (0: right).
+    fn lanes(goal_lane: usize) -> (RoadNetwork, Lanes) {
+        let road = straight_road(3);
+        let pose = Pose::new(150.0, goal_lane as f64 * LANE_WIDTH, 0.0);
+        let areas = vec![PlacedShape { shape: Shape::rectangle(10.0, 3.0), pose }];
+        let route =
+            find_route(&road, Pose::new(20.0, 0.0, 0.0), 10.0, &areas, &RouteSettings::default()).expect("a route");
+        let goal = Goal { states: vec![GoalState { areas, time_step: (0, 100), velocity: None, orientation: None }] };
+        let lanes = Lanes::along(&route, &goal, &road).expect("lanes");
+        (road, lanes)
+    }
+
+    #[test]
+    fn every_lane_knows_how_many_changes_are_missing_and_until_where() {
+        let (_, lanes) = lanes(2);
+        let at = |lane: usize| lanes.lanes[lane].path.project(Point::new(30.0, 0.0)).expect("beside").0;
+        let needs: Vec<Need> = (0..3).map(|lane| lanes.lanes[lane].need(at(lane)).expect("leads there")).collect();
+        assert_eq!(needs.iter().map(|need| need.changes).collect::<Vec<_>>(), [2, 1, 0]);
+        // The goal begins at 145 m.
+        assert!((needs[0].last_chance - at(0) - (145.0 - 30.0 - RESERVE)).abs() < 0.5, "{needs:?}");
+        assert_eq!(needs[2].last_chance, f64::INFINITY);
+    }
+
+    #[test]
+    fn lanes_beside_are_found_on_both_sides() {
+        let (road, lanes) = lanes(0);
+        let s = lanes.lanes[1].path.project(Point::new(60.0, LANE_WIDTH)).expect("beside").0;
+        let beside = lanes.beside(1, s, &road).map(|side| side.map(|(lane, _)| lane));
+        assert_eq!(beside, [Some(2), Some(0)]);
+        assert_eq!(lanes.beside(0, s, &road)[1], None);
+        assert!((lanes.lanes[1].width(s, &road) - LANE_WIDTH).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_pose_on_its_way_to_a_lane_fits_that_lane() {
+        let (_, lanes) = lanes(0);
+        let lane =
+            |y: f64, theta: f64, ahead: f64| lanes.nearest(Pose::new(60.0, y, theta), ahead).map(|found| found.0);
+        assert_eq!(lane(0.4, 0.0, 5.0), Some(0));
+        assert_eq!(lane(2.0, 0.0, 5.0), Some(1));
+        // 1.5 m beside the first lane, but heading for the second.
+        assert_eq!((lane(1.5, 0.15, 5.0), lane(1.5, 0.15, 0.0)), (Some(1), Some(0)));
+        assert_eq!(lane(0.0, 3.0, 5.0), None);
+    }
+}

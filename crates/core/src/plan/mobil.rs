@@ -417,11 +417,11 @@ mod tests {
         let settings = IdmMobilSettings::default();
         let need = |changes| Need { changes, last_chance: 340.0 };
         assert_eq!(settings.burden(&Need { changes: 0, last_chance: f64::INFINITY }, 0.0, 10.0), 0.0);
-        // Urgent from 10 s and 40 m on: 140 m.
+        // Urgent from 15 s and 40 m on: 190 m.
         assert!((settings.burden(&need(1), 100.0, 10.0) - 0.3).abs() < 1e-12);
-        assert!((settings.burden(&need(1), 270.0, 10.0) - 2.3).abs() < 1e-12);
-        // Two changes: 70 m for each.
-        assert!((settings.burden(&need(2), 200.0, 10.0) - 2.6).abs() < 1e-12);
+        assert!((settings.burden(&need(1), 245.0, 10.0) - 2.3).abs() < 1e-12);
+        // Two changes: 95 m for each.
+        assert!((settings.burden(&need(2), 150.0, 10.0) - 2.6).abs() < 1e-12);
         assert!((settings.burden(&need(1), 400.0, 10.0) - 4.3).abs() < 1e-12);
     }
 
