@@ -1,0 +1,104 @@
+//! Who is next in a lane, ahead and behind, and what a change would do to them.
+
+use super::{CarFollowing, Ego, Lane, PlanRequest};
+use crate::geometry::Point;
+
+/// Feet of others are searched within this distance of where they are on a straight lane [m].
+const WINDOW: f64 = 12.0;
+/// Somebody within this distance of the edge of the corridor beside the agent is in it [m].
+const SIDE_MARGIN: f64 = 0.2;
+
+/// Who is next in a lane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Next {
+    /// From bumper to bumper [m]; negative if beside.
+    pub(super) gap: f64,
+    /// Speed along the lane [m/s].
+    pub(super) velocity: f64,
+}
+
+/// Leader and follower in a lane, of an agent that is (or would be) there.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Neighbours {
+    pub(super) leader: Option<Next>,
+    pub(super) follower: Option<Next>,
+}
+
+impl Neighbours {
+    pub(super) fn of(request: &PlanRequest, lane: &Lane, ego: &Ego) -> Self {
+        let mut found = Self::default();
+        let (half, reach) = (ego.half_width + SIDE_MARGIN, ego.reach);
+        let here = request.state.pose().position;
+        let axis = Point::from_angle(request.state.orientation);
+        for other in request.others {
+            if other.is_static && other.shape.parts().len() > 1 {
+                continue;
+            }
+            let body = other.shape.oriented_box(other.pose);
+            let distance = body.center.distance(here);
+            if distance > reach {
+                continue;
+            }
+            // On a lane that hardly bends the foot is about as far ahead as the body.
+            let expected = ego.s + (body.center - here).dot(axis);
+            let narrow = lane.path.project_near(body.center, expected, WINDOW);
+            let wide = || lane.path.project_near(body.center, ego.s, distance + 10.0);
+            let Some((s, d)) = narrow.or_else(wide) else { continue };
+            let tangent = lane.path.at(s).tangent();
+            let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis).abs());
+            let half_s = body.half_length * cos.abs() + body.half_width * sin;
+            let half_d = body.half_length * sin + body.half_width * cos.abs();
+            if d.abs() > half + half_d {
+                continue;
+            }
+            let middle = 0.5 * (ego.to_front + ego.to_rear);
+            let half_ego = 0.5 * (ego.to_front - ego.to_rear);
+            let offset = s - (ego.s + middle);
+            let gap = offset.abs() - half_s - half_ego;
+            let next = Next { gap, velocity: (other.velocity * cos).max(0.0) };
+            let place = if offset > 0.0 { &mut found.leader } else { &mut found.follower };
+            if place.is_none_or(|known| gap < known.gap) {
+                *place = Some(next);
+            }
+        }
+        found
+    }
+
+    /// Nobody is beside the agent.
+    pub(super) fn is_free(&self) -> bool {
+        [self.leader, self.follower].iter().flatten().all(|next| next.gap > 0.0)
+    }
+
+    /// What the agent's own acceleration is there [m/s²].
+    pub(super) fn own(&self, law: &CarFollowing, velocity: f64, wish: f64) -> f64 {
+        let interaction = self.leader.map_or(0.0, |next| law.interaction(velocity, next.gap, next.velocity));
+        law.free(velocity, wish) + interaction
+    }
+
+    /// Acceleration of the follower behind the agent, and behind the agent's leader if the agent were not there [m/s²].
+    /// What its desired speed adds is the same in both and left out.
+    pub(super) fn behind(&self, law: &CarFollowing, velocity: f64, own_length: f64) -> Option<(f64, f64)> {
+        let follower = self.follower?;
+        let with = law.interaction(follower.velocity, follower.gap, velocity);
+        let without = self.leader.map_or(0.0, |leader| {
+            let gap = follower.gap.max(0.0) + own_length + leader.gap.max(0.0);
+            law.interaction(follower.velocity, gap, leader.velocity)
+        });
+        Some((with, without))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn followers_lose_what_the_model_says() {
+        let law = CarFollowing { time_gap: 1.5, minimum_gap: 2.0, acceleration: 1.0, deceleration: 4.0, exponent: 4.0 };
+        let next = |gap, velocity| Some(Next { gap, velocity });
+        let neighbours = Neighbours { leader: next(29.0, 10.0), follower: next(17.0, 10.0) };
+        // s* = 17 at equal speeds: behind the agent 17 m, behind its leader 17 + 5 + 29 = 51 m.
+        let (with, without) = neighbours.behind(&law, 10.0, 5.0).expect("a follower");
+        assert!((with + 1.0).abs() < 1e-12 && (without + 1.0 / 9.0).abs() < 1e-12, "{with} {without}");
+    }
+}
