@@ -98,7 +98,7 @@ pub(super) fn limited(acceleration: f64, velocity: f64, vehicle: &Vehicle) -> f6
     acceleration.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity))
 }
 
-/// Arc length, its derivative and its second derivative at one point of a plan.
+/// The drive at one point of a plan: way (counted from the arc length of the start), speed and acceleration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Motion {
     pub(super) s: f64,

@@ -64,7 +64,7 @@ pub(super) fn plan(
     };
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.law;
-    let ego = Ego::new(request, path, (start.s, start.s_dot, start.d), RETURN_TIME);
+    let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let Scratch { ahead, pace, motions, free, road, .. } = scratch;
     ahead.collect(request, &ego, n_points);
     pace.fill(path, limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
@@ -75,7 +75,7 @@ pub(super) fn plan(
         let taken = ahead.allowed(point, &ego, s, velocity, law) - law.acceleration;
         limited(free + taken.min(0.0), velocity, request.vehicle)
     };
-    let from = (start.s, start.s_dot);
+    let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
     ahead.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));

@@ -139,7 +139,7 @@ pub(super) fn plan(
     let time = time_left(request, settings, lane, &start);
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
-    let ego = Ego::new(request, &lane.path, (start.s, start.s_dot, start.d), time);
+    let ego = Ego::new(request, &lane.path, (start.s, start.velocity, start.d), time);
     let Scratch { ahead, pace, motions, free, road, .. } = scratch;
     ahead.collect(request, &ego, n_points);
     let comfort = settings.idm.lateral_acceleration;
@@ -155,7 +155,7 @@ pub(super) fn plan(
         });
         limited(wanted.min(beside), velocity, request.vehicle)
     };
-    let from = (start.s, start.s_dot);
+    let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
     ahead.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));

@@ -2,7 +2,7 @@
 
 use super::PlanRequest;
 use super::car_following::Motion;
-use super::frame::{FrenetPoint, Start, Waypoint};
+use super::frame::{FrenetPoint, STRETCH_MIN, Start, Waypoint};
 use super::polynomial::Polynomial;
 use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::shape::OrientedBox;
@@ -26,6 +26,9 @@ const BESIDE_TIME: f64 = 1.5;
 const HARMLESS_OFFSET: f64 = 0.4;
 const STRAIGHT_CURVATURE: f64 = 0.02;
 const STRAIGHT_STEP: f64 = 3.0;
+
+/// A vehicle within this offset [m] and slope drives as far as its path is long.
+const STRAIGHT_ON: f64 = 1e-4;
 
 /// Everything at an arc length; beyond its end the path goes on straight.
 pub(super) fn point_at(path: &ReferencePath, s: f64) -> PathPoint {
@@ -154,6 +157,16 @@ fn shifted(
     Some(())
 }
 
+/// Way of the rear axle for one metre of the path; `None` near the centre of the path's curvature.
+fn stretch(path: &ReferencePath, start: &Start, lateral: &Shift, s: f64) -> Option<f64> {
+    let [d, d_prime, _] = lateral.at(s - start.s);
+    if d.abs() < STRAIGHT_ON && d_prime.abs() < STRAIGHT_ON {
+        return Some(1.0);
+    }
+    let parallel = 1.0 - point_at(path, s).curvature * d;
+    (parallel >= STRETCH_MIN).then(|| parallel.hypot(d_prime))
+}
+
 /// Whether the vehicle can drive it; `None` if it cannot be expressed.
 fn write(
     request: &PlanRequest,
@@ -166,10 +179,17 @@ fn write(
     let vehicle = request.vehicle;
     let mut drivable = true;
     points.clear();
+    let (mut s, mut driven) = (start.s, start.s);
     for motion in motions {
-        let [d, d_prime, d_prime2] = lateral.at(motion.s - start.s);
-        let frenet = FrenetPoint { s_dot: motion.velocity, s_ddot: motion.acceleration, d, d_prime, d_prime2 };
-        let at = point_at(path, motion.s);
+        // Beside a bend the way of the vehicle is longer or shorter than that along the path.
+        let way = motion.s - driven;
+        let halfway = s + 0.5 * way / stretch(path, start, lateral, s)?;
+        s += way / stretch(path, start, lateral, halfway)?;
+        driven = motion.s;
+        let [d, d_prime, d_prime2] = lateral.at(s - start.s);
+        let at = point_at(path, s);
+        let s_dot = motion.velocity / stretch(path, start, lateral, s)?;
+        let frenet = FrenetPoint { s_dot, s_ddot: 0.0, d, d_prime, d_prime2 };
         let point = Waypoint::new(&at, &frenet, vehicle.rear_axle_to_center)?;
         // What the path itself asks for cannot be changed here.
         let curvature_max = vehicle.curvature_max().max(at.curvature.abs() * 1.1);
@@ -180,7 +200,7 @@ fn write(
             y: point.center.y,
             orientation: point.theta() + start.heading_shift,
             velocity: point.velocity,
-            acceleration: point.acceleration,
+            acceleration: motion.acceleration,
             yaw_rate: point.curvature * point.velocity,
         });
     }

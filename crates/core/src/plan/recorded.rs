@@ -21,7 +21,7 @@ pub(super) fn plan(request: &PlanRequest, track: &Track, scratch: &mut Scratch) 
             Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
         };
         let missing = n_points - points.len() + 1;
-        integrate((start.s, start.s_dot), missing, request.dt, &mut scratch.motions, |_, _, _| 0.0);
+        integrate((start.s, start.velocity), missing, request.dt, &mut scratch.motions, |_, _, _| 0.0);
         match path_motion::trajectory(&from, track.path(), &start, &scratch.motions, RETURN_TIME) {
             Some(rest) => points.extend_from_slice(&rest.points[1..]),
             None => return refused(request, scratch, "its lane bends too tightly where it is"),

@@ -74,7 +74,7 @@ pub(super) fn plan(request: &PlanRequest, law: &CarFollowing, track: &Track, scr
         Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
     };
     let n_points = request.predictions.n_steps + 1;
-    let ego = Ego::new(request, path, (start.s, start.s_dot, start.d), RETURN_TIME);
+    let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let Scratch { ahead, pace, motions, free, .. } = scratch;
     ahead.collect(request, &ego, n_points);
     pace.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
@@ -84,7 +84,7 @@ pub(super) fn plan(request: &PlanRequest, law: &CarFollowing, track: &Track, scr
         let wish = undisturbed(track, law, now, (s, velocity), pace.at(s), request.dt);
         limited(wish.min(ahead.allowed(point, &ego, s, velocity, law)), velocity, request.vehicle)
     };
-    let from = (start.s, start.s_dot);
+    let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
     ahead.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));

@@ -67,7 +67,7 @@ pub(super) const OUTSIDE: Place =
 #[derive(Debug, Clone, Copy)]
 pub(in crate::plan) struct Ego<'a> {
     pub(in crate::plan) path: &'a ReferencePath,
-    /// Arc length of the rear axle, its derivative, and the lateral offset.
+    /// Arc length of the rear axle, its speed, and the lateral offset.
     pub(in crate::plan) s: f64,
     pub(in crate::plan) velocity: f64,
     pub(in crate::plan) d: f64,
