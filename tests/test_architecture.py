@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 from interdrive import _core
+from interdrive.criticality import IMPACT_AREAS, MEASURES
 from interdrive.recording import OUTCOME_NAMES
 from interdrive.run import PLAN_STATUS
 from interdrive.scenario import KINDS
@@ -41,5 +42,11 @@ def test_codes_mean_the_same_on_both_sides_of_the_boundary():
     def snake(name: str) -> str:
         return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
-    ours = {"kind": KINDS, "outcome": OUTCOME_NAMES, "plan_status": PLAN_STATUS}
+    ours = {
+        "kind": KINDS,
+        "outcome": OUTCOME_NAMES,
+        "plan_status": PLAN_STATUS,
+        "impact_area": IMPACT_AREAS,
+        "measure": tuple(measure.name for measure in MEASURES),
+    }
     assert {what: tuple(map(snake, names)) for what, names in _core.CODES.items()} == ours

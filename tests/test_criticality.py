@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import interdrive
+from interdrive import _core
 from interdrive.assessment import criticality_extremes_table, criticality_table, recorded_run, reopen
 from interdrive.cli import main
 from interdrive.criticality import (
@@ -102,6 +103,16 @@ def test_only_those_asked_for_are_judged():
         found.row(1)
 
 
+def test_others_can_be_left_out():
+    cars = [Car(1, 10.0, velocity=20.0), Car(2, 45.0, velocity=10.0), Car(3, 75.0, velocity=10.0)]
+    scenario = world(straight_road(400.0), cars=cars, steps=5)
+    assert evaluate(scenario, [1])["hw"][0, 0] == pytest.approx(30.5)
+    alone = evaluate(scenario, [1], others=[3])
+    assert alone["hw"][0, 0] == pytest.approx(60.5)
+    assert set(alone.series["dce"].partner[0].tolist()) == {3}
+    assert np.isinf(evaluate(scenario, [1], others=[])["hw"]).all()
+
+
 def test_arrays_cannot_be_written_to():
     found = evaluate(following())
     for array in (found["ttc"], found.present, found.extremes["ttc"].value, found.ids):
@@ -152,6 +163,10 @@ def test_what_cannot_be_judged_is_refused_in_one_line():
     for ids, text in (([9], "no participant with id 9"), ([1, 1], "participant 1 is asked for twice")):
         with pytest.raises(InputError, match=text):
             evaluate(scenario, ids)
+    with pytest.raises(InputError, match="threads must be at least 1 and at most 1024, not 0"):
+        evaluate(scenario, threads=0)
+    with pytest.raises(InputError, match="no participant with id 8"):
+        evaluate(scenario, others=[8])
     with pytest.raises(InputError, match="participant 7: a deceleration is given for it, but it is not judged"):
         evaluate(scenario, deceleration={7: 4.0})
     with pytest.raises(InputError, match=r"available deceleration of participant 1 must be positive, not -2"):
@@ -163,6 +178,14 @@ def test_what_cannot_be_judged_is_refused_in_one_line():
     x[0, 3] = np.nan
     with pytest.raises(InputError, match="participant 1 has a state that is not a number at time step 3"):
         evaluate(replace(scenario, obstacles=replace(scenario.obstacles, x=x)))
+
+
+def test_core_and_package_agree_on_what_is_more_critical(monkeypatch):
+    raw = {}
+    original = _core.evaluate_criticality
+    monkeypatch.setattr(_core, "evaluate_criticality", lambda *a, **k: raw.setdefault("found", original(*a, **k)))
+    evaluate(following())
+    assert {name: one["grows"] for name, one in raw["found"]["measures"].items()} == {m.name: m.grows for m in MEASURES}
 
 
 def test_an_unknown_measure_is_refused_with_the_nearest_name():

@@ -42,6 +42,7 @@ __all__ = [
     "evaluate_criticality",
     "exposure",
     "minimal_stopping_distance",
+    "overlapping_lanelets",
     "participant_mass",
     "proportion_of_stopping_distance",
     "required_acceleration",
@@ -50,7 +51,7 @@ __all__ = [
     "time_to_collision",
 ]
 __version__: str
-#: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status".
+#: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status", "impact_area", "measure".
 CODES: dict[str, list[str]]
 
 class InterdriveError(Exception): ...
@@ -487,6 +488,7 @@ def collision_harm(
     positions: tuple[tuple[float, float], tuple[float, float]],
     asymmetric: bool,
 ) -> tuple[float, tuple[float, float, float, str], tuple[float, float, float, str]]: ...
+def overlapping_lanelets(road: RoadNetwork, erosion: float, overlap_min: float) -> list[tuple[int, int]]: ...
 def evaluate_criticality(
     dt: float,
     road: RoadNetwork,

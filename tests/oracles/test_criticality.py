@@ -11,7 +11,9 @@ from bodies import body_of, distances
 from commonroad_curves import curvilinear
 from test_bodies import EXACT, EXACT_FAR_AWAY, poses_of
 
+from interdrive import _core
 from interdrive.criticality import CriticalitySettings, evaluate
+from interdrive.handles import core_road
 from interdrive.scenario import Shape
 
 UNFILTERED = CriticalitySettings(oncoming_filter=False)
@@ -142,6 +144,30 @@ def post_encroachment(scenario, own, row, others, other):
     last = int(np.flatnonzero(obstacles.valid[first_row])[-1])
     out = first[1] if first[1] is not None else last + 1 if last + 1 < obstacles.n_steps else None
     return 0.0 if out is None or second[0] < out else (second[0] - out) * scenario.dt
+
+
+def test_lanelets_whose_ways_meet_are_those_of_shapely(recorded, measured):
+    """Outlines eroded by shapely with mitred corners."""
+    n, overlaps, wrong = 0, 0, []
+    erosion, least = 0.3, 0.1
+    for scenario in recorded:
+        road = core_road(scenario, 0.1, 0.0)
+        ours = set(_core.overlapping_lanelets(road, erosion, least))
+        ids = scenario.lanelets.ids.tolist()
+        outlines = {number: outline(scenario, number) for number in ids}
+        eroded = {number: shape.buffer(-erosion, join_style="mitre") for number, shape in outlines.items()}
+        usable = [number for number in ids if outlines[number].is_valid]
+        tree = shapely.STRtree([outlines[number] for number in usable])
+        near = tree.query([outlines[number] for number in usable], predicate="intersects").T.tolist()
+        for a, b in ((usable[i], usable[j]) for i, j in near if i < j):
+            shared = eroded[a].intersection(eroded[b]).area
+            n, overlaps = n + 1, overlaps + ((a, b) in ours)
+            if ((a, b) in ours) != (shared > least):
+                wrong.append((scenario.name, a, b, shared))
+        apart = [(a, b) for a, b in ours if {a, b} <= set(usable) and not outlines[a].intersects(outlines[b])]
+        wrong += [(scenario.name, a, b, 0.0) for a, b in apart]
+    remark = f"{overlaps} do"
+    measured("lanelets that overlap once eroded: shapely, different verdicts", n, len(wrong), 0, "", remark, wrong)
 
 
 #: Distances along a path: on roads that bend no more than this [1/m], this near to their middle [m].

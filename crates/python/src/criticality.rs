@@ -5,7 +5,7 @@ use std::sync::Arc;
 use interdrive_core::criticality::harm::{self, Body, ImpactArea, Sides};
 use interdrive_core::criticality::{
     ConflictAreas, Connector, Criticality, LeadMembership, Measure, Request, Settings, ThwMode, Traffic, evaluate,
-    kernels,
+    kernels, overlapping_lanelets as core_overlapping_lanelets,
 };
 use interdrive_core::error::Error;
 use interdrive_core::geometry::Point;
@@ -174,6 +174,14 @@ pub fn collision_harm<'py>(
     (harm::relative_speed(&first.state, &second.state), one(&found[0]), one(&found[1])).into_pyobject(py)
 }
 
+/// Pairs of ids of lanelets that overlap once they are eroded.
+#[pyfunction]
+pub fn overlapping_lanelets(py: Python<'_>, road: &PyRoadNetwork, erosion: f64, overlap_min: f64) -> Vec<(i64, i64)> {
+    let road = Arc::clone(&road.0);
+    let pairs = py.detach(|| core_overlapping_lanelets(&road, erosion, overlap_min));
+    pairs.into_iter().map(|(i, j)| (road.lanelets()[i].id, road.lanelets()[j].id)).collect()
+}
+
 /// All measures of some participants: a dict of arrays.
 #[pyfunction]
 #[pyo3(signature = (
@@ -304,5 +312,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(participant_mass, module)?)?;
     module.add_function(wrap_pyfunction!(boundary_harm, module)?)?;
     module.add_function(wrap_pyfunction!(collision_harm, module)?)?;
+    module.add_function(wrap_pyfunction!(overlapping_lanelets, module)?)?;
     module.add_function(wrap_pyfunction!(evaluate_criticality, module)?)
 }

@@ -10,6 +10,8 @@ mod scenario;
 mod view;
 mod world;
 
+use interdrive_core::criticality::Measure;
+use interdrive_core::criticality::harm::ImpactArea;
 use interdrive_core::recording::OutcomeKind;
 use interdrive_core::trajectory::PlanStatus;
 use interdrive_core::vehicle::ParticipantKind;
@@ -22,6 +24,8 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     codes.set_item("kind", ParticipantKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("outcome", OutcomeKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("plan_status", PlanStatus::ALL.map(|status| format!("{status:?}")))?;
+    codes.set_item("impact_area", ImpactArea::ALL.map(|area| format!("{area:?}")))?;
+    codes.set_item("measure", Measure::ALL.map(|(_, name)| name))?;
     Ok(codes)
 }
 

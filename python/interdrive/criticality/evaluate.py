@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 #: Gaps between lanelets do not matter to the measures; this is what a road must be built with.
 _GAP_TOLERANCE, _OPEN_END_LENGTH = 0.1, 0.0
 
+#: More threads than any machine has cores; the system would run out of them.
+_THREADS_MAX = 1024
+
 
 @dataclass(frozen=True)
 class Series:
@@ -199,6 +202,8 @@ def evaluate(
     Raises:
         InputError: An id that is not there, is static or never present; impossible settings or states. One line.
     """
+    if threads is not None and not 1 <= threads <= _THREADS_MAX:
+        raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
     chosen = settings or CriticalitySettings()
     scenario = source if isinstance(source, Scenario) else source.scenario
     traffic = traffic_of(source)

@@ -34,6 +34,9 @@ pub enum ImpactArea {
 }
 
 impl ImpactArea {
+    /// All areas.
+    pub const ALL: [Self; 4] = [Self::Front, Self::Left, Self::Right, Self::Rear];
+
     /// From the direction to the other vehicle, seen from this one [rad].
     pub fn of(angle: f64) -> Self {
         let angle = wrap_angle(angle);

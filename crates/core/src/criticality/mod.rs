@@ -203,6 +203,15 @@ pub fn evaluate(traffic: &Traffic, request: &Request) -> Result<Criticality> {
     Ok(pool.install(|| evaluated(traffic, request, &judged, &contacts)))
 }
 
+/// Pairs of different lanelets, as ascending indices, that share more than `overlap_min` [m²] once they are eroded by
+/// `erosion` [m]: what "ways meet" means for oncoming traffic.
+pub fn overlapping_lanelets(road: &RoadNetwork, erosion: f64, overlap_min: f64) -> Vec<(usize, usize)> {
+    let overlaps = Overlaps::new(road, erosion, overlap_min);
+    let n = road.lanelets().len();
+    let others = |i: usize| (i + 1..n).map(move |j| (i, j));
+    (0..n).flat_map(others).filter(|(i, j)| overlaps.of(*i, *j)).collect()
+}
+
 /// Rows with their available deceleration, ascending.
 fn judged(traffic: &Traffic, request: &Request) -> Result<Vec<(usize, f64)>> {
     let given = &request.deceleration;
