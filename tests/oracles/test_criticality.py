@@ -15,6 +15,7 @@ from interdrive import _core
 from interdrive.criticality import CriticalitySettings, evaluate
 from interdrive.handles import core_road
 from interdrive.scenario import Shape
+from interdrive.testing import Car, straight_road, world
 
 UNFILTERED = CriticalitySettings(oncoming_filter=False)
 CROSSING = CriticalitySettings(oncoming_filter=False, conflict_areas="crossing")
@@ -175,16 +176,38 @@ CURVATURE_MAX, OFFSET_MAX = 1.0 / 50.0, 2.0
 
 
 @pytest.mark.parametrize("radius", [50.0, 80.0, 200.0])
-def test_distances_along_arcs_are_those_of_the_arc_and_of_curvilinear_coordinates(radius, measured):
-    angle = np.arange(0.0, 90.0 / radius, 1.0 / radius)
-    path = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
-    worst, n = 0.0, 0
+def test_headways_on_arcs_are_those_of_curvilinear_coordinates_and_of_the_arc(radius, measured):
+    """A standing car and one that is 5 to 80 m of arc ahead, both as far to the side; made small."""
+    size, s = 0.01, np.linspace(5.0, 80.0, 61)
+    angle = np.arange(-12.0, 95.0) / radius
+    worst, worst_arc, n = 0.0, 0.0, 0
     for d in (-2.0, 0.0, 2.0):
-        where = np.linspace(5.0, 80.0, 16) / radius
-        points = (radius - d) * np.column_stack([np.sin(where), -np.cos(where)]) + (0.0, radius)
-        theirs = curvilinear(path, points)[:, 0]
-        worst, n = max(worst, float(np.abs(np.diff(theirs) - np.diff(where) * radius).max())), n + 15
-    measured(f"commonroad-clcs against arcs of {radius:.0f} m: distances", n, worst, 0.06, "m")
+
+        def at(angle, offset):
+            return np.stack([(radius - offset) * np.sin(angle), radius - (radius - offset) * np.cos(angle)], axis=-1)
+
+        scenario = world(straight_road(100.0), cars=[Car(1, 5.0), Car(2, 50.0)], steps=len(s) - 1)
+        roads = replace(scenario.lanelets, left=(at(angle, 2.5),), right=(at(angle, -2.5),))
+        angles = np.stack([np.zeros_like(s), s / radius])
+        points = at(angles, d)
+        obstacles = replace(
+            scenario.obstacles,
+            shapes=(Shape("circle", radius=size),) * 2,
+            x=points[..., 0],
+            y=points[..., 1],
+            orientation=angles,
+        )
+        ours = evaluate(replace(scenario, lanelets=roads, obstacles=obstacles), [1], settings=UNFILTERED)["hw"][0]
+        path = center_line(replace(scenario, lanelets=roads), [1])
+        behind, ahead = (curvilinear(path, one) for one in points)
+        theirs = ahead[:, 0] - behind[:, 0]
+        kept = np.isfinite(ours) & np.isfinite(theirs)
+        worst = max(worst, float(np.abs(ours + 2 * size - theirs)[kept].max()))
+        worst_arc = max(worst_arc, float(np.abs(ours + 2 * size - s)[kept].max()))
+        n += int(kept.sum())
+    measured(
+        f"hw: commonroad-clcs, arc of {radius:.0f} m", n, worst, 0.06, "m", f"{worst_arc:.2g} m from the arc's length"
+    )
 
 
 def test_headways_are_distances_in_curvilinear_coordinates(recorded, measured):
