@@ -55,11 +55,11 @@ def draw_criticality(found: Criticality, agent_id: int) -> Figure:
         sharex=True,
         squeeze=False,
         gridspec_kw={
-            "left": 9.0 * _MM / _WIDTH,
+            "left": 10.0 * _MM / _WIDTH,
             "right": 1.0 - 2.0 * _MM / _WIDTH,
             "bottom": 9.0 * _MM / height,
             "top": 1.0 - 11.0 * _MM / height,
-            "wspace": 0.17,
+            "wspace": 0.2,
             "hspace": 0.42,
         },
     )
@@ -115,7 +115,8 @@ def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floa
         high = min(high, 10.0)
     # What hardly changes is no drama.
     half = max(0.54 * (high - low), 0.05 * abs(high + low), 0.02)
-    axes.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
+    bottom, top = 0.5 * (low + high) - half, 0.5 * (low + high) + half
+    axes.set_ylim(max(bottom, -0.06 * top) if low >= 0.0 else bottom, top)
     extreme = found.extremes[measure.name]
     at = int(extreme.time_step[row]) * found.dt
     if np.isfinite(extreme.value[row]):

@@ -41,6 +41,9 @@ _NEAR, _AROUND = 20.0, 2.0
 #: Panels stand above each other if the view is so many times as wide as it is high.
 _LYING = 3.5
 
+#: Lowest and highest height / width of a panel that has the figure for itself.
+_ALONE = (0.25, 0.62)
+
 #: Time between footprints [s]: the shortest one at which so few of them are in the view.
 _EVERY, _FOOTPRINTS_MAX = (0.5, 1.0, 2.0, 3.0, 5.0, 10.0), 7
 
@@ -90,7 +93,7 @@ def draw_scenes(
     """
     view = _encounter(scenes, pair)
     stacked = view.width > _LYING * view.height
-    view = view.shaped(*((0.05, 0.3) if stacked else (0.8, 1.6)))
+    view = view.shaped(*(_ALONE if len(scenes) == 1 else (0.05, 0.3) if stacked else (0.8, 1.6)))
     columns, rows = (1, len(scenes)) if stacked else (len(scenes), 1)
     width = (_WIDTH - (columns - 1) * _GAP - 2.0 * _PAD) / columns
     height = width * view.height / view.width
@@ -137,6 +140,8 @@ def _encounter(scenes: Sequence[Scene], pair: tuple[int, int]) -> View:
             reach = round(_AROUND / scene.run.scenario.dt)
             near[max(0, scene.nearest - reach) : scene.nearest + reach + 1] = True
             near &= np.isfinite(tracks[0] + tracks[1]).all(axis=1)
+        if scene.nearest is not None:
+            near[scene.nearest] = np.isfinite(tracks[0][scene.nearest] + tracks[1][scene.nearest]).all()
         for track in tracks:
             there = track[near] if near.any() else track[np.isfinite(track).all(axis=1)]
             points += [there - 2.3, there + 2.3]
