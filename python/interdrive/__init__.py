@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from interdrive.run_settings import SimulationSettings, ViewSettings
     from interdrive.scenario import Scenario
     from interdrive.simulation import Simulation, simulate
+    from interdrive.studies import CaseStudy, case_study
 
 # Modules are imported when a name is first used: `interdrive --help` needs none of them.
 _HOME = {
@@ -71,10 +72,13 @@ _HOME = {
     "SimulationSettings": "run_settings",
     "ViewSettings": "run_settings",
     "simulate": "simulation",
+    "CaseStudy": "studies",
+    "case_study": "studies",
 }
 
 __all__ = [
     "AgentSettings",
+    "CaseStudy",
     "ConstantVelocity",
     "Frenet",
     "GoalSettings",
@@ -103,6 +107,7 @@ __all__ = [
     "View",
     "ViewSettings",
     "__version__",
+    "case_study",
     "load",
     "read_scenario",
     "save",

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from interdrive.plots.view import Floats
 
 _MM = 1.0 / 25.4
-_WIDTH, _HEIGHT = 180.0 * _MM, 92.0 * _MM
+_WIDTH, _HEIGHT = 180.0 * _MM, 87.0 * _MM
 _FONT = 7.5
+_LEGEND_ROW, _LEGEND_COLUMNS = 5.0 * _MM, 6
 
 #: Colour and dashes of the runs in their order; told apart without colour, too (colours: Okabe and Ito).
 _STYLES: tuple[tuple[str, Any], ...] = (("#222222", "-"), ("#CC79A7", (0, (4.5, 1.6))), ("#009E73", (0, (1.2, 1.2))))
@@ -61,14 +62,13 @@ def draw_profiles(profiles: Mapping[str, Sequence[Profile]], titles: Sequence[st
     Returns:
         A matplotlib figure without pyplot; `save_figure` writes it.
     """
-    figure = Figure(figsize=(_WIDTH, _HEIGHT), dpi=300)
+    handles = _handles(profiles)
+    legend_rows = -(-len(handles) // _LEGEND_COLUMNS)
+    height = _HEIGHT + legend_rows * _LEGEND_ROW
+    figure = Figure(figsize=(_WIDTH, height), dpi=300)
     FigureCanvasAgg(figure)
-    left, right, bottom, top = (
-        15.0 * _MM / _WIDTH,
-        1 - 2.0 * _MM / _WIDTH,
-        10.0 * _MM / _HEIGHT,
-        1 - 13.0 * _MM / _HEIGHT,
-    )
+    left, right = 15.0 * _MM / _WIDTH, 1.0 - 2.0 * _MM / _WIDTH
+    bottom, top = 10.0 * _MM / height, 1.0 - (8.0 * _MM + legend_rows * _LEGEND_ROW) / height
     panels = figure.subplots(
         2,
         len(titles),
@@ -94,7 +94,18 @@ def draw_profiles(profiles: Mapping[str, Sequence[Profile]], titles: Sequence[st
     for axes in panels.flat:
         _plain(axes)
         axes.set_xlim(span.min(), span.max() + 0.01 * np.ptp(span) + 0.1)
-    _legend(figure, profiles)
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=-(-len(handles) // legend_rows),
+        fontsize=_FONT,
+        frameon=False,
+        handlelength=2.6,
+        handletextpad=0.5,
+        columnspacing=1.3,
+        borderpad=0.3,
+    )
     figure.align_ylabels()
     return figure
 
@@ -132,7 +143,7 @@ def _plain(axes: Axes) -> None:
         side.set(linewidth=0.5, color=RECORDED, visible=name in ("left", "bottom"))
 
 
-def _legend(figure: Figure, profiles: Mapping[str, Sequence[Profile]]) -> None:
+def _handles(profiles: Mapping[str, Sequence[Profile]]) -> list[Line2D]:
     handles = [
         Line2D([], [], color=color, linestyle=dashes, linewidth=1.4, label=name)
         for name, (color, dashes) in zip(profiles, _STYLES, strict=False)
@@ -143,15 +154,4 @@ def _legend(figure: Figure, profiles: Mapping[str, Sequence[Profile]]) -> None:
     for mark in (MARKS[outcome] for outcome in MARKS if outcome in ends):
         style: dict[str, Any] = {"marker": mark.marker, "ms": mark.size, "mfc": mark.color, "mec": INK, "mew": 0.5}
         handles.append(Line2D([], [], ls="", label=mark.text, **style))
-    figure.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=len(handles),
-        fontsize=_FONT,
-        frameon=False,
-        handlelength=2.6,
-        handletextpad=0.5,
-        columnspacing=1.6,
-        borderpad=0.3,
-    )
+    return handles

@@ -33,6 +33,7 @@ _HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
 
 #: Colours of the two vehicles, and what is left of a colour in footprints that are not those of the nearest moment.
 _COLORS, _PALE = (AGENTS[0], AGENTS[1]), 0.22
+_TRAFFIC = "#b4b4b4"
 
 #: An encounter is the time in which the two are so near to each other, centre to centre [m].
 #: If they never are, it is so much time before and after the nearest moment [s].
@@ -111,10 +112,14 @@ def draw_scenes(
             side.set(color=RECORDED, linewidth=0.5)
         for artist in road_artists(scene.run.scenario.lanelets, view):
             axes.add_collection(artist, autolim=False)
-        _draw_traffic(axes, scene, pair, view)
+        traffic = _traffic(scene, pair, view)
+        axes.add_collection(
+            PolyCollection(traffic, facecolors=_TRAFFIC, edgecolors=RECORDED_EDGE, linewidths=0.4, zorder=3),
+            autolim=False,
+        )
         stamps = _stamps(scene, pair, every, view)
         _draw_pair(axes, scene, pair, stamps, view)
-        _draw_labels(axes, scene, stamps, view, points_per_metre=72.0 * width / view.width)
+        _draw_labels(axes, scene, stamps, traffic, view, points_per_metre=72.0 * width / view.width)
         if index == 0:
             _draw_scale(axes, view, metres_per_mm=view.width * _MM / width)
     _legend(figure, scenes, names, filled)
@@ -198,16 +203,13 @@ def _footprint(scene: Scene, row: int, column: int, view: View) -> list[Floats]:
     return [view.picture_from_world(placed(line, *pose)) for line in body_outlines(scene.run)[row]]
 
 
-def _draw_traffic(axes: Axes, scene: Scene, pair: tuple[int, int], view: View) -> None:
-    """Everybody else at the moment when the two are nearest."""
+def _traffic(scene: Scene, pair: tuple[int, int], view: View) -> list[Floats]:
+    """Outlines of everybody else at the moment when the two are nearest."""
     if scene.nearest is None:
-        return
+        return []
     states = scene.run.states
     rows = np.flatnonzero(states.valid[:, scene.nearest] & ~np.isin(states.ids, pair)).tolist()
-    areas = [line for row in rows for line in _footprint(scene, row, scene.nearest, view)]
-    axes.add_collection(
-        PolyCollection(areas, facecolors="#b4b4b4", edgecolors=RECORDED_EDGE, linewidths=0.4, zorder=3), autolim=False
-    )
+    return [line for row in rows for line in _footprint(scene, row, scene.nearest, view)]
 
 
 def _draw_pair(axes: Axes, scene: Scene, pair: tuple[int, int], stamps: Sequence[_Stamp], view: View) -> None:
@@ -233,11 +235,14 @@ def _rgb(color: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _draw_labels(axes: Axes, scene: Scene, stamps: Sequence[_Stamp], view: View, points_per_metre: float) -> None:
+def _draw_labels(
+    axes: Axes, scene: Scene, stamps: Sequence[_Stamp], traffic: Sequence[Floats], view: View, points_per_metre: float
+) -> None:
     """Puts every time beside its footprint, where it covers the least."""
     states = scene.run.states
     bodies = [np.concatenate(_footprint(scene, s.row, s.column, view)) * points_per_metre for s in stamps]
-    taken = [np.concatenate([body.min(axis=0), body.max(axis=0)]) for body in bodies]
+    every = [*bodies, *(outline * points_per_metre for outline in traffic)]
+    taken = [np.concatenate([body.min(axis=0), body.max(axis=0)]) for body in every]
     window = np.array([view.x_limits[0], view.y_limits[0], view.x_limits[1], view.y_limits[1]]) * points_per_metre
     boxes: list[Floats] = []
     for index in sorted(range(len(stamps)), key=lambda i: (not stamps[i].strong, i)):
@@ -303,7 +308,7 @@ def _legend(figure: Figure, scenes: Sequence[Scene], names: tuple[str, str], fil
     ]
     if any(scene.nearest is not None for scene in scenes):
         handles.append(Patch(fc="#555555", ec=INK, lw=0.7, label=f"filled: {filled}"))
-        handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.4, label="recorded traffic at that time"))
+        handles.append(Patch(fc=_TRAFFIC, ec=RECORDED_EDGE, lw=0.4, label="recorded traffic at that time"))
     figure.legend(
         handles=handles,
         loc="lower center",
