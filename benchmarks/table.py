@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 HIGHWAY = "highway/USA_US101-23_1_T-1.xml"
 
@@ -50,6 +51,59 @@ def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
     return result
 
 
+class KeepsSpeed:
+    """A trivial planner in Python that knows how long it took itself."""
+
+    seconds, calls = 0.0, 0
+
+    def plan(self, view: Any, _predictions: Any) -> Any:  # noqa: ANN401
+        import numpy as np
+
+        from interdrive import Trajectory
+
+        start, ego, same = time.perf_counter(), view.ego, np.ones(31)
+        along = ego.velocity * view.dt * np.arange(31)
+        cos, sin = np.cos(ego.orientation), np.sin(ego.orientation)
+        plan = Trajectory(ego.x + along * cos, ego.y + along * sin, ego.orientation * same, ego.velocity * same)
+        KeepsSpeed.seconds += time.perf_counter() - start
+        KeepsSpeed.calls += 1
+        return plan
+
+
+def measure_kind(scenario: str, kind: str) -> dict[str, float]:
+    """24 agents with a recording, all of one planner kind, two threads: seconds per step while nearly all drive."""
+    import numpy as np
+
+    from interdrive.run import PHASES
+    from interdrive.simulation import Simulation
+
+    everybody = Simulation(scenario, agents="all", threads=2)
+    recorded = [agent.id for agent in everybody.agents if agent.origin == "recorded"][:24]
+    planner = KeepsSpeed if kind == "python" else kind
+    run = Simulation(scenario, agents=recorded, planner=planner, threads=2).run()
+    seconds = run.timings.seconds.reshape(-1, len(PHASES))
+    driving = np.array([np.count_nonzero(run.plans.time_step == t) for t in np.unique(run.plans.time_step)])
+    result = {"step": float(np.median(seconds[driving >= 0.9 * driving.max()].sum(axis=1)))}
+    if KeepsSpeed.calls:
+        outside = float(seconds[:, PHASES.index("plan_python")].sum()) - KeepsSpeed.seconds
+        result["overhead"] = outside / KeepsSpeed.calls
+    return result
+
+
+def print_kinds(scenario: str, repeat: int) -> None:
+    """One row per planner kind, and what a planner in Python costs beyond its own work."""
+    print("\n| planner of 24 agents, 2 threads | ms per step | µs per plan beyond the planner's own work |")
+    print("|---|--:|--:|")
+    for kind in ("recorded", "velocity_adjusting", "idm", "idm_mobil", "frenet", "python"):
+        runs = []
+        for _ in range(repeat):
+            command = [sys.executable, __file__, "--kind", scenario, kind]
+            runs.append(json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout))
+        middle = {key: statistics.median(run[key] for run in runs) for key in runs[0]}
+        overhead = f"{1e6 * middle['overhead']:.1f}" if "overhead" in middle else ""
+        print(f"| {kind} | {1e3 * middle['step']:.2f} | {overhead} |")
+
+
 def command_start(scenario: str, agents: str) -> float:
     """Seconds from the start of the command line to the first step."""
     code = (
@@ -68,7 +122,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--one", nargs=3, metavar=("SCENARIO", "AGENTS", "THREADS"), help=argparse.SUPPRESS)
+    parser.add_argument("--kind", nargs=2, metavar=("SCENARIO", "PLANNER"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if arguments.kind:
+        print(json.dumps(measure_kind(*arguments.kind)))
+        return
     if arguments.one:
         scenario, agents, threads = arguments.one
         print(json.dumps(measure(scenario, agents, int(threads))))
@@ -105,6 +163,8 @@ def main() -> None:
             f"| {1e3 * middle['full_step']:.2f} | {1e3 * middle['step']:.2f} | {shares} "
             f"| {start:.2f} s | {middle['memory'] / 2**20:.0f} MiB |"
         )
+    if (folder / HIGHWAY).exists():
+        print_kinds(str(folder / HIGHWAY), arguments.repeat)
 
 
 if __name__ == "__main__":

@@ -116,7 +116,11 @@ def test_parallel_planners_drive_to_the_same_bits_as_planners_in_the_process_of_
 
 @pytest.mark.parametrize(
     ("planner", "words"),
-    [(Raising, "ValueError: no idea"), (Dying, "its process ended (exit code -9)"), (Stuck, "its process was killed")],
+    [
+        (Raising, "ValueError: no idea"),
+        (Dying, "its process ended in the planner of agent 100 (exit code -9)"),
+        (Stuck, "its process was killed: the planner of agent 100 took too long"),
+    ],
 )
 def test_a_process_that_fails_costs_its_own_agent_only(planner, words):
     settings = with_timeout(0.3) if planner is Stuck else SimulationSettings()

@@ -15,7 +15,7 @@ import shutil
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from interdrive.run import Run
 
     #: For signatures elsewhere: only this module knows pyarrow.
-    ArrowTable = pa.Table
+    ArrowTable: TypeAlias = pa.Table
 
 #: Version of the folder's layout, written to run.json; raised when a column changes its name or meaning.
 FORMAT = 1

@@ -255,5 +255,7 @@ def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> di
         run = simulate(scenario, agents=[100], planner={100: watched}, threads=1)
         if findings:
             raise PlannerContractError(f"{name}, {findings[0]}")
+        if run.outcomes.outcome[0] == "planner_error":
+            raise PlannerContractError(f"{name}: {run.outcomes.message[0]}")
         ends[name] = run.outcomes.outcome[0]
     return ends

@@ -2,7 +2,8 @@
 
 Every worker process stages the same world, which never steps: it only turns the scenes that are sent to it into views.
 A planner stays in the process in which it was made, so it may remember things; answers do not depend on how many
-processes there are.
+processes there are. Whatever a planner raises costs its own agent only; one that kills its process, or hangs where no
+signal reaches it, takes with it the planners that share the process.
 """
 
 from __future__ import annotations
@@ -113,20 +114,21 @@ class Workers:
         answers: dict[int, Answer] = {}
         for worker, mine_ids in asked:
             for i in mine_ids:
-                answers[i] = worker.lost or self._receive(worker)
+                answers[i] = worker.lost or self._receive(worker, i)
         return answers
 
-    def _receive(self, worker: _Worker) -> Answer:
-        """The next answer; the process is lost for good if there is none."""
+    def _receive(self, worker: _Worker, agent: int) -> Answer:
+        """The next answer; the process is lost for good, with all its planners, if there is none."""
+        blame = f"the planner of agent {agent}"
         limit = None if math.isinf(self._timeout_s) else self._timeout_s + _GRACE
         try:
             if worker.connection.poll(limit):
                 return cast("Answer", worker.connection.recv())
-            worker.lost = "its process was killed, because a planner in it took too long (step.planner_timeout_s)"
+            worker.lost = f"its process was killed: {blame} took too long (step.planner_timeout_s)"
             worker.process.kill()
         except (EOFError, OSError):
             worker.process.join(1.0)
-            worker.lost = f"its process ended (exit code {worker.process.exitcode})"
+            worker.lost = f"its process ended in {blame} (exit code {worker.process.exitcode})"
         return worker.lost
 
     def close(self) -> None:

@@ -185,7 +185,7 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
     };
     let is_safe = |neighbours: &Neighbours| {
         let new = neighbours.behind(law, velocity, request.vehicle.length);
-        neighbours.is_free() && new.is_none_or(|(with, _)| law.acceleration + with >= -settings.safe_deceleration)
+        neighbours.is_free() && new.is_none_or(|(with, _)| with >= -settings.safe_deceleration)
     };
     let beside = lanes.beside(aim.lane, aim.s, request.road);
     if aim.d.abs() > SETTLED {
