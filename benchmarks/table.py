@@ -56,7 +56,7 @@ class KeepsSpeed:
 
     seconds, calls = 0.0, 0
 
-    def plan(self, view: Any, _predictions: Any) -> Any:  # noqa: ANN401
+    def plan(self, view: Any, _predictions: Any) -> Any:  # noqa: ANN401, D102
         import numpy as np
 
         from interdrive import Trajectory
