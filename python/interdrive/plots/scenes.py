@@ -261,6 +261,8 @@ def _draw_labels(
                 cost = 0.25 * further + 0.6 * abs(np.sin(0.5 * (turn - (0.5 - stamp.place) * np.pi)))
                 cost += sum(8.0 * _overlap(box, other) for other in boxes)
                 cost += sum(3.0 * _overlap(box, other) for other in taken)
+                # A reader takes the nearest footprint for the one that is meant.
+                cost += 1.5 * (_distance(box, taken[index]) > min(_distance(box, other) for other in taken))
                 cost += 50.0 * bool((box[:2] < window[:2] + 1.0).any() or (box[2:] > window[2:] - 1.0).any())
                 if cost < best_cost - 1e-9:
                     best, best_cost = box, cost
@@ -279,6 +281,11 @@ def _draw_labels(
             zorder=8,
             clip_on=True,
         )
+
+
+def _distance(box: Floats, other: Floats) -> float:
+    """Between the edges of two boxes; 0 where they overlap."""
+    return float(np.hypot(*np.maximum(np.maximum(box[:2] - other[2:], other[:2] - box[2:]), 0.0)))
 
 
 def _overlap(box: Floats, other: Floats) -> float:
