@@ -381,6 +381,7 @@ def test_without_recorded_scenarios_a_known_study_is_the_shipped_one_and_says_so
     assert "lane_merge: agent 2001 (frenet), other vehicle 1004" in done.stdout
     assert "note: merge/ZAM_Zip-1_56_T-1.xml is left out: INTERDRIVE_SCENARIOS does not name its folder" in done.stdout
     assert "results in out/study_merge" in done.stdout
+    assert "…" not in done.stdout  # nothing is cut off
     for degree in ("deterministic", "semi-deterministic", "interactive"):
         assert any(line.split()[:1] == [degree] for line in done.stdout.splitlines())
     assert (here / "out" / "study_merge" / "lane_merge_2001_1004" / "interactive" / "run.json").exists()

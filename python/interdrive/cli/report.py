@@ -281,8 +281,15 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
     console = _output()
     for study in studies:
         title = f"{study.scenario.name}: agent {study.agent} ({study.planner}), other vehicle {study.other}"
-        table = Table(box=None, header_style="bold", pad_edge=False, title=escape(title), title_justify="left")
-        table.add_column("other vehicle")
+        table = Table(
+            box=None,
+            header_style="bold",
+            pad_edge=False,
+            padding=(0, 1, 0, 0),
+            title=escape(title),
+            title_justify="left",
+        )
+        table.add_column("other vehicle", no_wrap=True)
         for measure in MEASURES:
             table.add_column(escape(measure.heading), justify="right")
         for name in ("collided", f"agent {study.agent}", f"vehicle {study.other}"):

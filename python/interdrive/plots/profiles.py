@@ -138,7 +138,7 @@ def _plain(axes: Axes) -> None:
     axes.grid(visible=True, color="#e3e3e3", linewidth=0.5)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_FONT - 0.5, length=2.5, width=0.5, pad=2)
-    axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     for name, side in axes.spines.items():
         side.set(linewidth=0.5, color=RECORDED, visible=name in ("left", "bottom"))
 

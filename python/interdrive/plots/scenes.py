@@ -258,11 +258,14 @@ def _draw_labels(
             for further in (0.0, 5.0, 10.0):
                 middle = center + (reach + further) * way
                 box = np.concatenate([middle - half, middle + half])
-                cost = 0.25 * further + 0.6 * abs(np.sin(0.5 * (turn - (0.5 - stamp.place) * np.pi)))
+                side = 0.5 - stamp.place
+                cost = 0.25 * further + 0.6 * abs(np.cos(turn)) + 0.3 * (np.sin(turn) * side < 0.0)
                 cost += sum(8.0 * _overlap(box, other) for other in boxes)
                 cost += sum(3.0 * _overlap(box, other) for other in taken)
                 # A reader takes the nearest footprint for the one that is meant.
-                cost += 1.5 * (_distance(box, taken[index]) > min(_distance(box, other) for other in taken))
+                cost += 1.0 * (
+                    _distance(box, taken[index]) > min(_distance(box, other) for other in taken[: len(bodies)])
+                )
                 cost += 50.0 * bool((box[:2] < window[:2] + 1.0).any() or (box[2:] > window[2:] - 1.0).any())
                 if cost < best_cost - 1e-9:
                     best, best_cost = box, cost

@@ -34,7 +34,7 @@ class Case:
 
 
 #: Merging: vehicle 1 has to leave the lane that ends, vehicle 2 comes from behind on the other one; the same with the
-#: roles of the scenario's own planning problem; and the planning problem of the shipped scenario with the truck that
+#: roles of the scenario's own planning problem; and the planning problem of the shipped scenario with the car that
 #: was recorded behind it. T-junction: both vehicles turn left and cross; in the shipped scenario the planning problem
 #: turns left across the way of the first car from the left.
 STUDIES = {
