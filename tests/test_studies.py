@@ -403,6 +403,12 @@ def test_any_scenario_and_pair_can_be_studied_with_planner_and_settings(here):
     assert "a study is there already" in refused("merge", "--out", "made")
 
 
+def test_the_printed_table_has_room_for_long_outcomes(here):
+    done = invoke("t_junction")
+    assert "goal_reached_late goal_reached_late" in done.stdout
+    assert "…" not in done.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
