@@ -315,6 +315,7 @@ def test_the_folder_holds_tables_runs_and_figures(studies, tmp_path):
         assert (inside / "scenes.pdf").read_bytes().startswith(b"%PDF")
     cases = json.loads((folder / "study.json").read_text())["cases"]
     assert [case["folder"] for case in cases] == [study.name for study in studies.values()]
+    assert {(case["planner"], case["predictor"]) for case in cases} == {("frenet", "lane_following")}
 
 
 def test_a_saved_run_of_a_study_can_be_verified(studies, tmp_path):
@@ -393,7 +394,7 @@ def test_without_recorded_scenarios_a_known_study_is_the_shipped_one_and_says_so
 def test_any_scenario_and_pair_can_be_studied_with_planner_and_settings(here):
     done = invoke(
         "t_junction", "--agent", "2001", "--other", "1003", "--planner", "frenet", "--predictor", "constant_velocity",
-        "--set", "planner.frenet.level=1", "--out", "made",
+        "--set", "planner.frenet.level=1", "--threads", "1", "--out", "made",
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     for degree in DEGREES:

@@ -226,6 +226,7 @@ impl PyScenario {
         Scenario::new(dt, Arc::clone(&road.0), obstacles).map(|scenario| Self(Arc::new(scenario))).map_err(exception)
     }
 
+    /// Time between steps [s].
     #[getter]
     fn dt(&self) -> f64 {
         self.0.dt
@@ -323,46 +324,57 @@ impl PyVehicle {
         Ok(Self(vehicle))
     }
 
+    /// Length of the footprint [m].
     #[getter]
     fn length(&self) -> f64 {
         self.0.length
     }
+    /// Width of the footprint [m].
     #[getter]
     fn width(&self) -> f64 {
         self.0.width
     }
+    /// Distance of the axles [m].
     #[getter]
     fn wheelbase(&self) -> f64 {
         self.0.wheelbase
     }
+    /// From the rear axle forward to the centre of the footprint [m].
     #[getter]
     fn rear_axle_to_center(&self) -> f64 {
         self.0.rear_axle_to_center
     }
+    /// Largest acceleration and deceleration [m/s²].
     #[getter]
     fn acceleration_max(&self) -> f64 {
         self.0.acceleration_max
     }
+    /// Above this speed the engine limits the acceleration to `acceleration_max * velocity_switch / v` [m/s].
     #[getter]
     fn velocity_switch(&self) -> f64 {
         self.0.velocity_switch
     }
+    /// Top speed [m/s].
     #[getter]
     fn velocity_max(&self) -> f64 {
         self.0.velocity_max
     }
+    /// Largest steering angle [rad].
     #[getter]
     fn steering_angle_max(&self) -> f64 {
         self.0.steering_angle_max
     }
+    /// Largest change of the steering angle [rad/s].
     #[getter]
     fn steering_rate_max(&self) -> f64 {
         self.0.steering_rate_max
     }
+    /// Largest lateral acceleration [m/s²].
     #[getter]
     fn lateral_acceleration_max(&self) -> f64 {
         self.0.lateral_acceleration_max
     }
+    /// Curvature of the rear axle's path at full steering [1/m].
     #[getter]
     fn curvature_max(&self) -> f64 {
         self.0.curvature_max()
@@ -425,18 +437,22 @@ impl PyRoute {
     fn length(&self) -> f64 {
         self.route.path.length()
     }
+    /// Arc length of the start (rear axle) on the reference path [m].
     #[getter]
     fn start_s(&self) -> f64 {
         self.route.start_s
     }
+    /// Arc length at which the path enters the goal area [m]; nan without an area.
     #[getter]
     fn goal_entry_s(&self) -> f64 {
         self.route.goal_entry_s
     }
+    /// Arc length at which it leaves the goal area [m]; nan without an area.
     #[getter]
     fn goal_exit_s(&self) -> f64 {
         self.route.goal_exit_s
     }
+    /// Number of lane changes on the route.
     #[getter]
     fn lane_changes(&self) -> usize {
         self.route.lane_changes

@@ -35,7 +35,7 @@ macro_rules! participants_seen {
     ($class:ident) => {
         #[pymethods]
         impl $class {
-            /// Now.
+            /// Time step now.
             #[getter]
             fn time_step(&self) -> i64 {
                 self.scene.time_step
@@ -50,22 +50,22 @@ macro_rules! participants_seen {
             fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
                 arrays::row(py, self.rows().iter().map(|row| self.scene.participants.ids[*row]).collect())
             }
-            /// Codes of their kinds.
+            /// Codes of their kinds, shape (participants,); `interdrive.scenario.KINDS` has the names.
             #[getter]
             fn kinds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
                 arrays::row(py, self.rows().iter().map(|row| self.scene.participants.kind[*row] as i64).collect())
             }
-            /// Static obstacles.
+            /// Who is a static obstacle, shape (participants,).
             #[getter]
             fn is_static<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
                 arrays::row(py, self.rows().iter().map(|row| self.scene.participants.is_static[*row]).collect())
             }
-            /// Length of the footprints' bounding boxes [m].
+            /// Length of the footprints' bounding boxes [m], shape (participants,).
             #[getter]
             fn length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
                 arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().0).collect())
             }
-            /// Width of the footprints' bounding boxes [m].
+            /// Width of the footprints' bounding boxes [m], shape (participants,).
             #[getter]
             fn width<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
                 arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().1).collect())
@@ -75,26 +75,32 @@ macro_rules! participants_seen {
             fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.x)
             }
+            /// Centres [m], world frame, shape (participants, history); nan where absent.
             #[getter]
             fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.y)
             }
+            /// Headings [rad], world frame, shape (participants, history); nan where absent.
             #[getter]
             fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.orientation)
             }
+            /// Speeds along the heading [m/s], shape (participants, history); nan where absent.
             #[getter]
             fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.velocity)
             }
+            /// Accelerations along the heading [m/s²], shape (participants, history); nan where absent.
             #[getter]
             fn acceleration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.acceleration)
             }
+            /// Changes of heading [rad/s], shape (participants, history); nan where absent.
             #[getter]
             fn yaw_rate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.yaw_rate)
             }
+            /// Who was present when, shape (participants, history).
             #[getter]
             fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 past(py, &self.scene, &self.rows(), &self.scene.past.valid)
@@ -265,6 +271,7 @@ pub struct PyEgo {
 
 #[pymethods]
 impl PyEgo {
+    /// Id of the agent.
     #[getter]
     fn id(&self) -> i64 {
         self.view.get().agent.id
@@ -274,22 +281,27 @@ impl PyEgo {
     fn x(&self) -> f64 {
         self.view.get().state.x
     }
+    /// Centre [m], world frame.
     #[getter]
     fn y(&self) -> f64 {
         self.view.get().state.y
     }
+    /// Heading [rad], world frame.
     #[getter]
     fn orientation(&self) -> f64 {
         self.view.get().state.orientation
     }
+    /// Speed along the heading [m/s].
     #[getter]
     fn velocity(&self) -> f64 {
         self.view.get().state.velocity
     }
+    /// Acceleration along the heading [m/s²].
     #[getter]
     fn acceleration(&self) -> f64 {
         self.view.get().state.acceleration
     }
+    /// Change of heading [rad/s].
     #[getter]
     fn yaw_rate(&self) -> f64 {
         self.view.get().state.yaw_rate
@@ -300,14 +312,17 @@ impl PyEgo {
         let s = &self.view.get().state;
         arrays::row(py, vec![s.x, s.y, s.orientation, s.velocity, s.acceleration, s.yaw_rate])
     }
+    /// Size and limits of the vehicle.
     #[getter]
     fn vehicle(&self) -> PyVehicle {
         PyVehicle(self.view.get().agent.vehicle)
     }
+    /// What it should reach.
     #[getter]
     fn goal(&self) -> PyGoal {
         PyGoal(self.view.get().agent.goal.clone())
     }
+    /// Lanelets to the goal and the reference path along them.
     #[getter]
     fn route(&self) -> PyRoute {
         let view = self.view.get();
@@ -318,7 +333,7 @@ impl PyEgo {
     fn s(&self) -> f64 {
         self.view.get().s
     }
-    /// Last time step at which the goal can be reached in time.
+    /// First and last time step at which the goal can be reached in time; the largest integer where there is no last one.
     #[getter]
     fn goal_time_step(&self) -> (i64, i64) {
         let goal = &self.view.get().agent.goal;

@@ -222,10 +222,12 @@ impl PyPredictions {
         Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
     }
 
+    /// Time step at which the prediction was made.
     #[getter]
     fn time_step(&self) -> i64 {
         self.table.time_step
     }
+    /// Ids, ascending, shape (participants,).
     #[getter]
     fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         arrays::row(py, self.shown_ids())
@@ -236,18 +238,22 @@ impl PyPredictions {
         let n_modes = self.table.n_modes;
         arrays::grid(py, self.shown(&self.table.probability, n_modes), [self.n_shown(), n_modes])
     }
+    /// Means of the footprint centre [m], world frame, shape (participants, modes, steps); step `k` is `(k + 1) * dt` later.
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.steps(py, &self.table.x)
     }
+    /// Means of the footprint centre [m], world frame, shape (participants, modes, steps).
     #[getter]
     fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.steps(py, &self.table.y)
     }
+    /// Headings [rad], world frame, shape (participants, modes, steps).
     #[getter]
     fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.steps(py, &self.table.orientation)
     }
+    /// Speeds along the heading [m/s], shape (participants, modes, steps).
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.steps(py, &self.table.velocity)
@@ -264,6 +270,7 @@ impl PyPredictions {
         let flat: Vec<f64> = (0..xx.len()).flat_map(|i| [xx[i], xy[i], xy[i], yy[i]]).collect();
         arrays::grid(py, flat, [self.n_shown(), self.table.n_modes, self.table.n_steps, 2, 2])
     }
+    /// Who is expected to be there, shape (participants, modes, steps); the numbers of others are nan.
     #[getter]
     fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.steps(py, &self.table.valid)

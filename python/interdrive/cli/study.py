@@ -24,6 +24,12 @@ if TYPE_CHECKING:
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
+@click.option(
+    "--threads",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Threads that plan (all cores); results do not depend on it.",
+)
 @click.option("--out", metavar="DIR", help="Folder of the study (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the study in that folder.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -34,6 +40,7 @@ def study(
     planner: str,
     predictor: str,
     assignments: tuple[str, ...],
+    threads: int | None,
     out: str | None,
     overwrite: bool,
     quiet: bool,
@@ -69,6 +76,7 @@ def study(
                     planner=planner,
                     predictor=predictor,
                     settings=settings,
+                    threads=threads,
                     on_step=report.step,
                 )
             )

@@ -73,6 +73,17 @@ def save_study(
             for name, figure in (("profiles", profile_figure(study)), ("scenes", scene_figure(study))):
                 for ending in _ENDINGS:
                     save_figure(figure, partial / study.name / f"{name}.{ending}")
-        cases = [{"folder": study.name, "agent": study.agent, "other": study.other} for study in studies]
+        cases = [
+            {
+                "folder": study.name,
+                "scenario": study.scenario.name,
+                "agent": study.agent,
+                "other": study.other,
+                # What verify repeats is in the run folders.
+                "planner": study.planner,
+                "predictor": str(study.runs["interactive"].settings["predictor"]),
+            }
+            for study in studies
+        ]
         (partial / _MARK).write_text(json.dumps({"cases": cases}, indent=2) + "\n", encoding="utf-8")
     return target

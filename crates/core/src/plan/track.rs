@@ -54,7 +54,9 @@ impl Track {
         if states.is_empty() {
             let when =
                 recorded.row(id).map_or(String::new(), |_| format!(" at its start, time step {first_time_step}"));
-            return Err(Error::invalid(format!("agent {id} has no recording{when}, which planner {planner} needs")));
+            return Err(Error::invalid(format!(
+                "agent {id} has no recording{when}, which planner {planner} needs: give it another planner"
+            )));
         }
         let path = path_through(&states, vehicle, &scenario.road)
             .map_err(|error| Error::invalid(format!("the recording of agent {id} makes no path: {error}")))?;
@@ -270,6 +272,9 @@ mod tests {
     fn who_is_not_recorded_has_no_track() {
         let scenario = Scenario::new(0.1, Arc::new(straight_road(1)), Obstacles::default()).expect("a scenario");
         let error = Track::new(&scenario, 5, 0, &Vehicle::BMW_320I, "velocity_adjusting").expect_err("no recording");
-        assert_eq!(error.to_string(), "agent 5 has no recording, which planner velocity_adjusting needs");
+        assert_eq!(
+            error.to_string(),
+            "agent 5 has no recording, which planner velocity_adjusting needs: give it another planner"
+        );
     }
 }
