@@ -1,6 +1,6 @@
 //! All samples of one plan with everything that can be said about them, for pictures and studies.
 
-use super::choose::{Refined, exhaustive};
+use super::choose::Search;
 use super::evaluate::Evaluation;
 use super::feasibility::Rejection;
 use super::settings::N_TERMS;
@@ -51,13 +51,17 @@ impl Candidates {
     pub(super) fn of(evaluation: &mut Evaluation, desired_velocity: f64) -> Self {
         let n_points = evaluation.problem.limits.n_points;
         let mut out = Self { n_points, desired_velocity, ..Self::default() };
+        for row in 0..evaluation.tables.samples.rows.len() {
+            if evaluation.tables.samples.rows[row].rejection == Rejection::Admissible {
+                evaluation.open(row).for_each(drop);
+            }
+        }
         for sample in 0..evaluation.len() {
             out.push(evaluation, sample);
         }
-        let admissible = out.rejection.iter().zip(&out.cost);
-        let bounds = admissible.map(|(r, cost)| if *r == Rejection::Admissible { *cost } else { f64::INFINITY });
-        let costs: Vec<f64> = bounds.collect();
-        out.chosen = exhaustive(costs.iter().copied(), |sample| Refined::Cost(costs[sample])).map(|(sample, _)| sample);
+        let admissible = (0..out.len()).filter(|i| out.rejection[*i] == Rejection::Admissible);
+        // The first of equals.
+        out.chosen = admissible.min_by(|a, b| out.cost[*a].total_cmp(&out.cost[*b]));
         out
     }
 

@@ -3,11 +3,24 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// A lower bound of a sample's cost. Ordered by (bound, index), a total order.
+/// A lower bound of the cost of a sample, or of all samples of a group. Ordered by (bound, index), a total order.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Entry {
     bound: f64,
+    /// Of the sample; of a group's first sample.
     index: u32,
+    group: Option<u32>,
+}
+
+impl Entry {
+    pub(super) fn sample(bound: f64, index: usize) -> Self {
+        Self { bound, index: index as u32, group: None }
+    }
+
+    /// A group whose first sample is `first`; the others follow it.
+    pub(super) fn group(bound: f64, first: usize, group: usize) -> Self {
+        Self { bound, index: first as u32, group: Some(group as u32) }
+    }
 }
 
 impl Eq for Entry {}
@@ -20,7 +33,7 @@ impl PartialOrd for Entry {
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.bound.total_cmp(&other.bound).then(self.index.cmp(&other.index))
+        self.bound.total_cmp(&other.bound).then(self.index.cmp(&other.index)).then(self.group.cmp(&other.group))
     }
 }
 
@@ -35,29 +48,41 @@ pub(super) enum Refined {
     Cost(f64),
 }
 
+/// Who knows the samples.
+pub(super) trait Search {
+    /// Bounds of the samples of a group, in order; none is below that of the group, infinite ones are rejected already.
+    fn open(&mut self, group: usize) -> impl Iterator<Item = f64>;
+
+    /// One more step of work on a sample; never returns less than before.
+    fn refine(&mut self, sample: usize) -> Refined;
+}
+
 /// Memory of `best_first`.
 pub(super) type Heap = BinaryHeap<Reverse<Entry>>;
 
-/// The admissible sample with the smallest (cost, index) and its cost. `bounds` are lower bounds of the costs, infinite
-/// for samples that are rejected already; each call of `refine` does one more step of work and never returns less than
-/// before.
+/// Begins a search anew.
+pub(super) fn start(heap: &mut Heap, entries: impl Iterator<Item = Entry>) {
+    let mut memory = std::mem::take(heap).into_vec();
+    memory.clear();
+    memory.extend(entries.filter(|entry| entry.bound.is_finite()).map(Reverse));
+    *heap = BinaryHeap::from(memory);
+}
+
+/// The admissible sample with the smallest (cost, index) and its cost. What the heap was started with are lower bounds
+/// of the costs, infinite for what is rejected already.
 ///
 /// A sample is only returned when it is complete and everybody else's (bound, index) is larger. As no cost is below its
 /// bound, the result is that of `exhaustive`.
-pub(super) fn best_first(
-    bounds: impl Iterator<Item = f64>,
-    heap: &mut Heap,
-    mut refine: impl FnMut(usize) -> Refined,
-) -> Option<(usize, f64)> {
-    let mut entries = std::mem::take(heap).into_vec();
-    entries.clear();
-    let finite = bounds.enumerate().filter(|(_, bound)| bound.is_finite());
-    entries.extend(finite.map(|(index, bound)| Reverse(Entry { bound, index: index as u32 })));
-    *heap = BinaryHeap::from(entries);
+pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(usize, f64)> {
     while let Some(Reverse(mut entry)) = heap.pop() {
         let index = entry.index as usize;
+        if let Some(group) = entry.group {
+            let samples = search.open(group as usize).enumerate().filter(|(_, bound)| bound.is_finite());
+            heap.extend(samples.map(|(i, bound)| Reverse(Entry::sample(bound, index + i))));
+            continue;
+        }
         loop {
-            match refine(index) {
+            match search.refine(index) {
                 Refined::Rejected => break,
                 Refined::Bound(bound) => entry.bound = bound,
                 Refined::Cost(cost) => {
@@ -77,27 +102,26 @@ pub(super) fn best_first(
 }
 
 /// The same by evaluating every sample to its end.
-pub(super) fn exhaustive(
-    bounds: impl Iterator<Item = f64>,
-    mut refine: impl FnMut(usize) -> Refined,
-) -> Option<(usize, f64)> {
+pub(super) fn exhaustive(heap: &Heap, search: &mut impl Search) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
-    for (index, bound) in bounds.enumerate() {
-        if !bound.is_finite() {
-            continue;
+    let mut entries: Vec<Entry> = heap.iter().map(|Reverse(entry)| *entry).collect();
+    entries.sort_unstable_by_key(|entry| entry.index);
+    for Entry { bound, index, group } in entries {
+        let bounds: Vec<f64> = group.map_or_else(|| vec![bound], |group| search.open(group as usize).collect());
+        for sample in (0..bounds.len()).filter(|i| bounds[*i].is_finite()).map(|i| index as usize + i) {
+            let cost = loop {
+                match search.refine(sample) {
+                    Refined::Rejected => break None,
+                    Refined::Bound(_) => {}
+                    Refined::Cost(cost) => break Some(cost),
+                }
+            };
+            best = match (best, cost) {
+                (Some(best), Some(cost)) if cost.total_cmp(&best.1).is_lt() => Some((sample, cost)),
+                (None, Some(cost)) => Some((sample, cost)),
+                (best, _) => best,
+            };
         }
-        let cost = loop {
-            match refine(index) {
-                Refined::Rejected => break None,
-                Refined::Bound(_) => {}
-                Refined::Cost(cost) => break Some(cost),
-            }
-        };
-        best = match (best, cost) {
-            (Some(best), Some(cost)) if cost.total_cmp(&best.1).is_lt() => Some((index, cost)),
-            (None, Some(cost)) => Some((index, cost)),
-            (best, _) => best,
-        };
     }
     best
 }
@@ -107,39 +131,67 @@ mod tests {
     use super::*;
     use crate::geometry::shape::Lcg;
 
+    const GROUP: usize = 10;
+
+    /// Costs as sums of five parts, which become known one by one.
+    struct Sums<'a> {
+        parts: &'a [[f64; 5]],
+        rejected: &'a [bool],
+        done: Vec<usize>,
+        work: usize,
+    }
+
+    impl Search for Sums<'_> {
+        fn open(&mut self, group: usize) -> impl Iterator<Item = f64> {
+            self.work += 1;
+            self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0])
+        }
+
+        fn refine(&mut self, i: usize) -> Refined {
+            self.work += 1;
+            if self.rejected[i] {
+                return Refined::Rejected;
+            }
+            self.done[i] = (self.done[i] + 1).min(4);
+            let sum = self.parts[i][..=self.done[i]].iter().sum();
+            if self.done[i] == 4 { Refined::Cost(sum) } else { Refined::Bound(sum) }
+        }
+    }
+
     #[test]
     fn best_first_returns_the_exhaustive_choice_with_less_work() {
         let mut random = Lcg::new(3);
         let mut heap = Heap::new();
         let (mut lazy_work, mut full_work) = (0, 0);
         for _ in 0..200 {
-            // Costs as sums of five parts on a coarse grid, so that ties happen; a quarter is rejected.
+            // On a coarse grid, so that ties happen; a quarter is rejected.
             let n = 100;
             let part = |random: &mut Lcg| random.within(0.0, 3.0).floor();
             let parts: Vec<[f64; 5]> = (0..n).map(|_| std::array::from_fn(|_| part(&mut random))).collect();
             let rejected: Vec<bool> = (0..n).map(|_| random.within(0.0, 1.0) < 0.25).collect();
-            let step = |done: &mut Vec<usize>, work: &mut usize, i: usize| {
-                *work += 1;
-                if rejected[i] {
-                    return Refined::Rejected;
-                }
-                done[i] = (done[i] + 1).min(4);
-                let sum = parts[i][..=done[i]].iter().sum();
-                if done[i] == 4 { Refined::Cost(sum) } else { Refined::Bound(sum) }
+            let least = |group: usize| {
+                parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]).fold(f64::INFINITY, f64::min)
             };
-            let bounds = || parts.iter().map(|p| p[0]);
-            let (mut a, mut b) = (vec![0; n], vec![0; n]);
-            let lazy = best_first(bounds(), &mut heap, |i| step(&mut a, &mut lazy_work, i));
-            let full = exhaustive(bounds(), |i| step(&mut b, &mut full_work, i));
-            assert_eq!(lazy, full);
+            // The last ten stand alone.
+            let groups = (0..9).map(|group| Entry::group(least(group), group * GROUP, group));
+            let alone = (90..n).map(|i| Entry::sample(parts[i][0], i));
+            start(&mut heap, groups.chain(alone));
+            let search = || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], work: 0 };
+            let (mut lazy, mut full) = (search(), search());
+            let chosen = exhaustive(&heap, &mut full);
+            assert_eq!(best_first(&mut heap, &mut lazy), chosen);
+            lazy_work += lazy.work;
+            full_work += full.work;
         }
         assert!(3 * lazy_work < full_work, "{lazy_work} of {full_work}");
     }
 
     #[test]
     fn nobody_is_chosen_if_all_are_rejected() {
-        let bounds = || [1.0, f64::INFINITY].into_iter();
-        assert_eq!(best_first(bounds(), &mut Heap::new(), |_| Refined::Rejected), None);
-        assert_eq!(exhaustive(bounds(), |_| Refined::Rejected), None);
+        let mut heap = Heap::new();
+        start(&mut heap, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
+        let mut search = Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], work: 0 };
+        assert_eq!(exhaustive(&heap, &mut search), None);
+        assert_eq!(best_first(&mut heap, &mut search), None);
     }
 }

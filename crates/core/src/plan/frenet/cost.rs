@@ -5,18 +5,25 @@
 use super::super::PlanRequest;
 use super::super::frame::Waypoint;
 use super::obstacles::Obstacles;
-use super::sample::{Motion, Samples};
+use super::sample::{LateralTables, Motion, Samples};
 use super::settings::{CostWeights, N_TERMS};
 use crate::geometry::polyline::ReferencePath;
 
-/// Terms that follow from the tables, one entry per sample.
+/// Terms that follow from the tables. Of all rows there is a lower bound; the samples of a row are worked out when
+/// somebody asks for them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TableCosts {
+    /// One entry per sample, valid once `compute_row` has seen its row.
     pub(super) velocity_offset: Vec<f64>,
-    /// Weighted sum of the terms from the tables.
+    /// Weighted sum of the terms from the tables, likewise.
     pub(super) total: Vec<f64>,
+    /// No sample of the row has a smaller total; infinite for rejected rows.
+    pub(super) bounds: Vec<f64>,
+    desired_velocity: f64,
     /// Of the row at hand, by point.
     speeds: Vec<LaneSpeed>,
+    /// The smallest weighted sum of the lateral terms, by lateral table.
+    lateral: Vec<f64>,
 }
 
 /// Lanes that are worked on at once.
@@ -48,50 +55,99 @@ fn summed_squares(speeds: &[LaneSpeed], lanes: &[f64], desired: f64) -> [f64; LA
     sums
 }
 
+/// Summed squares of what speed and desired speed differ by at least, whatever the lane between `first` and `last`.
+#[inline]
+fn summed_gaps(speeds: &[LaneSpeed], [first, last]: [f64; 2], desired: f64) -> f64 {
+    let mut sum = 0.0;
+    for speed in speeds {
+        let along = [speed.along + first * speed.along_by_lane, speed.along + last * speed.along_by_lane];
+        let sideways =
+            [speed.sideways + first * speed.sideways_by_lane, speed.sideways + last * speed.sideways_by_lane];
+        // Each component is between its values at the outer lanes: its size is smallest at 0, if that is between.
+        let smallest = |[a, b]: [f64; 2]| a.min(b).max(-a.max(b)).max(0.0);
+        let largest = |[a, b]: [f64; 2]| a.abs().max(b.abs());
+        let (low_along, low_sideways) = (smallest(along), smallest(sideways));
+        let (high_along, high_sideways) = (largest(along), largest(sideways));
+        let low = (low_along * low_along + low_sideways * low_sideways).sqrt();
+        let high = (high_along * high_along + high_sideways * high_sideways).sqrt();
+        let gap = (low - desired).max(desired - high).max(0.0);
+        sum += gap * gap;
+    }
+    sum
+}
+
 impl TableCosts {
-    /// Root of the summed squares of v - v_desired, with v² = (s_dot K)² + d_dot²; rejected rows get infinity.
-    pub(super) fn compute(
+    /// The bounds of all rows.
+    pub(super) fn prepare(
         &mut self,
         samples: &Samples,
         desired_velocity: f64,
         weights: &CostWeights,
         path: &ReferencePath,
     ) {
-        let n_lanes = samples.lanes.len();
-        self.velocity_offset.clear();
-        self.velocity_offset.resize(samples.len(), 0.0);
-        self.total.clear();
-        self.total.resize(samples.len(), f64::INFINITY);
+        /// Bounds are lowered by this fraction: the sums that they bound are rounded.
+        const ROUNDING: f64 = 1e-9;
+        self.desired_velocity = desired_velocity;
+        for buffer in [&mut self.velocity_offset, &mut self.total] {
+            buffer.clear();
+            buffer.resize(samples.len(), f64::INFINITY);
+        }
+        let LateralTables { offset, jerk, .. } = &samples.lateral;
+        self.lateral.clear();
+        let tables = offset.chunks_exact(samples.lanes.len()).zip(jerk.chunks_exact(samples.lanes.len()));
+        self.lateral.extend(tables.map(|(offset, jerk)| {
+            let lanes = offset.iter().zip(jerk).map(|(offset, jerk)| from_tables(weights, 0.0, *offset, *jerk, 0.0));
+            lanes.fold(f64::INFINITY, f64::min)
+        }));
+        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
+        self.bounds.clear();
         for (index, row) in samples.rows.iter().enumerate() {
             if row.rejection != super::Rejection::Admissible {
+                self.bounds.push(f64::INFINITY);
                 continue;
             }
-            self.speeds.clear();
-            let points = samples.motions(index).iter().zip(samples.lateral_points(index));
-            self.speeds.extend(points.map(|(motion, lateral)| {
-                let curvature = curvature_at(path, motion.s);
-                // d' s_dot = d_dot
-                let sideways = if row.lateral.is_over_arc { motion.s_dot } else { 1.0 };
-                LaneSpeed {
-                    along: motion.s_dot * (1.0 - curvature * lateral.home[0]),
-                    along_by_lane: -motion.s_dot * curvature * lateral.step[0],
-                    sideways: sideways * lateral.home[1],
-                    sideways_by_lane: sideways * lateral.step[1],
-                }
-            }));
-            let lanes = index * n_lanes..(index + 1) * n_lanes;
-            let sums = &mut self.velocity_offset[lanes.clone()];
-            for (sums, lanes) in sums.chunks_mut(LANES).zip(samples.lanes.chunks(LANES)) {
-                let squares = summed_squares(&self.speeds, lanes, desired_velocity);
-                sums.copy_from_slice(&squares[..sums.len()]);
+            self.find_speeds(samples, index, path);
+            let velocity_offset = summed_gaps(&self.speeds, outer, desired_velocity).sqrt();
+            let total = from_tables(weights, velocity_offset, 0.0, 0.0, row.jerk) + self.lateral[row.lateral.table];
+            self.bounds.push(total * (1.0 - ROUNDING));
+        }
+    }
+
+    /// Speeds of the samples of a row, by point.
+    fn find_speeds(&mut self, samples: &Samples, index: usize, path: &ReferencePath) {
+        let is_over_arc = samples.rows[index].lateral.is_over_arc;
+        self.speeds.clear();
+        let points = samples.motions(index).iter().zip(samples.lateral_points(index));
+        self.speeds.extend(points.map(|(motion, lateral)| {
+            let curvature = curvature_at(path, motion.s);
+            // d' s_dot = d_dot
+            let sideways = if is_over_arc { motion.s_dot } else { 1.0 };
+            LaneSpeed {
+                along: motion.s_dot * (1.0 - curvature * lateral.home[0]),
+                along_by_lane: -motion.s_dot * curvature * lateral.step[0],
+                sideways: sideways * lateral.home[1],
+                sideways_by_lane: sideways * lateral.step[1],
             }
-            let table = row.lateral.table;
-            let per_lane = table * n_lanes..(table + 1) * n_lanes;
-            let parts = samples.lateral.offset[per_lane.clone()].iter().zip(&samples.lateral.jerk[per_lane]);
-            for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[lanes]).zip(parts) {
-                *velocity_offset = velocity_offset.sqrt();
-                *total = from_tables(weights, *velocity_offset, *offset, *jerk, row.jerk);
-            }
+        }));
+    }
+
+    /// Terms and totals of the samples of an admissible row. The first is the root of the summed squares of
+    /// v - v_desired, with v² = (s_dot K)² + d_dot².
+    pub(super) fn compute_row(&mut self, samples: &Samples, index: usize, weights: &CostWeights, path: &ReferencePath) {
+        self.find_speeds(samples, index, path);
+        let n_lanes = samples.lanes.len();
+        let row = &samples.rows[index];
+        let lanes = index * n_lanes..(index + 1) * n_lanes;
+        let sums = &mut self.velocity_offset[lanes.clone()];
+        for (sums, lanes) in sums.chunks_mut(LANES).zip(samples.lanes.chunks(LANES)) {
+            let squares = summed_squares(&self.speeds, lanes, self.desired_velocity);
+            sums.copy_from_slice(&squares[..sums.len()]);
+        }
+        let per_lane = row.lateral.table * n_lanes..(row.lateral.table + 1) * n_lanes;
+        let parts = samples.lateral.offset[per_lane.clone()].iter().zip(&samples.lateral.jerk[per_lane]);
+        for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[lanes]).zip(parts) {
+            *velocity_offset = velocity_offset.sqrt();
+            *total = from_tables(weights, *velocity_offset, *offset, *jerk, row.jerk);
         }
     }
 }

@@ -1,9 +1,11 @@
 //! Step-by-step evaluation of one sample: trajectory in the world with the limits of the vehicle, contacts, road, and
 //! the expensive parts of the cost.
 
+use std::ops::Range;
+
 use super::super::PlanRequest;
 use super::super::frame::{FrenetPoint, Start, Waypoint};
-use super::choose::Refined;
+use super::choose::{Entry, Refined, Search};
 use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
 use super::feasibility::{Limits, Rejection};
 use super::obstacles::{Contact, Obstacles};
@@ -28,6 +30,8 @@ struct Progress {
     /// Sum of the prediction term so far, and how many points of the order are in it.
     prediction: f64,
     n_done: usize,
+    /// Its cost, once the prediction is in it.
+    cost: Option<f64>,
 }
 
 /// Memory of the evaluations of one plan.
@@ -75,7 +79,7 @@ pub(super) struct Problem<'a> {
 /// What has been prepared for it.
 pub(super) struct Tables<'a> {
     pub(super) samples: &'a mut Samples,
-    pub(super) costs: &'a TableCosts,
+    pub(super) costs: &'a mut TableCosts,
     pub(super) obstacles: &'a mut Obstacles,
     pub(super) previous: &'a Previous,
     pub(super) work: &'a mut Work,
@@ -115,10 +119,13 @@ impl<'a> Evaluation<'a> {
         self.tables.work.progress.len()
     }
 
-    /// Cost from the tables: a lower bound; infinite for samples of rejected rows.
-    pub(super) fn bounds(&self) -> impl Iterator<Item = f64> + use<'a> {
-        let previous = self.tables.previous.is_valid().then_some(self.tables.previous.total);
-        self.tables.costs.total.iter().copied().chain(previous)
+    /// Where the search begins: a group per row that is not rejected, and the previous plan.
+    pub(super) fn entries(&self) -> impl Iterator<Item = Entry> {
+        let n_lanes = self.tables.samples.lanes.len();
+        let previous = self.tables.previous.is_valid();
+        let previous = previous.then(|| Entry::sample(self.tables.previous.total, self.tables.samples.len()));
+        let rows = self.tables.costs.bounds.iter().enumerate();
+        rows.map(move |(row, bound)| Entry::group(*bound, row * n_lanes, row)).chain(previous)
     }
 
     /// Row and lane of a sample; `None` for the previous plan.
@@ -127,43 +134,7 @@ impl<'a> Evaluation<'a> {
         (sample < self.tables.samples.len()).then(|| (sample / n_lanes, sample % n_lanes))
     }
 
-    /// One more step of work on a sample.
-    pub(super) fn refine(&mut self, sample: usize) -> Refined {
-        let n_points = self.problem.limits.n_points;
-        let Work { progress, pool, contributions, order, .. } = &mut *self.tables.work;
-        let progress = &mut progress[sample];
-        let Some(slot) = progress.slot else {
-            return self.admit(sample);
-        };
-        let slot = slot as usize * n_points..(slot as usize + 1) * n_points;
-        let (points, contributions) = (&pool[slot.clone()], &mut contributions[slot]);
-        let is_first = order.is_empty();
-        if is_first {
-            order.extend(1..n_points);
-        }
-        let before = progress.prediction;
-        while progress.n_done < order.len() && (is_first || progress.prediction == before) {
-            let end = (progress.n_done + BLOCK).min(order.len());
-            for point in &order[progress.n_done..end] {
-                contributions[*point] = self.tables.obstacles.prediction_cost(&points[*point], *point);
-                progress.prediction += contributions[*point];
-            }
-            progress.n_done = end;
-        }
-        if is_first {
-            order.sort_unstable_by(|a, b| contributions[*b].total_cmp(&contributions[*a]).then(a.cmp(b)));
-        }
-        if progress.n_done == order.len() {
-            // Summed in the order of time, so the result does not depend on the order of the work.
-            let prediction: f64 = contributions[1..].iter().sum();
-            Refined::Cost(progress.base + self.prediction_weight * prediction)
-        } else {
-            let bound = progress.base + self.prediction_weight * progress.prediction;
-            Refined::Bound(bound * (1.0 - SUMMATION_ROUNDING))
-        }
-    }
-
-    /// The tests, and the cost without prediction.
+    /// The tests but the road, and the cost without prediction.
     fn admit(&mut self, sample: usize) -> Refined {
         if self.write_points(sample, true) != Rejection::Admissible {
             return Refined::Rejected;
@@ -172,20 +143,31 @@ impl<'a> Evaluation<'a> {
             self.tables.work.contacts.push((sample as u32, contact));
             return Refined::Rejected;
         }
-        if !self.stays_on_road() {
-            self.tables.work.leaves_road = true;
-            return Refined::Rejected;
-        }
         let mut base = self.table_cost(sample);
         if self.world_terms {
             base += weighted_world_terms(&self.problem.settings.weights, &self.world_terms(sample));
         }
-        let slot = (self.tables.work.pool.len() / self.problem.limits.n_points) as u32;
-        self.tables.work.pool.extend_from_slice(&self.tables.work.points);
-        self.tables.work.contributions.resize(self.tables.work.pool.len(), 0.0);
-        self.tables.work.progress[sample] = Progress { slot: Some(slot), base, prediction: 0.0, n_done: 0 };
         let is_complete = self.tables.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
-        if is_complete { Refined::Cost(base) } else { Refined::Bound(base) }
+        let work = &mut *self.tables.work;
+        let slot = Some((work.pool.len() / self.problem.limits.n_points) as u32);
+        work.pool.extend_from_slice(&work.points);
+        work.contributions.resize(work.pool.len(), 0.0);
+        let cost = is_complete.then_some(base);
+        work.progress[sample] = Progress { slot, base, prediction: 0.0, n_done: 0, cost };
+        Refined::Bound(base)
+    }
+
+    /// The complete cost of the trajectory in the pool, if its footprint stays on the road.
+    fn if_on_road(&mut self, slot: Range<usize>, cost: f64) -> Refined {
+        let pool = std::mem::take(&mut self.tables.work.pool);
+        let stays = self.is_on_road(&pool[slot]);
+        self.tables.work.pool = pool;
+        if stays {
+            Refined::Cost(cost)
+        } else {
+            self.tables.work.leaves_road = true;
+            Refined::Rejected
+        }
     }
 
     fn table_cost(&self, sample: usize) -> f64 {
@@ -244,9 +226,9 @@ impl<'a> Evaluation<'a> {
     /// The footprint (with margin) stays on the road, at the points and between them; an agent that starts (partly)
     /// beside it must do so once it is back. Without margin the first step, which will be driven, is looked at as
     /// closely as the world does.
-    pub(super) fn stays_on_road(&mut self) -> bool {
+    fn is_on_road(&mut self, points: &[Waypoint]) -> bool {
         let PlanRequest { road, shape, state, vehicle, .. } = *self.problem.request;
-        let Work { points, road: scratch, .. } = &mut *self.tables.work;
+        let scratch = &mut self.tables.work.road;
         let is_exact = self.starts_on_road && self.road_margin == 0.0;
         if is_exact && departs_road(road, shape, state.pose(), points[1].pose()).is_some() {
             return false;
@@ -263,6 +245,14 @@ impl<'a> Evaluation<'a> {
             was_on_road = road.box_is_covered(&to, scratch);
             true
         })
+    }
+
+    /// The trajectory that was written last stays on the road.
+    pub(super) fn stays_on_road(&mut self) -> bool {
+        let points = std::mem::take(&mut self.tables.work.points);
+        let stays = self.is_on_road(&points);
+        self.tables.work.points = points;
+        stays
     }
 
     /// Terms of the cost that need the trajectory that was written last.
@@ -285,5 +275,55 @@ impl<'a> Evaluation<'a> {
         let (samples, row) = (&*self.tables.samples, &self.tables.samples.rows[row]);
         let k = row.lateral.table * samples.lanes.len() + lane;
         [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], row.jerk]
+    }
+}
+
+impl Search for Evaluation<'_> {
+    fn open(&mut self, row: usize) -> impl Iterator<Item = f64> {
+        let (samples, path) = (&*self.tables.samples, &self.problem.request.route.path);
+        self.tables.costs.compute_row(samples, row, &self.problem.settings.weights, path);
+        let n_lanes = samples.lanes.len();
+        self.tables.costs.total[row * n_lanes..(row + 1) * n_lanes].iter().copied()
+    }
+
+    /// One more step of work on a sample: first what the vehicle can drive and whom it hits, then its prediction term
+    /// block by block, at last the road, which few get to.
+    fn refine(&mut self, sample: usize) -> Refined {
+        let n_points = self.problem.limits.n_points;
+        let Work { progress, pool, contributions, order, .. } = &mut *self.tables.work;
+        let progress = &mut progress[sample];
+        let Some(slot) = progress.slot else {
+            return self.admit(sample);
+        };
+        if let Some(cost) = progress.cost {
+            return self.if_on_road(slot as usize * n_points..(slot as usize + 1) * n_points, cost);
+        }
+        let slot = slot as usize * n_points..(slot as usize + 1) * n_points;
+        let (points, contributions) = (&pool[slot.clone()], &mut contributions[slot]);
+        let is_first = order.is_empty();
+        if is_first {
+            order.extend(1..n_points);
+        }
+        let before = progress.prediction;
+        while progress.n_done < order.len() && (is_first || progress.prediction == before) {
+            let end = (progress.n_done + BLOCK).min(order.len());
+            for point in &order[progress.n_done..end] {
+                contributions[*point] = self.tables.obstacles.prediction_cost(&points[*point], *point);
+                progress.prediction += contributions[*point];
+            }
+            progress.n_done = end;
+        }
+        if is_first {
+            order.sort_unstable_by(|a, b| contributions[*b].total_cmp(&contributions[*a]).then(a.cmp(b)));
+        }
+        if progress.n_done < order.len() {
+            let bound = progress.base + self.prediction_weight * progress.prediction;
+            return Refined::Bound(bound * (1.0 - SUMMATION_ROUNDING));
+        }
+        // Summed in the order of time, so the result does not depend on the order of the work.
+        let prediction: f64 = contributions[1..].iter().sum();
+        let cost = progress.base + self.prediction_weight * prediction;
+        progress.cost = Some(cost);
+        Refined::Bound(cost)
     }
 }

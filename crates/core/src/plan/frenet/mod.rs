@@ -110,10 +110,11 @@ fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scrat
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
+    choose::start(heap, evaluation.entries());
     let choice = if settings.lazy {
-        choose::best_first(evaluation.bounds(), heap, |sample| evaluation.refine(sample))
+        choose::best_first(heap, &mut evaluation)
     } else {
-        choose::exhaustive(evaluation.bounds(), |sample| evaluation.refine(sample))
+        choose::exhaustive(heap, &mut evaluation)
     };
     if let Some((sample, cost)) = choice {
         evaluation.write_points(sample, true);
@@ -171,7 +172,7 @@ fn prepare(
 ) {
     let path = &request.route.path;
     samples.generate(&Inputs { start, desired, limits, settings, path, with_rejected });
-    costs.compute(samples, desired.velocity, &settings.weights, path);
+    costs.prepare(samples, desired.velocity, &settings.weights, path);
     previous.shift(request, start, limits, desired.velocity, &settings.weights);
     obstacles.prepare(request, start, samples, settings);
 }
