@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         Trajectory,
         VelocityAdjusting,
     )
+    from interdrive.prediction_evaluation import PredictionEvaluation, evaluate_predictors
     from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Predictor, PredictorSettings
     from interdrive.results import load, save
     from interdrive.run import Run
@@ -59,6 +60,8 @@ _HOME = {
     "Recorded": "planners",
     "Trajectory": "planners",
     "VelocityAdjusting": "planners",
+    "PredictionEvaluation": "prediction_evaluation",
+    "evaluate_predictors": "prediction_evaluation",
     "ConstantVelocity": "predictors",
     "GroundTruth": "predictors",
     "LaneFollowing": "predictors",
@@ -91,6 +94,7 @@ __all__ = [
     "NoRouteError",
     "Planner",
     "PlannerSettings",
+    "PredictionEvaluation",
     "Predictions",
     "Predictor",
     "PredictorError",
@@ -108,6 +112,7 @@ __all__ = [
     "ViewSettings",
     "__version__",
     "case_study",
+    "evaluate_predictors",
     "load",
     "read_scenario",
     "save",

@@ -232,6 +232,13 @@ def information(run: Run) -> dict[str, Any]:
         "finished": run.finished,
         "views": None if run.views is None else "views.parquet",
         "notes": list(run.notes),
+        **software(),
+    }
+
+
+def software() -> dict[str, Any]:
+    """Versions and platform, for the files that say how results came about."""
+    return {
         "versions": {
             "interdrive": _version("interdrive"),
             "python": platform.python_version(),
@@ -271,8 +278,7 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
             if table is None:
                 continue
             _write_parquet(table, partial / f"{name}.parquet")
-        text = json.dumps(_finite(information(run)), indent=2, ensure_ascii=False, allow_nan=False)
-        _write_bytes(text.encode() + b"\n", partial / "run.json")
+        write_json(information(run), partial / "run.json")
         _write_bytes(write_scenario(run), partial / "scenario.xml")
     return target
 
@@ -509,6 +515,12 @@ def write_table(table: pa.Table, path: Path) -> None:
     sink = pa.BufferOutputStream()
     pa.csv.write_csv(table, sink, pa.csv.WriteOptions(quoting_style="needed"))
     _write_bytes(sink.getvalue().to_pybytes(), path)
+
+
+def write_json(values: Mapping[str, Any], path: Path) -> None:
+    """Writes plain values as JSON; infinities and nan as texts."""
+    text = json.dumps(_finite(values), indent=2, ensure_ascii=False, allow_nan=False)
+    _write_bytes(text.encode() + b"\n", path)
 
 
 def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array

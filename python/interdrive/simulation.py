@@ -13,15 +13,14 @@ import numpy as np
 from interdrive import _core
 from interdrive.agents import normalized, select
 from interdrive.choices import named, per_agent, stored
-from interdrive.errors import InputError, PredictorError
+from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
 from interdrive.planners import Planner, PlannerSettings, name_of, native_planner
 from interdrive.planners import resolve as resolve_planner
 from interdrive.planners.calls import ask
 from interdrive.planners.workers import Workers, can_be_sent
-from interdrive.predictors import native
-from interdrive.predictors import resolve as resolve_predictor
+from interdrive.predictors.calls import called
 from interdrive.recording import agent_record, digest, outcomes_of, snapshot, states_of, timings_of
 from interdrive.run import Plans, Run, Snapshot, Views
 from interdrive.run_settings import SimulationSettings
@@ -111,8 +110,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the first time step; planners and predictor are made anew."""
-        self._predictor = resolve_predictor(self._predictor_choice, self.settings.predictor)
-        self._native_predictor = native(self._predictor, self.settings.predictor, self._core_scenario)
+        self._predictor = called(self._predictor_choice, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
         self._dismiss()
         self._planner_notes: list[str] = []
@@ -199,18 +197,7 @@ class Simulation:
 
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
         horizon = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
-        if self._native_predictor is not None:
-            return self.world.predict(self._native_predictor, scene, horizon)
-        try:
-            predictions = self._predictor.predict(scene)  # type: ignore[attr-defined]
-        except Exception as error:
-            raise PredictorError(f"the predictor raised at time step {scene.time_step}: {error!r}") from error
-        if not isinstance(predictions, _core.Predictions) or predictions.time_step != scene.time_step:
-            raise PredictorError(
-                f"the predictor returned {type(predictions).__name__} at time step {scene.time_step}, "
-                "Predictions of that time step expected"
-            )
-        return predictions
+        return self._predictor.predict(self.world, scene, horizon)
 
     def _hire(self) -> None:
         """Planners in Python that allow it move to processes of their own, if there is more than one core for them."""

@@ -133,6 +133,12 @@ impl PyRoadNetwork {
         Ok(arrays::row(py, inside))
     }
 
+    /// Whether each point (x, y) is drivable: within the gap tolerance of a lanelet or of what continues an open end.
+    fn on_road<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let points = arrays::read_points("points", &points)?;
+        Ok(arrays::row(py, points.into_iter().map(|point| self.0.is_on_road(point)).collect()))
+    }
+
     /// Ids of the lanelets that contain a point.
     fn lanelets_at(&self, x: f64, y: f64) -> Vec<i64> {
         self.0.lanelets_at(Point::new(x, y)).into_iter().map(|i| self.0.lanelets()[i].id).collect()

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
-use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
+use interdrive_core::predict::{LaneFollowing, Predictor, Spread, completed};
 use interdrive_core::scene::{Scene, ViewLimits};
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
 use interdrive_core::vehicle::ParticipantKind;
@@ -203,6 +203,12 @@ impl PyPredictions {
         let mut rows = view.visible.clone();
         rows.insert(rows.partition_point(|row| *row < view.row), view.row);
         self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
+    }
+
+    /// With a row for everybody who is present in the scene: who is missing or has no valid mode goes straight on. This
+    /// is what planners work with.
+    fn completed(&self, scene: &PyScene) -> Self {
+        Self::whole(completed(&self.table(), &scene.scene))
     }
 
     /// For other processes.

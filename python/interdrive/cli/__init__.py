@@ -17,6 +17,7 @@ from interdrive.cli.check import check
 from interdrive.cli.criticality import criticality
 from interdrive.cli.models import models
 from interdrive.cli.plugins import planners, predictors
+from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.run import run
 from interdrive.cli.settings import settings
 from interdrive.cli.study import study
@@ -73,7 +74,7 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (run, study, criticality, check, verify, settings, planners, predictors, models):
+for _command in (run, study, criticality, predict_eval, check, verify, settings, planners, predictors, models):
     main.add_command(_command)
 
 __all__ = ["main"]

@@ -1,0 +1,95 @@
+"""`interdrive predict-eval`: how good predictions are, measured on recordings."""
+
+from __future__ import annotations
+
+import re
+
+import click
+
+from interdrive.cli.arguments import assigned, new_folder, shown
+from interdrive.errors import InputError
+from interdrive.plugins import read_choice
+from interdrive.settings import bind
+
+
+@click.command("predict-eval")
+@click.argument("files", nargs=-1, metavar="FILE|FOLDER...")
+@click.option(
+    "--predictors",
+    metavar="all|NAME,NAME",
+    default="all",
+    help="Who predicts: all native ones (without ground_truth), names, module:object; settings of one in brackets: "
+    "lane_following[modes_max=1].",
+)
+@click.option("--every", metavar="N", type=click.IntRange(min=1), default=5, help="Ask at every N-th time step (5).")
+@click.option(
+    "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
+)
+@click.option("--out", metavar="DIR", help="Folder of the evaluation (a new one under out/).")
+@click.option("--overwrite", is_flag=True, help="Replace the evaluation in that folder.")
+@click.option("--samples", is_flag=True, help="Write every sample, too: samples.parquet.")
+@click.option("--no-figures", is_flag=True, help="Draw nothing.")
+@click.option("--no-timing", is_flag=True, help="Do not measure the time per call.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def predict_eval(
+    files: tuple[str, ...],
+    predictors: str,
+    every: int,
+    assignments: tuple[str, ...],
+    out: str | None,
+    overwrite: bool,
+    samples: bool,
+    no_figures: bool,
+    no_timing: bool,
+    quiet: bool,
+) -> int:
+    """Compare predictions with what recorded vehicles did next.
+
+    FILE is a CommonRoad file or the name of a shipped scenario; of a FOLDER all files are taken. Recordings are
+    replayed, nobody plans. Distances, likelihood, calibration, standing vehicles, points off the road and time per
+    call, by category (the name of a file's folder: highway, intersection, urban, junction ...) and overall, as tables,
+    Parquet files and figures.
+    """
+    if not files:
+        raise InputError("predict-eval: which recordings? Give files, folders or names of shipped scenarios")
+    choices = named_predictors(predictors)
+    settings_given = assigned(assignments)
+
+    from interdrive.cli.report import print_prediction_evaluation, progress  # noqa: PLC0415 - rich
+    from interdrive.prediction_evaluation import evaluate_predictors  # noqa: PLC0415
+    from interdrive.prediction_evaluation.folder import check_evaluation_target, save_evaluation  # noqa: PLC0415
+    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+
+    settings = bind(SimulationSettings(), settings_given)
+    folder = check_evaluation_target(
+        new_folder("predict-eval") if out is None else out, overwrite=overwrite and out is not None
+    )
+    with progress(quiet=quiet) as report:
+        found = evaluate_predictors(
+            files, choices, every=every, settings=settings, with_timing=not no_timing, on_step=report.counted
+        )
+        report.say("writing")
+        save_evaluation(
+            found, folder, overwrite=overwrite, with_samples=samples, with_figures=not no_figures, on_figure=report.say
+        )
+    if not quiet:
+        print_prediction_evaluation(found, shown(folder))
+    return 0
+
+
+def named_predictors(text: str) -> list[str]:
+    """Predictors from "NAME,NAME[SETTING=VALUE,...]", each as `plugins.read_choice` understands it.
+
+    Raises:
+        InputError: It is not spelled like that.
+    """
+    names = [name.strip() for name in re.split(r",(?![^\[]*\])", text)]
+    found = []
+    for name in names:
+        spelled = re.fullmatch(r"([^\[\]]+)(?:\[(.*)\])?", name)
+        if spelled is None:
+            raise InputError(f"--predictors {text}: write NAME,NAME or NAME[SETTING=VALUE,...],NAME")
+        found.append(spelled[1] if spelled[2] is None else f"{spelled[1]},{spelled[2]}")
+        if found[-1] != "all":
+            read_choice(found[-1], "predictor")
+    return found

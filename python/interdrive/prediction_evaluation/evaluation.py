@@ -1,0 +1,277 @@
+"""The evaluation: recordings in, measures per predictor and category out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import InputError, InterdriveError, PredictorError
+from interdrive.plugins import Choice, read_choice
+from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, judged
+from interdrive.prediction_evaluation.recordings import Recording, category_of, found_files, opened
+from interdrive.prediction_evaluation.timing import measured_timings
+from interdrive.predictors import NATIVE
+from interdrive.predictors.calls import Called, called, name_of
+from interdrive.run_settings import SimulationSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from interdrive.prediction_evaluation.recordings import Moment
+    from interdrive.prediction_evaluation.timing import Timing
+
+#: Predictors that "all" leaves out: no planner in a car could have them.
+_FOR_STUDIES = ("ground_truth",)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Vehicles at time steps, one row each, and every measure of every predictor.
+
+    Attributes:
+        file: Place in `PredictionEvaluation.files`, shape (n,).
+        category: Category of the file.
+        time_step: When.
+        participant_id: Who.
+        kind: Code of `interdrive.scenario.KINDS`.
+        speed: Distance covered in the last time step over its length [m/s]; the stated speed without a past.
+        known: How long the vehicle has been recorded [s].
+        stands: It stands now.
+        stays: It stands now and in the 3 s to come.
+        values: Predictor -> measure -> array, as `measures.judged` has them.
+    """
+
+    file: Any
+    category: Any
+    time_step: Any
+    participant_id: Any
+    kind: Any
+    speed: Any
+    known: Any
+    stands: Any
+    stays: Any
+    values: dict[str, dict[str, Any]]
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.time_step)
+
+
+@dataclass(frozen=True)
+class PredictionEvaluation:
+    """What `evaluate_predictors` found.
+
+    Attributes:
+        files: The files with samples, in order.
+        predictors: Names, in order.
+        samples: Every sample.
+        timings: Milliseconds per call.
+        notes: What was left out, and why.
+        settings: What was asked for, as plain values.
+    """
+
+    files: tuple[Path, ...]
+    predictors: tuple[str, ...]
+    samples: Samples
+    timings: tuple[Timing, ...] = ()
+    notes: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+def chosen_predictors(
+    predictors: str | Sequence[object], settings: SimulationSettings, recording: Recording
+) -> tuple[list[Choice], list[str]]:
+    """Predictors by choice; "all" are the native ones that can be used here, without `ground_truth`.
+
+    Args:
+        predictors: "all", or choices; "all" may be among them.
+        settings: Of the run.
+        recording: Where they are tried.
+
+    Returns:
+        Choices whose names differ, and lines about those of "all" that cannot be used.
+
+    Raises:
+        InputError: One that was asked for cannot be used, or is there twice.
+    """
+    notes: list[str] = []
+    choices: list[Choice] = []
+    for one in [predictors] if isinstance(predictors, str) else predictors:
+        if one != "all":
+            choices.append(read_choice(one, "predictor"))
+            called(choices[-1], settings.predictor, recording.core_scenario)
+            continue
+        for name in NATIVE:
+            if name in _FOR_STUDIES:
+                continue
+            try:
+                called(name, settings.predictor, recording.core_scenario)
+            except InterdriveError as error:
+                notes.append(f"{name} is left out: {error}")
+            else:
+                choices.append(Choice(name))
+    names = [name_of(choice) for choice in choices]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"predictor {name} is there twice")
+    if not choices:
+        raise InputError("there is no predictor to evaluate")
+    return choices, notes
+
+
+def evaluate_predictors(
+    files: str | Path | Sequence[str | Path],
+    predictors: str | Sequence[object] = "all",
+    *,
+    every: int = 5,
+    settings: SimulationSettings | None = None,
+    with_timing: bool = True,
+    on_step: Callable[[str, int, int], None] | None = None,
+) -> PredictionEvaluation:
+    """Compares predictions with what recorded vehicles did next.
+
+    Recordings are replayed without agents; at every `every`-th time step each predictor is asked, from present and past
+    alone, and judged for cars, trucks, buses, motorcycles and bicycles that are recorded for at least another second.
+
+    Args:
+        files: CommonRoad files, folders of them, and names of shipped scenarios.
+        predictors: "all", or choices as `simulate` takes them; "all" may be among them.
+        every: Time steps between two questions.
+        settings: Settings of the predictors, and of what counts as road; predictions last at least 3 s.
+        with_timing: Measure how long a call takes, too.
+        on_step: Called with what is going on, how much is done, and how much there is.
+
+    Returns:
+        Samples with all measures; `interdrive.prediction_evaluation.tables` sums them up.
+
+    Raises:
+        InputError: A file that was named itself, or a predictor, cannot be used; nobody can be judged.
+        PredictorError: A predictor raised or returned garbage; one line with its name, time step and file.
+    """
+    if every < 1:
+        raise InputError(f"every must be at least 1, not {every}")
+    settings = settings or SimulationSettings()
+    horizon = max(settings.predictor.horizon, float(HORIZONS[-1]))
+    settings = replace(settings, predictor=replace(settings.predictor, horizon=horizon))
+    choices: list[Choice] = []
+    notes: list[str] = []
+    gathered = _Gathered()
+    paths = found_files([files] if isinstance(files, str | Path) else files)
+    for number, (path, is_needed) in enumerate(paths):
+        if on_step is not None:
+            on_step(path.name, number, len(paths))
+        recording = opened(path, settings, is_needed=is_needed)
+        if isinstance(recording, str):
+            notes.append(recording if path.name in recording else f"{path.name}: {recording}")
+            continue
+        if not choices:
+            choices, lines = chosen_predictors(predictors, settings, recording)
+            notes += lines
+        asked = [called(choice, settings.predictor, recording.core_scenario) for choice in choices]
+        gathered.add(path, recording, asked, every, horizon)
+    if not gathered.files:
+        raise InputError("nobody can be judged: no vehicle in these files is recorded for a second")
+    timings = measured_timings(choices, settings, on_step) if with_timing else ()
+    return PredictionEvaluation(
+        tuple(gathered.files),
+        tuple(name_of(choice) for choice in choices),
+        gathered.samples(),
+        timings,
+        tuple(notes),
+        {"every": every, "horizon": horizon, "files": [str(path) for path in gathered.files]},
+    )
+
+
+class _Gathered:
+    """Samples of one file after the other."""
+
+    def __init__(self) -> None:
+        self.files: list[Path] = []
+        self._columns: list[dict[str, Any]] = []
+        self._values: dict[str, list[dict[str, Any]]] = {}
+
+    def add(self, path: Path, recording: Recording, asked: Sequence[Called], every: int, horizon: float) -> None:
+        n_steps = max(1, round(horizon / recording.scenario.dt))
+        moments: list[Moment] = []
+        answers: list[list[Predicted]] = [[] for _ in asked]
+        for moment in recording.moments(every):
+            moments.append(moment)
+            for predictor, answer in zip(asked, answers, strict=True):
+                answer.append(answered(predictor, recording, moment, n_steps))
+        if not moments:
+            return
+        truth = np.concatenate([moment.truth for moment in moments])
+        now = np.concatenate([_now(moment) for moment in moments])
+        for predictor, answer in zip(asked, answers, strict=True):
+            values = judged(joined(answer), truth, now, recording.scenario.dt, recording.road)
+            self._values.setdefault(predictor.name, []).append(values)
+        self._columns.append(
+            {
+                "file": np.full(len(truth), len(self.files)),
+                "category": np.full(len(truth), category_of(path), dtype=object),
+                "time_step": np.repeat([m.scene.time_step for m in moments], [len(m.row) for m in moments]),
+                "participant_id": np.concatenate([m.scene.ids[m.row] for m in moments]),
+                "kind": np.concatenate([m.scene.kinds[m.row] for m in moments]),
+                "speed": np.concatenate([_speed(m) for m in moments]),
+                **{name: np.concatenate([getattr(m, name) for m in moments]) for name in ("known", "stands", "stays")},
+            }
+        )
+        self.files.append(path)
+
+    def samples(self) -> Samples:
+        values = {
+            name: {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
+            for name, parts in self._values.items()
+        }
+        columns = {name: np.concatenate([part[name] for part in self._columns]) for name in self._columns[0]}
+        return Samples(**columns, values=values)
+
+
+def answered(predictor: Called, recording: Recording, moment: Moment, n_steps: int) -> Predicted:
+    """What a predictor says about the judged vehicles of a moment; who is left out goes straight on.
+
+    Raises:
+        PredictorError: It raised or returned garbage; the text names it, the time step and the scenario.
+    """
+    try:
+        found = predictor.predict(recording.world, moment.scene, n_steps)
+    except PredictorError as error:
+        raise PredictorError(f"{recording.scenario.name}: {error}") from error
+    found = found.completed(moment.scene)
+    row = moment.row
+    return Predicted(
+        probability=found.probability[row],
+        mean=np.stack([found.x[row], found.y[row]], axis=-1),
+        covariance=found.covariance[row],
+        valid=found.valid[row],
+    )
+
+
+def joined(parts: Sequence[Predicted]) -> Predicted:
+    """One after the other; modes and steps that only some have are not valid in the others."""
+    n_modes = max(part.valid.shape[1] for part in parts)
+    n_steps = max(part.valid.shape[2] for part in parts)
+
+    def grown(values: Any) -> Any:  # noqa: ANN401 - array
+        shape = (n_modes, n_steps)[: 1 if values.ndim == 2 else 2]
+        missing = [(0, 0), *((0, wanted - given) for wanted, given in zip(shape, values.shape[1:], strict=False))]
+        return np.pad(values, missing + [(0, 0)] * (values.ndim - len(missing)))
+
+    names = ("probability", "mean", "covariance", "valid")
+    return Predicted(*(np.concatenate([grown(getattr(part, name)) for part in parts]) for name in names))
+
+
+def _now(moment: Moment) -> Any:  # noqa: ANN401 - array
+    return np.stack([moment.scene.x[moment.row, -1], moment.scene.y[moment.row, -1]], axis=1)
+
+
+def _speed(moment: Moment) -> Any:  # noqa: ANN401 - array
+    scene, row = moment.scene, moment.row
+    stated = np.abs(scene.velocity[row, -1])
+    if scene.x.shape[1] < 2:
+        return stated
+    way = np.hypot(scene.x[row, -1] - scene.x[row, -2], scene.y[row, -1] - scene.y[row, -2])
+    return np.where(scene.valid[row, -2], way / scene.dt, stated)

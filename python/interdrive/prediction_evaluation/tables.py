@@ -1,0 +1,277 @@
+"""The evaluation summed up as Arrow tables: measures, calibration, error over time, time per call, samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.prediction_evaluation.measures import HORIZONS, MISS, TIMES
+from interdrive.prediction_evaluation.recordings import CATEGORIES
+from interdrive.results import Column, arrow_table, labels
+from interdrive.scenario import KINDS
+
+if TYPE_CHECKING:
+    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation, Samples
+    from interdrive.results import ArrowTable
+
+#: Names of the two rows for everything: every sample weighs the same, or every category of `CATEGORIES` does.
+ALL, MEAN = "all samples", "mean of categories"
+#: Probability masses of the regions in the table of measures.
+MASSES = (50, 90, 99)
+#: Those of the calibration curve [%].
+NOMINAL = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 99)
+
+_OF_MODE = {"": "of the most probable mode", "_best": "of the best mode"}
+
+
+def _measure_columns() -> tuple[Column, ...]:
+    def number(name: str, text: str) -> Column:
+        return Column(name, "number", text, nullable=True)
+
+    columns = [
+        Column("predictor", "label", "name, with its settings"),
+        Column("category", "label", "of the files; or all samples, or the mean of the categories"),
+        Column("files", "integer", "files with samples"),
+        Column("vehicles", "integer", "vehicles with samples"),
+        Column("samples", "integer", "vehicles at time steps"),
+    ]
+    for h in HORIZONS:
+        columns += [
+            Column(f"samples_{h}", "integer", f"samples whose recording goes on for {h} s"),
+            number(f"answered_{h}", f"share of them with a prediction for {h} s"),
+        ]
+    for best, text in _OF_MODE.items():
+        for h in HORIZONS:
+            columns += [
+                number(f"ade{best}_{h}", f"mean distance over {h} s {text} [m]"),
+                number(f"fde{best}_{h}", f"distance after {h} s {text} [m]"),
+            ]
+        columns.append(number(f"miss_rate{best}", f"share with a distance over {MISS:g} m after 3 s {text}"))
+    for h in HORIZONS:
+        columns += [
+            number(f"nll_{h}", f"negative log-likelihood of the position after {h} s, mean [nats]"),
+            number(f"nll_median_{h}", "the same, median [nats]"),
+        ]
+    columns.append(number("nll", "negative log-likelihood, mean over all steps until 3 s [nats]"))
+    for name, text in (
+        ("region", "region of highest density of the mixture"),
+        ("ellipse", "most probable mode's ellipse"),
+    ):
+        columns += [
+            number(f"{name}_{mass}_{h}", f"share of positions after {h} s inside the {mass} % {text}")
+            for h in HORIZONS
+            for mass in MASSES
+        ]
+    for name, text in (("stays", "vehicles that stand and stay"), ("stands", "vehicles that stand now")):
+        columns += [
+            Column(f"{name}_samples", "integer", f"samples of {text}"),
+            number(f"{name}_median", f"displacement predicted for 3 s for {text}, median [m]"),
+            number(f"{name}_p95", f"displacement predicted for 3 s for {text}, 95th percentile [m]"),
+        ]
+    columns.append(number("off_road", "probability predicted for being off the road, of vehicles that are on it"))
+    return tuple(columns)
+
+
+MEASURE_COLUMNS = _measure_columns()
+
+CALIBRATION_COLUMNS = (
+    Column("predictor", "label", ""),
+    Column("category", "label", ""),
+    Column("horizon", "number", "time from now [s]"),
+    Column("nominal", "number", "probability mass of the region"),
+    Column("region", "number", "share of positions inside the mixture's region of highest density", nullable=True),
+    Column("ellipse", "number", "share of positions inside the most probable mode's ellipse", nullable=True),
+)
+
+ERROR_COLUMNS = (
+    Column("predictor", "label", ""),
+    Column("category", "label", ""),
+    Column("time", "number", "from now [s]"),
+    Column("error", "number", "mean distance of the most probable mode [m]", nullable=True),
+    Column("error_best", "number", "mean distance of the best mode [m]", nullable=True),
+)
+
+TIMING_COLUMNS = (
+    Column("predictor", "label", ""),
+    Column("vehicles", "integer", "vehicles in the scene"),
+    Column("milliseconds", "number", "median time per call [ms]"),
+    Column("calls", "integer", "calls that were timed"),
+)
+
+_SAMPLE_VALUES = (
+    *(f"{name}_{h}" for h in HORIZONS for name in ("ade", "fde", "ade_best", "fde_best", "nll", "region", "ellipse")),
+    "nll",
+    "displacement",
+)
+
+SAMPLE_COLUMNS = (
+    Column("predictor", "label", ""),
+    Column("file", "label", "name of the file"),
+    Column("category", "label", ""),
+    Column("time_step", "integer", "when"),
+    Column("participant_id", "integer", "who"),
+    Column("kind", "label", "car, truck, ..."),
+    Column("speed", "number", "[m/s]"),
+    Column("known", "number", "recorded for so long [s]"),
+    Column("stands", "truth", "known for 0.5 s and moved less than 0.1 m in it"),
+    Column("stays", "truth", "stands, and moves less than 0.1 m in the next 3 s"),
+    *(Column(name, "number", "see interdrive.prediction_evaluation.measures.judged", True) for name in _SAMPLE_VALUES),
+)
+
+
+def groups(samples: Samples) -> dict[str, Any]:
+    """Category -> mask of its samples; those of `CATEGORIES` first, the others by name, then all."""
+    there = sorted(set(samples.category.tolist()), key=lambda name: (name not in CATEGORIES, _place(name), name))
+    return {name: samples.category == name for name in there} | {ALL: np.ones(len(samples), dtype=np.bool_)}
+
+
+def _place(name: str) -> int:
+    return CATEGORIES.index(name) if name in CATEGORIES else len(CATEGORIES)
+
+
+def measures_table(found: PredictionEvaluation) -> ArrowTable:
+    """One row per predictor and category, then one for all samples and one for the mean of the categories.
+
+    That mean is taken over those of `CATEGORIES` that are there, over all others if none is; its numbers of samples are
+    those of the categories it is about.
+    """
+    rows = []
+    for predictor in found.predictors:
+        by_category = {
+            name: _summed(found.samples, mask, found.samples.values[predictor])
+            for name, mask in groups(found.samples).items()
+        }
+        whole = by_category.pop(ALL)
+        counted = {name: row for name, row in by_category.items() if name in CATEGORIES} or by_category
+        for name, row in (*by_category.items(), (ALL, whole), (MEAN, _mean(list(counted.values())))):
+            rows.append({"predictor": predictor, "category": name, **row})
+    return _from_rows(MEASURE_COLUMNS, rows)
+
+
+def _summed(samples: Samples, mask: Any, values: dict[str, Any]) -> dict[str, Any]:  # noqa: ANN401 - array
+    def mean(name: str) -> float:
+        return _mean_of(values[name][mask])
+
+    row: dict[str, Any] = {
+        "files": len(np.unique(samples.file[mask])),
+        "vehicles": len(np.unique(np.stack([samples.file[mask], samples.participant_id[mask]]), axis=1).T),
+        "samples": int(mask.sum()),
+        "nll": mean("nll"),
+        "off_road": mean("off_road"),
+    }
+    for h in HORIZONS:
+        row[f"samples_{h}"] = int(np.isfinite(values[f"answered_{h}"][mask]).sum())
+        row[f"nll_median_{h}"] = _quantile(values[f"nll_{h}"][mask], 0.5)
+        for name in ("answered", "ade", "fde", "ade_best", "fde_best", "nll"):
+            row[f"{name}_{h}"] = mean(f"{name}_{h}")
+        for name in ("region", "ellipse"):
+            levels = values[f"{name}_{h}"][mask]
+            for mass in MASSES:
+                row[f"{name}_{mass}_{h}"] = _share(levels, mass)
+    for best in _OF_MODE:
+        ends = values[f"fde{best}_{HORIZONS[-1]}"][mask]
+        row[f"miss_rate{best}"] = _mean_of(np.where(np.isfinite(ends), ends > MISS, np.nan))
+    for name in ("stays", "stands"):
+        moved = values["displacement"][mask & getattr(samples, name)]
+        row |= {
+            f"{name}_samples": int(np.isfinite(moved).sum()),
+            f"{name}_median": _quantile(moved, 0.5),
+            f"{name}_p95": _quantile(moved, 0.95),
+        }
+    return row
+
+
+def _mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Counts added, everything else as the mean over the rows that have it."""
+    counts = {column.name for column in MEASURE_COLUMNS if column.kind == "integer"}
+    return {
+        name: sum(row[name] for row in rows) if name in counts else _mean_of(np.array([row[name] for row in rows]))
+        for name in rows[0]
+    }
+
+
+def _mean_of(values: Any) -> float:  # noqa: ANN401 - array
+    known = values[np.isfinite(values)] if values.dtype != np.bool_ else values
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _quantile(values: Any, share: float) -> float:  # noqa: ANN401 - array
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, share)) if known.size else float("nan")
+
+
+def _share(levels: Any, percent: float) -> float:  # noqa: ANN401 - array
+    known = levels[np.isfinite(levels)]
+    return float((known <= percent / 100.0).mean()) if known.size else float("nan")
+
+
+def calibration_table(found: PredictionEvaluation) -> ArrowTable:
+    """Observed shares for every nominal one of `NOMINAL`, by predictor, category and horizon."""
+    rows = [
+        {
+            "predictor": predictor,
+            "category": category,
+            "horizon": float(h),
+            "nominal": nominal / 100.0,
+            "region": _share(found.samples.values[predictor][f"region_{h}"][mask], nominal),
+            "ellipse": _share(found.samples.values[predictor][f"ellipse_{h}"][mask], nominal),
+        }
+        for predictor in found.predictors
+        for category, mask in groups(found.samples).items()
+        for h in HORIZONS
+        for nominal in NOMINAL
+    ]
+    return _from_rows(CALIBRATION_COLUMNS, rows)
+
+
+def error_table(found: PredictionEvaluation) -> ArrowTable:
+    """Mean distance at `TIMES`, by predictor and category."""
+    rows = [
+        {
+            "predictor": predictor,
+            "category": category,
+            "time": time,
+            **{name: _mean_of(found.samples.values[predictor][name][mask, column]) for name in ("error", "error_best")},
+        }
+        for predictor in found.predictors
+        for category, mask in groups(found.samples).items()
+        for column, time in enumerate(TIMES)
+    ]
+    return _from_rows(ERROR_COLUMNS, rows)
+
+
+def timing_table(found: PredictionEvaluation) -> ArrowTable:
+    """Time per call, by predictor and number of vehicles."""
+    names = [column.name for column in TIMING_COLUMNS]
+    return _from_rows(TIMING_COLUMNS, [{name: getattr(row, name) for name in names} for row in found.timings])
+
+
+def samples_table(found: PredictionEvaluation) -> ArrowTable:
+    """Every sample and predictor, one row each."""
+    samples, n = found.samples, len(found.predictors)
+
+    def tiled(values: Any) -> Any:  # noqa: ANN401 - array
+        return np.tile(values, n)
+
+    categories = tuple(dict.fromkeys(samples.category.tolist()))
+    place = np.array([categories.index(name) for name in samples.category.tolist()], dtype=np.int64)
+    columns = {
+        "predictor": labels(found.predictors, np.repeat(np.arange(n), len(samples))),
+        "file": labels(tuple(path.name for path in found.files), tiled(samples.file)),
+        "category": labels(categories, tiled(place)),
+        "kind": labels(KINDS, tiled(samples.kind)),
+    }
+    for name in ("time_step", "participant_id", "speed", "known", "stands", "stays"):
+        columns[name] = tiled(getattr(samples, name))
+    for name in _SAMPLE_VALUES:
+        columns[name] = np.concatenate([samples.values[predictor][name] for predictor in found.predictors])
+    return arrow_table(SAMPLE_COLUMNS, columns)
+
+
+def _from_rows(columns: tuple[Column, ...], rows: list[dict[str, Any]]) -> ArrowTable:
+    values: dict[str, Any] = {}
+    for column in columns:
+        entries = [row[column.name] for row in rows]
+        values[column.name] = labels(tuple(entries)) if column.kind == "label" else entries
+    return arrow_table(columns, values)
