@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Floats = NDArray[np.float64]
+_Singles = NDArray[np.float32]
 _Ints = NDArray[np.int64]
 _Bools = NDArray[np.bool_]
 _Interval = tuple[float, float]
 
 __all__ = [
     "CODES",
+    "NEURAL",
     "Agent",
     "Ego",
     "FrenetSettings",
@@ -21,6 +23,7 @@ __all__ = [
     "IdmSettings",
     "InputError",
     "InterdriveError",
+    "NeuralInputs",
     "NoRouteError",
     "Plans",
     "Predictions",
@@ -53,6 +56,11 @@ __all__ = [
 __version__: str
 #: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status", "impact_area", "measure".
 CODES: dict[str, list[str]]
+
+#: The input of the neural predictor: `version`; `knots` [s]; `agent`, `neighbours`, `paths`: name, scale and sign in a
+#: mirrored world of every feature; `slots`: names of the paths; `path_mirror_columns`, `mirror_slots`: their order in a
+#: mirrored world.
+NEURAL: dict[str, Any]
 
 class InterdriveError(Exception): ...
 class InputError(InterdriveError): ...
@@ -126,6 +134,7 @@ class Scenario:
     ) -> Scenario: ...
     @property
     def dt(self) -> float: ...
+    def scene(self, time_step: int, history_steps: int = 30) -> Scene: ...
 
 @final
 class Goal:
@@ -258,6 +267,65 @@ class Scene:
     def yaw_rate(self) -> _Floats: ...
     @property
     def valid(self) -> _Bools: ...
+
+@final
+class NeuralInputs:
+    """What the neural predictor is told about the vehicles of a scene (n rows, ascending ids; P slots for paths).
+
+    Rows are those who are present, can move, are no pedestrians and do not drive backwards. Path coordinates are arc
+    length `s` from where the vehicle is now and offset `d` to the left [m].
+    """
+
+    def __new__(cls, scene: Scene) -> NeuralInputs: ...
+    @property
+    def ids(self) -> _Ints: ...
+    @property
+    def agent(self) -> _Singles:
+        """Past and present, shape (n, features of `NEURAL["agent"]`)."""
+    @property
+    def neighbours(self) -> _Singles:
+        """Nearest first, shape (n, 8, features of `NEURAL["neighbours"]`); zero where there is none."""
+    @property
+    def paths(self) -> _Singles:
+        """Shape (n, P, features of `NEURAL["paths"]`); zero where a slot is empty."""
+    @property
+    def path_valid(self) -> _Bools:
+        """Shape (n, P)."""
+    @property
+    def standing(self) -> _Bools:
+        """Has not moved for half a second, or for all that is known; shape (n,)."""
+    @property
+    def velocity(self) -> _Singles:
+        """Speed along the heading as observed [m/s], not negative; shape (n,)."""
+    @property
+    def offset(self) -> _Singles:
+        """Offset from each path now [m], nan where a slot is empty; shape (n, P)."""
+    @property
+    def slope(self) -> _Singles:
+        """Tangent of the heading error, bounded, nan where a slot is empty; shape (n, P)."""
+    @property
+    def settling(self) -> _Singles:
+        """Distance within which the offset is given up [m], nan where a slot is empty; shape (n, P)."""
+    def targets(self, future: _Floats) -> _Singles:
+        """Path coordinates of positions at the knots [m].
+
+        Args:
+            future: World positions 0.5, 1.0 ... 3.0 s from now [m], shape (n, 6, 2), nan where unknown.
+
+        Returns:
+            (s, d) on every path, shape (n, P, 6, 2); nan where unknown, more than 20 m beside the path or without a
+            foot on it.
+        """
+    def to_world(self, s: _Floats, d: _Floats) -> _Floats:
+        """World position [m] and heading of the path [rad] at path coordinates.
+
+        Args:
+            s: Arc lengths [m], shape (n, P, points).
+            d: Offsets [m], same shape.
+
+        Returns:
+            x, y and heading, shape (n, P, points, 3); nan where a slot is empty.
+        """
 
 @final
 class View:

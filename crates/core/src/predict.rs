@@ -2,6 +2,7 @@
 //! looks into the recording is called `GroundTruth` and must be built from the scenario.
 
 mod lanes;
+pub mod neural;
 #[cfg(test)]
 mod tests;
 

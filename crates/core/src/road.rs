@@ -13,6 +13,7 @@ pub(crate) mod testing;
 mod tests;
 
 pub use edges::Segment;
+pub use follow::LaneKnot;
 pub use lanelet::Lanelet;
 
 use crate::error::{Error, Result};

@@ -6,8 +6,10 @@ pub mod sight;
 
 use std::sync::Arc;
 
+use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::geometry::shape::Shape;
+use crate::scenario::Scenario;
 use crate::trajectory::{State, States};
 use crate::vehicle::ParticipantKind;
 
@@ -59,6 +61,40 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The recorded traffic of a scenario as a scene, without any agent, with `history_steps` steps of the past.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the recording does not have the time step.
+    pub fn recorded(scenario: &Scenario, time_step: i64, history_steps: usize) -> Result<Self> {
+        let obstacles = &scenario.obstacles;
+        let (from, last) = (&obstacles.states, obstacles.states.first_time_step + obstacles.states.n_steps as i64 - 1);
+        if !(from.first_time_step..=last).contains(&time_step) {
+            return Err(Error::invalid(format!(
+                "time step {time_step} is not recorded: the recording has {} to {last}",
+                from.first_time_step
+            )));
+        }
+        let n = from.ids.len();
+        let participants = Participants {
+            ids: from.ids.clone(),
+            kind: obstacles.kind.clone(),
+            shape: obstacles.shape.clone(),
+            is_static: obstacles.is_static.clone(),
+            is_agent: vec![false; n],
+        };
+        let first = time_step - history_steps as i64;
+        let mut past = States::absent(from.ids.clone(), first, history_steps + 1);
+        for row in 0..n {
+            for column in 0..=history_steps {
+                if let Some(state) = from.get(row, first + column as i64) {
+                    past.set(row, column, &state);
+                }
+            }
+        }
+        let present = (0..n).filter(|row| from.get(*row, time_step).is_some()).collect();
+        Ok(Self { time_step, dt: scenario.dt, participants: Arc::new(participants), present, past })
+    }
+
     /// State now of a row of `participants` that is present.
     pub fn state(&self, row: usize) -> State {
         self.past.get(row, self.time_step).expect("rows in `present` have a state now")
@@ -67,21 +103,26 @@ impl Scene {
     /// Speed along the heading [m/s] as it can be observed: the stated one, unless a recorded participant's last positions
     /// contradict the speeds stated for them by more than 1 m/s (they do in some data sets).
     pub fn observed_velocity(&self, row: usize) -> f64 {
+        self.observed_velocity_at(row, self.time_step).expect("rows in `present` have a state now")
+    }
+
+    /// The same as it could be observed at a time step of the past; `None` where the participant was absent.
+    pub fn observed_velocity_at(&self, row: usize, time_step: i64) -> Option<f64> {
         const CONTRADICTION: f64 = 1.0;
         const WINDOW: i64 = 3;
-        let now = self.state(row);
+        let then = self.past.get(row, time_step)?;
         if self.participants.is_agent[row] {
-            return now.velocity;
+            return Some(then.velocity);
         }
         let Some((steps, before)) =
-            (1..=WINDOW).rev().find_map(|steps| Some((steps, self.past.get(row, self.time_step - steps)?)))
+            (1..=WINDOW).rev().find_map(|steps| Some((steps, self.past.get(row, time_step - steps)?)))
         else {
-            return now.velocity;
+            return Some(then.velocity);
         };
-        let (sin, cos) = now.orientation.sin_cos();
-        let moved = ((now.x - before.x) * cos + (now.y - before.y) * sin) / (steps as f64 * self.dt);
-        let stated = 0.5 * (now.velocity + before.velocity);
-        if (moved - stated).abs() > CONTRADICTION { moved } else { now.velocity }
+        let (sin, cos) = then.orientation.sin_cos();
+        let moved = ((then.x - before.x) * cos + (then.y - before.y) * sin) / (steps as f64 * self.dt);
+        let stated = 0.5 * (then.velocity + before.velocity);
+        Some(if (moved - stated).abs() > CONTRADICTION { moved } else { then.velocity })
     }
 
     /// Rows that the participant in a row sees, ascending, without that row. The one place that decides who is seen.

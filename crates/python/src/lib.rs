@@ -5,6 +5,7 @@
 mod arrays;
 mod criticality;
 mod errors;
+mod neural;
 mod planner;
 mod scenario;
 mod view;
@@ -35,6 +36,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CODES", codes(module.py())?)?;
     errors::register(module)?;
     criticality::register(module)?;
+    neural::register(module)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;
     module.add_class::<scenario::PyScenario>()?;

@@ -7,6 +7,7 @@ use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
+use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::{ParticipantKind, Vehicle};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
@@ -14,6 +15,7 @@ use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
+use crate::view::PyScene;
 
 #[pyclass(frozen, name = "Shape", module = "interdrive._core")]
 pub struct PyShape(pub Shape);
@@ -236,6 +238,14 @@ impl PyScenario {
     #[getter]
     fn dt(&self) -> f64 {
         self.0.dt
+    }
+
+    /// The recorded traffic at a time step, with its past, without any agent.
+    #[pyo3(signature = (time_step, history_steps=30))]
+    fn scene(&self, py: Python<'_>, time_step: i64, history_steps: usize) -> PyResult<PyScene> {
+        let scenario = &self.0;
+        let scene = detached(py, || Scene::recorded(scenario, time_step, history_steps))?;
+        Ok(PyScene { scene: Arc::new(scene), road: Arc::clone(&scenario.road) })
     }
 }
 

@@ -12,16 +12,17 @@ const BRAKING_FACTOR: f64 = 1.5;
 const ACCELERATION: f64 = 1.0;
 
 /// One lane to follow: a chain of lanelets, where on it, and how well it fits.
-struct Lane {
-    chain: Vec<usize>,
-    s: f64,
+pub(super) struct Lane {
+    pub(super) chain: Vec<usize>,
+    pub(super) s: f64,
     d: f64,
     heading_error: f64,
-    weight: f64,
+    pub(super) weight: f64,
 }
 
-/// The lanes on which a participant may be, best fit first; their weights are not normalised.
-fn lanes_of(state: &State, reach: f64, settings: &LaneFollowing, road: &RoadNetwork) -> Vec<Lane> {
+/// The lanes on which a participant may be, best fit first, at most `lanes_max`, branches within `reach` [m] apart;
+/// their weights are not normalised.
+pub(super) fn lanes_of(pose: Pose, reach: f64, lanes_max: usize, road: &RoadNetwork) -> Vec<Lane> {
     const OFFSET_MAX: f64 = 1.0;
     const HEADING_MAX: f64 = 0.7;
     const OFFSET_SCALE: f64 = 0.8;
@@ -29,9 +30,9 @@ fn lanes_of(state: &State, reach: f64, settings: &LaneFollowing, road: &RoadNetw
     /// Lanes that fit worse than the best by this factor are left out.
     const WEIGHT_SHARE: f64 = 0.05;
     let mut lanes: Vec<Lane> = Vec::new();
-    for found in road.matching(state.pose(), OFFSET_MAX, HEADING_MAX) {
+    for found in road.matching(pose, OFFSET_MAX, HEADING_MAX) {
         let fit = (-(found.d / OFFSET_SCALE).powi(2) - (found.heading_error / HEADING_SCALE).powi(2)).exp().max(1e-12);
-        let chains = road.paths_from(found.lanelet, found.s, reach, settings.modes_max);
+        let chains = road.paths_from(found.lanelet, found.s, reach, lanes_max);
         let weight = fit / chains.len().max(1) as f64;
         lanes.extend(chains.into_iter().map(|chain| Lane {
             chain,
@@ -43,11 +44,11 @@ fn lanes_of(state: &State, reach: f64, settings: &LaneFollowing, road: &RoadNetw
     }
     // Best first; equal weights keep the order in which the road network lists them.
     lanes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-    let mut kept: Vec<Lane> = Vec::with_capacity(settings.modes_max);
+    let mut kept: Vec<Lane> = Vec::with_capacity(lanes_max);
     for lane in lanes {
         let fits = kept.first().is_none_or(|best| lane.weight >= WEIGHT_SHARE * best.weight);
         // Where one lanelet ends and the next begins, both match, and so would the same lane twice.
-        if kept.len() < settings.modes_max && fits && !kept.iter().any(|other| is_same_lane(other, &lane)) {
+        if kept.len() < lanes_max && fits && !kept.iter().any(|other| is_same_lane(other, &lane)) {
             kept.push(lane);
         }
     }
@@ -74,7 +75,7 @@ pub(super) fn follow_lanes(
 ) {
     let horizon = out.n_steps as f64 * scene.dt;
     let lanes = if scene.participants.kind[row].is_vehicle() && state.velocity > 0.0 {
-        lanes_of(state, state.velocity * horizon + 10.0, settings, road)
+        lanes_of(state.pose(), state.velocity * horizon + 10.0, settings.modes_max, road)
     } else {
         Vec::new()
     };

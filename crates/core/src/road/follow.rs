@@ -79,6 +79,17 @@ impl LaneCurve {
     }
 }
 
+/// A knot of the smoothed centre line of a lanelet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LaneKnot {
+    /// Arc length on the centre line [m].
+    pub s: f64,
+    /// Where it is, world frame [m].
+    pub position: Point,
+    /// Heading of the lane, smoothed over 4 m and across joints [rad]; not wrapped.
+    pub heading: f64,
+}
+
 /// Successors and predecessors of every lanelet, those that bend least first, equal ones by id.
 pub(super) fn straightest(lanelets: &[Lanelet]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let chord = |i: usize, from: f64, to: f64| {
@@ -124,6 +135,16 @@ impl RoadNetwork {
     /// Heading of the lane at an arc length of its centre line, smoothed over 4 m and across joints [rad].
     pub fn heading_at(&self, lanelet: usize, s: f64) -> f64 {
         self.curves[lanelet].heading_at(s)
+    }
+
+    /// The smoothed centre line of a lanelet from its start to its end, a knot about every metre.
+    pub fn lane_knots(&self, lanelet: usize) -> impl Iterator<Item = LaneKnot> + '_ {
+        let curve = &self.curves[lanelet];
+        curve.positions.iter().zip(&curve.headings).enumerate().map(|(k, (position, heading))| LaneKnot {
+            s: k as f64 * curve.spacing,
+            position: *position,
+            heading: *heading,
+        })
     }
 
     /// Point of the centre line, continued into the straightest neighbours, then straight.

@@ -1,0 +1,430 @@
+//! What the network is told about a vehicle: its past, its neighbours, its paths.
+
+use super::history::{History, INSTANT, N_INSTANTS};
+use super::paths::{CandidatePath, FREE, LEFT, N_OWN, N_PATHS, RIGHT};
+use super::surroundings::{Body, Surroundings};
+use crate::geometry::Point;
+use crate::scene::Scene;
+use crate::vehicle::ParticipantKind;
+
+/// Meaning and order of the features; files of weights made for another one are refused.
+pub const VERSION: i64 = 1;
+/// Neighbours that are told.
+pub const N_NEIGHBOURS: usize = 8;
+/// Features of a vehicle.
+pub const N_AGENT: usize = N_INSTANTS * PAST.len() + NOW.len();
+/// Features of a neighbour.
+pub const N_NEIGHBOUR: usize = NEIGHBOUR.len();
+/// Features of a path.
+pub const N_PATH: usize = PATH.len();
+
+/// Neighbours are within this distance [m].
+const NEIGHBOUR_DISTANCE: f64 = 60.0;
+/// Who is farther away [m] in x or y of the world is not looked at, up to the size of a cell.
+const SIGHT: f64 = 100.0;
+/// Gaps are capped at this length [m].
+const GAP_MAX: f64 = 80.0;
+/// Crossing traffic counts if it reaches the path within this time [s].
+const CROSSING_TIME: f64 = 4.0;
+/// Slower ones [m/s] cross nothing.
+const CROSSING_SPEED: f64 = 0.5;
+/// Footprints pass each other on a path if this much room [m] is left.
+const ROOM: f64 = 0.2;
+/// Curves are driven with this lateral acceleration [m/s²].
+const LATERAL_ACCELERATION: f64 = 3.0;
+/// No curve allows more [m/s].
+const CURVE_SPEED_MAX: f64 = 40.0;
+/// Ends of the stretches whose mean curvature is told [m].
+const STRETCHES: [f64; 7] = [5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0];
+/// The known road is looked at this far [m].
+const END_MAX: f64 = 100.0;
+/// Features are kept within this value: nothing that is broken gets far.
+const LIMIT: f64 = 10.0;
+
+/// A feature: its value is a physical quantity divided by the scale.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feature {
+    /// Name.
+    pub name: &'static str,
+    /// Divisor, in the unit of the quantity.
+    pub scale: f64,
+    /// In a mirrored world the value is multiplied by this, 1 or -1.
+    pub mirror: f64,
+}
+
+const fn feature(name: &'static str, scale: f64) -> Feature {
+    Feature { name, scale, mirror: 1.0 }
+}
+
+/// Left and right are opposite.
+const fn sided(name: &'static str, scale: f64) -> Feature {
+    Feature { name, scale, mirror: -1.0 }
+}
+
+/// Of every instant of the past: position [m] minus that at constant velocity, ahead and left of the pose now; speed
+/// minus that now [m/s].
+const PAST: [Feature; 4] =
+    [feature("past_x", 5.0), sided("past_y", 2.0), feature("past_velocity", 5.0), feature("past_known", 1.0)];
+
+/// Of the present.
+const NOW: [Feature; 14] = [
+    feature("velocity", 10.0),
+    feature("acceleration_half_second", 3.0),
+    feature("acceleration_second", 3.0),
+    sided("yaw_rate", 0.5),
+    feature("length", 5.0),
+    feature("width", 2.0),
+    feature("is_car", 1.0),
+    feature("is_truck", 1.0),
+    feature("is_bus", 1.0),
+    feature("is_motorcycle", 1.0),
+    feature("is_bicycle", 1.0),
+    feature("is_other", 1.0),
+    feature("seconds_known", 1.0),
+    feature("seconds_unmoved", 1.0),
+];
+
+/// Of a neighbour, in the frame of the vehicle's pose now.
+const NEIGHBOUR: [Feature; 11] = [
+    feature("x", 20.0),
+    sided("y", 10.0),
+    feature("relative_velocity_x", 10.0),
+    sided("relative_velocity_y", 5.0),
+    feature("heading_cos", 1.0),
+    sided("heading_sin", 1.0),
+    feature("length", 5.0),
+    feature("width", 2.0),
+    feature("speed", 10.0),
+    feature("is_static", 1.0),
+    feature("is_present", 1.0),
+];
+
+/// Of a path.
+const PATH: [Feature; 42] = [
+    feature("is_own", 1.0),
+    feature("is_left", 1.0),
+    feature("is_right", 1.0),
+    feature("is_free", 1.0),
+    feature("share", 1.0),
+    sided("offset", 2.0),
+    sided("heading_error", 0.3),
+    feature("width", 3.5),
+    sided("curvature_5", 0.1),
+    sided("curvature_10", 0.1),
+    sided("curvature_15", 0.1),
+    sided("curvature_20", 0.1),
+    sided("curvature_30", 0.1),
+    sided("curvature_40", 0.1),
+    sided("curvature_60", 0.1),
+    feature("curve_speed_20", 10.0),
+    feature("curve_speed_40", 10.0),
+    feature("curve_speed_60", 10.0),
+    feature("road_end", 33.0),
+    feature("has_speed_limit", 1.0),
+    feature("speed_limit", 10.0),
+    feature("leader_gap", 27.0),
+    feature("leader_velocity", 10.0),
+    feature("leader_relative_velocity", 5.0),
+    feature("leader_change", 2.0),
+    sided("leader_offset", 1.0),
+    feature("leader_length", 5.0),
+    feature("has_leader", 1.0),
+    feature("second_gap", 27.0),
+    feature("second_velocity", 10.0),
+    feature("has_second", 1.0),
+    feature("follower_gap", 27.0),
+    feature("follower_relative_velocity", 5.0),
+    feature("has_follower", 1.0),
+    feature("crossing_distance", 27.0),
+    feature("crossing_time", 2.0),
+    feature("crossing_own_time", 2.0),
+    feature("crossing_speed", 10.0),
+    feature("crossing_cos", 1.0),
+    sided("crossing_sin", 1.0),
+    feature("has_crossing", 1.0),
+    feature("own_paths", 3.0),
+];
+
+/// Columns of the paths that change places in a mirrored world.
+pub const MIRRORED_COLUMNS: (usize, usize) = (1, 2);
+
+/// Features of a vehicle with their names, in order.
+pub fn agent_features() -> Vec<(String, Feature)> {
+    let past = (0..N_INSTANTS).flat_map(|k| {
+        PAST.map(|feature| (format!("{}_{:.1}", feature.name, (k + 1) as f64 * INSTANT), feature)).into_iter()
+    });
+    past.chain(NOW.map(|feature| (feature.name.to_string(), feature))).collect()
+}
+
+/// Features of a neighbour, in order.
+pub fn neighbour_features() -> &'static [Feature] {
+    &NEIGHBOUR
+}
+
+/// Features of a path, in order.
+pub fn path_features() -> &'static [Feature] {
+    &PATH
+}
+
+fn write(out: &mut [f32], features: &[Feature], values: &[f64]) {
+    debug_assert!(out.len() == values.len() && features.len() == values.len(), "one value per feature");
+    for ((out, feature), value) in out.iter_mut().zip(features).zip(values) {
+        *out = (value / feature.scale).clamp(-LIMIT, LIMIT) as f32;
+    }
+}
+
+fn flag(value: bool) -> f64 {
+    f64::from(u8::from(value))
+}
+
+/// Writes the features of a vehicle, `N_AGENT` of them.
+pub fn write_agent(out: &mut [f32], scene: &Scene, body: &Body, history: &History) {
+    let (past, now) = out.split_at_mut(N_INSTANTS * PAST.len());
+    for (k, (out, instant)) in past.chunks_exact_mut(PAST.len()).zip(&history.instants).enumerate() {
+        let values = instant.map_or([0.0; PAST.len()], |then| {
+            let delta = then.position - body.position;
+            let expected = -history.velocity * (k + 1) as f64 * INSTANT;
+            let ahead = delta.dot(body.axis) - expected;
+            [ahead, body.axis.cross(delta), then.velocity - history.velocity, 1.0]
+        });
+        write(out, &PAST, &values);
+    }
+    let kind = scene.participants.kind[body.row];
+    let is_car = matches!(kind, ParticipantKind::Car | ParticipantKind::PriorityVehicle | ParticipantKind::Taxi);
+    let named = [ParticipantKind::Truck, ParticipantKind::Bus, ParticipantKind::Motorcycle, ParticipantKind::Bicycle];
+    let [is_truck, is_bus, is_motorcycle, is_bicycle] = named.map(|name| flag(kind == name));
+    write(
+        now,
+        &NOW,
+        &[
+            history.velocity,
+            history.change.unwrap_or(0.0) / 0.5,
+            history.acceleration.unwrap_or(0.0),
+            history.yaw_rate.unwrap_or(0.0),
+            2.0 * body.half_length,
+            2.0 * body.half_width,
+            flag(is_car),
+            is_truck,
+            is_bus,
+            is_motorcycle,
+            is_bicycle,
+            flag(!is_car && !named.contains(&kind)),
+            history.known,
+            history.unmoved,
+        ],
+    );
+}
+
+/// Somebody on a path: bumper gap [m], row for ties, velocity along the path [m/s], offset [m], body.
+#[derive(Clone, Copy)]
+struct OnPath<'a> {
+    gap: f64,
+    velocity: f64,
+    offset: f64,
+    body: &'a Body,
+}
+
+impl OnPath<'_> {
+    fn is_before(&self, other: Option<&Self>) -> bool {
+        other.is_none_or(|other| self.gap.total_cmp(&other.gap).then(self.body.row.cmp(&other.body.row)).is_lt())
+    }
+}
+
+/// Somebody whose way crosses a path.
+#[derive(Clone, Copy)]
+struct Crossing {
+    s: f64,
+    row: usize,
+    time: f64,
+    speed: f64,
+    cos: f64,
+    sin: f64,
+}
+
+/// Who matters on a path.
+#[derive(Clone, Copy, Default)]
+struct Traffic<'a> {
+    leader: Option<OnPath<'a>>,
+    second: Option<OnPath<'a>>,
+    follower: Option<OnPath<'a>>,
+    crossing: Option<Crossing>,
+}
+
+impl<'a> Traffic<'a> {
+    fn meet(&mut self, path: &CandidatePath, own: &Body, other: &'a Body) {
+        if let Some((s, offset, segment)) = path.near(other.position, own.half_width + other.half_length + ROOM) {
+            let along = path.axis_of(segment);
+            let (half_along, half_across) = other.half_extent(along);
+            if offset.abs() <= own.half_width + half_across + ROOM {
+                let gap = s.abs() - half_along - own.half_length;
+                let velocity = other.velocity * other.axis.dot(along);
+                self.on_path(OnPath { gap, velocity, offset, body: other }, s >= 0.0);
+                return;
+            }
+        }
+        if other.velocity.abs() < CROSSING_SPEED {
+            return;
+        }
+        let way = other.axis * (other.velocity * CROSSING_TIME);
+        if let Some((fraction, s, segment)) = path.crossing(other.position, way)
+            && (0.0..=GAP_MAX).contains(&s)
+            && self.crossing.is_none_or(|found| s.total_cmp(&found.s).then(other.row.cmp(&found.row)).is_lt())
+        {
+            let (along, direction) = (path.axis_of(segment), other.axis * other.velocity.signum());
+            let (cos, sin) = (direction.dot(along), along.cross(direction));
+            let (time, speed) = (fraction * CROSSING_TIME, other.velocity.abs());
+            self.crossing = Some(Crossing { s, row: other.row, time, speed, cos, sin });
+        }
+    }
+
+    fn on_path(&mut self, found: OnPath<'a>, is_ahead: bool) {
+        if found.gap > GAP_MAX {
+            return;
+        }
+        if !is_ahead {
+            if found.is_before(self.follower.as_ref()) {
+                self.follower = Some(found);
+            }
+        } else if found.is_before(self.leader.as_ref()) {
+            self.second = self.leader;
+            self.leader = Some(found);
+        } else if found.is_before(self.second.as_ref()) {
+            self.second = Some(found);
+        }
+    }
+}
+
+/// Writes the features of the neighbours (`N_NEIGHBOURS` times `N_NEIGHBOUR`) and of the paths (`N_PATHS` times
+/// `N_PATH`), all zero where there is none.
+pub fn write_surroundings<'a>(
+    neighbours: &mut [f32],
+    paths: &mut [f32],
+    own: &Body,
+    velocity: f64,
+    candidates: &[Option<CandidatePath>; N_PATHS],
+    surroundings: &'a Surroundings,
+) {
+    neighbours.fill(0.0);
+    paths.fill(0.0);
+    let mut nearest: [Option<(f64, &'a Body)>; N_NEIGHBOURS] = [None; N_NEIGHBOURS];
+    let mut traffic: [Traffic<'a>; N_PATHS] = [Traffic::default(); N_PATHS];
+    surroundings.visit(own.position, SIGHT, |other| {
+        if other.row == own.row {
+            return;
+        }
+        let distance_squared = (other.position - own.position).norm_squared();
+        if distance_squared <= NEIGHBOUR_DISTANCE * NEIGHBOUR_DISTANCE {
+            insert(&mut nearest, distance_squared, other);
+        }
+        for (path, traffic) in candidates.iter().zip(&mut traffic) {
+            if let Some(path) = path {
+                traffic.meet(path, own, other);
+            }
+        }
+    });
+    for (out, (_, other)) in neighbours.chunks_exact_mut(N_NEIGHBOUR).zip(nearest.iter().flatten()) {
+        write(out, &NEIGHBOUR, &neighbour(own, velocity, other));
+    }
+    let n_own = candidates[..N_OWN].iter().flatten().count() as f64;
+    for (slot, (out, path)) in paths.chunks_exact_mut(N_PATH).zip(candidates).enumerate() {
+        if let Some(path) = path {
+            write(out, &PATH, &path_values(slot, path, velocity, &traffic[slot], n_own));
+        }
+    }
+}
+
+/// Keeps the nearest ones in order; equal distances by row.
+fn insert<'a>(nearest: &mut [Option<(f64, &'a Body)>; N_NEIGHBOURS], distance: f64, body: &'a Body) {
+    let is_before = |other: &Option<(f64, &Body)>| {
+        other.is_none_or(|(d, known)| distance.total_cmp(&d).then(body.row.cmp(&known.row)).is_lt())
+    };
+    if !is_before(&nearest[N_NEIGHBOURS - 1]) {
+        return;
+    }
+    let mut i = N_NEIGHBOURS - 1;
+    while i > 0 && is_before(&nearest[i - 1]) {
+        nearest[i] = nearest[i - 1];
+        i -= 1;
+    }
+    nearest[i] = Some((distance, body));
+}
+
+fn neighbour(own: &Body, velocity: f64, other: &Body) -> [f64; N_NEIGHBOUR] {
+    let delta = other.position - own.position;
+    let relative: Point = other.axis * other.velocity - own.axis * velocity;
+    [
+        delta.dot(own.axis),
+        own.axis.cross(delta),
+        relative.dot(own.axis),
+        own.axis.cross(relative),
+        other.axis.dot(own.axis),
+        own.axis.cross(other.axis),
+        2.0 * other.half_length,
+        2.0 * other.half_width,
+        other.velocity,
+        flag(other.is_static),
+        1.0,
+    ]
+}
+
+fn path_values(slot: usize, path: &CandidatePath, velocity: f64, traffic: &Traffic<'_>, n_own: f64) -> [f64; N_PATH] {
+    let mut curvature = [0.0; STRETCHES.len()];
+    let mut heading = path.pose_at(0.0).1;
+    let mut from = 0.0;
+    for (curvature, to) in curvature.iter_mut().zip(STRETCHES) {
+        let next = path.pose_at(to).1;
+        *curvature = (next - heading) / (to - from);
+        (heading, from) = (next, to);
+    }
+    let curve_speed = |n: usize| {
+        let sharpest = curvature[..n].iter().fold(0.0_f64, |sharpest, k| sharpest.max(k.abs()));
+        (LATERAL_ACCELERATION / sharpest.max(1e-9)).sqrt().min(CURVE_SPEED_MAX) - velocity
+    };
+    let has_limit = path.speed_limit.is_finite();
+    let Traffic { leader, second, follower, crossing } = traffic;
+    let own_time = |s: f64| (s / velocity.max(0.5)).min(8.0);
+    [
+        flag(slot < N_OWN),
+        flag(slot == LEFT),
+        flag(slot == RIGHT),
+        flag(slot == FREE),
+        path.share,
+        path.offset,
+        path.heading_error,
+        path.width,
+        curvature[0],
+        curvature[1],
+        curvature[2],
+        curvature[3],
+        curvature[4],
+        curvature[5],
+        curvature[6],
+        curve_speed(4),
+        curve_speed(6),
+        curve_speed(7),
+        path.end.clamp(0.0, END_MAX),
+        flag(has_limit),
+        if has_limit { path.speed_limit } else { 0.0 },
+        leader.map_or(GAP_MAX, |other| other.gap),
+        leader.map_or(0.0, |other| other.velocity),
+        leader.map_or(0.0, |other| other.velocity - velocity),
+        leader.map_or(0.0, |other| other.body.change),
+        leader.map_or(0.0, |other| other.offset),
+        leader.map_or(0.0, |other| 2.0 * other.body.half_length),
+        flag(leader.is_some()),
+        second.map_or(GAP_MAX, |other| other.gap),
+        second.map_or(0.0, |other| other.velocity),
+        flag(second.is_some()),
+        follower.map_or(GAP_MAX, |other| other.gap),
+        follower.map_or(0.0, |other| other.velocity - velocity),
+        flag(follower.is_some()),
+        crossing.map_or(GAP_MAX, |other| other.s),
+        crossing.map_or(0.0, |other| other.time),
+        crossing.map_or(0.0, |other| own_time(other.s)),
+        crossing.map_or(0.0, |other| other.speed),
+        crossing.map_or(0.0, |other| other.cos),
+        crossing.map_or(0.0, |other| other.sin),
+        flag(crossing.is_some()),
+        n_own,
+    ]
+}
