@@ -1,4 +1,5 @@
 //! The formulas on numbers: one vehicle behind another one on one path. Derivations and sources: docs/criticality.md.
+//! An infinite headway is nobody ahead; where an argument is not a number, neither is the result.
 
 /// Slower than this [m/s] is standing.
 pub const STANDING: f64 = 1e-3;
@@ -8,7 +9,9 @@ const NO_APPROACH: f64 = 1e-12;
 /// Time headway [s]: headway [m] over the speed along the path [m/s] of the vehicle behind. 0 in contact, infinite for
 /// one that stands or reverses.
 pub fn time_headway(headway: f64, velocity: f64) -> f64 {
-    if headway <= 0.0 {
+    if headway.is_nan() {
+        f64::NAN
+    } else if headway <= 0.0 {
         0.0
     } else if velocity <= STANDING {
         f64::INFINITY
@@ -25,6 +28,9 @@ pub fn time_to_collision(headway: f64, velocity: f64, acceleration: f64) -> f64 
     if headway <= 0.0 {
         return 0.0;
     }
+    if headway == f64::INFINITY {
+        return headway;
+    }
     let discriminant = velocity * velocity - 2.0 * headway * acceleration;
     if discriminant < 0.0 {
         return f64::INFINITY;
@@ -37,16 +43,23 @@ pub fn time_to_collision(headway: f64, velocity: f64, acceleration: f64) -> f64 
 /// the gap from ever closing (Jansson 2005). `headway` [m] is positive; `velocity` [m/s] is that of the leader minus
 /// that of the follower; `leader_acceleration` [m/s²] is taken to last.
 pub fn required_acceleration(headway: f64, velocity: f64, leader_acceleration: f64) -> f64 {
-    let closing = if velocity < 0.0 { velocity * velocity / (2.0 * headway) } else { 0.0 };
-    (leader_acceleration - closing).min(0.0)
+    if headway.is_nan() || headway == f64::INFINITY {
+        return if headway.is_nan() { f64::NAN } else { 0.0 };
+    }
+    let closing = if velocity >= 0.0 { 0.0 } else { velocity * velocity / (2.0 * headway) };
+    let required = leader_acceleration - closing;
+    if required > 0.0 { 0.0 } else { required }
 }
 
 /// As [`required_acceleration`] for a leader that brakes to rest and stays there, if it rests before the gap would
-/// have closed: the follower stops behind it. Speeds [m/s] along the path.
+/// have closed: the follower stops behind it; one that stands or reverses need not brake. Speeds [m/s] along the path.
 pub fn required_acceleration_stopping(headway: f64, follower: f64, leader: f64, leader_acceleration: f64) -> f64 {
     let required = required_acceleration(headway, leader - follower, leader_acceleration);
-    if leader_acceleration >= 0.0 || leader < 0.0 || follower <= 0.0 {
+    if headway == f64::INFINITY || leader_acceleration >= 0.0 || leader < 0.0 {
         return required;
+    }
+    if follower <= 0.0 {
+        return if required.is_nan() { f64::NAN } else { 0.0 };
     }
     let rest = leader / -leader_acceleration;
     let touch = if follower > leader { 2.0 * headway / (follower - leader) } else { f64::INFINITY };
@@ -61,7 +74,10 @@ pub fn required_acceleration_stopping(headway: f64, follower: f64, leader: f64, 
 /// or on its right after `time` [s] (Jansson 2005). `offset` [m] is where the other one will be then, left positive;
 /// `left` and `right` [m] are how far away the centres must be for passing there.
 pub fn required_lateral_acceleration(time: f64, offset: f64, left: f64, right: f64) -> f64 {
-    if !(time > 0.0 && time.is_finite()) || offset <= -left || offset >= right {
+    if [time, offset, left, right].iter().any(|argument| argument.is_nan()) {
+        return f64::NAN;
+    }
+    if time <= 0.0 || time == f64::INFINITY || offset <= -left || offset >= right {
         return 0.0;
     }
     2.0 * (offset + left).min(right - offset) / (time * time)
@@ -72,11 +88,14 @@ pub fn minimal_stopping_distance(velocity: f64, deceleration: f64) -> f64 {
     velocity * velocity / (2.0 * deceleration)
 }
 
-/// Proportion of stopping distance: remaining distance [m] over minimal stopping distance [m] (Allen 1978). 0 inside.
+/// Proportion of stopping distance: remaining distance [m] over minimal stopping distance [m] (Allen 1978). 0 inside,
+/// infinite at rest and where nothing lies ahead (an infinite remaining distance).
 pub fn proportion_of_stopping_distance(remaining: f64, stopping: f64) -> f64 {
-    if remaining <= 0.0 {
+    if remaining.is_nan() || stopping.is_nan() {
+        f64::NAN
+    } else if remaining <= 0.0 {
         0.0
-    } else if stopping <= 0.0 {
+    } else if stopping <= 0.0 || remaining == f64::INFINITY {
         f64::INFINITY
     } else {
         remaining / stopping
@@ -108,6 +127,49 @@ mod tests {
         for (headway, velocity, expected) in [(30.5, 20.0, 1.525), (30.5, 0.0, INF), (30.5, -3.0, INF), (0.0, 0.0, 0.0)]
         {
             assert_eq!(time_headway(headway, velocity), expected);
+        }
+    }
+
+    #[test]
+    fn nobody_ahead_is_no_conflict() {
+        assert_eq!(time_headway(INF, 10.0), INF);
+        for (velocity, acceleration) in [(-10.0, 0.0), (-10.0, -1.0), (0.0, -1.0), (5.0, 2.0)] {
+            assert_eq!(time_to_collision(INF, velocity, acceleration), INF);
+            assert_eq!(required_acceleration(INF, velocity, acceleration), 0.0);
+            assert_eq!(required_acceleration_stopping(INF, 10.0, 10.0 + velocity, acceleration), 0.0);
+        }
+        assert_eq!(proportion_of_stopping_distance(INF, 0.0), INF);
+        assert_eq!(proportion_of_stopping_distance(INF, 4.0), INF);
+    }
+
+    #[test]
+    fn what_is_not_known_gives_nothing_that_looks_known() {
+        const NAN: f64 = f64::NAN;
+        for unknown in [
+            time_headway(NAN, 0.0),
+            time_headway(NAN, 10.0),
+            time_headway(30.0, NAN),
+            time_to_collision(NAN, -10.0, 0.0),
+            time_to_collision(30.0, NAN, 0.0),
+            time_to_collision(30.0, -10.0, NAN),
+            required_acceleration(NAN, 5.0, -1.0),
+            required_acceleration(NAN, -5.0, -1.0),
+            required_acceleration(30.0, NAN, -1.0),
+            required_acceleration(30.0, 5.0, NAN),
+            required_acceleration_stopping(NAN, 20.0, 10.0, -5.0),
+            required_acceleration_stopping(30.0, NAN, 10.0, -5.0),
+            required_acceleration_stopping(30.0, 20.0, NAN, -5.0),
+            required_acceleration_stopping(30.0, 20.0, 10.0, NAN),
+            required_acceleration_stopping(NAN, 0.0, 10.0, -5.0),
+            required_lateral_acceleration(NAN, 0.0, 2.0, 2.0),
+            required_lateral_acceleration(3.0, NAN, 2.0, 2.0),
+            required_lateral_acceleration(3.0, 0.0, NAN, 2.0),
+            required_lateral_acceleration(3.0, 0.0, 2.0, NAN),
+            minimal_stopping_distance(NAN, 11.5),
+            proportion_of_stopping_distance(NAN, 0.0),
+            proportion_of_stopping_distance(3.0, NAN),
+        ] {
+            assert!(unknown.is_nan(), "{unknown}");
         }
     }
 
@@ -204,6 +266,40 @@ mod tests {
         near(required_acceleration_stopping(30.0, 20.0, 10.0, 0.0), -5.0 / 3.0);
         // Already standing, its brake still on.
         near(required_acceleration_stopping(20.0, 10.0, 0.0, -1.0), -100.0 / 40.0);
+    }
+
+    #[test]
+    fn who_stands_need_not_brake_for_a_leader_that_stops() {
+        for follower in [0.0, -1.0] {
+            assert_eq!(required_acceleration_stopping(20.0, follower, 10.0, -5.0), 0.0);
+        }
+        // No jump at rest: 0.1² / (2 (20 + 10)).
+        near(required_acceleration_stopping(20.0, 0.1, 10.0, -5.0), -0.01 / 60.0);
+    }
+
+    #[test]
+    fn behind_a_leader_that_stops_the_required_acceleration_just_keeps_the_gap_open() {
+        let mut random = crate::geometry::shape::Lcg::new(13);
+        let mut stopping = 0;
+        for _ in 0..300 {
+            let (gap, follower) = (random.within(1.0, 60.0), random.within(1.0, 25.0));
+            let (leader, braking) = (random.within(0.0, 25.0), random.within(-8.0, -0.5));
+            let required = required_acceleration_stopping(gap, follower, leader, braking);
+            let way = |speed: f64, acceleration: f64, t: f64| {
+                let t = t.min(if acceleration < 0.0 { -speed / acceleration } else { INF });
+                speed * t + 0.5 * acceleration * t * t
+            };
+            let smallest = |own: f64| {
+                let at = |t: f64| gap + way(leader, braking, t) - way(follower, own, t);
+                (0..20_000).map(|i| at(f64::from(i) * 0.01)).fold(INF, f64::min)
+            };
+            assert!(smallest(required) >= -1e-6, "{gap} {follower} {leader} {braking}");
+            if required > braking - 1e-3 && follower > 3.0 {
+                stopping += 1;
+                assert!(smallest(required + 0.05) < 0.0, "{gap} {follower} {leader} {braking}");
+            }
+        }
+        assert!(stopping > 50, "{stopping}");
     }
 
     #[test]

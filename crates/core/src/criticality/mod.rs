@@ -28,6 +28,10 @@ use moment::{Context, Decisive, Following, Moment, Via};
 use overlap::Overlaps;
 use paths::{PathSystems, starts};
 
+/// Distances that differ by less [m] are equal: of several equal encounters the earliest one counts, however the world
+/// is turned.
+const SAME_DISTANCE: f64 = 1e-8;
+
 /// What is measured; the position is the place in [`Criticality::series`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
@@ -134,7 +138,9 @@ pub struct Series {
 pub struct Extreme {
     /// Value; NaN if it could not be computed at any time step.
     pub value: f64,
-    /// First time step with that value; of the distance of the closest encounter, the encounter itself.
+    /// First time step with that value; of the distance of the closest encounter the encounter itself, of the time to
+    /// it the moment of the smallest time to collision (without any, the first state), of an encroachment time when it
+    /// is entered, of a post-encroachment time when the first one has left.
     pub time_step: i64,
     /// Id; -1: nobody.
     pub partner: i64,
@@ -336,8 +342,9 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
         write(Measure::Tet, column, Decisive::nobody(exposed_time / alive));
         write(Measure::Tit, column, Decisive::nobody(exposed_integral));
         let (distance, partner) = moment.nearest();
-        if distance <= closest.value && partner != u32::MAX {
-            (closest, closest_column) = (Decisive { value: distance, partner, via: Via::Nothing }, Some(column));
+        if distance <= closest.value + SAME_DISTANCE && partner != u32::MAX {
+            let value = distance.min(closest.value);
+            (closest, closest_column) = (Decisive { value, partner, via: Via::Nothing }, Some(column));
         }
         write(Measure::Dce, column, closest);
         let time = closest_column.map_or(f64::INFINITY, |at| (at - column) as f64 * dt);
@@ -390,7 +397,9 @@ fn extremes(series: &[Vec<Decisive>], there: &[bool], et: Decisive, pet: Decisiv
     };
     // The column at which an encroachment value is said for the last time: when it is decided.
     let decided = |measure: Measure, value: Decisive| {
-        let same = |one: &Decisive| one.partner == value.partner && one.via == value.via && one.value == value.value;
+        let same = |one: &Decisive| {
+            one.value.is_finite() && one.partner == value.partner && one.via == value.via && one.value == value.value
+        };
         let column = series[measure as usize].iter().rposition(same).unwrap_or(first);
         (value, column)
     };

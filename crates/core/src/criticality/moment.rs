@@ -139,15 +139,21 @@ impl<'a> Moment<'a> {
         let (pose, shape) = (traffic.pose(row, column), &traffic.shape[row]);
         for &(other, position) in &columns[column] {
             let away = (position - pose.position).norm_squared();
-            if other as usize == row || away >= settings.radius * settings.radius {
+            let other_shape = &traffic.shape[other as usize];
+            let reach = shape.bounding_radius() + other_shape.bounding_radius();
+            let is_near = away < settings.radius * settings.radius;
+            if other as usize == row || !(is_near || away <= reach * reach) {
                 continue;
             }
-            let other_shape = &traffic.shape[other as usize];
-            let distance_at_least = away.sqrt() - shape.bounding_radius() - other_shape.bounding_radius();
+            let distance_at_least = away.sqrt() - reach;
             let (first, second) = (other.min(row as u32), other.max(row as u32));
             let touches = (distance_at_least <= 1e-6
                 && shape.overlaps(pose, other_shape, traffic.pose(other as usize, column)))
                 || contacts.binary_search(&(first, second, column as u32)).is_ok();
+            // In contact also those count whose centres are far apart.
+            if !(is_near || touches) {
+                continue;
+            }
             self.neighbours.push(Neighbour { row: other, distance_at_least, touches, considered: OnceCell::new() });
         }
     }

@@ -1,5 +1,7 @@
 //! What can be chosen about the measures.
 
+use std::f64::consts::PI;
+
 use crate::error::{Error, Result};
 
 /// Who counts as ahead on a path.
@@ -83,6 +85,10 @@ impl Settings {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::invalid(format!("criticality setting {name} must be positive, not {value}")));
             }
+        }
+        if self.opposite_angle > PI {
+            let value = self.opposite_angle;
+            return Err(Error::invalid(format!("criticality setting opposite_angle must be at most pi, not {value}")));
         }
         for (name, value) in [("erosion", self.erosion), ("overlap_min", self.overlap_min)] {
             if !(value >= 0.0 && value.is_finite()) {

@@ -40,6 +40,7 @@ fn the_second_one_follows_after_the_post_encroachment_time() {
         let pet = &found.extremes[Measure::Pet as usize][row];
         near(pet.value, 2.1, 1e-9);
         assert_eq!((pet.partner, found.exposure[row].pet_first), ([2, 1][row], 1));
+        assert_eq!(pet.time_step, 40, "when the first one has left");
     }
     for (column, expected) in [(0, 2.1), (40, 2.1), (41, INF)] {
         near(at(&found, Measure::Pet, column), expected, 1e-9);
@@ -83,6 +84,7 @@ fn who_never_enters_or_has_no_partner_has_no_conflict() {
     let alone = crossing_scene(-64.55, 25, None);
     for measure in [Measure::Et, Measure::Pet, Measure::Psd] {
         assert_eq!(extreme(&alone, measure), INF, "{measure:?}: nobody reached the area");
+        assert_eq!(alone.extremes[measure as usize][0].time_step, 0);
     }
     let (road, connectors) = right_angles();
     let mut wanted = request(&[1]);

@@ -17,6 +17,35 @@ fn the_closest_encounter_is_the_earliest_one() {
 }
 
 #[test]
+fn of_equal_encounters_the_earliest_one_counts_however_the_road_runs() {
+    // Passing a standing car of the same length on the next lane: the distance is 2 m from step 46 to step 55.
+    for turn in [0.1, 0.3, 1.0, 2.0, -2.5] {
+        let place = |x: f64, y: f64| Point::from_angle(turn) * x + Point::from_angle(turn).left() * y;
+        let there = |x: f64, y: f64, velocity: f64| state(place(x, y).x, place(x, y).y, turn, velocity);
+        let (from, to) = (place(0.0, 0.0), place(200.0, 0.0));
+        let road = open(vec![tapered_lane(1, &straight((from.x, from.y), (to.x, to.y)), 3.5, 3.5)]);
+        let own = Actor::car(1, (0..60).map(|k| there(f64::from(k), 0.0, 10.0)));
+        let other = Actor::car(2, (0..60).map(|_| there(50.05, 4.0, 0.0)));
+        let found = judged(&traffic(road, &[own, other]), 1);
+        near(found.series[Measure::Dce as usize].value[0], 2.0, 1e-9);
+        near(found.series[Measure::Ttce as usize].value[0], 4.6, 1e-9);
+        assert_eq!(found.extremes[Measure::Dce as usize][0].time_step, 46);
+    }
+}
+
+#[test]
+fn who_touches_counts_also_beyond_the_radius() {
+    let long = |id, x: f64| Actor::car(id, [state(x, 0.0, 0.0, 0.0)]).shaped(Shape::rectangle(20.0, 2.5));
+    let scene = traffic(straight_road(1), &[long(1, 50.0), long(2, 69.0)]);
+    let mut wanted = request(&[1]);
+    wanted.settings.radius = 15.0;
+    let found = evaluate(&scene, &wanted).expect("valid");
+    assert_eq!((at(&found, Measure::Dce, 0), at(&found, Measure::Ttc, 0)), (0.0, 0.0));
+    let apart = traffic(straight_road(1), &[long(1, 50.0), long(2, 71.0)]);
+    assert_eq!(at(&evaluate(&apart, &wanted).expect("valid"), Measure::Dce, 0), INF);
+}
+
+#[test]
 fn crossing_cars_meet_when_they_are_nearest() {
     let found = judged(&traffic(crossing(), &crossing_cars(-64.55, 90)), 1);
     near(at(&found, Measure::Dce, 0), 16.275902, 1e-6);

@@ -93,6 +93,7 @@ fn impossible_requests_are_refused_with_a_reason() {
     assert_eq!(refused(&|r| r.ids = vec![1, 1]), "participant 1 is asked for twice");
     assert_eq!(refused(&|r| r.threads = 0), "threads must be at least 1");
     assert!(refused(&|r| r.settings.radius = -1.0).contains("radius must be positive"));
+    assert!(refused(&|r| r.settings.opposite_angle = 3.2).contains("opposite_angle must be at most pi"));
     assert!(refused(&|r| r.settings.erosion = f64::NAN).contains("erosion"));
     assert!(refused(&|r| r.deceleration = vec![0.0]).contains("participant 1 must be positive"));
     assert!(refused(&|r| r.deceleration = vec![1.0, 2.0]).contains("2 available decelerations"));
