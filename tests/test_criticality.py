@@ -77,6 +77,28 @@ def test_formulas_refuse_what_they_have_no_answer_for():
         minimal_stopping_distance(10.0, 0.0)
     with pytest.raises(InputError, match="time_steps"):
         exposure(np.zeros((2, 2)))
+    with pytest.raises(InputError, match=r"exposure: dt must be positive, not -0\.1"):
+        exposure([1.0], dt=-0.1)
+    with pytest.raises(InputError, match=r"exposure: threshold must be positive, not 0\.0"):
+        exposure([1.0], threshold=0.0)
+
+
+def test_formulas_tell_nobody_ahead_from_what_is_not_known():
+    headway = [np.inf, np.nan, 30.0]
+    np.testing.assert_array_equal(time_to_collision(headway, -10.0), [np.inf, np.nan, 3.0])
+    np.testing.assert_array_equal(time_headway(headway, 0.0), [np.inf, np.nan, np.inf])
+    np.testing.assert_allclose(required_acceleration(headway, 20.0, 10.0, -2.0), [0.0, np.nan, -2.0 - 5 / 3])
+    np.testing.assert_array_equal(required_lateral_acceleration([np.inf, np.nan], 0.0, 2.0), [0.0, np.nan])
+    np.testing.assert_array_equal(proportion_of_stopping_distance([np.inf, np.nan], 0.0), [np.inf, np.nan])
+
+
+def test_formulas_of_measured_headways_are_the_measures():
+    found = evaluate(following(gap=6.0, velocity=12.0, ahead=10.0, steps=40))
+    speed = 12.0 - 10.0
+    hw = found["hw"]
+    np.testing.assert_allclose(time_to_collision(hw[0], -speed), found["ttc"][0])
+    np.testing.assert_allclose(time_to_collision(hw[1], speed), found["ttc"][1])
+    assert np.isinf(found["ttc"][1, :30]).all()
 
 
 # Evaluating
@@ -131,6 +153,17 @@ def test_a_scenario_without_traffic_has_no_rows():
     assert found["ttc"].shape == (0, 101)
     assert found.most_critical_moment() is None
     assert criticality_table(found).num_rows == 0
+    assert any("nobody is judged" in note for note in found.notes)
+
+
+def test_the_command_says_so_where_nobody_is_judged_or_nothing_is_drawn(tmp_path, monkeypatch, scenarios_folder):
+    monkeypatch.chdir(tmp_path)
+    file = scenarios_folder / "format_edge_cases" / "test_reading_lanelets.xml"
+    result = invoke("criticality", str(file), "--png")
+    assert result.exit_code == 0, result.output
+    assert "nobody is judged" in result.output
+    assert "nothing is drawn" in result.output
+    assert "no conflict in" not in result.output
 
 
 def test_settings_reach_the_core():
@@ -150,6 +183,7 @@ def test_settings_reach_the_core():
     [
         ({"radius": 0.0}, "radius must be positive"),
         ({"deceleration": -1.0}, "deceleration must be positive"),
+        ({"opposite_angle": 3.2}, "opposite_angle must be at most pi"),
         ({"erosion": float("nan")}, "erosion must not be negative"),
     ],
 )
@@ -332,6 +366,8 @@ def test_the_command_judges_whom_it_is_told_with_settings(tmp_path):
     [
         (("nowhere.xml",), "nowhere.xml: no such file"),
         (("highway", "--ids", "1,x"), "--ids 1,x: write them as"),
+        (("highway", "--ids", ","), "--ids ,: write them as"),
+        (("highway", "--ids", ""), "--ids : write them as"),
         (("highway", "--ids", "424242"), "there is no participant with id 424242"),
         (("highway", "--set", "radius=-1"), "radius must be positive"),
         (("highway", "--set", "radiu=1"), "did you mean radius?"),

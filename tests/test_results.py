@@ -235,9 +235,20 @@ def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     results._write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
     with pytest.raises(ResultsError, match=r"plans.parquet: the columns are not those of a run \(a\)"):
         load(folder)
-    (folder / "run.json").write_text('{"format": 99}')
-    with pytest.raises(ResultsError, match="format 99 is not the one this version reads"):
-        load(folder)
+    for text, message in (
+        (
+            '{"format": 1}',
+            rf"run.json: format 1 is that of an older interdrive, this one reads {results.FORMAT}; simulate",
+        ),
+        (
+            '{"format": 99}',
+            rf"run.json: format 99 is newer than what this interdrive reads \({results.FORMAT}\); update it",
+        ),
+        ('{"agents": 3}', "run.json: it states no format, so this is not a run folder"),
+    ):
+        (folder / "run.json").write_text(text)
+        with pytest.raises(ResultsError, match=message):
+            load(folder)
     (folder / "run.json").write_text("{")
     with pytest.raises(ResultsError, match=r"run.json: cannot be read"):
         load(folder)

@@ -33,8 +33,9 @@ if TYPE_CHECKING:
     #: For signatures elsewhere: only this module knows pyarrow.
     ArrowTable: TypeAlias = pa.Table
 
-#: Version of the folder's layout, written to run.json; raised when a column changes its name or meaning.
-FORMAT = 1
+#: Version of the folder's layout, written to run.json; raised when a column comes, goes, or changes name or meaning.
+#: 2: outcomes with harm, partner_harm, impact_angle and impact_area.
+FORMAT = 2
 
 #: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
 _OTHER_FILES = (
@@ -461,10 +462,16 @@ def _read_information(folder: Path) -> dict[str, Any]:
         raise ResultsError(f"{folder}: this is not a run folder, it has no run.json") from None
     except (OSError, ValueError) as cause:
         raise ResultsError(f"{path}: cannot be read: {_line(cause)}") from cause
-    if not isinstance(info, dict) or info.get("format") != FORMAT:
-        found = info.get("format") if isinstance(info, dict) else None
-        raise ResultsError(f"{path}: format {found} is not the one this version reads ({FORMAT})")
-    return info
+    if not isinstance(info, dict) or not isinstance(found := info.get("format"), int):
+        raise ResultsError(f"{path}: it states no format, so this is not a run folder")
+    if found == FORMAT:
+        return info
+    if found > FORMAT:
+        raise ResultsError(f"{path}: format {found} is newer than what this interdrive reads ({FORMAT}); update it")
+    raise ResultsError(
+        f"{path}: format {found} is that of an older interdrive, this one reads {FORMAT}; simulate again "
+        "(scenario and settings are in run.json)"
+    )
 
 
 def _schema(columns: Sequence[Column]) -> pa.Schema:

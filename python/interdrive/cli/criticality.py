@@ -60,6 +60,8 @@ def criticality(
             _draw(run, found, folder)
     if not quiet:
         print_criticality(found, run.scenario.name, shown(folder))
+        if png and found.most_critical_moment() is None:
+            click.echo("nothing is drawn: nobody met anybody")
     return 0
 
 
@@ -67,7 +69,7 @@ def _numbers(ids: str | None) -> list[int] | None:
     if ids is None:
         return None
     try:
-        return [int(number) for number in ids.split(",") if number.strip()]
+        return [int(number) for number in ids.split(",")]
     except ValueError:
         raise InputError(f"--ids {ids}: write them as 12,34") from None
 

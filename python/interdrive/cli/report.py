@@ -160,7 +160,7 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
     vehicles = f"{len(found.ids)} vehicle{'s' * (len(found.ids) != 1)} judged"
     if table.row_count:
         console.print(table)
-    if quiet:
+    if quiet and len(found.ids):
         console.print(f"no conflict in {', '.join(quiet)}", style="dim")
     console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
     _print_notes(console, found.notes, "Criticality.notes")

@@ -245,6 +245,8 @@ def evaluate(
         leader_stops=chosen.leader_stops,
     )
     notes = []
+    if not judged:
+        notes.append("nobody is judged: there are no agents and no moving vehicles, or none are asked for")
     if chosen.conflict_areas == "stated" and not scenario.incomings:
         notes.append(
             "the map states no intersection: no conflict areas for et, pet and psd; "

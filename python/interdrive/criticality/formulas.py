@@ -1,4 +1,7 @@
-"""The formulas on arrays. Arguments are broadcast against each other; results have the common shape."""
+"""The formulas on arrays. Arguments are broadcast against each other; results have the common shape.
+
+An infinite headway is nobody ahead: no conflict. Where an argument is nan, so is the result.
+"""
 
 from __future__ import annotations
 
@@ -127,11 +130,17 @@ def exposure(ttc: ArrayLike, threshold: float = 2.0, dt: float = 0.1) -> tuple[f
         threshold: Up to which a vehicle is exposed [s].
         dt: Time between steps [s].
 
+    Raises:
+        InputError: Not a series; a threshold or time between steps that is not positive.
+
     Source: Minderhoud, Bovy, "Extended time-to-collision measures for road traffic safety assessment", 2001.
     """
     series = np.ascontiguousarray(ttc, dtype=np.float64)
     if series.ndim != 1:
         raise InputError(f"exposure: shape {series.shape} given, (time_steps,) expected")
+    for name, value in (("threshold", threshold), ("dt", dt)):
+        if not 0.0 < value < np.inf:
+            raise InputError(f"exposure: {name} must be positive, not {value}")
     return _core.exposure(series, threshold, dt)
 
 

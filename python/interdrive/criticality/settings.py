@@ -50,6 +50,8 @@ class CriticalitySettings:
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name} must be positive, not {value}")
+        if self.opposite_angle > math.pi:
+            raise InputError(f"opposite_angle must be at most pi, not {self.opposite_angle}")
         for name in ("erosion", "overlap_min"):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
