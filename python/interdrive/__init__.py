@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.agents import AgentSettings, GoalSettings
+    from interdrive.batches import batch, read_batch
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
     from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
     from interdrive.planners import (
@@ -43,6 +44,8 @@ _HOME = {
     "__version__": "_core",
     "AgentSettings": "agents",
     "GoalSettings": "agents",
+    "batch": "batches",
+    "read_batch": "batches",
     "InputError": "errors",
     "InterdriveError": "errors",
     "NoRouteError": "errors",
@@ -111,9 +114,11 @@ __all__ = [
     "View",
     "ViewSettings",
     "__version__",
+    "batch",
     "case_study",
     "evaluate_predictors",
     "load",
+    "read_batch",
     "read_scenario",
     "save",
     "scenario_from_commonroad",

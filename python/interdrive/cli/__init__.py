@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 import click
 
+from interdrive.cli.batch import batch
 from interdrive.cli.check import check
 from interdrive.cli.criticality import criticality
 from interdrive.cli.models import models
@@ -74,7 +75,7 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (run, study, criticality, predict_eval, check, verify, settings, planners, predictors, models):
+for _command in (run, batch, study, criticality, predict_eval, check, verify, settings, planners, predictors, models):
     main.add_command(_command)
 
 __all__ = ["main"]

@@ -1,8 +1,9 @@
-"""The configuration file of `interdrive run`: the same choices and settings as on the command line."""
+"""Configuration files of `run` and `batch`: the same choices and settings as on the command line."""
 
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
@@ -50,12 +51,57 @@ class RunChoices:
     agent_view: int | None = None
 
 
-def read_config(path: Path) -> tuple[dict[str, Any], dict[int, Choice], dict[str, Any]]:
+@dataclass(frozen=True)
+class BatchChoices:
+    """What `batch` can be told besides settings; the same names in a configuration file.
+
+    Attributes:
+        paths: CommonRoad files, folders of them, names of shipped scenarios.
+        planner: Planners under test, with settings if wanted.
+        predictor: Predictors, with settings if wanted.
+        agents: Who is under test: "all" or a number.
+        traffic: What vehicles do that are not under test; none: replay, if there are any.
+        alone: Every agent under test gets a run of its own.
+        seeds: So many seeds.
+        out: Folder of the batch.
+        workers: Processes; none: all cores.
+        run_timeout: A run may take this long [s].
+        memory: A process may grow to this size; none: without limit.
+        keep: Which run folders are kept.
+        retry: Do runs again that did not finish.
+        ray: Address of a Ray cluster; none: processes on this machine.
+    """
+
+    paths: tuple[str, ...] = ()
+    planner: tuple[str, ...] = ("frenet",)
+    predictor: tuple[str, ...] = ("lane_following",)
+    agents: int | str = "all"
+    traffic: str | None = None
+    alone: bool = False
+    seeds: int = 1
+    out: str | None = None
+    workers: int | None = None
+    run_timeout: float = math.inf
+    memory: str | None = None
+    keep: str = "none"
+    retry: bool = False
+    ray: str | None = None
+
+
+def read_config(
+    path: Path, kind: type[RunChoices | BatchChoices] = RunChoices, table: str = "run"
+) -> tuple[dict[str, Any], dict[int, Choice], dict[str, Any]]:
     """Choices for all, choices per agent, and settings of a TOML file.
 
     Choices stand at the top level or, since TOML cannot have `planner = "frenet"` beside `[planner.frenet]`, in the
-    table `[run]`. The table `[agent.5]` says what agent 5 has: `planner = "frenet"` and settings of that planner by
-    their names. A relative scenario path starts at the file's folder.
+    table `[run]` or `[batch]`. The table `[agent.5]` says what agent 5 has:
+    `planner = "frenet"` and settings of that planner by their names. Relative scenario paths start at the folder of the
+    file.
+
+    Args:
+        path: The file.
+        kind: The choices that the command has.
+        table: Name of their table.
 
     Raises:
         InputError: No such file, not TOML, or an entry that does not exist (with the nearest one).
@@ -66,12 +112,12 @@ def read_config(path: Path) -> tuple[dict[str, Any], dict[int, Choice], dict[str
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as cause:
         raise InputError(f"{path}: not a configuration file: {cause}") from cause
-    names = [field.name for field in fields(RunChoices)]
+    names = [field.name for field in fields(kind)]
     own = _per_agent(path, document.pop("agent", {}))
     choices: dict[str, Any] = {}
     settings: dict[str, Any] = {}
     for name, value in dotted(document).items():
-        short = name.removeprefix("run.")
+        short = name.removeprefix(f"{table}.")
         if short in names:
             choices[short] = value
         elif "." in name and short == name:
@@ -79,6 +125,13 @@ def read_config(path: Path) -> tuple[dict[str, Any], dict[int, Choice], dict[str
         else:
             near = difflib.get_close_matches(short, names, n=1)
             raise InputError(f"{path}: {name}: there is no such entry" + (f"; did you mean {near[0]}?" if near else ""))
+    for name in ("paths", "planner", "predictor"):
+        if kind is BatchChoices and isinstance(choices.get(name), str):
+            choices[name] = [choices[name]]  # its commas separate something else
+    if isinstance(choices.get("paths"), list):
+        choices["paths"] = [
+            str(path.parent / str(item)) if (path.parent / str(item)).exists() else item for item in choices["paths"]
+        ]
     beside = path.parent / str(choices.get("scenario", ""))
     if "scenario" in choices and beside.is_file():
         choices["scenario"] = str(beside)

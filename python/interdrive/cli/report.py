@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from interdrive.studies import CaseStudy
 
 #: More rows than this are shown only if something went wrong in them.
-_ROWS_MAX, _NOTES_MAX = 40, 12
+_ROWS_MAX, NOTES_MAX = 40, 12
 
-_STYLES = {
+STYLES = {
     "goal_reached": "green",
     "goal_reached_late": "yellow",
     "time_limit": "yellow",
@@ -47,7 +47,8 @@ class _Output(Console):
         raise BrokenPipeError
 
 
-def _output() -> Console:
+def output() -> Console:
+    """Where commands print."""
     console = _Output(highlight=False)
     if not console.is_terminal:
         console.width = 120
@@ -95,7 +96,7 @@ def progress(*, quiet: bool) -> Iterator[Report]:
 
 def print_run(run: Run, folder: Path) -> None:
     """Outcome table, counts, notes, speed, and where the results are."""
-    console = _output()
+    console = output()
     ended = run.outcomes
     shown = list(range(len(ended.agent_id)))
     if len(shown) > _ROWS_MAX:
@@ -106,10 +107,10 @@ def print_run(run: Run, folder: Path) -> None:
     if hidden:
         console.print(f"{hidden} more in outcomes.parquet", style="dim")
     counts = Counter(ended.outcome)
-    parts = [f"[{_STYLES.get(name, '')}]{counts[name]} {name}[/]" for name in (*OUTCOMES, "running") if counts[name]]
+    parts = [f"[{STYLES.get(name, '')}]{counts[name]} {name}[/]" for name in (*OUTCOMES, "running") if counts[name]]
     agents = f"{len(ended.agent_id)} agent{'s' * (len(ended.agent_id) != 1)}"
     console.print(f"{escape(run.scenario.name)}, {agents}: " + ", ".join(parts))
-    _print_notes(console, run.notes, "run.json")
+    print_notes(console, run.notes, "run.json")
     console.print(_speed(run))
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
@@ -131,7 +132,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
         impact = f"{ended.impact_speed[row]:.1f}" if np.isfinite(ended.impact_speed[row]) else ""
         cells = [
             str(ended.agent_id[row]),
-            f"[{_STYLES.get(ended.outcome[row], '')}]{ended.outcome[row]}[/]",
+            f"[{STYLES.get(ended.outcome[row], '')}]{ended.outcome[row]}[/]",
             f"{ended.time_step[row] * run.scenario.dt:.1f}",
             partner,
             impact,
@@ -144,7 +145,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
 
 def print_criticality(found: Criticality, name: str, folder: Path) -> None:
     """The most critical moment of every measure, notes, and where the tables are."""
-    console = _output()
+    console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("measure", "", "most critical", "vehicle", "with", "time [s]", "path or conflict area"):
         table.add_column(escape(column), justify="right" if column in ("most critical", "time [s]") else "left")
@@ -163,15 +164,16 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
     if quiet and len(found.ids):
         console.print(f"no conflict in {', '.join(quiet)}", style="dim")
     console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
-    _print_notes(console, found.notes, "Criticality.notes")
+    print_notes(console, found.notes, "Criticality.notes")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 
-def _print_notes(console: Console, notes: Sequence[str], where: str) -> None:
-    for note in notes[:_NOTES_MAX]:
+def print_notes(console: Console, notes: Sequence[str], where: str) -> None:
+    """The first notes, and where the others are."""
+    for note in notes[:NOTES_MAX]:
         console.print(f"note: {escape(note)}", style="dim", soft_wrap=True)
-    if len(notes) > _NOTES_MAX:
-        console.print(f"{len(notes) - _NOTES_MAX} more notes in {where}", style="dim")
+    if len(notes) > NOTES_MAX:
+        console.print(f"{len(notes) - NOTES_MAX} more notes in {where}", style="dim")
 
 
 def _speed(run: Run) -> str:
@@ -187,7 +189,7 @@ def _speed(run: Run) -> str:
 
 def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equal: bool) -> None:
     """Whether the digests are equal; if not, what else differs."""
-    console = _output()
+    console = output()
     if equal:
         console.print(f"[green]equal[/]: digest {stored['digest']}", soft_wrap=True)
         return
@@ -203,7 +205,7 @@ def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equ
 
 def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
     """What a scenario holds, and why some of it cannot be agents (by id)."""
-    console = _output()
+    console = output()
     limits = "none stated" if np.isnan(found.speed_limits[0]) else "{:.1f} to {:.1f} m/s".format(*found.speed_limits)
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in found.kinds) or "none"
     static = f" ({found.n_static} static)" if found.n_static else ""
@@ -230,7 +232,7 @@ def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
     )
     console.print(table)
     _print_reasons(console, refusals)
-    _print_notes(console, found.notes, "Scenario.notes")
+    print_notes(console, found.notes, "Scenario.notes")
     console.print()
 
 
@@ -251,7 +253,7 @@ def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
 
 def print_text(text: str) -> None:
     """A text as it is."""
-    _output().print(text, markup=False, soft_wrap=True)
+    output().print(text, markup=False, soft_wrap=True)
 
 
 def print_plugins(found: Sequence[Listed]) -> None:
@@ -262,12 +264,12 @@ def print_plugins(found: Sequence[Listed]) -> None:
     table.add_column("what it is", overflow="fold")
     for item in found:
         table.add_row(escape(item.name), escape(item.source), escape(item.text), style="" if item.is_usable else "dim")
-    _output().print(table)
+    output().print(table)
 
 
 def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:
     """Name, default and meaning of settings."""
-    console = _output()
+    console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("setting", no_wrap=True)
     table.add_column("default", overflow="fold")
@@ -283,7 +285,7 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
     """The table of the paper, one block per case, and what happened in words."""
     from interdrive.studies import MEASURES, reading, study_table  # noqa: PLC0415 - needs the simulation
 
-    console = _output()
+    console = output()
     for study in studies:
         title = f"{study.scenario.name}: agent {study.agent} ({study.planner}), other vehicle {study.other}"
         table = Table(
@@ -309,14 +311,14 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
                 ),
                 "[bold red]yes[/]" if row["collided"] else "no",
                 *(
-                    f"[{_STYLES.get(outcome, '')}]{outcome}[/]" if outcome else "recorded"
+                    f"[{STYLES.get(outcome, '')}]{outcome}[/]" if outcome else "recorded"
                     for outcome in (row["agent_outcome"], row["other_outcome"])
                 ),
             )
         console.print(table)
         console.print(escape(reading(study)), style="dim")
         console.print()
-    _print_notes(console, notes, "")
+    print_notes(console, notes, "")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 

@@ -1,0 +1,254 @@
+"""The data set of a batch: its columns, and the rows of one run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive import _core
+from interdrive.criticality import IMPACT_AREAS, MEASURES, agent_harm
+from interdrive.planners import NATIVE
+from interdrive.results import Column, arrow_table, labels
+from interdrive.run import PHASES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Set
+
+    from interdrive.batches.runs import RunSpec
+    from interdrive.criticality import Criticality
+    from interdrive.results import ArrowTable
+    from interdrive.run import Run
+
+#: How a run can end. Agents exist only in finished ones.
+STATUS = ("finished", "refused", "failed", "crashed", "timeout", "memory")
+
+#: A time to collision under this is critical [s]; Vogel, "A comparison of headway and time to collision", 2003.
+TTC_CRITICAL = 2.0
+
+#: How a run that is worth a look ended for one of the agents under test.
+NOT_ARRIVED = ("time_limit", "goal_missed", "infeasible", "collision", "planner_error")
+
+
+def extreme(name: str, *, grows: bool) -> str:
+    """Name of the column with the most critical value of a measure."""
+    return f"{name}_{'max' if grows else 'min'}"
+
+
+#: Columns that say which run it is and how it ended; the same in all rows of a run.
+RUN_COLUMNS = (
+    Column("key", "label", "which run: made of scenario content, choices, settings and version"),
+    Column("scenario", "label", "name of the scenario file"),
+    Column("category", "label", "folder of the scenario file"),
+    Column("planner", "label", "planner under test, as given"),
+    Column("predictor", "label", "predictor, as given"),
+    Column("traffic", "label", "what vehicles do that are not under test: recorded, velocity_adjusting or same"),
+    Column("agents", "label", "who is under test: all, a number, or alone: one agent per run"),
+    Column("seed", "integer", "chooses a number of agents"),
+    Column("status", "label", "how the run ended: finished, refused, failed, crashed, timeout or memory"),
+    Column("error", "text", "why it did not finish, in words"),
+    Column("attempts", "integer", "how often it was started"),
+    Column("digest", "text", "SHA-256 of all states; empty if it did not finish"),
+    Column("dt", "number", "length of a time step [s]", nullable=True),
+    Column("n_steps", "integer", "time steps that were simulated", nullable=True),
+    Column("read_seconds", "number", "wall time for reading the scenario, 0 if it was at hand [s]", nullable=True),
+    Column("run_seconds", "number", "wall time for simulation and criticality [s]", nullable=True),
+    Column("kept", "truth", "its run folder is kept in recordings/"),
+    Column("path", "label", "where the scenario file was"),
+    Column("scenario_sha256", "label", "content of the scenario file"),
+    Column("version", "label", "version of interdrive"),
+)
+
+#: Columns about one agent; null in the one row of a run that did not finish.
+AGENT_COLUMNS = (
+    Column("agent_id", "integer", "participant id of the agent", nullable=True),
+    Column("under_test", "truth", "it counts; otherwise it is traffic", nullable=True),
+    Column("agent_planner", "label", "name of its own planner", nullable=True),
+    Column("outcome", "label", "how it ended, one of interdrive.run.OUTCOMES", nullable=True),
+    Column("seconds", "number", "from its start to its end, simulated [s]", nullable=True),
+    Column("distance", "number", "driven [m]", nullable=True),
+    Column("partner_id", "integer", "the other participant of a collision", nullable=True),
+    Column("off_road", "truth", "the collision was with the edge of the road", nullable=True),
+    Column("impact_speed", "number", "size of the relative velocity at a collision [m/s]", nullable=True),
+    Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
+    Column("harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True),
+    Column("partner_harm", "number", "the same in the other participant", nullable=True),
+    Column("message", "text", "why it ended, in words", nullable=True),
+    *(
+        Column(
+            extreme(measure.name, grows=measure.grows),
+            "number",
+            f"most critical {measure.label}; inf: no conflict",
+            nullable=True,
+        )
+        for measure in MEASURES
+    ),
+    Column("ttc_critical", "number", f"share of its time with a TTC under {TTC_CRITICAL:g} s", nullable=True),
+    Column("jerk_rms", "number", "root mean square of the longitudinal jerk [m/s³]", nullable=True),
+    Column("jerk_max", "number", "largest absolute longitudinal jerk [m/s³]", nullable=True),
+    Column("acceleration_rms", "number", "root mean square of the longitudinal acceleration [m/s²]", nullable=True),
+    Column("deceleration_max", "number", "hardest braking [m/s²]", nullable=True),
+    Column("lateral_acceleration_rms", "number", "root mean square of speed times yaw rate [m/s²]", nullable=True),
+    Column("lateral_acceleration_max", "number", "largest absolute speed times yaw rate [m/s²]", nullable=True),
+    Column("emergencies", "integer", "time steps with emergency braking", nullable=True),
+    Column("plan_seconds", "number", "wall time per plan, mean over its time steps [s]", nullable=True),
+)
+
+COLUMNS = (*RUN_COLUMNS, *AGENT_COLUMNS)
+
+
+def finished_rows(
+    spec: RunSpec,
+    run: Run,
+    criticality: Criticality,
+    under_test: Set[int],
+    *,
+    attempts: int,
+    read_seconds: float,
+    run_seconds: float,
+    kept: bool,
+) -> ArrowTable:
+    """One row per agent of a finished run.
+
+    Args:
+        spec: What was asked for.
+        run: What came of it.
+        criticality: Its measures for all its agents.
+        under_test: Ids of the agents that count.
+        attempts: How often the run was started.
+        read_seconds: Wall time for reading the scenario [s].
+        run_seconds: Wall time for simulation and criticality [s].
+        kept: The run folder is kept.
+    """
+    ended, harm = run.outcomes, agent_harm(run)
+    ids = ended.agent_id.tolist()
+    about = {
+        "status": "finished",
+        "attempts": attempts,
+        "digest": run.digest,
+        "dt": run.scenario.dt,
+        "n_steps": len(np.unique(run.timings.time_step)),
+        "read_seconds": read_seconds,
+        "run_seconds": run_seconds,
+        "kept": kept,
+    }
+    judged = np.isin(ids, criticality.ids)  # who never came into the world was not judged
+    rows = np.searchsorted(criticality.ids, ids)
+    present = criticality.present.sum(axis=1)
+    exposed = ((criticality["ttc"] < TTC_CRITICAL) & criticality.present).sum(axis=1)
+    share = exposed / np.maximum(present, 1)
+
+    def of_agents(values: Any) -> Any:  # noqa: ANN401 - array of numbers
+        return np.where(judged, np.append(values, np.nan)[np.where(judged, rows, -1)], np.nan)
+
+    emergencies = [int((run.plans.status[run.plans.agent_id == number] == 2).sum()) for number in ids]
+    values: dict[str, Any] = {
+        "agent_id": ids,
+        "under_test": [number in under_test for number in ids],
+        "agent_planner": labels(ended.planner),
+        "outcome": labels(ended.outcome),
+        "partner_id": np.ma.masked_equal(ended.partner_id, -1),
+        "off_road": ended.off_road,
+        "impact_speed": ended.impact_speed,
+        "impact_area": labels(IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area])),
+        "harm": harm.harm,
+        "partner_harm": harm.partner_harm,
+        "message": ended.message,
+        "ttc_critical": of_agents(share),
+        "emergencies": emergencies,
+        "plan_seconds": _plan_seconds(run),
+        **{
+            extreme(measure.name, grows=measure.grows): of_agents(criticality.extremes[measure.name].value)
+            for measure in MEASURES
+        },
+        **_comfort(run),
+    }
+    return arrow_table(COLUMNS, {**_of_run(spec, about, len(ids)), **values})
+
+
+def failure_row(spec: RunSpec, status: str, error: str, attempts: int) -> ArrowTable:
+    """The one row of a run that did not finish: its status and why."""
+    about = {
+        "status": status,
+        "error": " ".join(error.split()),
+        "attempts": attempts,
+        **dict.fromkeys(("dt", "n_steps", "read_seconds", "run_seconds")),
+    }
+    nothing: dict[str, Any] = {column.name: [None] for column in AGENT_COLUMNS}
+    return arrow_table(COLUMNS, {**_of_run(spec, about, 1), **nothing})
+
+
+def _of_run(spec: RunSpec, about: Mapping[str, object], n: int) -> dict[str, Any]:
+    one = {
+        "key": spec.key,
+        "scenario": spec.scenario,
+        "category": spec.category,
+        "planner": spec.planner_label,
+        "predictor": spec.predictor_label,
+        "traffic": spec.traffic,
+        "agents": spec.agents_label,
+        "seed": spec.seed,
+        "error": "",
+        "digest": "",
+        "kept": False,
+        "path": spec.path,
+        "scenario_sha256": spec.sha256,
+        "version": _core.__version__,
+        **about,
+    }
+    text = {column.name for column in RUN_COLUMNS if column.kind == "label"}
+    return {name: labels((str(value),) * n) if name in text else [value] * n for name, value in one.items()}
+
+
+def _comfort(run: Run) -> dict[str, list[float]]:
+    """What passengers feel, and how far and long every agent drove; nan where there are too few states."""
+    states, dt = run.states, run.scenario.dt
+    found: dict[str, list[float]] = {}
+    for number in run.outcomes.agent_id.tolist():
+        row = int(np.searchsorted(states.ids, number))
+        there = states.valid[row]
+        velocity, acceleration = states.velocity[row, there], states.acceleration[row, there]
+        lateral = velocity * states.yaw_rate[row, there]
+        jerk = np.diff(acceleration) / dt
+        way = np.hypot(np.diff(states.x[row, there]), np.diff(states.y[row, there]))
+        for name, value in (
+            ("seconds", dt * max(int(there.sum()) - 1, 0)),
+            ("distance", float(way.sum())),
+            ("jerk_rms", _rms(jerk)),
+            ("jerk_max", _largest(np.abs(jerk))),
+            ("acceleration_rms", _rms(acceleration)),
+            ("deceleration_max", max(0.0, _largest(-acceleration))),
+            ("lateral_acceleration_rms", _rms(lateral)),
+            ("lateral_acceleration_max", _largest(np.abs(lateral))),
+        ):
+            found.setdefault(name, []).append(value)
+    return found
+
+
+def _rms(values: Any) -> float:  # noqa: ANN401 - array of numbers
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+
+
+def _largest(values: Any) -> float:  # noqa: ANN401 - array of numbers
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else float("nan")
+
+
+def _plan_seconds(run: Run) -> list[float]:
+    """Wall time per plan: all native plans of a step share its phase `plan`, all others `plan_python`, equally."""
+    plans, timings = run.plans, run.timings
+    native = {number for number, name in zip(run.outcomes.agent_id.tolist(), run.outcomes.planner, strict=True)
+              if name in NATIVE}  # fmt: skip
+    steps = timings.time_step[:: len(PHASES)]
+    seconds = {phase: timings.seconds[k :: len(PHASES)] for k, phase in enumerate(PHASES)}
+    place = np.searchsorted(steps, plans.time_step)
+    is_native = np.isin(plans.agent_id, sorted(native))
+    each = np.full(len(plans.time_step), np.nan)
+    for kind, phase in ((is_native, "plan"), (~is_native, "plan_python")):
+        together = np.bincount(place[kind], minlength=len(steps))
+        each[kind] = (seconds[phase] / np.maximum(together, 1))[place[kind]]
+    return [
+        float(np.mean(each[plans.agent_id == number])) if (plans.agent_id == number).any() else float("nan")
+        for number in run.outcomes.agent_id.tolist()
+    ]

@@ -1,0 +1,312 @@
+"""Doing a batch: what is missing is claimed, done by worker processes or a Ray cluster, and stored as it ends."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections import Counter
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+from interdrive.batches.execute import KEEP, Finished, Job, agents_of, content_of, execute, failed
+from interdrive.batches.folder import BatchFolder
+from interdrive.batches.pool import ATTEMPTS_MAX, Pool, Task
+from interdrive.batches.runs import planned
+from interdrive.errors import InputError
+from interdrive.run_settings import SimulationSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from interdrive.batches.folder import Done
+    from interdrive.batches.pool import End
+    from interdrive.batches.runs import BatchPlan, RunSpec
+    from interdrive.results import ArrowTable
+
+#: How often it is looked whether another batch has done the runs that it claimed [s].
+_LOOK_EVERY = 0.5
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a batch is.
+
+    Attributes:
+        done: Runs that have ended, those of earlier calls not counted. total: Runs to do.
+        failures: Runs among them that did not finish.
+        text: What has just ended.
+    """
+
+    done: int
+    total: int
+    failures: int
+    text: str
+
+
+@dataclass(frozen=True)
+class BatchSummary:
+    """What a batch did.
+
+    Attributes:
+        folder: Where the results are.
+        keys: Of all runs that were asked for.
+        found: So many of them were there already.
+        status: How many runs ended how; those that were found are counted, too.
+        seconds: Wall time of this call [s].
+        notes: One line per thing the user should know.
+    """
+
+    folder: Path
+    keys: tuple[str, ...]
+    found: int
+    status: Mapping[str, int]
+    seconds: float
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def table(self) -> ArrowTable:
+        """The rows of these runs; the columns are `interdrive.batches.COLUMNS`."""
+        return BatchFolder.open(self.folder).table(keys=set(self.keys))
+
+
+class Backend(Protocol):
+    """Whoever does tasks: worker processes or a cluster."""
+
+    def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
+        """Does tasks until there are none and yields how they ended."""
+
+    def close(self) -> None:
+        """Ends what is still being done."""
+
+
+def batch(
+    paths: Iterable[str | Path] | str | Path,
+    out: str | Path,
+    *,
+    planner: object = "frenet",
+    predictor: object = "lane_following",
+    agents: str | int = "all",
+    traffic: str | None = None,
+    alone: bool = False,
+    seeds: int = 1,
+    settings: SimulationSettings | None = None,
+    workers: int | None = None,
+    run_timeout: float = math.inf,
+    memory: float = math.inf,
+    keep: str = "none",
+    retry: bool = False,
+    ray: str | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> BatchSummary:
+    """Runs every combination of scenario, planner, predictor and seed that is not in the folder yet.
+
+    Worker processes start new interpreters: a script that calls this needs `if __name__ == "__main__":`.
+
+    Args:
+        paths: CommonRoad files, folders of them, or names of shipped scenarios.
+        out: Folder of the batch: new, or one that holds a batch.
+        planner: Under test: a choice, several separated by commas or in a list, or a mapping from labels to choices.
+        predictor: The same for predictors.
+        agents: Who is under test: "all", or at most so many vehicles per scenario, chosen with the seed.
+        traffic: What vehicles do that could be agents but are not under test: "recorded" (replay, the default),
+            "velocity_adjusting" (that planner) or "same" (the planner under test). With all agents nobody is left and
+            it is "same".
+        alone: Every agent under test gets a run of its own; in it all others are traffic.
+        seeds: So many seeds, from 0 on; they choose agents.
+        settings: Settings; the defaults otherwise.
+        workers: Processes; as many as there are cores otherwise. With Ray, so many tasks at once (its CPUs otherwise).
+        run_timeout: A run may take this long [s].
+        memory: A worker process may occupy this much memory [bytes].
+        keep: Which run folders are kept: "none", "failed" (an agent under test did not arrive) or "all".
+        retry: Runs that did not finish are done again.
+        ray: Address of a Ray cluster ("auto": the one that runs here); None: worker processes.
+        on_progress: Called whenever a run has ended.
+
+    Returns:
+        What was done; its `table` has the rows.
+
+    Raises:
+        InputError: Something that cannot be used, before anything is simulated.
+        ResultsError: The folder cannot be used.
+        MissingExtraError: Ray or a planner is not installed.
+    """
+    start = time.monotonic()
+    _check(workers, run_timeout, memory, keep)
+    paths = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    plan = planned(
+        paths,
+        planner=planner,
+        predictor=predictor,
+        agents=agents,
+        traffic=traffic,
+        alone=alone,
+        seeds=seeds,
+        settings=settings or SimulationSettings(),
+    )
+    workers_max = workers or os.cpu_count() or 1
+    if ray is None:
+        backend: Backend = Pool(min(workers_max, len(plan.specs)), timeout_s=run_timeout, memory=memory)
+    else:
+        from interdrive.batches.cluster import Cluster  # noqa: PLC0415 - optional
+
+        backend = Cluster(ray, workers, timeout_s=run_timeout, memory=memory)
+    with closing(backend), closing(BatchFolder.create(out)) as folder:
+        if alone:
+            plan = replace(plan, specs=_expanded(plan, backend, send=ray is not None))
+        specs = {spec.key: spec for spec in plan.specs}
+        before = folder.done()
+        missing = [spec for key, spec in specs.items() if _is_missing(before.get(key), keep, retry=retry)]
+        try:
+            _conduct(missing, before, folder, backend, keep, send=ray is not None, on_progress=on_progress)
+        finally:
+            folder.tidy(now=True)
+        done = folder.done()
+        return BatchSummary(
+            folder.path,
+            tuple(specs),
+            len(specs) - len(missing),
+            Counter(done[key].status for key in specs),
+            time.monotonic() - start,
+            plan.notes,
+        )
+
+
+def _check(workers: int | None, run_timeout: float, memory: float, keep: str) -> None:
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: expected at least 1, not {workers}")
+    if not run_timeout > 0:
+        raise InputError(f"run_timeout: expected a positive number of seconds, not {run_timeout}")
+    if not memory >= 2**20:
+        raise InputError(f"memory: expected at least 1 MiB, not {memory} bytes")
+    if keep not in KEEP:
+        raise InputError(f"keep: expected one of {', '.join(KEEP)}, not {keep!r}")
+
+
+def _is_missing(known: Done | None, keep: str, *, retry: bool) -> bool:
+    if known is None:
+        return True
+    if known.status != "finished":
+        return retry
+    return not known.kept and (keep == "all" or (keep == "failed" and not known.arrived))
+
+
+def _expanded(plan: BatchPlan, backend: Backend, *, send: bool) -> tuple[RunSpec, ...]:
+    """A run per agent. Who the agents are is the same for all planners, and is found out by the workers."""
+    asked: dict[tuple[str, str, int], list[RunSpec]] = {}
+    for spec in plan.specs:
+        asked.setdefault((spec.sha256, spec.agents_label, spec.seed), []).append(spec)
+    queue = iter([specs[0] for specs in asked.values()])
+    answers: dict[tuple[str, str, int], tuple[int, ...] | str] = {}
+
+    def take(_group: str) -> Task[Job] | None:
+        spec = next(queue, None)
+        return None if spec is None else Task(_job(spec, "none", send=send), spec.sha256)
+
+    for end in backend.run(agents_of, take):
+        spec = end.task.payload.spec
+        answers[spec.sha256, spec.agents_label, spec.seed] = end.why if end.lost else end.value
+    found: list[RunSpec] = []
+    for about, specs in asked.items():
+        answer = answers[about]
+        for spec in specs:
+            if isinstance(answer, str):
+                found.append(spec.refused(answer))
+            else:
+                found += [spec.of_agents([number]) for number in answer]
+    return tuple(found)
+
+
+class _Queue:
+    """Runs that wait: first those of large scenarios, those of one scenario by one process as long as that helps."""
+
+    def __init__(self, specs: Sequence[RunSpec], claim: Callable[[RunSpec], bool]) -> None:
+        self._groups: dict[str, list[RunSpec]] = {}
+        for spec in sorted(specs, key=lambda spec: (-spec.size, spec.sha256)):
+            self._groups.setdefault(spec.sha256, []).append(spec)
+        self._begun: set[str] = set()
+        self._claim = claim
+
+    def take(self, group: str) -> RunSpec | None:
+        """The next run that can be claimed, if possible of the scenario that the process knows already."""
+        while self._groups:
+            if group not in self._groups:
+                untouched = [name for name in self._groups if name not in self._begun]
+                group = untouched[0] if untouched else max(self._groups, key=lambda name: len(self._groups[name]))
+            self._begun.add(group)
+            spec = self._groups[group].pop(0)
+            if not self._groups[group]:
+                del self._groups[group]
+            if self._claim(spec):
+                return spec
+        return None
+
+
+def _conduct(
+    missing: Sequence[RunSpec],
+    before: Mapping[str, Done],
+    folder: BatchFolder,
+    backend: Backend,
+    keep: str,
+    *,
+    send: bool,
+    on_progress: Callable[[Progress], None] | None,
+) -> None:
+    """Does the runs that are missing, waits for those that another batch is doing, and stores what comes of them."""
+    elsewhere: list[RunSpec] = []
+    count = failures = 0
+
+    def claimed(spec: RunSpec) -> bool:
+        """Ours now, and nobody has done it since we looked."""
+        if not folder.claim(spec.key):
+            elsewhere.append(spec)
+            return False
+        if _is_done_since(spec):
+            folder.release(spec.key)
+            report(spec, "done by another batch")
+            return False
+        return True
+
+    def _is_done_since(spec: RunSpec) -> bool:
+        return spec.key not in before and folder.has(spec.key)
+
+    def report(spec: RunSpec, status: str) -> None:
+        nonlocal count
+        count += 1
+        if on_progress is not None:
+            on_progress(Progress(count, len(missing), failures, f"{spec.scenario}, {spec.planner_label}: {status}"))
+
+    def take(group: str) -> Task[Job] | None:
+        spec = queue.take(group)
+        return None if spec is None else Task(_job(spec, keep, send=send), spec.sha256)
+
+    waiting = list(missing)
+    while waiting:
+        queue = _Queue(waiting, claimed)
+        for end in backend.run(execute, take):
+            spec = end.task.payload.spec
+            finished: Finished = failed(spec, end.lost, _twice(end), end.attempts) if end.lost else end.value
+            folder.store(spec.key, finished)
+            folder.release(spec.key)
+            failures += finished.status not in ("finished", "refused")
+            report(spec, finished.status)
+            folder.tidy()
+        waiting, elsewhere = elsewhere, []
+        if waiting:
+            time.sleep(_LOOK_EVERY)
+
+
+def _twice(end: End[Any]) -> str:
+    return f"{end.why}, {'twice' if end.attempts >= ATTEMPTS_MAX else 'once'}"
+
+
+def _job(spec: RunSpec, keep: str, *, send: bool) -> Job:
+    """What a worker is told; one on another machine is sent the scenario, too."""
+    if not send:
+        return Job(spec, keep)
+    try:
+        return Job(spec, keep, content_of(spec))
+    except InputError as error:
+        return Job(spec.refused(str(error)), keep)

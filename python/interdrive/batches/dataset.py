@@ -1,0 +1,125 @@
+"""The Parquet file of a batch: written whole, grown by rewriting it in a stream, read as one table."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from interdrive.batches.columns import COLUMNS
+from interdrive.errors import ResultsError
+from interdrive.results import arrow_table, replacing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+#: Rows are read and written in portions of about this many.
+_PORTION = 32_768
+
+#: So many files of single runs are held in memory at once.
+_FILES_AT_ONCE = 256
+
+
+def encoded(table: pa.Table) -> bytes:
+    """A table as a Parquet file."""
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", compression_level=1)
+    return sink.getvalue()
+
+
+def merge(into: Path, parts: Sequence[Path]) -> None:
+    """Adds the rows of single runs to a file, which is replaced whole; rows of the same keys leave it.
+
+    Memory does not grow with the number of rows.
+
+    Args:
+        into: The file; it need not exist.
+        parts: Files of single runs, called `<key>.parquet`.
+
+    Raises:
+        ResultsError: A file that cannot be read or written.
+    """
+    schema = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS}).schema
+    keys = {part.stem for part in parts}
+    with replacing(into) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
+        waiting: list[pa.Table] = []
+        for table in _portions(into, keys) if into.exists() else ():
+            _write(writer, waiting, table)
+        for start in range(0, len(parts), _FILES_AT_ONCE):
+            for part in parts[start : start + _FILES_AT_ONCE]:
+                _write(writer, waiting, read(part))
+        _write(writer, waiting, None)
+
+
+def _portions(path: Path, without: set[str]) -> Iterator[pa.Table]:
+    refused = pa.array(sorted(without), pa.string())
+    for batch in _opened(path).iter_batches(batch_size=_PORTION):
+        table = pa.Table.from_batches([batch])
+        yield table.filter(pc.invert(pc.is_in(table["key"].cast(pa.string()), refused)))
+
+
+def _write(writer: pq.ParquetWriter, waiting: list[pa.Table], table: pa.Table | None) -> None:
+    """Writes when enough has come together; without a table, what is left."""
+    if table is not None and table.num_rows:
+        waiting.append(table)
+    if waiting and (table is None or sum(item.num_rows for item in waiting) >= _PORTION):
+        writer.write_table(pa.concat_tables(waiting).unify_dictionaries().combine_chunks())
+        waiting.clear()
+
+
+def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """The table in a file, or some of its columns.
+
+    Raises:
+        ResultsError: It is damaged or has other columns.
+        FileNotFoundError: It is not there.
+    """
+    try:
+        return _opened(path).read(columns=columns)
+    except (pa.ArrowException, OSError) as cause:
+        if isinstance(cause, FileNotFoundError):
+            raise
+        raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
+
+
+def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> pa.Table:
+    """Tables below each other."""
+    empty = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS})
+    return pa.concat_tables([empty.select(columns or empty.column_names), *tables]).unify_dictionaries()
+
+
+def without(table: pa.Table, keys: set[str]) -> pa.Table:
+    """The rows of other keys."""
+    return table.filter(pc.invert(pc.is_in(table["key"].cast(pa.string()), pa.array(sorted(keys), pa.string()))))
+
+
+def only(table: pa.Table, keys: set[str]) -> pa.Table:
+    """The rows of these keys."""
+    return table.filter(pc.is_in(table["key"].cast(pa.string()), pa.array(sorted(keys), pa.string())))
+
+
+def in_order(table: pa.Table, by: Sequence[str]) -> pa.Table:
+    """The rows sorted by columns."""
+    plain = {name: table[name] for name in by}
+    for name, column in plain.items():
+        if pa.types.is_dictionary(column.type):
+            plain[name] = column.cast(pa.string())
+    return table.take(pc.sort_indices(pa.table(plain), sort_keys=[(name, "ascending") for name in by]))
+
+
+def _opened(path: Path) -> pq.ParquetFile:
+    try:
+        found = pq.ParquetFile(path)
+    except FileNotFoundError:
+        raise
+    except (pa.ArrowException, OSError) as cause:
+        raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
+    expected = [column.name for column in COLUMNS]
+    if found.schema_arrow.names != expected:
+        other = next(iter(set(found.schema_arrow.names) ^ set(expected)), "their order")
+        raise ResultsError(f"{path}: its columns are not those of this version ({other} differs)")
+    return found

@@ -1,0 +1,204 @@
+"""One run of a batch, wherever it is done: its rows and, if wanted, its run folder, as bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tarfile
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from interdrive.agents import select
+from interdrive.batches.columns import NOT_ARRIVED, failure_row, finished_rows
+from interdrive.batches.dataset import encoded
+from interdrive.errors import InputError, InterdriveError
+from interdrive.files import read_scenario
+from interdrive.handles import core_road
+from interdrive.results import save
+from interdrive.simulation import simulate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interdrive.batches.runs import RunSpec
+    from interdrive.run import Run
+    from interdrive.scenario import Scenario
+
+#: Which run folders are kept: none, those in which an agent under test did not arrive, or all.
+KEEP = ("none", "failed", "all")
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What a run leaves behind.
+
+    Attributes:
+        status: One of `interdrive.batches.columns.STATUS`.
+        error: Why it did not finish.
+        rows: Its rows of the data set, as a Parquet file.
+        recording: Its run folder as a tar archive; empty if it is not kept.
+        outcomes: Of the agents under test.
+    """
+
+    status: str
+    error: str
+    rows: bytes
+    recording: bytes = b""
+    outcomes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a process is told to do.
+
+    Attributes:
+        spec: The run.
+        keep: One of `KEEP`.
+        content: Of the scenario file; none: it lies at its path.
+    """
+
+    spec: RunSpec
+    keep: str
+    content: bytes | None = None
+
+
+#: The scenario that was read last: runs of the same scenario follow each other.
+_AT_HAND: dict[str, Scenario] = {}
+
+
+def execute(job: Job, attempts: int) -> Finished:
+    """Does one run with one thread. Whatever goes wrong in it is its result; nothing is raised."""
+    spec = job.spec
+    try:
+        return _finished(job, attempts)
+    except InputError as error:
+        return failed(spec, "refused", str(error), attempts)
+    except InterdriveError as error:
+        return failed(spec, "failed", str(error), attempts)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a run that fails is a row, not the end
+        return failed(spec, "failed", f"{type(error).__name__}: {error}", attempts)
+
+
+def failed(spec: RunSpec, status: str, error: str, attempts: int) -> Finished:
+    """What a run leaves behind that did not finish."""
+    return Finished(status, " ".join(error.split()), encoded(failure_row(spec, status, error, attempts)))
+
+
+def agents_of(job: Job, _attempts: int) -> tuple[int, ...] | str:
+    """Ids of the agents that a run would test, or why there are none."""
+    spec = job.spec
+    try:
+        return _ids(spec, _read(job)[0])
+    except InterdriveError as error:
+        return str(error)
+
+
+def _finished(job: Job, attempts: int) -> Finished:
+    spec = job.spec
+    if spec.problem:
+        raise InputError(spec.problem)
+    scenario, read_seconds = _read(job)
+    start = time.perf_counter()
+    run, under_test = _simulated(spec, scenario)
+    criticality = run.criticality(threads=1)
+    run_seconds = time.perf_counter() - start
+    ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
+    outcomes = tuple(outcome for number, outcome in ended if number in under_test)
+    kept = job.keep == "all" or (job.keep == "failed" and any(outcome in NOT_ARRIVED for outcome in outcomes))
+    rows = finished_rows(
+        spec,
+        run,
+        criticality,
+        under_test,
+        attempts=attempts,
+        read_seconds=read_seconds,
+        run_seconds=run_seconds,
+        kept=kept,
+    )
+    return Finished("finished", "", encoded(rows), _archive(run) if kept else b"", outcomes)
+
+
+def _read(job: Job) -> tuple[Scenario, float]:
+    """The scenario, and how long reading it took [s].
+
+    Raises:
+        InputError: It cannot be read, or its content has changed since the batch was planned.
+    """
+    spec = job.spec
+    if spec.sha256 in _AT_HAND:
+        return _AT_HAND[spec.sha256], 0.0
+    start = time.perf_counter()
+    if job.content is None:
+        scenario = read_scenario(spec.path)
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / Path(spec.path).name
+            path.write_bytes(job.content)
+            scenario = replace(read_scenario(path), path=Path(spec.path))
+    if scenario.sha256 != spec.sha256:
+        raise InputError(f"{spec.path}: the file has changed since the batch was started")
+    _AT_HAND.clear()
+    _AT_HAND[spec.sha256] = scenario
+    return scenario, time.perf_counter() - start
+
+
+def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
+    """The run, and the ids of the agents under test."""
+    choice = {"predictor": spec.predictor, "settings": spec.settings, "seed": spec.seed, "threads": 1}
+    if spec.agents == "all":
+        run = simulate(scenario, agents="all", planner=spec.planner, **choice)  # type: ignore[arg-type]
+        return run, set(run.outcomes.agent_id.tolist())
+    ids = _ids(spec, scenario)
+    if spec.traffic == "recorded":
+        run = simulate(scenario, agents=ids, planner=spec.planner, **choice)  # type: ignore[arg-type]
+    elif spec.traffic == "same":
+        run = simulate(scenario, agents="all", planner=spec.planner, **choice)  # type: ignore[arg-type]
+    else:
+        planners: dict[object, object] = {"default": spec.traffic}
+        planners.update(dict.fromkeys(ids, spec.planner))
+        run = simulate(scenario, agents="all", planner=planners, **choice)  # type: ignore[arg-type]
+    return run, set(ids)
+
+
+def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:
+    """Ids of the agents under test; of a number at most as many as there can be."""
+    if isinstance(spec.agents, tuple):
+        return spec.agents
+    road = core_road(scenario, spec.settings.road.gap_tolerance, spec.settings.road.open_end_length)
+    wanted: str | int | Sequence[int] = spec.agents
+    limits = {"agent_settings": spec.settings.agents, "goal_settings": spec.settings.goal, "seed": spec.seed}
+    try:
+        found, _ = select(scenario, road, wanted, **limits)  # type: ignore[arg-type]
+    except InputError:
+        found, _ = select(scenario, road, "all", **limits)  # type: ignore[arg-type]
+        if wanted == "all" or len(found) > int(spec.agents):
+            raise
+    return tuple(agent.id for agent in found)
+
+
+def _archive(run: Run) -> bytes:
+    """The run folder as a tar archive."""
+    archive = io.BytesIO()
+    with tempfile.TemporaryDirectory() as folder, tarfile.open(fileobj=archive, mode="w") as tar:
+        saved = save(run, Path(folder) / "run")
+        for path in sorted(saved.iterdir()):
+            tar.add(path, arcname=path.name)
+    return archive.getvalue()
+
+
+def content_of(spec: RunSpec) -> bytes:
+    """Content of the scenario file, unchanged.
+
+    Raises:
+        InputError: It is gone, or has changed since the batch was planned.
+    """
+    try:
+        content = Path(spec.path).read_bytes()
+    except OSError as cause:
+        raise InputError(f"{spec.path}: cannot be read: {cause.strerror or cause}") from cause
+    if hashlib.sha256(content).hexdigest() != spec.sha256:
+        raise InputError(f"{spec.path}: the file has changed since the batch was started")
+    return content

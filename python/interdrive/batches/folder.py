@@ -1,0 +1,268 @@
+"""The folder of a batch. Everything in it appears whole or not at all, and several batches may write to it at once.
+
+    batch.json          what the folder is
+    results.parquet     all runs that were merged
+    runs/<key>.parquet  runs that are not merged yet
+    recordings/<key>/   run folders that are kept
+    .locks              which runs are being done; nothing is stored in it
+
+A run is claimed by locking the byte of `.locks` that its key says. The system gives the lock back when the process
+ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import json
+import os
+import tarfile
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from interdrive import _core
+from interdrive.batches.columns import NOT_ARRIVED
+from interdrive.batches.dataset import in_order, joined, merge, only, read, without
+from interdrive.batches.runs import FORMAT
+from interdrive.errors import ResultsError
+from interdrive.results import check_folder, replacing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from interdrive.batches.execute import Finished
+    from interdrive.results import ArrowTable
+
+_MARK, _RESULTS, _RUNS, _RECORDINGS, _LOCKS = "batch.json", "results.parquet", "runs", "recordings", ".locks"
+
+#: Files of single runs are merged when there are this many, and this share of what is merged already.
+_MERGE_AT, _MERGE_SHARE = 64, 0.25
+
+#: Where in the lock file the byte for merging is; run keys have the bytes behind it.
+_MERGE_BYTE = 0
+
+
+@dataclass(frozen=True)
+class Done:
+    """What is known of a run that was done.
+
+    Attributes:
+        status: One of `interdrive.batches.columns.STATUS`.
+        kept: Its run folder is there.
+        arrived: All agents under test did.
+    """
+
+    status: str
+    kept: bool
+    arrived: bool
+
+
+class BatchFolder:
+    """Results of a batch on disk."""
+
+    def __init__(self, path: Path) -> None:
+        """Use `BatchFolder.create` or `BatchFolder.open`."""
+        self.path = path
+        self._locks: io.FileIO | None = None
+        self._merged: int | None = None
+        self._known: set[str] = set()
+        self._known_at = (0, 0)
+
+    @classmethod
+    def create(cls, path: str | Path) -> BatchFolder:
+        """The folder, made if it is new.
+
+        Raises:
+            ResultsError: Something else is there, or it cannot be written.
+        """
+        target = Path(path).resolve()
+        # Another batch may be making the same folder at this moment.
+        inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()
+        if _MARK in inside:
+            return cls.open(path)
+        if not target.is_dir() or any(not name.startswith(f".{_MARK}.") for name in inside):
+            check_folder(path, "batch", _MARK, lambda _: False, overwrite=False)
+        text = json.dumps({"format": FORMAT, "interdrive": _core.__version__}, indent=2)
+        with replacing(target / _MARK) as partial:
+            partial.write_text(f"{text}\n", encoding="utf-8")
+        return cls(target)
+
+    @classmethod
+    def open(cls, path: str | Path) -> BatchFolder:
+        """A folder that is there.
+
+        Raises:
+            ResultsError: It is no batch, or one of another version of the schema.
+        """
+        target = Path(path).resolve()
+        try:
+            info = json.loads((target / _MARK).read_bytes())
+        except (FileNotFoundError, NotADirectoryError):
+            raise ResultsError(f"{path}: this is not a batch folder, it has no {_MARK}") from None
+        except (OSError, ValueError) as cause:
+            raise ResultsError(f"{target / _MARK}: cannot be read: {cause}") from cause
+        found = info.get("format") if isinstance(info, dict) else None
+        if found != FORMAT:
+            raise ResultsError(
+                f"{path}: a batch of format {found}, this version of interdrive reads and writes format {FORMAT}; "
+                "choose a new folder"
+            )
+        return cls(target)
+
+    @property
+    def results(self) -> Path:
+        """The data set; runs that are not merged yet lie beside it."""
+        return self.path / _RESULTS
+
+    def recording(self, key: str) -> Path:
+        """Where the run folder of a run is, if it is kept."""
+        return self.path / _RECORDINGS / key
+
+    def unmerged(self) -> list[Path]:
+        """Files of single runs that are not merged yet."""
+        return sorted((self.path / _RUNS).glob("[!.]*.parquet"))
+
+    def table(self, columns: Sequence[str] | None = None, keys: set[str] | None = None) -> ArrowTable:
+        """All rows, or some columns of them, or those of some runs; sorted by scenario, run and agent.
+
+        Raises:
+            ResultsError: A file that is damaged or has other columns.
+        """
+        order = ("scenario", "planner", "predictor", "traffic", "agents", "seed", "key", "agent_id")
+        found = self._rows(None if columns is None else list(dict.fromkeys([*columns, *order])))
+        found = in_order(found if keys is None else only(found, keys), order)
+        return found if columns is None else found.select(list(columns))
+
+    def _rows(self, columns: Sequence[str] | None) -> ArrowTable:
+        while True:
+            parts = self.unmerged()
+            try:
+                fresh = [read(part, columns) for part in parts]
+            except FileNotFoundError:
+                continue  # another process has just merged them
+            break
+        merged = [read(self.results, columns)] if self.results.exists() else []
+        # What was merged after the list was made is in both.
+        return joined([*(without(table, {part.stem for part in parts}) for table in merged), *fresh], columns)
+
+    def done(self) -> dict[str, Done]:
+        """What was done already, by key."""
+        table = self._rows(["key", "status", "kept", "outcome", "under_test"])
+        found: dict[str, Done] = {}
+        for row in zip(*(table[name].to_pylist() for name in table.column_names), strict=True):
+            key, status, kept, outcome, under_test = row
+            arrived = not (under_test and outcome in NOT_ARRIVED) and (key not in found or found[key].arrived)
+            found[key] = Done(status, kept and self.recording(key).is_dir(), arrived)
+        return found
+
+    def has(self, key: str) -> bool:
+        """The run was done, perhaps by another batch a moment ago."""
+        if (self.path / _RUNS / f"{key}.parquet").exists():
+            return True
+        try:
+            found = self.results.stat()
+        except FileNotFoundError:
+            return False
+        if self._known_at != (found.st_ino, found.st_mtime_ns):
+            self._known = set(read(self.results, ["key"])["key"].to_pylist())
+            self._known_at = (found.st_ino, found.st_mtime_ns)
+        return key in self._known
+
+    def store(self, key: str, finished: Finished) -> None:
+        """Writes a run; its rows last, so that what they promise is there.
+
+        Raises:
+            ResultsError: It cannot be written.
+        """
+        if finished.recording:
+            with (
+                replacing(self.recording(key)) as partial,
+                tarfile.open(fileobj=io.BytesIO(finished.recording)) as tar,
+            ):
+                partial.mkdir()
+                for member in tar:
+                    content = tar.extractfile(member)
+                    if content is not None:
+                        _write(partial / Path(member.name).name, content.read())
+        with replacing(self.path / _RUNS / f"{key}.parquet") as partial:
+            _write(partial, finished.rows)
+
+    def claim(self, key: str) -> bool:
+        """Nobody else does this run from now on; False if somebody else does it already."""
+        return self._lock(1 + int(key[:12], 16), wait=False)
+
+    def release(self, key: str) -> None:
+        """The run is done, or given up."""
+        self._unlock(1 + int(key[:12], 16))
+
+    def tidy(self, *, now: bool = False) -> None:
+        """Merges files of single runs if there are many, or `now`."""
+        parts = self.unmerged()
+        if not parts or not (now or len(parts) >= max(_MERGE_AT, _MERGE_SHARE * self._count())):
+            return
+        with self._alone():
+            parts = self.unmerged()
+            if not parts:
+                return
+            merge(self.results, parts)
+            self._merged = self._count() + len(parts) if self._merged is not None else None
+            for part in parts:
+                part.unlink(missing_ok=True)
+
+    def _count(self) -> int:
+        """Number of runs that are merged, roughly."""
+        if self._merged is None:
+            self._merged = len(set(read(self.results, ["key"])["key"].to_pylist())) if self.results.exists() else 0
+        return self._merged
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        self._lock(_MERGE_BYTE, wait=True)
+        try:
+            yield
+        finally:
+            self._unlock(_MERGE_BYTE)
+
+    def _lock(self, byte: int, *, wait: bool) -> bool:
+        if self._locks is None:
+            self._locks = io.FileIO(self.path / _LOCKS, "a+")
+        try:
+            fcntl.lockf(self._locks, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), 1, byte)
+        except BlockingIOError:
+            return False
+        except PermissionError:
+            return False  # some systems say it like that
+        return True
+
+    def _unlock(self, byte: int) -> None:
+        if self._locks is not None:
+            fcntl.lockf(self._locks, fcntl.LOCK_UN, 1, byte)
+
+    def close(self) -> None:
+        """Gives all claims back."""
+        if self._locks is not None:
+            self._locks.close()
+            self._locks = None
+
+
+def _write(path: Path, content: bytes) -> None:
+    """To the disk, not only to its cache."""
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def read_batch(path: str | Path, columns: Sequence[str] | None = None) -> Any:  # noqa: ANN401 - an Arrow table
+    """The data set of a batch folder as an Arrow table, one row per run and agent.
+
+    Args:
+        path: The folder.
+        columns: Names of `interdrive.batches.COLUMNS`; all by default.
+
+    Raises:
+        ResultsError: The folder is no batch, of another version, or damaged.
+    """
+    return BatchFolder.open(path).table(columns)

@@ -1,0 +1,328 @@
+"""Which runs a batch consists of: every combination of scenario, planner, predictor and seed, each with its key."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from interdrive import _core
+from interdrive.choices import AgentChoice, named, stored
+from interdrive.errors import InputError
+from interdrive.files import shipped_scenario, shipped_scenarios
+from interdrive.planners import name_of
+from interdrive.planners.workers import can_be_sent
+from interdrive.plugins import Choice, read_choice
+from interdrive.run_settings import SimulationSettings
+from interdrive.settings import flatten
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+#: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
+FORMAT = 1
+
+#: What vehicles do that could be agents but are not under test.
+TRAFFIC = ("recorded", "velocity_adjusting", "same")
+
+#: What tables call runs in which one agent of several is under test.
+ALONE = "alone"
+
+#: Endings of scenario files that are looked for in folders.
+_ENDINGS = (".xml", ".pb")
+
+#: Files that mark folders whose scenarios are results.
+_RESULT_MARKS = ("run.json", "batch.json", "study.json")
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """A scenario file that a batch uses.
+
+    Attributes:
+        path: Where it is.
+        name: Without its ending.
+        category: Its folder, seen from the folder that was given.
+        sha256: Of its content.
+        size: Of its content [bytes].
+    """
+
+    path: str
+    name: str
+    category: str
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """One run of a batch; everything that a process needs to know to do it.
+
+    Attributes:
+        key: Made of everything that decides about the result.
+        path: Scenario file. scenario: Its name. category: Its folder. sha256: Of its content. size: [bytes].
+        planner: Under test, as it can be chosen. planner_label: What tables call it.
+        predictor: As it can be chosen. predictor_label: What tables call it.
+        agents: Who is under test: "all", at most so many, or ids.
+        traffic: One of `TRAFFIC`.
+        seed: Chooses a number of agents.
+        settings: Of the simulation.
+        problem: Why it cannot be done; "" if it can.
+    """
+
+    key: str
+    path: str
+    scenario: str
+    category: str
+    sha256: str
+    size: int
+    planner: object
+    planner_label: str
+    predictor: object
+    predictor_label: str
+    agents: str | int | tuple[int, ...]
+    traffic: str
+    seed: int
+    settings: SimulationSettings
+    problem: str = ""
+
+    @property
+    def agents_label(self) -> str:
+        """Who is under test, as tables call it."""
+        return ALONE if isinstance(self.agents, tuple) else str(self.agents)
+
+    def of_agents(self, ids: Sequence[int]) -> RunSpec:
+        """The same run with the given agents under test."""
+        return _keyed(replace(self, agents=tuple(ids)))
+
+    def refused(self, problem: str) -> RunSpec:
+        """The same run, which cannot be done."""
+        return replace(self, problem=problem)
+
+
+@dataclass(frozen=True)
+class BatchPlan:
+    """What a batch is to do.
+
+    Attributes:
+        specs: One per run.
+        notes: One line per thing the user should know.
+    """
+
+    specs: tuple[RunSpec, ...]
+    notes: tuple[str, ...] = field(default=())
+
+
+def planned(
+    paths: Iterable[str | Path],
+    *,
+    planner: object,
+    predictor: object,
+    agents: str | int,
+    traffic: str | None,
+    alone: bool,
+    seeds: int,
+    settings: SimulationSettings,
+) -> BatchPlan:
+    """Every combination of scenario, planner, predictor and seed; the arguments are those of `batch`.
+
+    Raises:
+        InputError: Nothing to do, or something that cannot be used.
+    """
+    agents, traffic = _who(agents, traffic, alone=alone, seeds=seeds)
+    files, notes = scenario_files(paths)
+    planners, predictors = choices(planner, "planner"), choices(predictor, "predictor")
+    for chosen in planners.values():
+        for expected in predictors.values():
+            _plain(chosen, expected, settings)  # refused before anything is simulated
+    if not can_be_sent((planners, predictors, settings)):
+        raise InputError("planner, predictor or settings cannot be sent to other processes (they cannot be pickled)")
+    specs = [
+        _keyed(
+            RunSpec(
+                "", file.path, file.name, file.category, file.sha256, file.size,
+                chosen, planner_label, expected, predictor_label, agents, traffic, seed, settings,
+            )
+        )
+        for file in files
+        for planner_label, chosen in planners.items()
+        for predictor_label, expected in predictors.items()
+        for seed in range(seeds)
+    ]  # fmt: skip
+    return BatchPlan(tuple(specs), tuple(notes))
+
+
+def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> tuple[str | int, str]:
+    """Agents and traffic, checked together."""
+    if agents != "all" and (not isinstance(agents, int) or isinstance(agents, bool) or agents < 1):
+        raise InputError(f"agents: expected all or a number of at least 1, not {agents!r}")
+    if traffic is not None and traffic not in TRAFFIC:
+        raise InputError(f"traffic: expected one of {', '.join(TRAFFIC)}, not {traffic!r}")
+    if seeds < 1:
+        raise InputError(f"seeds: expected at least 1, not {seeds}")
+    together = agents == "all" and not alone
+    if together and traffic not in (None, "same"):
+        raise InputError(
+            f"traffic {traffic}: with agents all nobody is left to be traffic; "
+            "test every agent alone (--alone), or a number of them (--agents N)"
+        )
+    if agents == "all" and seeds > 1:
+        raise InputError(f"seeds {seeds}: a seed chooses a number of agents; with agents all every run would be equal")
+    return agents, traffic or ("same" if together else "recorded")
+
+
+def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], list[str]]:
+    """Scenario files by their paths, those in folders and the folders below included; and notes.
+
+    Folders of results and hidden ones are not searched. A content that is there twice is used once.
+
+    Raises:
+        InputError: A path that does not exist, a folder without scenario files, or nothing at all.
+    """
+    found: list[ScenarioFile] = []
+    notes: list[str] = []
+    for given in paths:
+        path = Path(given)
+        if str(given) in shipped_scenarios() and not path.exists():
+            found.append(_file(shipped_scenario(str(given)), "shipped"))
+        elif path.is_dir():
+            inside = list(_inside(path))
+            if not inside:
+                raise InputError(f"{given}: this folder holds no scenario files ({', '.join(_ENDINGS)})")
+            found += [
+                _file(file, str(file.parent.relative_to(path)) if file.parent != path else path.resolve().name)
+                for file in inside
+            ]
+        elif path.is_file():
+            found.append(_file(path, path.resolve().parent.name))
+        else:
+            raise InputError(f"{given}: no such file or folder, and no shipped scenario has that name")
+    if not found:
+        raise InputError("batch: which scenarios? Give CommonRoad files, folders or names of shipped scenarios")
+    first: dict[str, ScenarioFile] = {}
+    for file in found:
+        kept = first.setdefault(file.sha256, file)
+        if Path(kept.path).resolve() != Path(file.path).resolve():
+            notes.append(f"{file.path} has the same content as {kept.path}: it is run once")
+    return list(first.values()), notes
+
+
+def _inside(folder: Path) -> Iterable[Path]:
+    entries = sorted(folder.iterdir())
+    if any(entry.name in _RESULT_MARKS for entry in entries):
+        return
+    for entry in entries:
+        if entry.name.startswith("."):
+            continue
+        if entry.is_dir():
+            yield from _inside(entry)
+        elif entry.suffix in _ENDINGS:
+            yield entry
+
+
+def _file(path: Path, category: str) -> ScenarioFile:
+    content = path.read_bytes()
+    return ScenarioFile(str(path.resolve()), path.stem, category, hashlib.sha256(content).hexdigest(), len(content))
+
+
+def choices(given: object, what: Literal["planner", "predictor"]) -> dict[str, object]:
+    """Planners or predictors by their labels.
+
+    Args:
+        given: A text "frenet,level=1,idm_mobil" (a name begins a new one, NAME=VALUE belongs to the one before), a
+            sequence of texts or anything else that can be chosen, or a mapping from labels to these.
+        what: Which of both.
+
+    Raises:
+        InputError: None, a label twice, or a text that is not spelled like that.
+    """
+    found: dict[str, object] = {}
+    if isinstance(given, Mapping) and what not in given:
+        return dict(given)
+    for item in given if isinstance(given, list | tuple) else [given]:
+        for choice in _separated(item, what) if isinstance(item, str) else [item]:
+            label = choice if isinstance(choice, str) else _label(read_choice(choice, what))
+            if label in found:
+                raise InputError(f"{what} {label} is there twice; in Python give a mapping from labels to {what}s")
+            found[label] = choice
+    if not found:
+        raise InputError(f"{what}: none is given")
+    return found
+
+
+def _separated(text: str, what: str) -> list[str]:
+    found: list[str] = []
+    for part in (part.strip() for part in re.split(r",(?![^\[]*\])", text)):
+        if not part:
+            raise InputError(f"{what} {text!r}: nothing before or behind a comma")
+        if "=" in part and found:
+            found[-1] += f",{part}"
+        else:
+            found.append(part)
+    return found
+
+
+def _label(choice: Choice) -> str:
+    return ",".join([name_of(choice), *(f"{name}={value}" for name, value in choice.settings.items())])
+
+
+def _keyed(spec: RunSpec) -> RunSpec:
+    """The run with its key."""
+    content = {
+        "format": FORMAT,
+        "version": _core.__version__,
+        "scenario": spec.sha256,
+        "labels": [spec.planner_label, spec.predictor_label],
+        "agents": spec.agents,
+        "traffic": spec.traffic,
+        "seed": spec.seed,
+        **_plain(spec.planner, spec.predictor, spec.settings),
+    }
+    text = json.dumps(content, sort_keys=True, default=str)
+    return replace(spec, key=hashlib.sha256(text.encode()).hexdigest()[:32])
+
+
+_PLAIN: dict[tuple[int, int, int], tuple[object, dict[str, Any]]] = {}
+
+
+def _plain(planner: object, predictor: object, settings: SimulationSettings) -> dict[str, Any]:
+    """Planner, predictor and settings as plain values, with the content of the modules of the user.
+
+    Raises:
+        InputError: One that cannot be used, or that other processes would not find by its name.
+    """
+    at_hand = (id(planner), id(predictor), id(settings))
+    if at_hand in _PLAIN:
+        return _PLAIN[at_hand][1]
+    own, chosen, expected = named(settings, planner, predictor)
+    if not isinstance(chosen, Choice):
+        raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
+    found = stored({0: AgentChoice(chosen, own.view)}, expected, own)
+    if not found["repeatable"]:
+        raise InputError(
+            f"planner {name_of(chosen)} or predictor {name_of(expected)}: other processes cannot find it by its name; "
+            "put it into a module"
+        )
+    modules = {name.partition(":")[0] for name in (name_of(chosen), name_of(expected)) if ":" in name}
+    plain = {
+        "base": flatten(settings),
+        "planner": found["planner"],
+        "predictor": found["predictor"],
+        "settings": flatten(own),
+        "modules": {name: _source(name) for name in sorted(modules)},
+    }
+    _PLAIN[at_hand] = ((planner, predictor, settings), plain)  # keeps them alive: their ids stay theirs
+    return plain
+
+
+def _source(module: str) -> str:
+    """SHA-256 of a module's file: a planner that was changed is another one."""
+    found = importlib.util.find_spec(module)
+    if found is None or found.origin is None or not Path(found.origin).is_file():
+        return ""
+    return hashlib.sha256(Path(found.origin).read_bytes()).hexdigest()

@@ -1,0 +1,148 @@
+"""`interdrive batch`: many runs into one data set."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from interdrive.cli.arguments import assigned, shown
+from interdrive.cli.config import BatchChoices, read_config
+from interdrive.errors import InputError
+from interdrive.settings import bind
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from interdrive.run_settings import SimulationSettings
+
+_UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+@click.command()
+@click.argument("paths", nargs=-1, metavar="PATHS...")
+@click.option(
+    "--planner",
+    metavar="PLANNER[,NAME=VALUE...][,PLANNER...]",
+    multiple=True,
+    help="Planners under test (frenet); each is run on every scenario.",
+)
+@click.option("--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (lane_following), likewise.")
+@click.option("--agents", metavar="all|N", help="Who is under test: all (default), or at most N vehicles per scenario.")
+@click.option(
+    "--traffic",
+    metavar="recorded|velocity_adjusting|same",
+    help="What vehicles do that are not under test: replay, adjust their speed, or have the planner under test.",
+)
+@click.option("--alone", is_flag=True, default=None, help="Every agent under test gets a run of its own.")
+@click.option("--seeds", metavar="N", help="Seeds 0 to N-1, which choose agents (1).")
+@click.option(
+    "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
+)
+@click.option("--config", metavar="TOML", help="File with the same options and settings; the command line wins.")
+@click.option("--out", metavar="DIR", help="Folder of the batch; runs that are in it are not done again.")
+@click.option("--workers", metavar="N", help="Processes (all cores).")
+@click.option("--run-timeout", metavar="S", help="A run may take this long; then its process is replaced.")
+@click.option("--memory", metavar="SIZE", help="A process may grow to this size, for instance 2G.")
+@click.option(
+    "--keep", metavar="none|failed|all", help="Run folders to keep: none, those where somebody did not arrive, or all."
+)
+@click.option("--retry", is_flag=True, default=None, help="Do runs again that did not finish.")
+@click.option(
+    "--ray",
+    metavar="[ADDRESS]",
+    is_flag=False,
+    flag_value="auto",
+    help="Do it on a Ray cluster (the one that is here).",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def batch(
+    paths: tuple[str, ...],
+    assignments: tuple[str, ...],
+    config: str | None,
+    quiet: bool,
+    **given: Any,  # noqa: ANN401 - texts and flags
+) -> int:
+    """Run every combination of scenario, planner, predictor and seed, on all cores, into one data set.
+
+    PATHS are CommonRoad files, folders of them, or names of shipped scenarios. The same command does only what is
+    missing. Exit code 1: a run failed or a planner broke; refused scenario files are rows of the table, no failure.
+    """
+    given["paths"] = paths or None
+    choices, settings = _configured(
+        config, {name: value for name, value in given.items() if value not in (None, ())}, assignments
+    )
+    if choices.out is None:
+        raise InputError("batch: where to? Give a folder with --out")
+    memory = bytes_of(choices.memory) if choices.memory is not None else math.inf
+
+    from interdrive.batches import batch as run_batch  # noqa: PLC0415
+    from interdrive.cli.batch_report import batch_progress, print_batch  # noqa: PLC0415 - rich
+
+    with batch_progress(quiet=quiet) as on_progress:
+        try:
+            done = run_batch(
+                choices.paths,
+                choices.out,
+                planner=list(choices.planner),
+                predictor=list(choices.predictor),
+                agents=choices.agents,
+                traffic=choices.traffic,
+                alone=choices.alone,
+                seeds=choices.seeds,
+                settings=settings,
+                workers=choices.workers,
+                run_timeout=choices.run_timeout,
+                memory=memory,
+                keep=choices.keep,
+                retry=choices.retry,
+                ray=choices.ray,
+                on_progress=on_progress,
+            )
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                f"interrupted; what was done is in {shown(Path(choices.out).resolve())}, "
+                "the same command does what is missing"
+            ) from None
+    table = done.table
+    if not quiet:
+        print_batch(done, table, shown(done.folder))
+    broken = sum(count for status, count in done.status.items() if status not in ("finished", "refused"))
+    return 1 if broken or "planner_error" in table["outcome"].to_pylist() else 0
+
+
+def bytes_of(text: str) -> float:
+    """A size such as "2G" or "500M" in bytes.
+
+    Raises:
+        InputError: It is none.
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
+    if found is None:
+        raise InputError(f"--memory {text}: write a size such as 2G or 500M")
+    return float(found.group(1)) * _UNITS[found.group(2).upper()]
+
+
+def _configured(
+    config: str | None, given: Mapping[str, Any], assignments: Sequence[str]
+) -> tuple[BatchChoices, SimulationSettings]:
+    """Choices and settings: defaults, then the file, then the command line."""
+    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+
+    choices, settings = BatchChoices(), SimulationSettings()
+    if config is not None:
+        in_file, own, values = read_config(Path(config), BatchChoices, "batch")
+        if own:
+            raise InputError(f"{config}: agent.{next(iter(own))}: a batch has one planner for all agents under test")
+        try:
+            choices, settings = bind(choices, in_file), bind(settings, values)
+        except InputError as error:
+            raise InputError(f"{config}: {error}") from None
+    try:
+        choices = bind(choices, given)
+    except InputError as error:
+        raise InputError(f"--{str(error).replace('run_timeout', 'run-timeout')}") from None
+    return choices, bind(settings, assigned(assignments))

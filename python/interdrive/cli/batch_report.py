@@ -1,0 +1,113 @@
+"""What is printed about batches: progress with rate and time left, the table at the end. Loads rich."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from interdrive.cli.report import NOTES_MAX, STYLES, output, print_notes
+from interdrive.run import OUTCOMES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from rich.progress import Task
+
+    from interdrive.batches import BatchSummary
+    from interdrive.batches import Progress as Reached
+    from interdrive.results import ArrowTable
+
+#: What tells rows of the table apart, if there is more than one of it.
+_VARIANTS = ("planner", "predictor", "traffic", "agents")
+
+
+class _Rate(ProgressColumn):
+    """Runs per second."""
+
+    def render(self, task: Task) -> Text:
+        """Its text."""
+        return Text(f"{task.speed:.2f} runs/s" if task.speed else "", style="progress.data.speed")
+
+
+@contextmanager
+def batch_progress(*, quiet: bool) -> Iterator[Callable[[Reached], None]]:
+    """A progress bar on stderr that leaves no trace; shown only if stderr is a terminal."""
+    console = Console(stderr=True)
+    columns = (
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(
+        *columns, console=console, transient=True, disable=quiet or not console.is_terminal, speed_estimate_period=120.0
+    ) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def on_progress(reached: Reached) -> None:
+            failures = f"[bold red]{reached.failures} failed[/], " if reached.failures else ""
+            bar.update(
+                task, completed=reached.done, total=reached.total, description=f"{failures}{escape(reached.text)}"
+            )
+
+        yield on_progress
+
+
+def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
+    """How runs and agents ended per planner, what did not finish, notes, and where the results are."""
+    console = output()
+    columns = {name: rows[name].to_pylist() for name in (*_VARIANTS, "status", "outcome", "under_test", "key")}
+    shown = [name for name in _VARIANTS if name == "planner" or len(set(columns[name])) > 1]
+    runs: dict[tuple[Any, ...], dict[str, str]] = {}
+    ended: dict[tuple[Any, ...], Counter[str]] = {}
+    for i, key in enumerate(columns["key"]):
+        variant = tuple(columns[name][i] for name in shown)
+        runs.setdefault(variant, {})[key] = columns["status"][i]
+        ended.setdefault(variant, Counter())
+        if columns["under_test"][i]:
+            ended[variant][columns["outcome"][i]] += 1
+    outcomes = [outcome for outcome in OUTCOMES if any(count[outcome] for count in ended.values())]
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name in shown:
+        table.add_column(name)
+    for name in ("runs", "refused", "failed", "agents", *outcomes):
+        table.add_column(name.replace("_", " "), justify="right", style=STYLES.get(name, ""))
+    for variant, of_run in runs.items():
+        status, count = Counter(of_run.values()), ended[variant]
+        table.add_row(
+            *(escape(str(value)) for value in variant),
+            str(len(of_run)),
+            str(status["refused"]),
+            str(len(of_run) - status["refused"] - status["finished"]),
+            str(sum(count.values())),
+            *(str(count[outcome]) for outcome in outcomes),
+        )
+    console.print(table)
+    _print_unfinished(console, rows)
+    print_notes(console, done.notes, "BatchSummary.notes")
+    fresh = len(done.keys) - done.found
+    there = f", {done.found} were there already" if done.found else ""
+    console.print(f"{fresh} run{'s' * (fresh != 1)} in {done.seconds:.1f} s{there}")
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+
+
+def _print_unfinished(console: Console, rows: ArrowTable) -> None:
+    names = ("key", "scenario", "planner", "status", "error")
+    lost = {
+        row[0]: row[1:] for row in zip(*(rows[name].to_pylist() for name in names), strict=True) if row[3] != "finished"
+    }
+    order = sorted(lost.values(), key=lambda row: row[2] == "refused")
+    for scenario, planner, status, error in order[:NOTES_MAX]:
+        style = "dim" if status == "refused" else "red"
+        console.print(f"[{style}]{status}[/]: {escape(f'{scenario}, {planner}: {error}')}", soft_wrap=True)
+    if len(order) > NOTES_MAX:
+        console.print(f"{len(order) - NOTES_MAX} more that did not finish are in results.parquet", style="dim")

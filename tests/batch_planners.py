@@ -1,0 +1,87 @@
+"""Planners that break processes in known ways; the file is copied to where worker processes find it."""
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from interdrive import Trajectory
+
+
+def _stays(view) -> Trajectory:
+    ego, n = view.ego, 21
+    velocity = np.maximum(ego.velocity - 3.0 * view.dt * np.arange(n), 0.0)
+    s = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * view.dt)])
+    x, y = ego.x + s * np.cos(ego.orientation), ego.y + s * np.sin(ego.orientation)
+    return Trajectory(x, y, np.full(n, ego.orientation), velocity)
+
+
+class Brakes:
+    """Comes to rest."""
+
+    def plan(self, view, predictions):
+        return _stays(view)
+
+
+class Kills:
+    """Takes its process with it."""
+
+    def plan(self, view, predictions):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+@dataclass
+class KillsOnce:
+    """Takes its process with it unless somebody has done so before.
+
+    Attributes:
+        flag: File that says so.
+    """
+
+    flag: str
+
+    def plan(self, view, predictions):
+        if not Path(self.flag).exists():
+            Path(self.flag).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return _stays(view)
+
+
+class Hangs:
+    """Never answers."""
+
+    def plan(self, view, predictions):
+        while True:
+            time.sleep(1.0)
+
+
+class Grows:
+    """Takes all the memory that it can get, up to 2 GiB."""
+
+    def plan(self, view, predictions):
+        self.hoard = []
+        for _ in range(128):
+            self.hoard.append(np.ones(2**21))
+            time.sleep(0.02)
+        return _stays(view)
+
+
+class Slow:
+    """Takes its time."""
+
+    def plan(self, view, predictions):
+        time.sleep(0.01)
+        return _stays(view)
+
+
+class ExplodingPlan:
+    """Cannot be made."""
+
+    def __init__(self):
+        raise RuntimeError("no fuel")
+
+    def plan(self, view, predictions):
+        raise NotImplementedError

@@ -1,0 +1,237 @@
+"""Batches whose workers die, hang or grow, that are interrupted, or that share a folder. All of it happens for real."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import interdrive as idr
+from interdrive.batches import BatchFolder
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """A folder with the planners that break things, found by this process and its workers."""
+    shutil.copy(HERE / "batch_planners.py", tmp_path / "batch_planners.py")
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+def started(place, *arguments):
+    """A batch as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "interdrive", "batch", *map(str, arguments), "--out", "out"],
+        cwd=place,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def children(pid):
+    """Process ids of the direct children, the helper of multiprocessing left out."""
+    found = []
+    for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        try:
+            command = Path(f"/proc/{text}/cmdline").read_bytes()
+        except OSError:
+            continue
+        if b"resource_tracker" not in command:
+            found.append(int(text))
+    return found
+
+
+def stored(place):
+    """Files of runs that were stored but not merged."""
+    return list((place / "out" / "runs").glob("[!.]*.parquet"))
+
+
+def digests(table):
+    return dict(zip(table["key"].to_pylist(), table["digest"].to_pylist(), strict=True))
+
+
+def check_whole(place, n):
+    """The folder holds n runs, each once, and nothing half-written."""
+    folder = BatchFolder.open(place / "out")
+    rows = folder.table()
+    assert len(set(rows["key"].to_pylist())) == n
+    agents = list(zip(rows["key"].to_pylist(), rows["agent_id"].to_pylist(), strict=True))
+    assert len(set(agents)) == len(agents)
+    assert not folder.unmerged()
+    assert not list((place / "out").rglob("*partial*"))
+    return rows
+
+
+def row_of(summary, planner):
+    return next(row for row in summary.table.to_pylist() if row["planner"] == planner)
+
+
+def test_a_run_that_kills_its_process_twice_is_a_row_and_the_others_go_on(place):
+    bad = "batch_planners:Kills"
+    done = idr.batch(["t_junction"], place / "out", planner=[bad, "idm", "idm_mobil"], workers=1, agents=1)
+    row = row_of(done, bad)
+    assert (row["status"], row["attempts"]) == ("crashed", 2)
+    assert row["error"] == "its process was killed (SIGKILL; out of memory?), twice"
+    assert done.status == {"crashed": 1, "finished": 2}
+
+
+def test_a_run_whose_process_is_killed_once_is_done_again(place):
+    bad = f"batch_planners:KillsOnce,flag={place / 'flag'}"
+    done = idr.batch("t_junction", place / "out", planner=[bad], workers=1, agents=1)
+    row = row_of(done, bad)
+    assert (row["status"], row["attempts"]) == ("finished", 2)
+
+
+def test_a_run_that_hangs_is_ended_after_its_time_twice_and_recorded(place):
+    bad = "batch_planners:Hangs"
+    begin = time.monotonic()
+    done = idr.batch(["t_junction"], place / "out", planner=[bad, "idm"], workers=2, agents=1, run_timeout=1.5)
+    row = row_of(done, bad)
+    assert (row["status"], row["attempts"]) == ("timeout", 2)
+    assert "took longer than 1.5 s" in row["error"]
+    assert row_of(done, "idm")["status"] == "finished"
+    assert time.monotonic() - begin < 60
+
+
+def test_a_run_that_takes_too_much_memory_is_ended_and_recorded(place):
+    bad = "batch_planners:Grows"
+    done = idr.batch(["t_junction"], place / "out", planner=[bad, "idm"], workers=1, agents=1, memory=500 * 2**20)
+    row = row_of(done, bad)
+    assert (row["status"], row["attempts"]) == ("memory", 2)
+    assert "grew beyond 500 MiB" in row["error"]
+    assert row_of(done, "idm")["status"] == "finished"
+
+
+def test_a_planner_that_cannot_be_made_is_refused_before_anything_is_simulated(place):
+    with pytest.raises(idr.InputError, match="no fuel"):
+        idr.batch("t_junction", place / "out", planner="batch_planners:ExplodingPlan")
+    assert not (place / "out").exists()
+
+
+def test_runs_that_did_not_finish_are_done_again_only_when_asked(place):
+    bad = f"batch_planners:KillsOnce,flag={place / 'absent' / 'flag'}"  # cannot be written: an error every time
+    first = idr.batch("t_junction", place / "out", planner="batch_planners:Kills", workers=1, agents=1)
+    again = idr.batch("t_junction", place / "out", planner="batch_planners:Kills", workers=1, agents=1)
+    assert (first.found, again.found) == (0, 1)
+    retried = idr.batch("t_junction", place / "out", planner="batch_planners:Kills", workers=1, agents=1, retry=True)
+    assert retried.found == 0
+    assert retried.table.num_rows == 1
+    broken = idr.batch("t_junction", place / "out", planner=[bad], workers=1, agents=1)
+    assert row_of(broken, bad)["outcome"] == "planner_error"
+
+
+def test_a_worker_that_is_killed_from_outside_is_replaced_and_no_run_is_lost(place):
+    slow = "batch_planners:Slow"
+    process = started(place, "t_junction", "lane_merge", "--planner", slow, "--workers", 2, "--agents", 1, "--seeds", 2)
+    until(lambda: len(children(process.pid)) == 2)
+    time.sleep(1.5)
+    os.kill(children(process.pid)[0], signal.SIGKILL)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, out + err
+    rows = check_whole(place, 4)
+    assert set(rows["status"].to_pylist()) == {"finished"}
+
+
+def test_an_interrupted_batch_goes_on_where_it_was(place):
+    wanted = ["t_junction", "lane_merge", "highway", "--planner", "batch_planners:Slow,idm", "--workers", "1",
+              "--agents", "2"]  # fmt: skip
+    process = started(place, *wanted)
+    until(lambda: len(stored(place)) >= 2)
+    workers = children(process.pid)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, out + err
+    assert err == "interrupted; what was done is in out, the same command does what is missing\n"
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+    before = digests(idr.read_batch(place / "out"))
+    assert 2 <= len(before) < 6
+    again = started(place, *wanted)
+    out, err = again.communicate(timeout=120)
+    assert again.returncode == 0, out + err
+    assert f"{6 - len(before)} run" in out
+    assert f"{len(before)} were there already" in out
+    after = digests(check_whole(place, 6))
+    assert before.items() <= after.items()
+    whole = idr.batch(
+        ["t_junction", "lane_merge", "highway"], place / "whole", planner="batch_planners:Slow,idm", workers=2, agents=2
+    )
+    assert digests(whole.table) == after
+
+
+def test_a_batch_that_is_killed_leaves_a_folder_that_can_be_read_and_continued(place):
+    wanted = ["t_junction", "lane_merge", "--planner", "batch_planners:Slow,idm", "--workers", "2", "--agents", "2"]
+    process = started(place, *wanted, "--keep", "all")
+    until(lambda: len(stored(place)) >= 1)
+    workers = children(process.pid)
+    process.kill()
+    process.communicate(timeout=60)
+    assert 1 <= len(digests(idr.read_batch(place / "out"))) < 4
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 30)
+    again = started(place, *wanted, "--keep", "all")
+    out, err = again.communicate(timeout=120)
+    assert again.returncode == 0, out + err
+    for key in set(check_whole(place, 4)["key"].to_pylist()):
+        assert idr.load(BatchFolder.open(place / "out").recording(key)).info["digest"]
+
+
+def test_two_batches_on_one_folder_share_the_work_and_lose_nothing(place):
+    wanted = ["t_junction", "lane_merge", "highway", "--planner", "batch_planners:Slow,idm", "--workers", "1",
+              "--agents", "1"]  # fmt: skip
+    both = [started(place, *wanted), started(place, *wanted)]
+    said = [process.communicate(timeout=180) for process in both]
+    assert [process.returncode for process in both] == [0, 0], said
+    rows = check_whole(place, 6)
+    assert set(rows["status"].to_pylist()) == {"finished"}
+
+
+def test_a_merge_that_was_cut_short_counts_no_run_twice(place):
+    done = idr.batch(["t_junction", "lane_merge"], place / "out", planner="idm", workers=1)
+    folder = BatchFolder.open(place / "out")
+    before = folder.table()
+    # What a process leaves behind that dies between the merging and the removal of what was merged.
+    one = before.filter([key == done.keys[0] for key in before["key"].to_pylist()])
+    from interdrive.batches.dataset import encoded
+
+    (folder.path / "runs").mkdir(exist_ok=True)
+    (folder.path / "runs" / f"{done.keys[0]}.parquet").write_bytes(encoded(one))
+    assert folder.table().num_rows == before.num_rows
+    folder.tidy(now=True)
+    assert check_whole(place, 2).num_rows == before.num_rows
+
+
+def test_memory_of_merging_does_not_depend_on_the_number_of_rows(place):
+    """A file of 300 000 rows grows by one run; more than its row groups is never held."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from interdrive.batches.dataset import encoded, merge
+
+    done = idr.batch("lane_merge", place / "out", planner="idm", workers=1)
+    rows, path = done.table, place / "large.parquet"
+    other = rows.set_column(
+        0, rows.schema.field("key"), pa.array(["other"] * rows.num_rows, rows.schema.field("key").type)
+    )
+    portion = pa.concat_tables([other] * 1500).combine_chunks()
+    with pq.ParquetWriter(path, rows.schema) as writer:
+        for _ in range(30):
+            writer.write_table(portion)
+    part = place / f"{done.keys[0]}.parquet"
+    part.write_bytes(encoded(rows))
+    whole, before = 30 * portion.nbytes, pa.total_allocated_bytes()
+    merge(path, [part])
+    assert pq.read_metadata(path).num_rows == 30 * portion.num_rows + rows.num_rows
+    assert pa.default_memory_pool().max_memory() - before < whole / 2
