@@ -326,7 +326,7 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
     """Tables of at most 110 columns: distances, likelihood and calibration, standing vehicles and road, time."""
     from interdrive.prediction_evaluation.tables import measures_table  # noqa: PLC0415 - needs the simulation
 
-    console = _output()
+    console = output()
     rows = measures_table(found).to_pylist()
     order = list(dict.fromkeys(row["category"] for row in rows))
     rows.sort(key=lambda row: order.index(row["category"]))
@@ -364,7 +364,7 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
     _print_timings(console, found)
     counts = f"{len(found.samples)} samples from {len(found.files)} file{'s' * (len(found.files) != 1)}"
     console.print(f"{counts}, every {found.settings['every']} time steps")
-    _print_notes(console, found.notes, "evaluation.json")
+    print_notes(console, found.notes, "evaluation.json")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 
