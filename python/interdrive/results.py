@@ -38,7 +38,7 @@ FORMAT = 1
 
 #: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
 _OTHER_FILES = (
-    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4"),
+    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4", "agent_view.png"),
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
 )
 
