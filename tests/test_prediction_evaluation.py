@@ -8,11 +8,12 @@ import pyarrow.parquet as pq
 import pytest
 
 import interdrive as idr
-from interdrive.prediction_evaluation.evaluation import Predicted, answered, joined
+from interdrive.prediction_evaluation.evaluation import Predicted, _departure, answered, joined
 from interdrive.prediction_evaluation.folder import save_evaluation
 from interdrive.prediction_evaluation.measures import judged
 from interdrive.prediction_evaluation.mixtures import log_densities, log_sum, region_levels
 from interdrive.prediction_evaluation.recordings import Recording, category_of
+from interdrive.prediction_evaluation.scenes import example_scenes
 from interdrive.prediction_evaluation.tables import ALL, MEAN, calibration_table, measures_table, samples_table
 from interdrive.prediction_evaluation.timing import VEHICLES, crowd
 from interdrive.predictors.calls import called
@@ -320,3 +321,26 @@ def test_predicted_tables_of_different_sizes_are_put_together():
     assert both.mean.shape == (3, 3, 4, 2)
     assert both.valid[0].sum() == 2
     assert both.probability[0].tolist() == [1.0, 0.0, 0.0]
+
+
+def test_figures_and_a_scene_per_category_are_drawn_as_pdf_and_png(tmp_path):
+    found = idr.evaluate_predictors(["lane_merge", "t_junction"], "all", every=40, with_timing=False)
+    folder = save_evaluation(found, tmp_path / "found")
+    names = ("error_over_time", "calibration", "scene_junction", "scene_merge")
+    wanted = {f"{name}.{ending}" for name in names for ending in ("pdf", "png")}
+    assert {entry.name for entry in folder.iterdir() if entry.suffix != ".parquet"} == wanted | {"evaluation.json"}
+
+
+def test_a_scene_shows_the_moment_at_which_most_vehicles_leave_a_straight_drive():
+    found = idr.evaluate_predictors("t_junction", "lane_following", every=10, with_timing=False)
+    (scene,) = example_scenes(found)
+    telling = (found.samples.departure > 2.0) & (found.samples.departure < 20.0)
+    counts = np.bincount(found.samples.time_step[telling])
+    assert scene.moment.scene.time_step == counts.argmax()
+    assert len(scene.row) == counts.max()
+
+
+def test_the_departure_of_who_keeps_its_velocity_is_zero():
+    scenario = world(straight_road(), cars=[Car(1, 20.0, velocity=10.0)])
+    (moment,) = list(Recording(scenario, SETTINGS).moments(100))
+    assert _departure(moment) == pytest.approx([0.0], abs=1e-9)

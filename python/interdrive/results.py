@@ -39,7 +39,7 @@ FORMAT = 2
 
 #: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
 _OTHER_FILES = (
-    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4"),
+    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4", "agent_view.png"),
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
 )
 

@@ -56,7 +56,11 @@ if TYPE_CHECKING:
 @click.option("--png", is_flag=True, default=None, help="Draw all trajectories: run.png.")
 @click.option("--gif", is_flag=True, default=None, help="Make a film: run.gif.")
 @click.option("--mp4", is_flag=True, default=None, help="Make a film: run.mp4 (needs ffmpeg).")
-@click.option("--agent-view", metavar="ID", help="The film follows this agent and shows what it considered.")
+@click.option(
+    "--agent-view",
+    metavar="ID",
+    help="The film follows this agent and shows what it considered and predicted; with --png also agent_view.png.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def run(
     file: str | None,
@@ -150,10 +154,12 @@ def _target(choices: RunChoices) -> Path:
 def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str], Callable[[int, int], None]]) -> None:
     if not (choices.png or choices.gif or choices.mp4):
         return
-    from interdrive.plots import animate_run, draw_run, save_figure  # noqa: PLC0415
+    from interdrive.plots import animate_run, draw_agent_view, draw_run, save_figure  # noqa: PLC0415
 
     if choices.png:
         save_figure(draw_run(done), folder / "run.png")
+        if choices.agent_view is not None and done.snapshots:
+            draw_agent_view(done, folder / "agent_view.png", choices.agent_view)
     for wanted, name in ((choices.gif, "run.gif"), (choices.mp4, "run.mp4")):
         if wanted:
             animate_run(done, folder / name, choices.agent_view, on_frame=on_frame(name))

@@ -17,10 +17,13 @@ from interdrive.results import replacing
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from interdrive.run import Run
+    from interdrive.run import Run, Snapshot
 
 #: The last frame stays for this long [s].
 _HOLD = 2.0
+
+#: Who begins to drive within this distance of an agent is in the picture that follows it [m].
+_NEAR = 40.0
 
 
 def check_animation(path: str | Path) -> None:
@@ -78,6 +81,39 @@ def animate_run(
             _write_gif(stage, columns, 1.0 / rate, partial, on_frame)
         else:
             _write_mp4(stage, columns, rate, partial, on_frame)
+
+
+def draw_agent_view(run: Run, path: str | Path, agent_id: int, time_step: int | None = None) -> None:
+    """Writes one frame of the film that follows an agent: its candidates, and the predictions that it sees, as PNG.
+
+    Args:
+        run: Finished or interrupted; it must have the agent's snapshots.
+        path: Ends in .png.
+        agent_id: Whose.
+        time_step: When; when it sees the most modes of others near it otherwise.
+
+    Raises:
+        InputError: There is no snapshot of that agent, or none at that time step.
+        ResultsError: The file cannot be written.
+    """
+    if Path(path).suffix.lower() != ".png":
+        raise ResultsError(f"{path}: pictures of what an agent sees end in .png")
+    shots = {shot.time_step: shot for shot in run.snapshots if shot.agent_id == agent_id}
+    if not shots:
+        raise InputError(f"agent {agent_id}: the run kept no snapshots of it")
+    chosen = max(shots, key=lambda step: _modes_near(run, shots[step])) if time_step is None else time_step
+    if chosen not in shots:
+        raise InputError(f"time step {chosen}: agent {agent_id} drives from {min(shots)} to {max(shots)}")
+    with replacing(path) as partial:
+        Stage(run, agent_id, follow=True).frame(chosen - run.states.first_time_step).save(partial, "PNG")
+
+
+def _modes_near(run: Run, shot: Snapshot) -> int:
+    """Modes of others that begin so near to the agent that a picture shows them."""
+    states = run.states
+    row, column = int(np.searchsorted(states.ids, shot.agent_id)), shot.time_step - states.first_time_step
+    x, y = shot.prediction_x[:, 0] - states.x[row, column], shot.prediction_y[:, 0] - states.y[row, column]
+    return int((np.hypot(x, y) < _NEAR).sum())
 
 
 def _write_gif(

@@ -24,6 +24,7 @@ from interdrive.plots.participants import (
     outlines,
     placed,
 )
+from interdrive.plots.predictions import PREDICTION, ellipse_rings, strength
 from interdrive.plots.road import road_artists
 from interdrive.plots.view import View, view_of
 
@@ -42,13 +43,13 @@ _FOLLOW_WIDTH, _FOLLOW_ASPECT, _AHEAD = 110.0, 0.5, 18.0
 #: An agent that is done leaves its marker for this long; a collision stays marked [s].
 _MARK_TIME = 2.0
 
-#: Predictions are drawn with an ellipse of 95 % probability every so many seconds.
-_ELLIPSE_EVERY, _ELLIPSE_SCALE = 0.5, float(np.sqrt(-2.0 * np.log(0.05)))
+#: Predictions are drawn with an ellipse of this probability every so many seconds; their fill, if the mode is certain.
+_ELLIPSE_MASS, _ELLIPSE_EVERY, _ELLIPSE_FILL = 0.95, 0.5, 0.14
 
 #: Height of the strip with the legend [px].
 _STRIP = 30
 
-_REJECTED, _UNKNOWN, _PREDICTION, _CHOSEN = "#b0a0a0", "#9a9a9a", "#7a3b8f", "#000000"
+_REJECTED, _UNKNOWN, _CHOSEN = "#b0a0a0", "#9a9a9a", "#000000"
 
 #: Lines beyond these numbers could not be told apart.
 _REJECTED_MAX, _ADMISSIBLE_MAX = 120, 360
@@ -61,10 +62,8 @@ class _Layers:
     """What moves, in drawing order; every layer is refilled for each frame."""
 
     candidates: Any = field(default_factory=lambda: LineCollection([], linewidths=0.6))
-    predictions: Any = field(default_factory=lambda: LineCollection([], colors=_PREDICTION, linewidths=0.8))
-    ellipses: Any = field(
-        default_factory=lambda: PolyCollection([], facecolors=[(0.48, 0.23, 0.56, 0.10)], edgecolors="none")
-    )
+    predictions: Any = field(default_factory=lambda: LineCollection([], linewidths=0.9))
+    ellipses: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.5))
     plans: Any = field(default_factory=lambda: LineCollection([], linewidths=1.8, capstyle="round", alpha=0.9))
     bodies: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.6))
     noses: Any = field(default_factory=lambda: PolyCollection([], facecolors=[(1, 1, 1, 0.85)], edgecolors="none"))
@@ -218,10 +217,21 @@ class Stage:
         candidates.set_segments([line[np.isfinite(line).all(axis=1)] for line in lines[order]])
         candidates.set_color(colors)
         means = np.stack([shot.prediction_x, shot.prediction_y], axis=-1)
+        # Every mode, the stronger the more probable; the probable ones on top.
+        order = np.argsort(shot.prediction_probability, kind="stable")
+        means, covariance = means[order], shot.prediction_covariance[order]
+        strong = strength(shot.prediction_probability[order])
         predictions.set_segments(list(self.view.picture_from_world(means)))
+        predictions.set_color([mpl.colors.to_rgba(PREDICTION, alpha) for alpha in strong])
         every = max(1, round(_ELLIPSE_EVERY / self.run.scenario.dt))
-        rings = _ellipses(means[:, every - 1 :: every], shot.prediction_covariance[:, every - 1 :: every])
-        ellipses.set_verts(self.view.picture_from_world(rings))
+        rings = [
+            ellipse_rings(m[every - 1 :: every], c[every - 1 :: every], _ELLIPSE_MASS)
+            for m, c in zip(means, covariance, strict=True)
+        ]
+        alphas = [alpha for alpha, group in zip(strong, rings, strict=True) for _ in group]
+        ellipses.set_verts(self.view.picture_from_world(np.concatenate([*rings, np.empty((0, 24, 2))])))
+        ellipses.set_facecolor([mpl.colors.to_rgba(PREDICTION, _ELLIPSE_FILL * alpha) for alpha in alphas])
+        ellipses.set_edgecolor([mpl.colors.to_rgba(PREDICTION, 0.45 * alpha) for alpha in alphas])
 
     def _fill_ended(self, now: int) -> list[tuple[Floats, str, str, str]]:
         """Marks agents that are done; a crashed one stays as an outline."""
@@ -272,7 +282,7 @@ class Stage:
                 (_CHOSEN, f"plan of {self.agent_id}"),
                 ("cost", "candidates, cheap to costly"),
             ]
-            items += [(_REJECTED, "rejected"), (_PREDICTION, "prediction, 95 %")]
+            items += [(_REJECTED, "rejected"), (PREDICTION, "predictions, 95 %, by probability")]
         for color, text in items:
             for step in range(24):
                 tone = color
@@ -341,18 +351,6 @@ def _candidate_colors(shot: Snapshot) -> tuple[Any, list[Any]]:
 def _thinned(items: Ints, most: int) -> Ints:
     """At most so many of the items, evenly spread, the first one included."""
     return items if len(items) <= most else items[np.linspace(0, len(items) - 1, most).astype(np.int64)]
-
-
-def _ellipses(means: Floats, covariance: Floats) -> Floats:
-    """Outlines of the 95 % ellipses [m], shape (ellipses, vertices, 2)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    means, covariance = means.reshape(-1, 2), covariance.reshape(-1, 2, 2)
-    finite = np.isfinite(means).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
-    values, vectors = np.linalg.eigh(covariance[finite])
-    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    rings: Floats = means[finite][:, None] + _ELLIPSE_SCALE * (axes @ circle).transpose(0, 2, 1)
-    return rings
 
 
 def _draw_marker(draw: ImageDraw.ImageDraw, x: float, y: float, marker: str, color: str) -> None:

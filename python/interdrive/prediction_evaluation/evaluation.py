@@ -16,6 +16,7 @@ from interdrive.prediction_evaluation.timing import measured_timings
 from interdrive.predictors import NATIVE
 from interdrive.predictors.calls import Called, called, name_of
 from interdrive.run_settings import SimulationSettings
+from interdrive.settings import flatten
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -41,6 +42,7 @@ class Samples:
         known: How long the vehicle has been recorded [s].
         stands: It stands now.
         stays: It stands now and in the 3 s to come.
+        departure: Distance after 3 s from where it would be with its present velocity [m]; nan if the recording ends.
         values: Predictor -> measure -> array, as `measures.judged` has them.
     """
 
@@ -53,6 +55,7 @@ class Samples:
     known: Any
     stands: Any
     stays: Any
+    departure: Any
     values: dict[str, dict[str, Any]]
 
     def __len__(self) -> int:
@@ -71,6 +74,8 @@ class PredictionEvaluation:
         timings: Milliseconds per call.
         notes: What was left out, and why.
         settings: What was asked for, as plain values.
+        choices: The predictors, for asking them again.
+        simulation: Settings of predictors, road and steps.
     """
 
     files: tuple[Path, ...]
@@ -79,6 +84,8 @@ class PredictionEvaluation:
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
+    simulation: SimulationSettings = field(default_factory=SimulationSettings)
 
 
 def chosen_predictors(
@@ -181,7 +188,17 @@ def evaluate_predictors(
         gathered.samples(),
         timings,
         tuple(notes),
-        {"every": every, "horizon": horizon, "files": [str(path) for path in gathered.files]},
+        {
+            "every": every,
+            "files": [str(path) for path in gathered.files],
+            "settings": {
+                name: value
+                for name, value in flatten(settings).items()
+                if name.startswith(("predictor.", "road.", "step."))
+            },
+        },
+        tuple(choices),
+        settings,
     )
 
 
@@ -216,6 +233,7 @@ class _Gathered:
                 "participant_id": np.concatenate([m.scene.ids[m.row] for m in moments]),
                 "kind": np.concatenate([m.scene.kinds[m.row] for m in moments]),
                 "speed": np.concatenate([_speed(m) for m in moments]),
+                "departure": np.concatenate([_departure(m) for m in moments]),
                 **{name: np.concatenate([getattr(m, name) for m in moments]) for name in ("known", "stands", "stays")},
             }
         )
@@ -275,3 +293,10 @@ def _speed(moment: Moment) -> Any:  # noqa: ANN401 - array
         return stated
     way = np.hypot(scene.x[row, -1] - scene.x[row, -2], scene.y[row, -1] - scene.y[row, -2])
     return np.where(scene.valid[row, -2], way / scene.dt, stated)
+
+
+def _departure(moment: Moment) -> Any:  # noqa: ANN401 - array
+    scene, row = moment.scene, moment.row
+    orientation, way = scene.orientation[row, -1], float(HORIZONS[-1]) * _speed(moment)
+    straight = _now(moment) + way[:, None] * np.stack([np.cos(orientation), np.sin(orientation)], axis=1)
+    return np.linalg.norm(moment.truth[:, -1] - straight, axis=1)

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from matplotlib.figure import Figure
+
     from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
 
 _MARK = "evaluation.json"
@@ -81,3 +83,21 @@ def save_evaluation(
 
 def _draw(found: PredictionEvaluation, folder: Path, on_figure: Callable[[str], None] | None) -> None:
     """Loads matplotlib."""
+    from interdrive.plots import save_figure  # noqa: PLC0415
+    from interdrive.prediction_evaluation.figures import calibration_figure, error_figure  # noqa: PLC0415
+    from interdrive.prediction_evaluation.scenes import example_scenes, scene_figure  # noqa: PLC0415
+
+    def write(name: str, figure: Figure) -> None:
+        for ending in _ENDINGS:
+            save_figure(figure, folder / f"{name}{ending}")
+
+    def say(text: str) -> None:
+        if on_figure is not None:
+            on_figure(text)
+
+    say("drawing error and calibration")
+    write("error_over_time", error_figure(found))
+    write("calibration", calibration_figure(found))
+    for scene in example_scenes(found):
+        say(f"drawing a scene of {scene.category}")
+        write(f"scene_{scene.category}", scene_figure(scene))

@@ -116,6 +116,7 @@ SAMPLE_COLUMNS = (
     Column("known", "number", "recorded for so long [s]"),
     Column("stands", "truth", "known for 0.5 s and moved less than 0.1 m in it"),
     Column("stays", "truth", "stands, and moves less than 0.1 m in the next 3 s"),
+    Column("departure", "number", "distance after 3 s from a drive with the present velocity [m]", nullable=True),
     *(Column(name, "number", "see interdrive.prediction_evaluation.measures.judged", True) for name in _SAMPLE_VALUES),
 )
 
@@ -262,7 +263,7 @@ def samples_table(found: PredictionEvaluation) -> ArrowTable:
         "category": labels(categories, tiled(place)),
         "kind": labels(KINDS, tiled(samples.kind)),
     }
-    for name in ("time_step", "participant_id", "speed", "known", "stands", "stays"):
+    for name in ("time_step", "participant_id", "speed", "known", "stands", "stays", "departure"):
         columns[name] = tiled(getattr(samples, name))
     for name in _SAMPLE_VALUES:
         columns[name] = np.concatenate([samples.values[predictor][name] for predictor in found.predictors])

@@ -1,0 +1,235 @@
+"""Example scenes: what every predictor expects at the same moment, and what happened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from interdrive.files import read_scenario
+from interdrive.plots.participants import INK, RECORDED, RECORDED_EDGE, outlines, placed
+from interdrive.plots.predictions import PREDICTION, ellipse_rings, strength
+from interdrive.plots.road import road_artists
+from interdrive.plots.view import View, view_around
+from interdrive.prediction_evaluation.evaluation import answered
+from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, step_of
+from interdrive.prediction_evaluation.recordings import Recording
+from interdrive.predictors.calls import called, name_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from matplotlib.axes import Axes
+
+    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation, Samples
+    from interdrive.prediction_evaluation.recordings import Moment
+
+_MM = 1.0 / 25.4
+_WIDTH, _GAP, _PAD, _TITLE, _STRIP = 180.0 * _MM, 2.5 * _MM, 0.5 * _MM, 5.0 * _MM, 6.0 * _MM
+_FONT = 7.5
+_OTHERS = "#d2d2d2"
+#: Mass of the ellipses.
+_MASS = 0.9
+#: Between these distances from a straight drive [m] a vehicle is worth looking at: it turns, brakes or starts.
+_DEPARTURE = (2.0, 20.0)
+#: Such vehicles within this distance of the one in their middle are in the picture [m].
+_NEAR = 35.0
+#: Panels stand above each other if the view is so many times as wide as it is high.
+_LYING = 2.2
+
+
+@dataclass(frozen=True)
+class ExampleScene:
+    """A moment, and what the predictors say about it.
+
+    Attributes:
+        category: Of the file.
+        recording: Where it happened.
+        moment: When.
+        predicted: By name of the predictor, for the judged vehicles of the moment.
+        row: Places in the moment's rows of the vehicles that the picture is about: those that turn, brake or start.
+    """
+
+    category: str
+    recording: Recording
+    moment: Moment
+    predicted: Mapping[str, Predicted]
+    row: list[int]
+
+
+def example_scenes(found: PredictionEvaluation) -> Iterator[ExampleScene]:
+    """One per category: the moment at which most vehicles turn, brake or start; the first of several."""
+    samples = found.samples
+    for category in dict.fromkeys(samples.category.tolist()):
+        chosen = _chosen(samples, samples.category == category)
+        if chosen is None:
+            continue
+        file, time_step = chosen
+        recording = Recording(read_scenario(found.files[file]), found.simulation)
+        moment = recording.at(time_step)
+        n_steps = round(found.simulation.predictor.horizon / recording.scenario.dt)
+        predicted = {}
+        for choice in found.choices:
+            predictor = called(choice, found.simulation.predictor, recording.core_scenario)
+            predicted[name_of(choice)] = answered(predictor, recording, moment, n_steps)
+        there = (samples.file == file) & (samples.time_step == time_step) & _is_telling(samples)
+        wanted = set(samples.participant_id[there].tolist())
+        numbers = moment.scene.ids[moment.row].tolist()
+        row = [i for i, number in enumerate(numbers) if number in wanted] or list(range(len(numbers)))
+        yield ExampleScene(category, recording, moment, predicted, row)
+
+
+def _is_telling(samples: Samples) -> np.ndarray:
+    departure: np.ndarray = samples.departure
+    with np.errstate(invalid="ignore"):
+        return (departure > _DEPARTURE[0]) & (departure < _DEPARTURE[1])
+
+
+def _chosen(samples: Samples, mask: np.ndarray) -> tuple[int, int] | None:
+    """File and time step with the most telling samples; with any, if there is none."""
+    telling = mask & _is_telling(samples)
+    use = telling if telling.any() else mask & np.isfinite(samples.departure)
+    if not use.any():
+        return None
+    moments, counts = np.unique(np.stack([samples.file[use], samples.time_step[use]]), axis=1, return_counts=True)
+    file, time_step = moments[:, counts.argmax()]
+    return int(file), int(time_step)
+
+
+def scene_figure(scene: ExampleScene) -> Figure:
+    """A figure, 180 mm wide, with a panel per predictor: the same scene, its predictions, and the true future."""
+    view = _view(scene)
+    stacked = view.width > _LYING * view.height
+    view = view.shaped(*((0.08, 0.35) if stacked else (0.7, 1.4)))
+    count = len(scene.predicted)
+    columns = 1 if stacked else min(count, 2 if count == 4 else 3)
+    rows = -(-count // columns)
+    width = (_WIDTH - (columns - 1) * _GAP - 2.0 * _PAD) / columns
+    height = width * view.height / view.width
+    total = rows * (height + _TITLE) + _STRIP
+    figure = Figure(figsize=(_WIDTH, total), dpi=300)
+    FigureCanvasAgg(figure)
+    for index, (name, predicted) in enumerate(scene.predicted.items()):
+        left = _PAD + (index % columns) * (width + _GAP)
+        bottom = total - (index // columns + 1) * (height + _TITLE)
+        axes = figure.add_axes((left / _WIDTH, bottom / total, width / _WIDTH, height / total))
+        axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
+        axes.set_title(name, fontsize=_FONT, pad=2.5, loc="left")
+        if index == 0:
+            where = (
+                f"{scene.recording.scenario.name}, {scene.moment.scene.time_step * scene.recording.scenario.dt:.1f} s"
+            )
+            axes.set_title(where, fontsize=_FONT - 1.0, pad=2.5, loc="right", color="#707070")
+        for side in axes.spines.values():
+            side.set(color=RECORDED, linewidth=0.5)
+        for artist in road_artists(scene.recording.scenario.lanelets, view):
+            axes.add_collection(artist, autolim=False)
+        _draw_bodies(axes, scene, view)
+        _draw_predicted(axes, scene, predicted, view)
+        _draw_truth(axes, scene, view)
+    _legend(figure)
+    return figure
+
+
+def _view(scene: ExampleScene) -> View:
+    """Around the vehicles that the scene is about, now and in the next 3 s."""
+    now, truth = _now(scene.moment), scene.moment.truth
+    row = scene.row
+    middle = now[row] - np.median(now[row], axis=0)
+    center = now[row][np.hypot(*middle.T).argmin()]
+    row = [i for i in row if np.hypot(*(now[i] - center)) <= _NEAR]
+    ways = [np.concatenate([now[i : i + 1], truth[i][np.isfinite(truth[i, :, 0])]]) for i in row]
+    points = np.concatenate(ways)
+    return view_around(np.concatenate([points - 3.0, points + 3.0]), np.stack([way[-1] - way[0] for way in ways]))
+
+
+def _now(moment: Moment) -> np.ndarray:
+    scene = moment.scene
+    return np.stack([scene.x[moment.row, -1], scene.y[moment.row, -1]], axis=1)
+
+
+def _draw_bodies(axes: Axes, scene: ExampleScene, view: View) -> None:
+    """Footprints of everybody who is present; pale ones are not asked about."""
+    now, obstacles = scene.moment.scene, scene.recording.scenario.obstacles
+    shapes = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
+    about = set(now.ids[scene.moment.row[scene.row]].tolist())
+    lines, fills = [], []
+    for i, number in enumerate(now.ids.tolist()):
+        for line in outlines(shapes[number]):
+            lines.append(view.picture_from_world(placed(line, now.x[i, -1], now.y[i, -1], now.orientation[i, -1])))
+            fills.append(RECORDED if number in about else _OTHERS)
+    axes.add_collection(
+        PolyCollection(lines, facecolors=fills, edgecolors=RECORDED_EDGE, linewidths=0.4, zorder=3), autolim=False
+    )
+
+
+def _draw_predicted(axes: Axes, scene: ExampleScene, predicted: Predicted, view: View) -> None:
+    """Every mode of the vehicles in question until 3 s; ellipses at whole seconds."""
+    now, dt = _now(scene.moment), scene.recording.scenario.dt
+    steps = [step_of(h, dt) for h in HORIZONS]
+    asked = np.isin(np.arange(len(now)), scene.row)[:, None]
+    rows, modes = np.nonzero(asked & (predicted.probability > 0))
+    order = np.argsort(predicted.probability[rows, modes], kind="stable")
+    for i, m in zip(rows[order].tolist(), modes[order].tolist(), strict=True):
+        valid = predicted.valid[i, m, : steps[-1] + 1]
+        alpha = float(strength(predicted.probability[i, m]))
+        line = np.concatenate([now[i : i + 1], predicted.mean[i, m, : steps[-1] + 1][valid]])
+        axes.add_collection(
+            LineCollection(
+                [view.picture_from_world(line)], colors=[to_rgba(PREDICTION, alpha)], linewidths=1.0, zorder=5
+            ),
+            autolim=False,
+        )
+        at = [step for step in steps if step < len(valid) and valid[step]]
+        if not at:
+            continue
+        rings = view.picture_from_world(ellipse_rings(predicted.mean[i, m, at], predicted.covariance[i, m, at], _MASS))
+        axes.add_collection(
+            PolyCollection(
+                list(rings),
+                facecolors=[to_rgba(PREDICTION, 0.13 * alpha)],
+                edgecolors=[to_rgba(PREDICTION, 0.8 * alpha)],
+                linewidths=0.6,
+                zorder=4,
+            ),
+            autolim=False,
+        )
+
+
+def _draw_truth(axes: Axes, scene: ExampleScene, view: View) -> None:
+    """Recorded ways until 3 s with dots at whole seconds."""
+    now, truth = _now(scene.moment)[scene.row], scene.moment.truth[scene.row]
+    ways = [np.concatenate([now[i : i + 1], truth[i][np.isfinite(truth[i, :, 0])]]) for i in range(len(now))]
+    axes.add_collection(
+        LineCollection([view.picture_from_world(way) for way in ways], colors=INK, linewidths=0.8, zorder=6),
+        autolim=False,
+    )
+    dots = truth[:, [step_of(h, scene.recording.scenario.dt) for h in HORIZONS]].reshape(-1, 2)
+    dots = view.picture_from_world(dots[np.isfinite(dots).all(axis=1)])
+    axes.plot(*dots.T, "o", ms=2.2, mfc="white", mec=INK, mew=0.6, zorder=7)
+
+
+def _legend(figure: Figure) -> None:
+    handles = [
+        Line2D([], [], color=INK, linewidth=0.9, marker="o", ms=2.6, mfc="white", label="what happened (1, 2, 3 s)"),
+        Line2D([], [], color=PREDICTION, linewidth=1.2, label="predicted (faint: improbable)"),
+        Patch(fc=_OTHERS, ec=RECORDED_EDGE, lw=0.4, label="others"),
+        Patch(fc=to_rgba(PREDICTION, 0.13), ec=PREDICTION, lw=0.6, label=f"{100 * _MASS:.0f} % ellipses (1, 2, 3 s)"),
+    ]
+    figure.legend(
+        handles=handles,
+        loc="lower center",
+        ncols=len(handles),
+        fontsize=_FONT,
+        frameon=False,
+        handlelength=1.8,
+        columnspacing=1.6,
+        borderpad=0.3,
+    )
