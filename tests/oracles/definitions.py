@@ -102,6 +102,7 @@ class Definitions:
         self.centers = [0.5 * (left + right) for left, right in bounds]
         self.lengths = [float(np.hypot(*np.diff(center, axis=0).T).sum()) for center in self.centers]
         self.outlines = [shapely.Polygon(np.concatenate([left, right[::-1]])) for left, right in bounds]
+        self._tree = shapely.STRtree(self.outlines)
         self.eroded = [outline.buffer(-EROSION, join_style="mitre") for outline in self.outlines]
         n = len(bounds)
         self.after: list[set[int]] = [set() for _ in range(n)]
@@ -122,8 +123,7 @@ class Definitions:
 
     def here(self, row: int, k: int) -> list[int]:
         """Lanelets that contain the centre."""
-        point = shapely.Point(self.pose(row, k)[:2])
-        return [i for i, outline in enumerate(self.outlines) if outline.intersects(point)]
+        return sorted(self._tree.query(shapely.Point(self.pose(row, k)[:2]), predicate="intersects").tolist())
 
     def place(self, lanelet: int, row: int, k: int) -> tuple[float, float]:
         """Heading relative to the lanelet [rad], and arc length on its centre line [m]."""
