@@ -6,7 +6,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench oracles third_party format clean
+.PHONY: demo test check bench oracles third_party ray format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -49,6 +49,21 @@ oracles: .venv-oracles/.installed ## compares geometry and planner with other li
 third_party: .venv-third/.installed ## drives planners of others; see docs/planners_third_party.md
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
 
+ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
+	.venv-ray/bin/python -m pytest -q --durations=8 tests/ray
+
+# Ray and commonroad-io agree on protobuf 3.20.2, which holds Ray back; nobody else should be held back with it.
+.venv-ray/.tools: pyproject.toml
+	$(PYTHON) -m venv .venv-ray
+	.venv-ray/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	.venv-ray/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['ray'], *p['build-system']['requires'], 'pytest>=8', sep='\n')" > .venv-ray/requirements.txt
+	.venv-ray/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-ray/requirements.txt
+	touch $@
+
+.venv-ray/.installed: .venv-ray/.tools $(RUST)
+	VIRTUAL_ENV=$(CURDIR)/.venv-ray .venv-ray/bin/maturin develop --release --quiet
+	touch $@
+
 # Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
 .venv-third/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-third
@@ -80,4 +95,4 @@ format: $(VENV)/.tools ## writes what `make check` wants to see
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-oracles .venv-third target demo out
+	rm -rf $(VENV) .venv-oracles .venv-third .venv-ray target demo out

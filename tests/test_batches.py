@@ -142,6 +142,16 @@ def test_a_number_of_agents_is_tested_among_recorded_adjusting_or_equal_traffic(
     assert tested[0] == tested[1] == tested[2]
 
 
+def test_a_planning_problem_without_recording_is_no_adjusting_traffic(tmp_path):
+    """Agent 2001 of the T-junction was not recorded; when a recorded car is tested it is not there."""
+    done = idr.batch("t_junction", tmp_path, planner=FAST, alone=True, traffic="velocity_adjusting", workers=2)
+    assert done.status == {"finished": 8}
+    rows = done.table.to_pylist()
+    with_problem = {row["key"] for row in rows if row["agent_id"] == 2001}
+    assert with_problem == {row["key"] for row in rows if row["agent_id"] == 2001 and row["under_test"]}
+    assert len(with_problem) == 1
+
+
 def test_alone_every_agent_has_a_run_of_its_own(tmp_path):
     done = idr.batch("lane_merge", tmp_path, planner=FAST, alone=True, workers=2)
     rows = done.table.to_pylist()

@@ -21,8 +21,7 @@ from interdrive.results import save
 from interdrive.simulation import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from interdrive.agents import Agent
     from interdrive.batches.runs import RunSpec
     from interdrive.run import Run
     from interdrive.scenario import Scenario
@@ -152,14 +151,16 @@ def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
         run = simulate(scenario, agents="all", planner=spec.planner, **choice)  # type: ignore[arg-type]
         return run, set(run.outcomes.agent_id.tolist())
     ids = _ids(spec, scenario)
-    if spec.traffic == "recorded":
-        run = simulate(scenario, agents=ids, planner=spec.planner, **choice)  # type: ignore[arg-type]
-    elif spec.traffic == "same":
-        run = simulate(scenario, agents="all", planner=spec.planner, **choice)  # type: ignore[arg-type]
-    else:
+    planner, others = spec.planner, []
+    if spec.traffic != "recorded":
+        able = _able(spec, scenario, "all")
+        # A planning problem that nobody was recorded for is no traffic: it has no recording to keep to.
+        recorded = set(scenario.obstacles.ids.tolist())
+        others = [agent.id for agent in able if agent.id not in ids and agent.id in recorded]
+    if spec.traffic == "velocity_adjusting":
         planners: dict[object, object] = {"default": spec.traffic}
-        planners.update(dict.fromkeys(ids, spec.planner))
-        run = simulate(scenario, agents="all", planner=planners, **choice)  # type: ignore[arg-type]
+        planner = planners | dict.fromkeys(ids, spec.planner)
+    run = simulate(scenario, agents=[*ids, *others], planner=planner, **choice)  # type: ignore[arg-type]
     return run, set(ids)
 
 
@@ -167,16 +168,33 @@ def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:
     """Ids of the agents under test; of a number at most as many as there can be."""
     if isinstance(spec.agents, tuple):
         return spec.agents
-    road = core_road(scenario, spec.settings.road.gap_tolerance, spec.settings.road.open_end_length)
-    wanted: str | int | Sequence[int] = spec.agents
-    limits = {"agent_settings": spec.settings.agents, "goal_settings": spec.settings.goal, "seed": spec.seed}
-    try:
-        found, _ = select(scenario, road, wanted, **limits)  # type: ignore[arg-type]
-    except InputError:
-        found, _ = select(scenario, road, "all", **limits)  # type: ignore[arg-type]
-        if wanted == "all" or len(found) > int(spec.agents):
-            raise
+    found = _able(spec, scenario, spec.agents)
     return tuple(agent.id for agent in found)
+
+
+def _able(spec: RunSpec, scenario: Scenario, wanted: str | int) -> list[Agent]:
+    """Agents of the scenario: all, or at most so many."""
+    road = core_road(scenario, spec.settings.road.gap_tolerance, spec.settings.road.open_end_length)
+
+    def chosen(agents: str | int) -> list[Agent]:
+        return select(
+            scenario,
+            road,
+            agents,
+            agent_settings=spec.settings.agents,
+            goal_settings=spec.settings.goal,
+            seed=spec.seed,
+        )[0]
+
+    if wanted == "all":
+        return chosen("all")
+    try:
+        return chosen(wanted)
+    except InputError:
+        found = chosen("all")
+        if len(found) > int(wanted):
+            raise
+        return found
 
 
 def _archive(run: Run) -> bytes:

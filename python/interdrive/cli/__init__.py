@@ -15,12 +15,14 @@ import click
 
 from interdrive.cli.batch import batch
 from interdrive.cli.check import check
+from interdrive.cli.compare import compare
 from interdrive.cli.criticality import criticality
 from interdrive.cli.models import models
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.run import run
 from interdrive.cli.settings import settings
+from interdrive.cli.sql import sql
 from interdrive.cli.study import study
 from interdrive.cli.verify import verify
 from interdrive.errors import InterdriveError
@@ -75,7 +77,10 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (run, batch, study, criticality, predict_eval, check, verify, settings, planners, predictors, models):
+for _command in (
+    *(run, batch, compare, sql, study, criticality, predict_eval),
+    *(check, verify, settings, planners, predictors, models),
+):
     main.add_command(_command)
 
 __all__ = ["main"]

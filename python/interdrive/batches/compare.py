@@ -1,0 +1,277 @@
+"""Planners by category, and their differences with intervals that say how much depends on the choice of scenarios."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.batches.folder import BatchFolder
+from interdrive.batches.metrics import METRICS, together, weighted_medians
+from interdrive.batches.reservations import reservations
+from interdrive.errors import InputError, ResultsError
+from interdrive.results import Column, arrow_table, check_folder, labels, replacing, write_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from interdrive.batches.metrics import Metric
+    from interdrive.results import ArrowTable
+
+    Floats = NDArray[np.float64]
+
+#: Stands for all categories together.
+ALL = "all"
+
+_WHICH = (
+    Column("traffic", "label", "what vehicles do that are not under test"),
+    Column("agents", "label", "who is under test"),
+    Column("category", "label", "folder of the scenarios, or all"),
+)
+
+#: Files of a comparison on disk; the first one marks its folder.
+_MARK = "reservations.txt"
+_FILES = (
+    *(_MARK, "comparison.pdf", "comparison.png"),
+    *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
+)
+
+#: One row per traffic, agents, category and variant.
+TABLE_COLUMNS = (
+    *_WHICH,
+    Column("variant", "label", "planner, with its predictor if there are several"),
+    Column("runs", "integer", "runs that finished"),
+    Column("runs_lost", "integer", "runs that failed, crashed or were ended; refused ones are not among them"),
+    Column("n_agents", "integer", "agents under test"),
+    *(Column(metric.name, "number", metric.heading, nullable=True) for metric in METRICS),
+)
+
+#: One row per traffic, agents, category, pair of variants and metric.
+DIFFERENCE_COLUMNS = (
+    *_WHICH,
+    Column("variant", "label", "the one"),
+    Column("other", "label", "the other one"),
+    Column("metric", "label", "one of interdrive.batches.METRICS"),
+    Column("difference", "number", "of the one minus the other, over agents that both drove", nullable=True),
+    Column("low", "number", "lower end of the interval", nullable=True),
+    Column("high", "number", "upper end of the interval", nullable=True),
+    Column("n_agents", "integer", "agents that both drove"),
+    Column("n_scenarios", "integer", "scenarios of these agents"),
+)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Planners of a batch compared.
+
+    Attributes:
+        table: The columns are `TABLE_COLUMNS`.
+        differences: The columns are `DIFFERENCE_COLUMNS`.
+        variants: What is compared, in order.
+        samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
+        reservations: What the numbers do not prove, one line each.
+    """
+
+    table: ArrowTable
+    differences: ArrowTable
+    variants: tuple[str, ...]
+    samples: int
+    level: float
+    seed: int
+    reservations: tuple[str, ...]
+
+
+def compare(folder: str | Path, *, samples: int = 2000, level: float = 0.95, seed: int = 0) -> Comparison:
+    """Compares the planners of a batch.
+
+    Differences are taken between the same agents in the same traffic. Intervals are percentiles of the differences in
+    samples of scenarios, drawn with replacement; all agents of a scenario go together (Efron and Tibshirani, "An
+    Introduction to the Bootstrap", 1993, chapters 8 and 13).
+
+    Args:
+        folder: Of the batch.
+        samples: Bootstrap samples.
+        level: Coverage of the intervals.
+        seed: Of the samples.
+
+    Raises:
+        ResultsError: The folder is no batch, or holds no finished run.
+        InputError: A number out of range.
+    """
+    if not 100 <= samples <= 1_000_000:
+        raise InputError(f"samples: expected at least 100 and at most 1000000, not {samples}")
+    if not 0.5 <= level < 1.0:
+        raise InputError(f"level: expected at least 0.5 and below 1, not {level}")
+    rows = _columns(BatchFolder.open(folder).table())
+    if not (rows["status"] == "finished").any():
+        raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to compare")
+    several = len(set(rows["predictor"])) > 1
+    rows["variant"] = np.array(
+        [f"{a} + {b}" if several else a for a, b in zip(rows["planner"], rows["predictor"], strict=True)], dtype=object
+    )
+    variants = tuple(sorted(set(rows["variant"])))
+    measured = {metric.name: metric.values(rows) for metric in METRICS}
+    rows.update({f"value of {name}": values for name, values in measured.items()})
+    table, differences = [], []
+    for which, part in _parts(rows):
+        table += [{**which, **row} for row in _table(part, variants)]
+        driven = [v for v in variants if ((part["variant"] == v) & (part["under_test"] == 1)).any()]
+        for one, other in itertools.combinations(driven, 2):
+            differences += [
+                {**which, "variant": one, "other": other, **row}
+                for row in _differences(part, one, other, samples, level, seed)
+            ]
+    return Comparison(
+        table=_arrow(TABLE_COLUMNS, table),
+        differences=_arrow(DIFFERENCE_COLUMNS, differences),
+        variants=variants,
+        samples=samples,
+        level=level,
+        seed=seed,
+        reservations=reservations(rows, variants, table, differences, level),
+    )
+
+
+def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Writes table and differences (Parquet, CSV), reservations and figure (PDF, PNG); returns the folder.
+
+    Args:
+        found: What to write.
+        folder: New or empty folder, or one that holds another comparison.
+        overwrite: Replace the other comparison. A folder with anything else in it is never touched.
+
+    Raises:
+        ResultsError: If the folder cannot be used or written.
+    """
+    from interdrive.batches.figure import draw_comparison  # noqa: PLC0415 - loads matplotlib
+    from interdrive.plots import save_figure  # noqa: PLC0415
+
+    target = check_folder(folder, "comparison", _MARK, lambda entry: entry.name in _FILES, overwrite=overwrite)
+    with replacing(target) as partial:
+        partial.mkdir()
+        for name, table in (("table", found.table), ("differences", found.differences)):
+            for ending in ("parquet", "csv"):
+                write_table(table, partial / f"{name}.{ending}")
+        (partial / _MARK).write_text("".join(f"{line}\n" for line in found.reservations), encoding="utf-8")
+        figure = draw_comparison(found)
+        for ending in ("pdf", "png"):
+            save_figure(figure, partial / f"comparison.{ending}")
+    return target
+
+
+def _columns(table: ArrowTable) -> dict[str, Any]:
+    """The columns as numpy arrays; absent numbers are nan, texts are objects."""
+    found: dict[str, Any] = {}
+    for name in table.column_names:
+        found[name] = np.array(table[name].to_pylist())
+        if found[name].dtype == object and not any(isinstance(item, str) for item in found[name]):
+            found[name] = np.array([np.nan if item is None else item for item in found[name]], dtype=np.float64)
+        elif found[name].dtype.kind == "U":
+            found[name] = found[name].astype(object)
+    return found
+
+
+def _parts(rows: dict[str, Any]) -> Iterator[tuple[dict[str, str], dict[str, Any]]]:
+    """Rows by traffic, agents and category; all categories first."""
+    settings = sorted(set(zip(rows["traffic"], rows["agents"], strict=True)))
+    for traffic, agents in settings:
+        here = (rows["traffic"] == traffic) & (rows["agents"] == agents)
+        categories = sorted(set(rows["category"][here]))
+        for category in [ALL, *categories] if len(categories) > 1 else [ALL]:
+            chosen = here if category == ALL else here & (rows["category"] == category)
+            yield (
+                {"traffic": traffic, "agents": agents, "category": category},
+                {name: values[chosen] for name, values in rows.items()},
+            )
+
+
+def _table(part: dict[str, Any], variants: Sequence[str]) -> list[dict[str, Any]]:
+    found = []
+    for variant in variants:
+        mine = part["variant"] == variant
+        if not mine.any():
+            continue
+        status = dict(zip(part["key"][mine], part["status"][mine], strict=True))
+        tested = mine & (part["under_test"] == 1)
+        found.append(
+            {
+                "variant": variant,
+                "runs": sum(item == "finished" for item in status.values()),
+                "runs_lost": sum(item not in ("finished", "refused") for item in status.values()),
+                "n_agents": int(tested.sum()),
+                **{metric.name: together(metric, part[f"value of {metric.name}"][tested]) for metric in METRICS},
+            }
+        )
+    return found
+
+
+def _differences(
+    part: dict[str, Any], one: str, other: str, samples: int, level: float, seed: int
+) -> list[dict[str, Any]]:
+    """All metrics of one variant minus those of another one, over the agents that both drove."""
+    who = []
+    for variant in (one, other):
+        rows = np.flatnonzero((part["variant"] == variant) & (part["under_test"] == 1))
+        agents = zip(part["scenario_sha256"][rows], part["seed"][rows], part["agent_id"][rows], strict=True)
+        who.append(dict(zip(agents, rows.tolist(), strict=True)))
+    both = sorted(who[0].keys() & who[1].keys())
+    a, b = (np.array([rows[agent] for agent in both], dtype=np.int64) for rows in who)
+    names, scenario = np.unique(np.array([agent[0] for agent in both], dtype=str), return_inverse=True)
+    n = len(names)
+    # How often every scenario is in every sample, shape (samples, scenarios).
+    drawn = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=samples) if n > 1 else None
+    found = []
+    for metric in METRICS:
+        values = part[f"value of {metric.name}"]
+        pair = np.stack([values[a], values[b]]) if both else np.empty((2, 0))
+        known = ~np.isnan(pair).any(axis=0)
+        difference = _difference(metric, pair[:, known], np.ones((1, int(known.sum()))))
+        low = high = float("nan")
+        if drawn is not None and known.any():
+            # In portions: samples times agents can be large.
+            portions = [
+                _difference(metric, pair[:, known], rows[:, scenario[known]].astype(np.float64))
+                for rows in np.array_split(drawn, -(-samples * int(known.sum()) // 10_000_000))
+            ]
+            spread = np.concatenate(portions)
+            spread = spread[~np.isnan(spread)]
+            if len(spread):
+                low, high = np.quantile(spread, [0.5 - 0.5 * level, 0.5 + 0.5 * level], method="nearest").tolist()
+        found.append(
+            {
+                "metric": metric.name,
+                "difference": float(difference[0]),
+                "low": low,
+                "high": high,
+                "n_agents": int(known.sum()),
+                "n_scenarios": len(np.unique(scenario[known])) if both else 0,
+            }
+        )
+    return found
+
+
+def _difference(metric: Metric, pair: Floats, weights: Floats) -> Floats:
+    """The metric of the first minus that of the second, for every row of weights of agents."""
+    if not pair.shape[1]:
+        return np.full(len(weights), np.nan)
+    if metric.median:
+        first, second = (weighted_medians(values, weights) for values in pair)
+        with np.errstate(invalid="ignore"):
+            found: Floats = np.where(first == second, 0.0, first - second)
+        return found
+    total = weights.sum(axis=1)
+    mean: Floats = weights @ (pair[0] - pair[1]) / np.where(total > 0, total, np.nan)
+    return mean
+
+
+def _arrow(columns: Sequence[Column], rows: Sequence[dict[str, Any]]) -> ArrowTable:
+    values: dict[str, Any] = {}
+    for column in columns:
+        cells = [row[column.name] for row in rows]
+        values[column.name] = labels(tuple(map(str, cells))) if column.kind == "label" else cells
+    return arrow_table(columns, values)

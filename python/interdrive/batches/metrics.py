@@ -1,0 +1,101 @@
+"""What planners are compared by: one number per agent and metric, and how agents are put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One metric.
+
+    Attributes:
+        name: In tables.
+        heading: For people, with unit.
+        column: Of the data set; an outcome counts the agents that ended so.
+        outcome: Whether `column` is an outcome.
+        scale: Values are multiplied by this.
+        absent: Value of agents without one; nan: they do not count.
+        median: Agents are put together by their median, otherwise by their mean.
+        better: +1: more is better, -1: less is better, 0: neither by itself.
+        digits: Behind the point.
+    """
+
+    name: str
+    heading: str
+    column: str
+    outcome: bool = False
+    scale: float = 1.0
+    absent: float = float("nan")
+    median: bool = False
+    better: int = -1
+    digits: int = 1
+
+    def values(self, columns: Mapping[str, Any]) -> Floats:
+        """One value per agent.
+
+        Args:
+            columns: Of the data set, as numpy arrays; absent numbers are nan.
+        """
+        if self.outcome:
+            ended: Floats = self.scale * (columns["outcome"] == self.column).astype(np.float64)
+            return ended
+        found = np.asarray(columns[self.column], dtype=np.float64)
+        values: Floats = self.scale * np.where(np.isnan(found), self.absent, found)
+        return values
+
+
+#: In the order of tables. Shares and rates are per agent under test.
+METRICS = (
+    Metric("goal_reached", "reached %", "goal_reached", outcome=True, scale=100.0, better=1),
+    Metric("goal_reached_late", "late %", "goal_reached_late", outcome=True, scale=100.0, better=0),
+    Metric("time_limit", "time limit %", "time_limit", outcome=True, scale=100.0),
+    Metric("goal_missed", "missed %", "goal_missed", outcome=True, scale=100.0),
+    Metric("infeasible", "infeasible %", "infeasible", outcome=True, scale=100.0),
+    Metric("planner_error", "broken %", "planner_error", outcome=True, scale=100.0),
+    Metric("collisions", "collisions per 100", "collision", outcome=True, scale=100.0, digits=2),
+    Metric("harm", "harm per 100", "harm", scale=100.0, absent=0.0, digits=3),
+    Metric("ttc_min", "min TTC [s]", "ttc_min", median=True, better=1, digits=2),
+    Metric("ttc_critical", "TTC < 2 s %", "ttc_critical", scale=100.0, digits=2),
+    Metric("jerk_rms", "jerk [m/s³]", "jerk_rms", digits=2),
+    Metric("lateral_acceleration_rms", "lat. acc. [m/s²]", "lateral_acceleration_rms", digits=2),
+    Metric("plan_ms", "plan [ms]", "plan_seconds", scale=1000.0, digits=3),
+)
+
+
+def together(metric: Metric, values: Floats) -> float:
+    """The metric of several agents; nan without any."""
+    known = values[~np.isnan(values)]
+    if not len(known):
+        return float("nan")
+    if not metric.median:
+        return float(np.mean(known))
+    return float(weighted_medians(known, np.ones((1, len(known))))[0])
+
+
+def weighted_medians(values: Floats, weights: Floats) -> Floats:
+    """The lower median for every row of weights; works with infinite values.
+
+    Args:
+        values: Shape (n,).
+        weights: Whole numbers of at least 0, shape (rows, n).
+
+    Returns:
+        Shape (rows,); nan where all weights are 0.
+    """
+    order = np.argsort(values, kind="stable")
+    sums = np.cumsum(weights[:, order], axis=1)
+    half = 0.5 * sums[:, -1:]
+    place = (sums >= half).argmax(axis=1)
+    found: Floats = np.where(half[:, 0] > 0, values[order][place], np.nan)
+    return found

@@ -1,0 +1,257 @@
+"""Planners compared: tables by category, paired differences with intervals, reservations; questions in SQL."""
+
+import hashlib
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.batches import BatchFolder, compare, query, save_comparison
+from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
+from interdrive.batches.dataset import encoded
+from interdrive.batches.execute import Finished
+from interdrive.batches.metrics import weighted_medians
+from interdrive.results import arrow_table, labels
+
+
+def invented(folder, runs):
+    """A batch folder with invented runs.
+
+    Args:
+        folder: Where.
+        runs: (scenario, planner, agents) each; agents is a status, or a mapping from ids to what differs from an agent
+            that has reached its goal.
+    """
+    batch = BatchFolder.create(folder)
+    for scenario, planner, agents in runs:
+        key = hashlib.sha256(f"{scenario} {planner}".encode()).hexdigest()[:32]
+        sha = hashlib.sha256(scenario.encode()).hexdigest()
+        run = {
+            "key": key, "scenario": scenario, "category": scenario.partition("/")[0], "planner": planner,
+            "predictor": "lane_following", "traffic": "same", "agents": "all", "seed": 0, "status": "finished",
+            "error": "", "attempts": 1, "digest": key, "dt": 0.1, "n_steps": 100, "read_seconds": 0.1,
+            "run_seconds": 1.0, "kept": False, "path": f"/{scenario}.xml", "scenario_sha256": sha, "version": "0",
+        }  # fmt: skip
+        if isinstance(agents, str):
+            rows = [{**run, "status": agents, **dict.fromkeys(column.name for column in AGENT_COLUMNS)}]
+        else:
+            usual = {
+                column.name: 1.0 if column.kind == "number" else 0 if column.kind == "integer" else ""
+                for column in AGENT_COLUMNS
+            }
+            usual |= {"under_test": True, "off_road": False, "outcome": "goal_reached", "agent_planner": planner}
+            usual |= {"harm": None, "partner_id": None}
+            rows = [{**run, **usual, "agent_id": agent, **own} for agent, own in agents.items()]
+        values = {column.name: [row[column.name] for row in rows] for column in COLUMNS}
+        for column in COLUMNS:
+            if column.kind == "label" and values[column.name][0] is not None:
+                values[column.name] = labels(tuple(values[column.name]))
+        batch.store(key, Finished("finished", "", encoded(arrow_table(COLUMNS, values))))
+    return folder
+
+
+def crash(harm=0.5):
+    return {"outcome": "collision", "harm": harm}
+
+
+def row(found, category, variant):
+    return next(r for r in found.table.to_pylist() if (r["category"], r["variant"]) == (category, variant))
+
+
+def difference(found, metric, category="all"):
+    rows = found.differences.to_pylist()
+    return next(r for r in rows if (r["category"], r["metric"]) == (category, metric))
+
+
+@pytest.fixture
+def two(tmp_path):
+    """Planner a reaches 3 of 4 goals and crashes once; planner b reaches 1 of 4."""
+    late, limit = {"outcome": "goal_reached_late"}, {"outcome": "time_limit", "ttc_min": math.inf}
+    return invented(
+        tmp_path / "batch",
+        [
+            ("urban/x", "a", {1: {"ttc_min": 2.0}, 2: crash()}),
+            ("urban/x", "b", {1: late, 2: limit}),
+            ("highway/y", "a", {1: {"ttc_min": 4.0}, 2: {"ttc_min": 6.0}}),
+            ("highway/y", "b", {1: {}, 2: limit}),
+        ],
+    )
+
+
+def test_the_table_counts_agents_by_category(two):
+    found = compare(two)
+    a, b = row(found, "all", "a"), row(found, "all", "b")
+    assert (a["runs"], a["n_agents"], a["goal_reached"], a["collisions"]) == (2, 4, 75.0, 25.0)
+    assert a["harm"] == pytest.approx(100 * 0.5 / 4)
+    assert (b["goal_reached"], b["goal_reached_late"], b["time_limit"], b["collisions"]) == (25.0, 25.0, 50.0, 0.0)
+    assert row(found, "urban", "a")["goal_reached"] == 50.0
+    assert row(found, "highway", "a")["ttc_min"] == 4.0
+    assert [r["category"] for r in found.table.to_pylist()] == ["all", "all", "highway", "highway", "urban", "urban"]
+
+
+def test_the_median_of_the_smallest_ttc_counts_who_had_no_conflict(two):
+    # b: 1.0 (late), inf, 1.0, inf: the lower median is 1.0; in urban, of 1.0 and inf, too.
+    assert row(compare(two), "all", "b")["ttc_min"] == 1.0
+
+
+def test_a_difference_is_between_the_same_agents(tmp_path):
+    folder = invented(
+        tmp_path / "batch",
+        [
+            ("s/x", "a", {1: {}, 2: {}, 3: crash()}),  # agent 3 was not driven by b
+            ("s/x", "b", {1: {}, 2: {"outcome": "time_limit"}}),
+            ("s/y", "a", {1: {}}),
+            ("s/y", "b", "timeout"),
+        ],
+    )
+    found = difference(compare(folder), "goal_reached")
+    assert (found["difference"], found["n_agents"], found["n_scenarios"]) == (50.0, 2, 1)
+    assert difference(compare(folder), "collisions")["difference"] == 0.0
+
+
+def test_an_interval_spans_what_other_choices_of_scenarios_would_have_given(two):
+    # Per scenario: urban a 50 %, b 0 %; highway a 100 %, b 50 %. The difference is 50 % in both, whatever is drawn.
+    found = difference(compare(two), "goal_reached")
+    assert (found["difference"], found["low"], found["high"]) == (50.0, 50.0, 50.0)
+    # Collisions: 50 in urban, 0 in highway: samples are 0, 25 or 50.
+    found = difference(compare(two), "collisions")
+    assert (found["difference"], found["low"], found["high"]) == (25.0, 0.0, 50.0)
+
+
+def test_an_interval_of_many_scenarios_is_that_of_the_mean(tmp_path):
+    """Against the normal approximation: 200 scenarios with one agent each, jerk differs by a known noise."""
+    noise = np.random.default_rng(7).normal(0.3, 1.0, 200)
+    runs = [(f"s/{k}", "a", {1: {"jerk_rms": 5.0 + noise[k]}}) for k in range(200)]
+    runs += [(f"s/{k}", "b", {1: {"jerk_rms": 5.0}}) for k in range(200)]
+    found = difference(compare(invented(tmp_path / "batch", runs), samples=4000), "jerk_rms")
+    half = 1.96 * noise.std() / math.sqrt(200)
+    assert found["difference"] == pytest.approx(noise.mean())
+    assert found["low"] == pytest.approx(noise.mean() - half, abs=0.1 * half)
+    assert found["high"] == pytest.approx(noise.mean() + half, abs=0.1 * half)
+
+
+def test_all_agents_of_a_scenario_go_together(tmp_path):
+    """Ten equal agents in each of two scenarios are two observations, not twenty."""
+    runs = [("s/x", "a", {k: crash() for k in range(10)}), ("s/y", "a", {k: {} for k in range(10)})]
+    runs += [(f"s/{name}", "b", {k: {} for k in range(10)}) for name in ("x", "y")]
+    found = difference(compare(invented(tmp_path / "batch", runs)), "collisions")
+    assert (found["difference"], found["low"], found["high"]) == (50.0, 0.0, 100.0)
+
+
+def test_equal_seeds_give_equal_intervals_and_one_scenario_gives_none(two, tmp_path):
+    assert compare(two, seed=3).differences.equals(compare(two, seed=3).differences)
+    one = invented(tmp_path / "one", [("s/x", "a", {1: {}}), ("s/x", "b", {1: crash()})])
+    found = difference(compare(one), "collisions")
+    assert (found["difference"], found["low"], found["high"]) == (-100.0, None, None)
+
+
+@pytest.mark.parametrize(
+    ("values", "weights", "median"),
+    [
+        ([3.0, 1.0, 2.0], [1, 1, 1], 2.0),
+        ([3.0, 1.0, 2.0], [0, 1, 1], 1.0),
+        ([3.0, 1.0, math.inf], [1, 0, 2], math.inf),
+        ([3.0, 1.0, 2.0], [5, 1, 1], 3.0),
+        ([3.0, 1.0], [0, 0], math.nan),
+    ],
+)
+def test_weighted_medians(values, weights, median):
+    found = weighted_medians(np.array(values), np.array([weights], dtype=float))
+    np.testing.assert_equal(found, [median])
+
+
+def test_traffic_and_agents_are_compared_apart(tmp_path):
+    done = idr.batch("lane_merge", tmp_path, planner="idm,idm_mobil", workers=2)
+    idr.batch("lane_merge", tmp_path, planner="idm,idm_mobil", agents=2, workers=2)
+    found = compare(done.folder)
+    assert {(r["traffic"], r["agents"]) for r in found.table.to_pylist()} == {("same", "all"), ("recorded", "2")}
+    assert {r["n_agents"] for r in found.table.to_pylist()} == {7, 2}
+
+
+def test_it_says_what_the_numbers_do_not_prove(tmp_path, two):
+    said = " ".join(compare(two).reservations)
+    assert "fewer than 20 scenarios" in said
+    assert "Few collisions (a 1, b 0)" in said
+    assert "planners meet different traffic" in said
+    assert "did not finish" not in said
+    lost = invented(
+        tmp_path / "lost",
+        [("s/x", "a", {1: {}}), ("s/x", "b", "crashed"), ("s/z", "a", "refused"), ("s/z", "b", "refused")],
+    )
+    assert "Runs that did not finish are not in the rates (b 1)" in " ".join(compare(lost).reservations)
+
+
+def test_a_comparison_is_a_folder_that_is_replaced_but_nothing_else(two, tmp_path):
+    found = compare(two)
+    target = save_comparison(found, tmp_path / "out")
+    assert sorted(path.name for path in target.iterdir()) == [
+        "comparison.pdf", "comparison.png", "differences.csv", "differences.parquet", "reservations.txt", "table.csv",
+        "table.parquet",
+    ]  # fmt: skip
+    assert (target / "comparison.pdf").read_bytes().startswith(b"%PDF")
+    save_comparison(found, target, overwrite=True)
+    (target / "mine.txt").write_text("mine")
+    with pytest.raises(idr.ResultsError, match=r"holds other things \(mine.txt\)"):
+        save_comparison(found, target, overwrite=True)
+
+
+def test_nothing_to_compare_is_one_line(tmp_path):
+    with pytest.raises(idr.ResultsError, match="not a batch folder"):
+        compare(tmp_path)
+    BatchFolder.create(tmp_path / "empty")
+    with pytest.raises(idr.ResultsError, match="no run of this batch has finished"):
+        compare(tmp_path / "empty")
+    with pytest.raises(idr.InputError, match="samples: expected at least 100"):
+        compare(invented(tmp_path / "one", [("s/x", "a", {1: {}})]), samples=3)
+
+
+def test_questions_in_sql_see_merged_runs_and_others_once(two):
+    before = query(two, "select planner, count(*) from agents group by all order by all")
+    assert before.columns == ("planner", "count_star()")
+    assert before.rows == (("a", 4), ("b", 4))
+    batch = BatchFolder.open(two)
+    fresh = batch.unmerged()[0]
+    content = fresh.read_bytes()
+    batch.tidy(now=True)
+    fresh.write_bytes(content)  # merged and not yet removed
+    assert query(two, "select planner, count(*) from agents group by all order by all").rows == before.rows
+    assert query(two, "select count(*) from runs").rows == ((4,),)
+
+
+def test_questions_that_cannot_be_answered_are_one_line(two, tmp_path, monkeypatch):
+    with pytest.raises(idr.InputError, match=r"^sql: .*speling"):
+        query(two, "select speling from results")
+    with pytest.raises(idr.ResultsError, match="not a batch folder"):
+        query(tmp_path, "select 1")
+    BatchFolder.create(tmp_path / "empty")
+    with pytest.raises(idr.InputError, match="nothing to ask"):
+        query(tmp_path / "empty", "select 1")
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(idr.InterdriveError, match=r"pip install interdrive\[duckdb\]"):
+        query(two, "select 1")
+
+
+def test_the_commands_print_tables(two):
+    def said(*arguments):
+        done = subprocess.run(
+            [sys.executable, "-m", "interdrive", *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    lines = said("compare", two)
+    assert lines[0].strip() == "agents all, traffic same"
+    assert any(line.split()[:6] == ["all", "a", "2", "0", "4", "75.0"] for line in lines)
+    assert any(line.startswith("collisions per 100") and "25.00 [0.00, 50.00]" in line for line in lines)
+    assert "What these numbers do not prove:" in lines
+    assert (two / "comparison" / "comparison.png").exists()
+    question = "select planner, outcome, count(*) as n from agents group by all order by all"
+    assert said("sql", two, question)[1].split() == ["a", "collision", "1"]
+    assert said("sql", two, question, "--csv")[:2] == ["planner,outcome,n", "a,collision,1"]
