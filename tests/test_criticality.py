@@ -406,6 +406,8 @@ def test_figures_show_the_vehicle_and_the_moment():
     assert "time to collision 1.05 s at 2.0 s" in scene.axes[0].get_title(loc="left")
     with pytest.raises(InputError, match="was not judged"):
         draw_criticality(found, 5)
+    with pytest.raises(InputError, match="the moment of msd has no partner: there is no encounter to draw"):
+        draw_critical_moment(recorded_run(scenario), found.most_critical("msd"))
 
 
 # Every recorded scenario

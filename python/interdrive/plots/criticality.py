@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from interdrive.criticality import MEASURES, measure_named
+from interdrive.errors import InputError
 from interdrive.plots.participants import AGENTS, INK, RECORDED
 from interdrive.plots.scenes import Scene, draw_scenes
 
@@ -132,8 +133,13 @@ def draw_critical_moment(run: Run, moment: CriticalMoment) -> Figure:
 
     Returns:
         A matplotlib figure without pyplot; `save_figure` writes it.
+
+    Raises:
+        InputError: The moment has no partner.
     """
     measure = measure_named(moment.measure)
+    if moment.partner_id < 0:
+        raise InputError(f"the moment of {measure.name} has no partner: there is no encounter to draw")
     value = f"{moment.value:.2f} {measure.unit}".rstrip()
     time = moment.time_step * run.scenario.dt
     title = f"{run.scenario.name}: {measure.title} {value} at {time:.1f} s"
