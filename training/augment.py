@@ -21,9 +21,7 @@ _N_INSTANTS, _INSTANT = 10, 0.2
 _COLUMN = {
     group: {entry[0]: i for i, entry in enumerate(_core.NEURAL[group])} for group in ("agent", "neighbours", "paths")
 }
-_SCALE = {
-    group: {entry[0]: entry[1] for entry in _core.NEURAL[group]} for group in ("agent", "neighbours", "paths")
-}
+_SCALE = {group: {entry[0]: entry[1] for entry in _core.NEURAL[group]} for group in ("agent", "neighbours", "paths")}
 _SIGN = {
     group: torch.tensor([entry[2] for entry in _core.NEURAL[group]], dtype=torch.float32)
     for group in ("agent", "neighbours", "paths")
@@ -41,12 +39,14 @@ class Augmentation:
         shortened: Share of rows whose past is cut at a random instant.
         forgetful: Share of neighbours that are left out.
         speed_noise: Standard deviation of the speed of moving vehicles, relative.
+        jittery: Share of rows whose past is measured badly, as cameras do.
     """
 
     mirrored: float = 0.3
     shortened: float = 0.25
     forgetful: float = 0.05
     speed_noise: float = 0.01
+    jittery: float = 0.2
 
 
 def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
@@ -59,6 +59,8 @@ def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
 
     if how.mirrored:
         batch = _mixed(batch, mirrored(batch), chosen(how.mirrored))
+    if how.jittery:
+        batch["agent"] = jittered(batch["agent"], chosen(how.jittery) & (batch["velocity"] > 1.0), generator)
     if how.shortened:
         instants = torch.randint(0, _N_INSTANTS, (n,), generator=generator)
         batch["agent"] = shortened(batch["agent"], torch.where(chosen(how.shortened), instants, _N_INSTANTS))
@@ -89,6 +91,26 @@ def mirrored(batch: Batch) -> Batch:
     out["offset"], out["slope"] = -out["offset"], -out["slope"]
     out["target"] = out["target"] * torch.tensor([1.0, -1.0])
     return out
+
+
+#: Standard deviations of what cameras measure badly: of instants of the past, and of the present.
+_JITTER_PAST = {"past_x": 0.15, "past_y": 0.08, "past_velocity": 0.4}
+_JITTER_NOW = {"acceleration_half_second": 0.6, "acceleration_second": 0.3, "yaw_rate": 0.03}
+
+
+def jittered(agent: Tensor, chosen: Tensor, generator: Generator) -> Tensor:
+    """Features of vehicles with errors of measurement in what is known of the past of the chosen ones, shape (b,)."""
+    agent = agent.clone()
+    size = torch.rand(len(agent), generator=generator) * chosen
+    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    for i, (name, sigma) in enumerate(_JITTER_PAST.items()):
+        noise = torch.randn(len(agent), _N_INSTANTS, generator=generator) * sigma / _SCALE["agent"][f"{name}_0.2"]
+        past[..., i] += noise * past[..., 3] * size[:, None]
+    for name, sigma in _JITTER_NOW.items():
+        column = agent[:, _COLUMN["agent"][name]]
+        noise = torch.randn(len(agent), generator=generator) * sigma / _SCALE["agent"][name]
+        column += noise * size * (column != 0)
+    return agent
 
 
 def shortened(agent: Tensor, instants: Tensor) -> Tensor:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
 import torch
 
 if TYPE_CHECKING:
@@ -37,10 +36,11 @@ def calibrated(answer: Answer, calibration: Calibration) -> Answer:
 
 
 def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) -> Tensor:
-    """Mean logarithm of the density of the mixture at each knot; factors: s and d per knot, logarithm of temperature."""
+    """Mean logarithm of the density at the knots; factors: logarithms of those of s, of d, and of the temperature."""
     n = target.shape[2]
     s, d, log_temperature = factors[:n].exp(), factors[n : 2 * n].exp(), factors[2 * n]
-    log_p = torch.log_softmax((answer.log_probability / log_temperature.exp()).flatten(1), dim=1)
+    logits = answer.log_probability.clamp(min=-1e3)  # the derivative of an infinite one is nan
+    log_p = torch.log_softmax((logits / log_temperature.exp()).flatten(1), dim=1)
     on_path = torch.isfinite(target).all(dim=-1)
     true = target.nan_to_num(0.0)
     sigma_s, sigma_d = answer.sigma_s * s, answer.sigma_d * d
@@ -73,5 +73,7 @@ def fitted(answers: Sequence[Answer], targets: Sequence[Tensor], shares: Sequenc
         return value
 
     optimizer.step(closure)
-    found = factors.detach().exp().numpy().astype(float)
-    return Calibration(tuple(np.round(found[:n], 4)), tuple(np.round(found[n : 2 * n], 4)), float(np.round(found[-1], 4)))
+    found = [round(value, 4) for value in factors.detach().exp().tolist()]
+    if not all(0.2 < value < 5.0 for value in found):
+        raise ValueError(f"the calibration did not converge: {found}")
+    return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), found[-1])

@@ -18,7 +18,8 @@ from interdrive.handles import core_road, core_scenario
 from interdrive.predictors import PredictorSettings, native
 from interdrive.predictors import resolve as resolve_predictor
 from interdrive.run_settings import RoadSettings
-from training.split import place_of
+from training.split import FOLDS, place_of
+from training.steady import steady_traffic
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -37,6 +38,8 @@ REVISION = 1
 INTERVAL = 0.2
 #: Predictors whose answers are kept beside the truth, and the modes that each has at most.
 RIVALS = {"constant_velocity": 1, "lane_following": 3}
+#: Largest speed of invented steady traffic [m/s], by category of the place.
+_STEADY_SPEED = {"highway": 38.0, "other": 38.0, "urban": 17.0, "intersection": 17.0}
 #: Points of each path that are kept, evenly spread over what can be reached.
 PATH_POINTS = 64
 KNOTS = np.asarray(_core.NEURAL["knots"])
@@ -68,9 +71,8 @@ def future_of(obstacles: Obstacles, ids: NDArray[np.int64], time_step: int, dt: 
     return np.where(exists[..., None], future, np.nan)
 
 
-def rows_of_file(path: Path) -> Rows:
-    """All rows of one file, with what other predictors say; empty where nothing moves."""
-    scenario = read_scenario(path)
+def rows_of(scenario: Scenario) -> Rows:
+    """All rows of one scenario, with what other predictors say; empty where nothing moves."""
     road_settings = RoadSettings()
     road = core_road(scenario, road_settings.gap_tolerance, road_settings.open_end_length)
     core = core_scenario(scenario, road)
@@ -99,9 +101,7 @@ def rows_of_file(path: Path) -> Rows:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if parts else {}
 
 
-def _rows_of_scene(
-    scenario: Scenario, time_step: int, inputs: _core.NeuralInputs, future: NDArray[np.float64]
-) -> Rows:
+def _rows_of_scene(scenario: Scenario, time_step: int, inputs: _core.NeuralInputs, future: NDArray[np.float64]) -> Rows:
     row = np.searchsorted(scenario.obstacles.ids, inputs.ids)
     pose = np.stack(
         [getattr(scenario.obstacles, name)[row, time_step] for name in ("x", "y", "orientation")], axis=-1
@@ -142,12 +142,16 @@ def scenario_files(folders: Sequence[Path]) -> list[Path]:
     return [found[name] for name in sorted(found)]
 
 
-def cached_rows(path: Path, cache: Path) -> Rows:
-    """Rows of a file, made once and kept under the digest of the file."""
+def cached_rows(path: Path, cache: Path, steady_speed: float | None = None) -> Rows:
+    """Rows of a file, or of steady traffic on its map if a speed is given; made once and kept in the cache."""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    kept = cache / f"{path.stem}-{digest[:12]}-{_core.NEURAL['version']}.{REVISION}.npz"
+    kind = "" if steady_speed is None else f"-steady{steady_speed:g}"
+    kept = cache / f"{path.stem}-{digest[:12]}{kind}-{_core.NEURAL['version']}.{REVISION}.npz"
     if not kept.exists():
-        rows = rows_of_file(path)
+        scenario = read_scenario(path)
+        if steady_speed is not None:
+            scenario = steady_traffic(scenario, steady_speed, int(digest[:8], 16))
+        rows = rows_of(scenario)
         unfinished = kept.with_suffix(".part.npz")
         np.savez(unfinished, **rows)
         unfinished.rename(kept)
@@ -155,15 +159,27 @@ def cached_rows(path: Path, cache: Path) -> Rows:
         return {name: stored[name] for name in stored.files}
 
 
-def load(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Iterator[tuple[str, Place, Rows]]:
-    """Rows of every file that has traffic to learn from, in order of the names."""
+def load(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Iterator[tuple[str, Place, bool, Rows]]:
+    """Rows of every file that has traffic to learn from, in order of the names.
+
+    Yields:
+        Name, place, whether the traffic is invented and steady (at places for training, once per map), rows.
+    """
     cache.mkdir(parents=True, exist_ok=True)
+    drawn: set[str] = set()
     for path in files:
         place = place_of(path.stem, places)
-        if place.part != "none":
-            rows = cached_rows(path, cache)
+        if place.part == "none":
+            continue
+        rows = cached_rows(path, cache)
+        if rows and len(rows["id"]):
+            yield path.stem, place, False, rows
+        map_name = path.stem.split("_T-")[0].rpartition("_")[0]
+        if place.part in FOLDS and map_name not in drawn:
+            drawn.add(map_name)
+            rows = cached_rows(path, cache, _STEADY_SPEED.get(place.category, _STEADY_SPEED["other"]))
             if rows and len(rows["id"]):
-                yield path.stem, place, rows
+                yield path.stem, place, True, rows
 
 
 def fresh(rows: Rows, seen: set[bytes], place: str) -> NDArray[np.bool_]:
@@ -188,16 +204,17 @@ def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Row
     """All rows of all files, each once, with their file and place.
 
     Returns:
-        The arrays of `rows_of_file`, and `file` and `place`: their names, shape (rows,).
+        The arrays of `rows_of`, `file` and `place`: their names, and `steady`: invented, shape (rows,).
     """
     seen: set[bytes] = set()
     parts: list[Rows] = []
     # The fullest recording first: of two rows that agree, the one with more traffic around it is kept.
-    loaded = sorted(load(files, places, cache), key=lambda entry: (-len(entry[2]["id"]), entry[0]))
-    for name, place, rows in loaded:
+    loaded = sorted(load(files, places, cache), key=lambda entry: (-len(entry[3]["id"]), entry[0], entry[2]))
+    for name, place, is_steady, rows in loaded:
         keep = fresh(rows, seen, place.name)
         part = {field: values[keep] for field, values in rows.items()}
         part["file"] = np.full(int(keep.sum()), name)
         part["place"] = np.full(int(keep.sum()), place.name)
+        part["steady"] = np.full(int(keep.sum()), is_steady)
         parts.append(part)
     return {field: np.concatenate([part[field] for part in parts]) for field in parts[0]}

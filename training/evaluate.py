@@ -89,8 +89,10 @@ def rival_modes(rows: Rows, name: str) -> Modes:
 
 
 def errors(modes: Modes, rows: Rows) -> dict[str, Floats]:
-    """Per row: distances [m] of the most probable and of the nearest mode, on average and at the last knot; nan where the
-    recording ends before 3 s."""
+    """Per row: distances [m] of the most probable and of the nearest mode, on average and at the last knot.
+
+    Where the recording ends before 3 s they are nan.
+    """
     future = rows["future"].astype(np.float64)
     distance = np.linalg.norm(modes.xy - future[:, None], axis=-1)
     distance = np.where((modes.probability > 0)[..., None], distance, np.inf)

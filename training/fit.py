@@ -54,27 +54,28 @@ class Course:
 
 
 def shares(rows: Rows, places: tuple[Place, ...]) -> NDArray[np.float64]:
-    """How often each row is drawn: places count with the square root of their rows, kinds of traffic are balanced,
-    standing vehicles that stay count little.
+    """How often each row is drawn.
+
+    Places count with the square root of their rows, kinds of traffic are balanced, standing vehicles count less.
 
     Returns:
         Probabilities, shape (rows,).
     """
     traffic = {place.name: place.traffic for place in places}
-    of_traffic = {"recorded": 0.45, "simulated": 0.5, "invented": 0.05}
-    still = rows["standing"] & ~(np.linalg.norm(rows["future"], axis=-1) > 1.0).any(axis=1)
-    share = np.where(still, 0.2, 1.0)
-    names = sorted(set(rows["place"]))
+    of_traffic = {"recorded": 0.42, "simulated": 0.46, "invented": 0.05, "steady": 0.07}
+    share = np.where(rows["standing"], 0.3, 1.0)
+    kind = np.where(rows["steady"], "steady", [traffic[name] for name in rows["place"]])
     mass = dict.fromkeys(of_traffic, 0.0)
-    for name in names:
-        here = rows["place"] == name
-        total = share[here].sum()
-        share[here] /= math.sqrt(total)
-        mass[traffic[name]] += math.sqrt(total)
-    kind = np.array([traffic[name] for name in rows["place"]])
-    for name, wanted in of_traffic.items():
-        if mass[name] > 0:
-            share[kind == name] *= wanted / mass[name]
+    for name in sorted(set(rows["place"])):
+        for of_kind in of_traffic:
+            here = (rows["place"] == name) & (kind == of_kind)
+            if here.any():
+                total = float(share[here].sum())
+                share[here] /= math.sqrt(total)
+                mass[of_kind] += math.sqrt(total)
+    for of_kind, wanted in of_traffic.items():
+        if mass[of_kind] > 0:
+            share[kind == of_kind] *= wanted / mass[of_kind]
     return np.asarray(share / share.sum())
 
 
@@ -85,6 +86,7 @@ def tensors(rows: Rows) -> dict[str, torch.Tensor]:
 
 def answer_to(network: Network, rows: Rows) -> Answer:
     """What a network says to rows."""
+    network.eval()
     with torch.no_grad():
         data = tensors(rows)
         inputs = [data[name] for name in ("agent", "neighbours", "paths", "path_valid")]
@@ -116,6 +118,7 @@ def fit(
     for epoch in range(1, course.epochs + 1):
         drawn = torch.multinomial(share, steps * course.batch, replacement=True, generator=generator)
         total = 0.0
+        network.train()
         for chosen in drawn.view(steps, course.batch):
             batch = {name: values[chosen] for name, values in data.items()}
             batch = augmented(batch, course.augmentation, generator)
@@ -128,4 +131,5 @@ def fit(
             schedule.step()
             total += value.item()
         after_epoch(epoch, total / steps, network)
+    network.eval()
     return network

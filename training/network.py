@@ -31,12 +31,13 @@ _PER_MODE = 1 + 4 * N_KNOTS
 
 @dataclass(frozen=True)
 class Sizes:
-    """Widths of the hidden layers."""
+    """Widths of the hidden layers, and the share of encodings that are blanked in training."""
 
     agent: int = 64
     neighbour: int = 32
     path: int = 64
     head: int = 64
+    dropout: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class Network(nn.Module):
         self.path = nn.ModuleList([nn.Linear(known, sizes.path), nn.Linear(sizes.path, sizes.path)])
         self.head = nn.ModuleList([nn.Linear(2 * sizes.path, sizes.head), nn.Linear(sizes.head, N_MODES * _PER_MODE)])
         self.sizes = sizes
+        self.dropout = nn.Dropout(sizes.dropout)
         with torch.no_grad():
             # Starts near constant velocity with a spread of about 0.6 m/s along and 0.2 m/s across.
             last = self.head[1]
@@ -82,14 +84,18 @@ class Network(nn.Module):
             last.bias.copy_(bias.flatten())
 
     def forward(self, agent: Tensor, neighbours: Tensor, paths: Tensor, path_valid: Tensor) -> Tensor:
-        """Raw numbers, shape (b, P, M * 25): per mode a logit and, per knot, r, e and the two spreads."""
-        h_a = _both(self.agent, agent)
+        """Raw numbers, shape (b, P, M * 25), 0 without path: per mode a logit and, per knot, r, e and two spreads."""
+        h_a = self.dropout(_both(self.agent, agent))
         present = neighbours[..., -1:] > 0
         h_n = (_both(self.neighbour, neighbours) * present).amax(dim=1)
-        context = torch.cat([h_a, h_n], dim=-1)[:, None].expand(-1, paths.shape[1], -1)
-        z = _both(self.path, torch.cat([paths, context], dim=-1)) * path_valid[..., None]
-        c = z.amax(dim=1, keepdim=True).expand_as(z)
-        return self.head[1](torch.relu(self.head[0](torch.cat([z, c], dim=-1))))
+        # Only the paths that are there: about half of the slots are empty.
+        row, slot = torch.nonzero(path_valid, as_tuple=True)
+        z = _both(self.path, torch.cat([paths[row, slot], h_a[row], h_n[row]], dim=-1))
+        z = self.dropout(z)
+        per_row = z.new_zeros(*path_valid.shape, z.shape[-1]).index_put((row, slot), z)
+        c = per_row.amax(dim=1)
+        y = self.head[1](torch.relu(self.head[0](torch.cat([z, c[row]], dim=-1))))
+        return y.new_zeros(*path_valid.shape, y.shape[-1]).index_put((row, slot), y)
 
 
 def _both(layers: nn.ModuleList, x: Tensor) -> Tensor:

@@ -25,7 +25,11 @@ class Place:
     traffic: str
 
 
-def read_places(path: Path = Path(__file__).with_name("split.toml")) -> tuple[Place, ...]:
+#: The split.
+SPLIT = Path(__file__).with_name("split.toml")
+
+
+def read_places(path: Path = SPLIT) -> tuple[Place, ...]:
     """All places.
 
     Raises:
