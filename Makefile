@@ -6,7 +6,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench oracles third_party ray format clean
+.PHONY: demo test check bench oracles third_party ray train format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -89,10 +89,25 @@ ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see do
 	VIRTUAL_ENV=$(CURDIR)/.venv-oracles .venv-oracles/bin/maturin develop --release --quiet
 	touch $@
 
+train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
+	.venv-training/bin/python -m training
+
+# The index of torch without CUDA keeps the download small.
+.venv-training/.tools: pyproject.toml
+	$(PYTHON) -m venv .venv-training
+	.venv-training/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	.venv-training/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['training'], *p['build-system']['requires'], sep='\n')" > .venv-training/requirements.txt
+	.venv-training/bin/python -m pip install --quiet --disable-pip-version-check --extra-index-url https://download.pytorch.org/whl/cpu -r .venv-training/requirements.txt
+	touch $@
+
+.venv-training/.installed: .venv-training/.tools $(RUST)
+	VIRTUAL_ENV=$(CURDIR)/.venv-training .venv-training/bin/maturin develop --release --quiet
+	touch $@
+
 format: $(VENV)/.tools ## writes what `make check` wants to see
 	cargo fmt --all
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-oracles .venv-third .venv-ray target demo out
+	rm -rf $(VENV) .venv-oracles .venv-third .venv-ray .venv-training target demo out

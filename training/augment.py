@@ -1,0 +1,152 @@
+"""Variations of rows: mirrored, with another measured speed, with a shorter past, with fewer neighbours.
+
+Turning and moving are missing on purpose: features are local to the vehicle and do not change with them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import torch
+
+from interdrive import _core
+
+if TYPE_CHECKING:
+    from torch import Generator, Tensor
+
+    Batch = dict[str, Tensor]
+
+_N_INSTANTS, _INSTANT = 10, 0.2
+_COLUMN = {
+    group: {entry[0]: i for i, entry in enumerate(_core.NEURAL[group])} for group in ("agent", "neighbours", "paths")
+}
+_SCALE = {group: {entry[0]: entry[1] for entry in _core.NEURAL[group]} for group in ("agent", "neighbours", "paths")}
+_SIGN = {
+    group: torch.tensor([entry[2] for entry in _core.NEURAL[group]], dtype=torch.float32)
+    for group in ("agent", "neighbours", "paths")
+}
+_SWAPPED_COLUMNS = torch.tensor(_core.NEURAL["path_mirror_columns"])
+_SWAPPED_SLOTS = torch.tensor(_core.NEURAL["mirror_slots"])
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How often and how much rows are varied.
+
+    Attributes:
+        mirrored: Share of rows that are mirrored.
+        shortened: Share of rows whose past is cut at a random instant.
+        forgetful: Share of neighbours that are left out.
+        speed_noise: Standard deviation of the speed of moving vehicles, relative.
+        jittery: Share of rows whose past is measured badly, as cameras do.
+    """
+
+    mirrored: float = 0.3
+    shortened: float = 0.25
+    forgetful: float = 0.05
+    speed_noise: float = 0.01
+    jittery: float = 0.2
+
+
+def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
+    """A varied copy of a batch."""
+    n = len(batch["velocity"])
+    batch = dict(batch)
+
+    def chosen(share: float, *shape: int) -> Tensor:
+        return torch.rand(shape or (n,), generator=generator) < share
+
+    if how.mirrored:
+        batch = _mixed(batch, mirrored(batch), chosen(how.mirrored))
+    if how.jittery:
+        batch["agent"] = jittered(batch["agent"], chosen(how.jittery) & (batch["velocity"] > 1.0), generator)
+    if how.shortened:
+        instants = torch.randint(0, _N_INSTANTS, (n,), generator=generator)
+        batch["agent"] = shortened(batch["agent"], torch.where(chosen(how.shortened), instants, _N_INSTANTS))
+    if how.forgetful:
+        kept = ~chosen(how.forgetful, n, batch["neighbours"].shape[1], 1)
+        batch["neighbours"] = batch["neighbours"] * kept
+    if how.speed_noise:
+        noise = torch.randn(n, generator=generator) * how.speed_noise * batch["velocity"]
+        batch = with_speed(batch, torch.where(batch["velocity"] > 1.0, noise, torch.zeros(n)))
+    return batch
+
+
+def _mixed(batch: Batch, other: Batch, where: Tensor) -> Batch:
+    return {
+        name: torch.where(where.view(-1, *[1] * (values.dim() - 1)), other[name], values)
+        for name, values in batch.items()
+    }
+
+
+def mirrored(batch: Batch) -> Batch:
+    """Left and right change places."""
+    out = dict(batch)
+    for group in ("agent", "neighbours", "paths"):
+        out[group] = batch[group] * _SIGN[group]
+    out["paths"] = out["paths"][..., _SWAPPED_COLUMNS]
+    for name in ("paths", "path_valid", "offset", "slope", "settling", "target"):
+        out[name] = out[name][:, _SWAPPED_SLOTS]
+    out["offset"], out["slope"] = -out["offset"], -out["slope"]
+    out["target"] = out["target"] * torch.tensor([1.0, -1.0])
+    return out
+
+
+#: Standard deviations of what cameras measure badly: of instants of the past, and of the present.
+_JITTER_PAST = {"past_x": 0.15, "past_y": 0.08, "past_velocity": 0.4}
+_JITTER_NOW = {"acceleration_half_second": 0.6, "acceleration_second": 0.3, "yaw_rate": 0.03}
+
+
+def jittered(agent: Tensor, chosen: Tensor, generator: Generator) -> Tensor:
+    """Features of vehicles with errors of measurement in what is known of the past of the chosen ones, shape (b,)."""
+    agent = agent.clone()
+    size = torch.rand(len(agent), generator=generator) * chosen
+    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    for i, (name, sigma) in enumerate(_JITTER_PAST.items()):
+        noise = torch.randn(len(agent), _N_INSTANTS, generator=generator) * sigma / _SCALE["agent"][f"{name}_0.2"]
+        past[..., i] += noise * past[..., 3] * size[:, None]
+    for name, sigma in _JITTER_NOW.items():
+        column = agent[:, _COLUMN["agent"][name]]
+        noise = torch.randn(len(agent), generator=generator) * sigma / _SCALE["agent"][name]
+        column += noise * size * (column != 0)
+    return agent
+
+
+def shortened(agent: Tensor, instants: Tensor) -> Tensor:
+    """Features of vehicles whose past is known for a number of instants only, shape (b,); ten leave all as it is."""
+    column = _COLUMN["agent"]
+    agent = agent.clone()
+    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    past *= (torch.arange(_N_INSTANTS) < instants[:, None])[..., None]
+    seconds = instants * _INSTANT
+    is_short = instants < _N_INSTANTS
+    for name in ("seconds_known", "seconds_unmoved"):
+        i = column[name]
+        agent[:, i] = torch.where(is_short, torch.minimum(agent[:, i] * _SCALE["agent"][name], seconds), agent[:, i])
+    for name, needed in (("acceleration_half_second", 0.5), ("yaw_rate", 0.5), ("acceleration_second", 1.0)):
+        agent[:, column[name]] *= ~is_short | (seconds >= needed)
+    return agent
+
+
+def with_speed(batch: Batch, change: Tensor) -> Batch:
+    """As if the speed of the vehicle now had been measured differently by `change` [m/s], shape (b,)."""
+    out = dict(batch)
+    agent, neighbours, paths = (batch[group].clone() for group in ("agent", "neighbours", "paths"))
+    change = torch.maximum(change, -batch["velocity"])
+    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    ago = torch.arange(1, _N_INSTANTS + 1) * _INSTANT
+    known = past[..., 3]
+    past[..., 0] += known * ago * change[:, None] / _SCALE["agent"]["past_x_0.2"]
+    past[..., 2] -= known * change[:, None] / _SCALE["agent"]["past_velocity_0.2"]
+    agent[:, _COLUMN["agent"]["velocity"]] += change / _SCALE["agent"]["velocity"]
+    i = _COLUMN["neighbours"]["relative_velocity_x"]
+    present = neighbours[..., _COLUMN["neighbours"]["is_present"]]
+    neighbours[..., i] -= present * change[:, None] / _SCALE["neighbours"]["relative_velocity_x"]
+    for name, flag in (("leader_relative_velocity", "has_leader"), ("follower_relative_velocity", "has_follower")):
+        there = paths[..., _COLUMN["paths"][flag]]
+        paths[..., _COLUMN["paths"][name]] -= there * change[:, None] / _SCALE["paths"][name]
+    for name in ("curve_speed_20", "curve_speed_40", "curve_speed_60"):
+        paths[..., _COLUMN["paths"][name]] -= batch["path_valid"] * change[:, None] / _SCALE["paths"][name]
+    out.update(agent=agent, neighbours=neighbours, paths=paths, velocity=batch["velocity"] + change)
+    return out

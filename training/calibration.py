@@ -1,0 +1,79 @@
+"""Spreads that hold what they promise, fitted where the network has not been trained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import torch
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+    from training.network import Answer
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Factors of the standard deviations per knot, and the divisor of the logits."""
+
+    s: tuple[float, ...]
+    d: tuple[float, ...]
+    temperature: float
+
+
+def calibrated(answer: Answer, calibration: Calibration) -> Answer:
+    """The answer with factors applied."""
+    tempered = torch.log_softmax((answer.log_probability / calibration.temperature).flatten(1), dim=1)
+    return replace(
+        answer,
+        log_probability=tempered.view_as(answer.log_probability),
+        sigma_s=answer.sigma_s * torch.tensor(calibration.s),
+        sigma_d=answer.sigma_d * torch.tensor(calibration.d),
+    )
+
+
+def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) -> Tensor:
+    """Mean logarithm of the density at the knots; factors: logarithms of those of s, of d, and of the temperature."""
+    n = target.shape[2]
+    s, d, log_temperature = factors[:n].exp(), factors[n : 2 * n].exp(), factors[2 * n]
+    logits = answer.log_probability.clamp(min=-1e3)  # the derivative of an infinite one is nan
+    log_p = torch.log_softmax((logits / log_temperature.exp()).flatten(1), dim=1)
+    on_path = torch.isfinite(target).all(dim=-1)
+    true = target.nan_to_num(0.0)
+    sigma_s, sigma_d = answer.sigma_s * s, answer.sigma_d * d
+    x = (true[:, :, None, :, 0] - answer.s) / sigma_s
+    y = (true[:, :, None, :, 1] - answer.d) / sigma_d
+    density = -0.5 * (x**2 + y**2) - torch.log(sigma_s) - torch.log(sigma_d)
+    density = torch.where(on_path[:, :, None], density, torch.full_like(density, -200.0))
+    knot = torch.logsumexp(log_p.view_as(answer.log_probability)[..., None] + density, dim=(1, 2)).clamp(min=-30.0)
+    known = on_path.any(dim=1)
+    return (share[:, None] * knot * known).sum() / (share[:, None] * known).sum()
+
+
+def fitted(answers: Sequence[Answer], targets: Sequence[Tensor], shares: Sequence[Tensor]) -> Calibration:
+    """The factors under which the true positions are most likely.
+
+    Args:
+        answers: What networks say at places that they were not trained on.
+        targets: True (s, d) there, shape (rows, P, knots, 2) each.
+        shares: Weight of every row; 0 for those that stand, whose spread is fixed.
+    """
+    n = targets[0].shape[2]
+    factors = torch.zeros(2 * n + 1, requires_grad=True)
+    optimizer = torch.optim.LBFGS([factors], lr=0.5, max_iter=30, line_search_fn="strong_wolfe")
+
+    def closure() -> Tensor:
+        optimizer.zero_grad()
+        parts = zip(answers, targets, shares, strict=True)
+        value = -torch.stack([_likelihood(a, t, w, factors) * w.sum() for a, t, w in parts]).sum()
+        value.backward()
+        return value
+
+    optimizer.step(closure)
+    found = [round(value, 4) for value in factors.detach().exp().tolist()]
+    if not all(0.2 < value < 5.0 for value in found):
+        raise ValueError(f"the calibration did not converge: {found}")
+    return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), found[-1])

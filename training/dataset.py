@@ -1,0 +1,220 @@
+"""Recorded traffic as rows of features and true positions, cached per file.
+
+A row is a vehicle at a time step. Features, path coordinates of the true positions and the shape of the paths come from
+the core, from the same code that the predictor runs, and are local to the vehicle: turning or moving a scenario changes
+none of them, so there is nothing to augment in that respect.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive import _core
+from interdrive.files import read_scenario
+from interdrive.handles import core_road, core_scenario
+from interdrive.predictors import PredictorSettings, native
+from interdrive.predictors import resolve as resolve_predictor
+from interdrive.run_settings import RoadSettings
+from training.split import FOLDS, place_of
+from training.steady import steady_traffic
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from interdrive.scenario import Obstacles, Scenario
+    from training.split import Place
+
+    Rows = dict[str, NDArray[Any]]
+
+#: Increased when rows are made differently.
+REVISION = 1
+#: Every so many seconds a scene of a recording becomes rows.
+INTERVAL = 0.2
+#: Predictors whose answers are kept beside the truth, and the modes that each has at most.
+RIVALS = {"constant_velocity": 1, "lane_following": 3}
+#: Largest speed of invented steady traffic [m/s], by category of the place.
+_STEADY_SPEED = {"highway": 38.0, "other": 38.0, "urban": 17.0, "intersection": 17.0}
+#: Points of each path that are kept, evenly spread over what can be reached.
+PATH_POINTS = 64
+KNOTS = np.asarray(_core.NEURAL["knots"])
+
+
+def future_of(obstacles: Obstacles, ids: NDArray[np.int64], time_step: int, dt: float) -> NDArray[np.float64]:
+    """True positions at the knots, between time steps linearly.
+
+    Args:
+        obstacles: The recording.
+        ids: Vehicles, shape (n,).
+        time_step: Now.
+        dt: Time between steps [s].
+
+    Returns:
+        World positions [m], shape (n, knots, 2); nan where the recording has ended.
+    """
+    row = np.searchsorted(obstacles.ids, ids)
+    at = time_step + KNOTS / dt
+    before = np.floor(at + 1e-9).astype(int)
+    share = np.clip(at - before, 0.0, 1.0)
+    share[share < 1e-6] = 0.0
+    last = obstacles.n_steps - 1
+    positions = np.stack([obstacles.x, obstacles.y], axis=-1)
+    known = obstacles.valid
+    low, high = np.minimum(before, last), np.minimum(before + (share > 0), last)
+    exists = (before + (share > 0) <= last) & known[row][:, low] & known[row][:, high]
+    future = positions[row][:, low] * (1 - share)[:, None] + positions[row][:, high] * share[:, None]
+    return np.where(exists[..., None], future, np.nan)
+
+
+def rows_of(scenario: Scenario) -> Rows:
+    """All rows of one scenario, with what other predictors say; empty where nothing moves."""
+    road_settings = RoadSettings()
+    road = core_road(scenario, road_settings.gap_tolerance, road_settings.open_end_length)
+    core = core_scenario(scenario, road)
+    world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
+    settings = PredictorSettings()
+    rivals = {name: native(resolve_predictor(name, settings), settings, core) for name in RIVALS}
+    stride = max(1, round(INTERVAL / scenario.dt))
+    parts = []
+    for time_step in range(0, scenario.obstacles.n_steps - 1, stride):
+        scene = core.scene(time_step, max(1, round(2.5 / scenario.dt)))
+        inputs = _core.NeuralInputs(scene)
+        future = future_of(scenario.obstacles, inputs.ids, time_step, scenario.dt)
+        rows = _rows_of_scene(scenario, time_step, inputs, future)
+        n_steps = round(3.0 / scenario.dt)
+        at_knots = np.rint(KNOTS / scenario.dt).astype(int) - 1
+        for name, n_modes in RIVALS.items():
+            said = world.predict(rivals[name], scene, n_steps).of(inputs.ids)
+            modes = np.full((len(inputs.ids), n_modes, len(KNOTS), 2), np.nan, np.float32)
+            share = np.zeros((len(inputs.ids), n_modes), np.float32)
+            share[:, : said.probability.shape[1]] = said.probability
+            points = np.stack([said.x, said.y], axis=-1)[:, :, at_knots] - rows["pose"][:, None, None, :2]
+            modes[:, : points.shape[1]] = points
+            rows[f"{name}_xy"], rows[f"{name}_probability"] = modes, share
+        keep = np.isfinite(future[:, 0, 0])
+        parts.append({name: value[keep] for name, value in rows.items()})
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if parts else {}
+
+
+def _rows_of_scene(scenario: Scenario, time_step: int, inputs: _core.NeuralInputs, future: NDArray[np.float64]) -> Rows:
+    row = np.searchsorted(scenario.obstacles.ids, inputs.ids)
+    pose = np.stack(
+        [getattr(scenario.obstacles, name)[row, time_step] for name in ("x", "y", "orientation")], axis=-1
+    ).reshape(-1, 3)
+    n, n_paths = inputs.path_valid.shape
+    reach = 15.0 + 3.0 * 1.4 * np.maximum(np.asarray(inputs.velocity, np.float64), 5.0)
+    s = np.linspace(0.0, 1.0, PATH_POINTS) * reach[:, None]
+    s = np.ascontiguousarray(np.broadcast_to(s[:, None], (n, n_paths, PATH_POINTS)))
+    shape = inputs.to_world(s, np.zeros_like(s)).copy()
+    shape[..., :2] -= pose[:, None, None, :2]
+    return {
+        "agent": inputs.agent,
+        "neighbours": inputs.neighbours,
+        "paths": inputs.paths,
+        "path_valid": inputs.path_valid,
+        "standing": inputs.standing,
+        "velocity": inputs.velocity,
+        "offset": inputs.offset,
+        "slope": inputs.slope,
+        "settling": inputs.settling,
+        "target": inputs.targets(np.ascontiguousarray(future)),
+        "future": (future - pose[:, None, :2]).astype(np.float32),
+        "path_shape": shape.astype(np.float32),
+        "reach": reach.astype(np.float32),
+        "pose": pose,
+        "id": inputs.ids,
+        "time_step": np.full(n, time_step),
+        "dt": np.full(n, scenario.dt),
+    }
+
+
+def scenario_files(folders: Sequence[Path]) -> list[Path]:
+    """All scenario files below the folders, sorted by name; of files with one name the first."""
+    found: dict[str, Path] = {}
+    for folder in folders:
+        for path in sorted(folder.rglob("*.xml")):
+            found.setdefault(path.stem, path)
+    return [found[name] for name in sorted(found)]
+
+
+def cached_rows(path: Path, cache: Path, steady_speed: float | None = None) -> Rows:
+    """Rows of a file, or of steady traffic on its map if a speed is given; made once and kept in the cache."""
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    kind = "" if steady_speed is None else f"-steady{steady_speed:g}"
+    kept = cache / f"{path.stem}-{digest[:12]}{kind}-{_core.NEURAL['version']}.{REVISION}.npz"
+    if not kept.exists():
+        scenario = read_scenario(path)
+        if steady_speed is not None:
+            scenario = steady_traffic(scenario, steady_speed, int(digest[:8], 16))
+        rows = rows_of(scenario)
+        unfinished = kept.with_suffix(".part.npz")
+        np.savez(unfinished, **rows)
+        unfinished.rename(kept)
+    with np.load(kept) as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def load(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Iterator[tuple[str, Place, bool, Rows]]:
+    """Rows of every file that has traffic to learn from, in order of the names.
+
+    Yields:
+        Name, place, whether the traffic is invented and steady (at places for training, once per map), rows.
+    """
+    cache.mkdir(parents=True, exist_ok=True)
+    drawn: set[str] = set()
+    for path in files:
+        place = place_of(path.stem, places)
+        if place.part == "none":
+            continue
+        rows = cached_rows(path, cache)
+        if rows and len(rows["id"]):
+            yield path.stem, place, False, rows
+        map_name = path.stem.split("_T-")[0].rpartition("_")[0]
+        if place.part in FOLDS and map_name not in drawn:
+            drawn.add(map_name)
+            rows = cached_rows(path, cache, _STEADY_SPEED.get(place.category, _STEADY_SPEED["other"]))
+            if rows and len(rows["id"]):
+                yield path.stem, place, True, rows
+
+
+def fresh(rows: Rows, seen: set[bytes], place: str) -> NDArray[np.bool_]:
+    """Which rows are not there yet: many files show the same recording, some of them at shifted times.
+
+    Two rows are the same if place, pose, speed, future and (up to half a second) the known past agree.
+    """
+    known = rows["agent"][:, [i for i, entry in enumerate(_core.NEURAL["agent"]) if entry[0] == "seconds_known"]]
+    parts = [rows["pose"], rows["velocity"][:, None], rows["future"].reshape(len(rows["id"]), -1), np.rint(2 * known)]
+    key = np.nan_to_num(np.rint(np.concatenate(parts, axis=1) * 5), nan=-999).astype(np.int64)
+    new = np.zeros(len(key), bool)
+    name = place.encode()
+    for i, line in enumerate(key):
+        text = name + line.tobytes()
+        if text not in seen:
+            seen.add(text)
+            new[i] = True
+    return new
+
+
+def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Rows:
+    """All rows of all files, each once, with their file and place.
+
+    Returns:
+        The arrays of `rows_of`, `file` and `place`: their names, and `steady`: invented, shape (rows,).
+    """
+    seen: set[bytes] = set()
+    parts: list[Rows] = []
+    # The fullest recording first: of two rows that agree, the one with more traffic around it is kept.
+    loaded = sorted(load(files, places, cache), key=lambda entry: (-len(entry[3]["id"]), entry[0], entry[2]))
+    for name, place, is_steady, rows in loaded:
+        keep = fresh(rows, seen, place.name)
+        part = {field: values[keep] for field, values in rows.items()}
+        part["file"] = np.full(int(keep.sum()), name)
+        part["place"] = np.full(int(keep.sum()), place.name)
+        part["steady"] = np.full(int(keep.sum()), is_steady)
+        parts.append(part)
+    return {field: np.concatenate([part[field] for part in parts]) for field in parts[0]}
