@@ -13,8 +13,11 @@ from interdrive.errors import ResultsError
 from interdrive.files import read_scenario
 from interdrive.results import Column, arrow_table, labels, load, replacing, write_table
 from interdrive.run import AgentRecord, Outcomes, Plans, Run, States, Timings
+from interdrive.scenario import Shape
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from interdrive.criticality import Criticality
     from interdrive.results import ArrowTable, Results
     from interdrive.scenario import Scenario
@@ -106,7 +109,8 @@ def reopen(folder: str | Path) -> Run:
         scenario = _scenario_of(Path(folder), results.info)
         states = _states(results, scenario)
         outcomes = _outcomes(results)
-        return _run(scenario, states, outcomes, str(results.info["digest"]), tuple(results.info["notes"]))
+        facts = {int(agent["id"]): agent for agent in results.info.get("agents", ())}
+        return _run(scenario, states, outcomes, str(results.info["digest"]), tuple(results.info["notes"]), facts)
     except (KeyError, TypeError) as cause:
         raise ResultsError(f"{folder}: run.json lacks something that belongs to a run ({cause!r})") from None
 
@@ -199,19 +203,27 @@ def _outcomes(results: Results) -> Outcomes:
     )
 
 
-def _run(scenario: Scenario, states: States, outcomes: Outcomes, digest: str, notes: tuple[str, ...]) -> Run:
-    """A run without plans, timings and routes."""
+def _run(
+    scenario: Scenario,
+    states: States,
+    outcomes: Outcomes,
+    digest: str,
+    notes: tuple[str, ...],
+    facts: Mapping[int, Mapping[str, Any]] | None = None,
+) -> Run:
+    """A run without plans and timings; `facts` are what run.json says about agents, by id."""
+    known = facts or {}
     none, floats = np.empty(0, dtype=np.int64), np.empty((0, 0))
     rows = dict(zip(states.ids.tolist(), states.valid, strict=True))
     agents = tuple(
         AgentRecord(
             id=number,
             planner=planner,
-            origin="recorded",
+            origin=str(known.get(number, {}).get("origin", "recorded")),
             start_time_step=states.first_time_step + int(rows[number].argmax()),
-            goal_time_step=(0, 0),
-            goal_areas=(),
-            route_lanelet_ids=(),
+            goal_time_step=tuple(known.get(number, {}).get("goal_time_step", (0, 0))),
+            goal_areas=tuple(_area(area) for area in known.get(number, {}).get("goal_areas", ())),
+            route_lanelet_ids=tuple(known.get(number, {}).get("route_lanelet_ids", ())),
             reference_path=np.empty((0, 2)),
         )
         for number, planner in zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True)
@@ -219,3 +231,11 @@ def _run(scenario: Scenario, states: States, outcomes: Outcomes, digest: str, no
     plans = Plans(none, none, none, none.astype(np.float64), floats, floats, floats, floats, floats)
     timings = Timings(none, (), none.astype(np.float64))
     return Run(scenario, {}, agents, outcomes, states, plans, timings, notes, digest)
+
+
+def _area(said: Mapping[str, Any]) -> Shape:
+    """A goal area as run.json has it."""
+    given = {name: value for name, value in said.items() if name not in ("vertices", "members", "center")}
+    vertices = np.array(said.get("vertices", ()), dtype=np.float64).reshape(-1, 2)
+    members = tuple(_area(member) for member in said.get("members", ()))
+    return Shape(**given, vertices=vertices, members=members, center=tuple(said.get("center", (0.0, 0.0))))

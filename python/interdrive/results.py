@@ -1,7 +1,8 @@
 """The run folder: its Parquet columns, its one writer and its one reader. pyarrow is loaded on first use.
 
 A run folder holds outcomes.parquet, states.parquet, plans.parquet, timing.parquet, run.json and scenario.xml; and
-views.parquet if `record.views` asked for it. The same run gives the same bytes. Absent numbers are null.
+views.parquet, predictions.parquet and candidates.parquet if the settings `record.*` asked for them. The same run gives
+the same bytes. Absent numbers are null.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from interdrive.run import Run
+    from interdrive.run import AgentRecord, Run
+    from interdrive.scenario import Shape
 
     #: For signatures elsewhere: only this module knows pyarrow.
     ArrowTable: TypeAlias = pa.Table
@@ -39,7 +41,7 @@ FORMAT = 2
 
 #: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
 _OTHER_FILES = (
-    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4", "agent_view.png"),
+    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4", "agent_view.png", "report.html"),
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
 )
 
@@ -106,6 +108,29 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("first_time_step", "integer", "first time step of a stretch without a break"),
         Column("last_time_step", "integer", "last time step of the stretch, included"),
     ),
+    "predictions": (
+        Column("time_step", "integer", "when it was predicted"),
+        Column("participant_id", "integer", "whose future"),
+        Column("mode", "integer", "number of the mode"),
+        Column("probability", "number", "of the mode"),
+        Column("point", "integer", "the point is point * dt after time_step"),
+        Column("x", "number", "mean of the footprint's centre [m]", nullable=True),
+        Column("y", "number", "mean of the footprint's centre [m]", nullable=True),
+        Column("variance_x", "number", "of the position in world axes [m²]", nullable=True),
+        Column("covariance_xy", "number", "of the position in world axes [m²]", nullable=True),
+        Column("variance_y", "number", "of the position in world axes [m²]", nullable=True),
+    ),
+    "candidates": (
+        Column("time_step", "integer", "when it was considered"),
+        Column("agent_id", "integer", "who considered it"),
+        Column("candidate", "integer", "number of the candidate among those that were kept of this plan"),
+        Column("cost", "number", "total cost; null where it was not needed", nullable=True),
+        Column("rejection", "label", "why it was rejected; empty where it was not"),
+        Column("chosen", "truth", "it became the plan"),
+        Column("point", "integer", "the point is point * dt after time_step"),
+        Column("x", "number", "centre of the footprint [m]", nullable=True),
+        Column("y", "number", "centre of the footprint [m]", nullable=True),
+    ),
     "timing": (
         Column("time_step", "integer", ""),
         Column("phase", "label", "one of interdrive.run.PHASES; the phases of a time step add up to the step"),
@@ -113,6 +138,9 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     ),
 }
 
+
+#: Tables that a run has only if its settings asked for them; run.json says under their names whether it does.
+_ON_DEMAND = ("views", "predictions", "candidates")
 
 #: Everything a run folder may contain.
 _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
@@ -122,7 +150,7 @@ _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
 class Results:
     """What a run folder says: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
 
-    `views` is None unless `record.views` asked for it.
+    `views`, `predictions` and `candidates` are None unless the settings `record.*` asked for them.
     """
 
     outcomes: pa.Table
@@ -131,6 +159,8 @@ class Results:
     timing: pa.Table
     info: dict[str, Any]
     views: pa.Table | None = None
+    predictions: pa.Table | None = None
+    candidates: pa.Table | None = None
 
 
 def outcome_table(run: Run) -> pa.Table:
@@ -214,6 +244,45 @@ def views_table(run: Run) -> pa.Table | None:
     return _table("views", **{name: getattr(seen, name) for name in names})
 
 
+def predictions_table(run: Run) -> pa.Table | None:
+    """One row per time step, participant, mode and point, as an Arrow table; None if that was not recorded."""
+    found = run.predicted
+    if found is None:
+        return None
+    points = len(found.point)
+    names = ("time_step", "participant_id", "mode", "probability")
+    return _table(
+        "predictions",
+        **{name: np.repeat(getattr(found, name), points) for name in names},
+        point=np.tile(found.point, len(found.time_step)),
+        x=found.x.ravel(),
+        y=found.y.ravel(),
+        variance_x=found.covariance[..., 0, 0].ravel(),
+        covariance_xy=found.covariance[..., 0, 1].ravel(),
+        variance_y=found.covariance[..., 1, 1].ravel(),
+    )
+
+
+def candidates_table(run: Run) -> pa.Table | None:
+    """One row per kept candidate and point, as an Arrow table; None if that was not recorded."""
+    found = run.considered
+    if found is None:
+        return None
+    points, reasons = len(found.point), tuple(sorted(set(found.rejection)))
+    change = np.flatnonzero((np.diff(found.time_step) != 0) | (np.diff(found.agent_id) != 0)) + 1
+    first = np.repeat(np.append(0, change), np.diff(np.concatenate([[0], change, [len(found.time_step)]])))
+    reason = np.array([reasons.index(text) for text in found.rejection], dtype=np.int64)
+    return _table(
+        "candidates",
+        **{name: np.repeat(getattr(found, name), points) for name in ("time_step", "agent_id", "cost", "chosen")},
+        candidate=np.repeat(np.arange(len(first)) - first, points),
+        rejection=labels(reasons, np.repeat(reason, points)),
+        point=np.tile(found.point, len(found.time_step)),
+        x=found.x.ravel(),
+        y=found.y.ravel(),
+    )
+
+
 def information(run: Run) -> dict[str, Any]:
     """What run.json says: everything that is needed to know and to repeat the run, as plain values."""
     scenario = run.scenario
@@ -232,6 +301,9 @@ def information(run: Run) -> dict[str, Any]:
         "digest": run.digest,
         "finished": run.finished,
         "views": None if run.views is None else "views.parquet",
+        "predictions": None if run.predicted is None else "predictions.parquet",
+        "candidates": None if run.considered is None else "candidates.parquet",
+        "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),
         **software(),
     }
@@ -275,6 +347,8 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
             ("plans", plans_table(run)),
             ("timing", timing_table(run)),
             ("views", views_table(run)),
+            ("predictions", predictions_table(run)),
+            ("candidates", candidates_table(run)),
         ):
             if table is None:
                 continue
@@ -297,7 +371,7 @@ def load(folder: str | Path) -> Results:
     info = _read_information(folder)
     tables = {}
     for name in COLUMNS:
-        if name == "views" and info.get("views") is None:
+        if name in _ON_DEMAND and info.get(name) is None:
             continue
         path = folder / f"{name}.parquet"
         try:
@@ -552,6 +626,26 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return str(value) if isinstance(value, Path) else value
+
+
+def _facts(agent: AgentRecord) -> dict[str, Any]:
+    """What run.json says about an agent besides its outcome."""
+    return {
+        "id": agent.id,
+        "origin": agent.origin,
+        "start_time_step": agent.start_time_step,
+        "goal_time_step": list(agent.goal_time_step),
+        "goal_areas": [_shape(area) for area in agent.goal_areas],
+        "route_lanelet_ids": list(agent.route_lanelet_ids),
+    }
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    """Kind and fields of a shape that are not empty."""
+    said = {name: getattr(shape, name) for name in ("length", "width", "radius", "center", "orientation", "vertices")}
+    plain = {name: value for name, value in said.items() if np.any(value)}
+    members = [_shape(member) for member in shape.members]
+    return {"kind": shape.kind, **plain, **({"members": members} if members else {})}
 
 
 def _version(package: str) -> str | None:

@@ -146,6 +146,53 @@ class Views:
 
 
 @dataclass(frozen=True)
+class Predicted:
+    """What agents planned against: one row per time step, participant and mode with a probability above 0, sorted so.
+
+    Agents see those rows whose participant is in their view.
+
+    Attributes:
+        point: Points of a row, counted in time steps after `time_step`, about half a second apart, shape (points,).
+        time_step: When it was predicted, shape (rows,).
+        participant_id: Whose future, shape (rows,). mode: Number of the mode. probability: Of the mode.
+        x: Mean of the footprint's centre [m], shape (rows, points); nan beyond the end. y: The same.
+        covariance: Of the position in world axes [m²], shape (rows, points, 2, 2).
+    """
+
+    point: Ints
+    time_step: Ints
+    participant_id: Ints
+    mode: Ints
+    probability: Floats
+    x: Floats
+    y: Floats
+    covariance: Floats
+
+
+@dataclass(frozen=True)
+class Considered:
+    """Some of the candidates that sampling planners chose from, sorted by time step, agent, then as kept.
+
+    Attributes:
+        point: Points of a row, counted in time steps after `time_step`, about half a second apart, shape (points,).
+        time_step: When, shape (rows,). agent_id: Whose, shape (rows,).
+        cost: Total cost; nan where it was not needed, shape (rows,).
+        rejection: Why the candidate was rejected, "" where it was not, one per row.
+        chosen: It became the plan, shape (rows,).
+        x: Centre of the footprint [m], shape (rows, points); nan beyond the end. y: The same.
+    """
+
+    point: Ints
+    time_step: Ints
+    agent_id: Ints
+    cost: Floats
+    rejection: tuple[str, ...]
+    chosen: Bools
+    x: Floats
+    y: Floats
+
+
+@dataclass(frozen=True)
 class Timings:
     """Wall time in long form: one row per time step and phase.
 
@@ -224,6 +271,8 @@ class Run:
         finished: False if the run was stopped from outside.
         snapshots: What was asked to be kept for pictures, sorted by time step.
         views: Who saw whom; None unless `record.views` asked for it.
+        predicted: What agents planned against; None unless `record.predictions` asked for it.
+        considered: What they chose from; None unless `record.candidates` asked for it.
     """
 
     scenario: Scenario
@@ -238,6 +287,8 @@ class Run:
     finished: bool = True
     snapshots: tuple[Snapshot, ...] = field(default=())
     views: Views | None = None
+    predicted: Predicted | None = None
+    considered: Considered | None = None
 
     def criticality(
         self,

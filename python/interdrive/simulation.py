@@ -13,6 +13,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.agents import normalized, select
 from interdrive.choices import named, per_agent, stored
+from interdrive.considered import CandidateLog, PredictionLog
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
@@ -150,6 +151,11 @@ class Simulation:
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
         self._snapshots: list[Snapshot] = []
+        record = self.settings.record
+        self._predicted = PredictionLog(self.scenario.dt) if record.predictions else None
+        self._considered = (
+            CandidateLog(self.scenario.dt, record.candidates, self.threads) if record.candidates else None
+        )
 
     @property
     def time_step(self) -> int:
@@ -188,6 +194,10 @@ class Simulation:
         marks.append(clock())
         if self._snapshots_of is not None and self._snapshots_of in world.driving:
             self._snapshots.append(snapshot(world, scene, predictions, self._snapshots_of))
+        if self._predicted is not None:
+            self._predicted.add(predictions)
+        if self._considered is not None:
+            self._considered.add(world, scene, predictions)
         marks.append(clock())
         world.step(plans)
         marks.append(clock())
@@ -285,6 +295,8 @@ class Simulation:
             finished=self.world.is_done,
             snapshots=tuple(self._snapshots),
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
+            predicted=None if self._predicted is None else self._predicted.table(),
+            considered=None if self._considered is None else self._considered.table(),
         )
 
     def _repeatable_settings(self) -> dict[str, Any]:

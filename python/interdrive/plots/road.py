@@ -46,17 +46,27 @@ class _Lane:
         return inside
 
 
-def road_artists(lanelets: Lanelets, view: View, linewidth: float = 0.6) -> list[Any]:
-    """Collections, in drawing order, for the lanelets that touch the view.
+@dataclass(frozen=True)
+class RoadLines:
+    """What a road is drawn with, in the picture frame [m]; every line and outline of shape (points, 2).
 
-    Args:
-        lanelets: The roads.
-        view: The part that will be seen.
-        linewidth: Of the road's edge [pt]; everything else follows from it.
-
-    Returns:
-        Matplotlib collections in picture coordinates.
+    Attributes:
+        surfaces: Outlines of the lanelets.
+        arrows: Chevrons in driving direction.
+        dashed: Markings between lanes of the same direction.
+        solid: Markings between lanes of opposite directions.
+        edges: Borders of the road.
     """
+
+    surfaces: list[Floats]
+    arrows: list[Floats]
+    dashed: list[Floats]
+    solid: list[Floats]
+    edges: list[Floats]
+
+
+def road_lines(lanelets: Lanelets, view: View) -> RoadLines:
+    """Surfaces and lines of the lanelets that touch the view."""
     lanes = list(_lanes(lanelets, view))
     edges, dashed, solid = [], [], []
     for index, lane in enumerate(lanes):
@@ -71,13 +81,28 @@ def road_artists(lanelets: Lanelets, view: View, linewidth: float = 0.6) -> list
                 elif side > 0:
                     solid.append(line)
     surfaces = [np.concatenate([lane.left, lane.right[::-1]]) for lane in lanes]
+    return RoadLines(surfaces, list(_arrows(lanes)), dashed, solid, edges)
+
+
+def road_artists(lanelets: Lanelets, view: View, linewidth: float = 0.6) -> list[Any]:
+    """Collections, in drawing order, for the lanelets that touch the view.
+
+    Args:
+        lanelets: The roads.
+        view: The part that will be seen.
+        linewidth: Of the road's edge [pt]; everything else follows from it.
+
+    Returns:
+        Matplotlib collections in picture coordinates.
+    """
+    road = road_lines(lanelets, view)
     return [
         # The outline in the same colour closes hairline gaps between neighbours.
-        PolyCollection(surfaces, facecolors=SURFACE, edgecolors=SURFACE, linewidths=0.4, zorder=0),
-        LineCollection(list(_arrows(lanes)), colors=ARROW, linewidths=linewidth, capstyle="round", zorder=1),
-        LineCollection(dashed, colors=MARKING, linewidths=1.2 * linewidth, linestyles=[(0, (5, 5))], zorder=1),
-        LineCollection(solid, colors=MARKING, linewidths=1.8 * linewidth, zorder=1),
-        LineCollection(edges, colors=EDGE, linewidths=linewidth, capstyle="round", zorder=1),
+        PolyCollection(road.surfaces, facecolors=SURFACE, edgecolors=SURFACE, linewidths=0.4, zorder=0),
+        LineCollection(road.arrows, colors=ARROW, linewidths=linewidth, capstyle="round", zorder=1),
+        LineCollection(road.dashed, colors=MARKING, linewidths=1.2 * linewidth, linestyles=[(0, (5, 5))], zorder=1),
+        LineCollection(road.solid, colors=MARKING, linewidths=1.8 * linewidth, zorder=1),
+        LineCollection(road.edges, colors=EDGE, linewidths=linewidth, capstyle="round", zorder=1),
     ]
 
 

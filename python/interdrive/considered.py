@@ -1,0 +1,138 @@
+"""What agents had before their eyes when they planned, thinned as it happens: predictions and sampled candidates."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.run import Considered, Predicted
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive import _core
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+
+#: Kept points are so far apart [s].
+_SPACING = 0.5
+
+#: Kept positions are whole multiples of this [m]: about a millimetre, in few bits.
+_RESOLUTION = 2.0**-10
+
+#: Among the candidates that are kept, one in so many is a rejected one.
+_ONE_REJECTED_IN = 5
+
+
+class PredictionLog:
+    """Collects the predictions of every time step."""
+
+    def __init__(self, dt: float) -> None:
+        """Starts empty; `dt` is the time between steps [s]."""
+        self._stride = max(1, round(_SPACING / dt))
+        self._rows: list[tuple[NDArray[Any], ...]] = []
+
+    def add(self, predictions: _core.Predictions) -> None:
+        """Keeps every mode that has a probability."""
+        row, mode = np.nonzero(predictions.probability > 0)
+        # Column i lies i + 1 time steps ahead.
+        columns = np.arange(self._stride - 1, predictions.x.shape[-1], self._stride)
+        there = predictions.valid[row, mode][:, columns]
+        picked = row[:, None], mode[:, None], columns[None]
+        covariance = np.where(there[..., None, None], predictions.covariance[picked], np.nan)
+        x, y = (np.where(there, _rounded(table[picked]), np.nan) for table in (predictions.x, predictions.y))
+        step = np.full(len(row), predictions.time_step)
+        self._rows.append((step, predictions.ids[row], mode, predictions.probability[row, mode], x, y, covariance))
+
+    def table(self) -> Predicted:
+        """All rows so far."""
+        points = max((rows[4].shape[1] for rows in self._rows), default=0)
+        ints, floats, empty = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, points))
+        parts: list[tuple[NDArray[Any], ...]]
+        parts = [(ints, ints, ints, floats, empty, empty, np.empty((0, points, 2, 2)))]
+        parts += [(*rows[:4], *(_widened(table, points) for table in rows[4:])) for rows in self._rows]
+        step, participant, mode, probability, x, y, covariance = map(np.concatenate, zip(*parts, strict=True))
+        ahead = self._stride * np.arange(1, points + 1)
+        return Predicted(ahead, step, participant, mode, probability, x, y, covariance)
+
+
+class CandidateLog:
+    """Collects candidates of native sampling planners; other planners have none to show."""
+
+    def __init__(self, dt: float, count: int, threads: int) -> None:
+        """Starts empty; keeps at most `count` candidates per plan."""
+        self._stride, self._count, self._threads = max(1, round(_SPACING / dt)), count, threads
+        self._rows: list[tuple[int, int, Floats, list[str], NDArray[np.bool_], Floats, Floats]] = []
+
+    def add(self, world: _core.World, scene: _core.Scene, predictions: _core.Predictions) -> None:
+        """Keeps what every driving agent chooses from now."""
+        agents = world.driving
+        with ThreadPoolExecutor(self._threads) as pool:
+            every = list(pool.map(lambda agent: world.candidates(agent, scene, predictions), agents))
+        for agent, found in zip(agents, every, strict=True):
+            if found is None or not len(found["cost"]):
+                continue
+            kept = _spread(found["cost"], found["rejection"], int(found["chosen"]), self._count)
+            columns = np.arange(0, found["x"].shape[1], self._stride)
+            self._rows.append(
+                (
+                    world.time_step,
+                    agent,
+                    found["cost"][kept],
+                    [found["rejection"][i] for i in kept.tolist()],
+                    kept == found["chosen"],
+                    _rounded(found["x"][kept][:, columns]),
+                    _rounded(found["y"][kept][:, columns]),
+                )
+            )
+
+    def table(self) -> Considered:
+        """All rows so far."""
+        points = max((rows[5].shape[1] for rows in self._rows), default=0)
+        counts = [len(rows[2]) for rows in self._rows]
+        empty = np.empty((0, points))
+        return Considered(
+            point=self._stride * np.arange(points),
+            time_step=np.repeat(np.array([rows[0] for rows in self._rows], dtype=np.int64), counts),
+            agent_id=np.repeat(np.array([rows[1] for rows in self._rows], dtype=np.int64), counts),
+            cost=np.concatenate([np.empty(0), *(rows[2] for rows in self._rows)]),
+            rejection=tuple(text for rows in self._rows for text in rows[3]),
+            chosen=np.concatenate([np.empty(0, dtype=np.bool_), *(rows[4] for rows in self._rows)]),
+            x=np.concatenate([empty, *(_widened(rows[5], points) for rows in self._rows)]),
+            y=np.concatenate([empty, *(_widened(rows[6], points) for rows in self._rows)]),
+        )
+
+
+def _spread(cost: Floats, rejection: list[str], chosen: int, count: int) -> Ints:
+    """Rows of at most `count` candidates: the chosen one, then from cheap to dear, then some of the rejected ones."""
+    usable = np.array([not reason for reason in rejection])
+    usable[chosen if chosen >= 0 else slice(0, 0)] = False
+    # nan sorts behind every number.
+    admissible, rejected = np.flatnonzero(usable), np.flatnonzero([bool(reason) for reason in rejection])
+    admissible = admissible[np.argsort(cost[admissible], kind="stable")]
+    first = np.array([chosen] if chosen >= 0 else [], dtype=np.int64)
+    room = count - len(first)
+    quota = min(len(rejected), max(count // _ONE_REJECTED_IN, room - len(admissible)))
+    picked = [_evenly(admissible, room - quota), _evenly(rejected, quota)]
+    return np.concatenate([first, *picked])[:count]
+
+
+def _evenly(rows: Ints, count: int) -> Ints:
+    """At most `count` of them, first and last included."""
+    if len(rows) <= count:
+        return rows
+    return rows[np.round(np.linspace(0, len(rows) - 1, max(count, 0))).astype(np.int64)]
+
+
+def _rounded(positions: Floats) -> Floats:
+    return np.round(positions / _RESOLUTION) * _RESOLUTION
+
+
+def _widened(table: Floats, points: int) -> Floats:
+    """The table with nan up to so many points."""
+    wide = np.full((len(table), points, *table.shape[2:]), np.nan)
+    wide[:, : table.shape[1]] = table
+    return wide
