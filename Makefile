@@ -6,7 +6,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench oracles third_party ray train format clean
+.PHONY: demo test check bench oracles third_party ray browser train report_bundle format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -64,6 +64,21 @@ ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see do
 	VIRTUAL_ENV=$(CURDIR)/.venv-ray .venv-ray/bin/maturin develop --release --quiet
 	touch $@
 
+browser: $(VENV)/.installed .venv-browser/.tools ## opens reports in Chromium; skipped where there is none
+	.venv-browser/bin/python -m pytest -q -s --confcutdir=tests/browser tests/browser
+
+# Needs apt-get and root only where there is no Chromium yet; without one the tests are skipped.
+.venv-browser/.tools: pyproject.toml
+	$(PYTHON) -m venv .venv-browser
+	.venv-browser/bin/python -m pip install --quiet --disable-pip-version-check "playwright>=1.49" "pytest>=8"
+	command -v chromium || command -v chromium-browser || command -v google-chrome || timeout 80 sh -c \
+	  "apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium" > /dev/null 2>&1 || echo "no Chromium"
+	touch $@
+
+report_bundle: ## builds the front end of reports (needs node and npm); says whether what is committed was current
+	cd frontend && npm ci --no-audit --no-fund --silent && npm run --silent check && npm run --silent build
+	git diff --exit-code --stat -- python/interdrive/report/bundle
+
 # Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
 .venv-third/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-third
@@ -110,4 +125,4 @@ format: $(VENV)/.tools ## writes what `make check` wants to see
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-oracles .venv-third .venv-ray .venv-training target demo out
+	rm -rf $(VENV) .venv-oracles .venv-third .venv-ray .venv-browser .venv-training frontend/node_modules target demo out

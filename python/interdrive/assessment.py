@@ -11,7 +11,7 @@ import numpy as np
 from interdrive.criticality import MEASURES
 from interdrive.errors import ResultsError
 from interdrive.files import read_scenario
-from interdrive.results import Column, arrow_table, labels, load, replacing, write_table
+from interdrive.results import Column, arrow_table, labels, load, read_table, replacing, write_table
 from interdrive.run import AgentRecord, Outcomes, Plans, Run, States, Timings
 from interdrive.scenario import Shape
 
@@ -95,8 +95,25 @@ def save_criticality(found: Criticality, folder: str | Path) -> None:
             write_table(table, partial)
 
 
-def reopen(folder: str | Path) -> Run:
+def stored_criticality(folder: str | Path) -> tuple[ArrowTable, ArrowTable] | None:
+    """What `save_criticality` wrote, all values and the most critical ones; None if nothing was written.
+
+    Raises:
+        ResultsError: if a file is damaged or has other columns, or only one of them is there.
+    """
+    paths = Path(folder) / _TABLE, Path(folder) / _EXTREMES
+    if not any(path.exists() for path in paths):
+        return None
+    series, extremes = (read_table(path, COLUMNS) for path in paths)
+    return series, extremes
+
+
+def reopen(folder: str | Path, results: Results | None = None) -> Run:
     """A run folder as a run, for judging and drawing: states, outcomes, scenario; plans and timings are left out.
+
+    Args:
+        folder: As `results.save` wrote it.
+        results: What was read from it, if it was read before.
 
     The scenario is the file that was simulated if it is still there unchanged, otherwise scenario.xml in the folder.
 
@@ -104,7 +121,7 @@ def reopen(folder: str | Path) -> Run:
         ResultsError: if the folder or one of its files is missing, damaged or of another format.
         InputError: if the scenario cannot be read.
     """
-    results = load(folder)
+    results = results or load(folder)
     try:
         scenario = _scenario_of(Path(folder), results.info)
         states = _states(results, scenario)

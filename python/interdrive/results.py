@@ -41,7 +41,17 @@ FORMAT = 2
 
 #: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
 _OTHER_FILES = (
-    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4", "agent_view.png", "report.html"),
+    *(
+        "run.json",
+        "scenario.xml",
+        "run.png",
+        "run.pdf",
+        "run.svg",
+        "run.gif",
+        "run.mp4",
+        "agent_view.png",
+        "report.html",
+    ),
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
 )
 
@@ -150,7 +160,8 @@ _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
 class Results:
     """What a run folder says: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
 
-    `views`, `predictions` and `candidates` are None unless the settings `record.*` asked for them.
+    `views`, `predictions` and `candidates` are None unless the settings `record.*` asked for them. `missing` names the
+    tables that are not there although they should be; `load` returns them only if it is told to.
     """
 
     outcomes: pa.Table
@@ -161,6 +172,7 @@ class Results:
     views: pa.Table | None = None
     predictions: pa.Table | None = None
     candidates: pa.Table | None = None
+    missing: tuple[str, ...] = ()
 
 
 def outcome_table(run: Run) -> pa.Table:
@@ -178,7 +190,9 @@ def outcome_table(run: Run) -> pa.Table:
         harm=harm.harm,
         partner_harm=harm.partner_harm,
         impact_angle=harm.impact_angle,
-        impact_area=labels(IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area])),
+        impact_area=labels(
+            IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area], dtype=np.int64)
+        ),
         message=ended.message,
     )
 
@@ -358,31 +372,51 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     return target
 
 
-def load(folder: str | Path) -> Results:
+def load(folder: str | Path, *, in_part: bool = False) -> Results:
     """Reads a run folder.
+
+    Args:
+        folder: As `save` wrote it.
+        in_part: Tables besides outcomes and states may be missing; plans and timing are empty then.
 
     Raises:
         ResultsError: if the folder or one of its files is missing, damaged or of another format; one line.
     """
-    import pyarrow as pa  # noqa: PLC0415
-    import pyarrow.parquet as pq  # noqa: PLC0415
-
     folder = Path(folder)
     info = _read_information(folder)
-    tables = {}
+    tables: dict[str, Any] = {}
+    missing = []
     for name in COLUMNS:
         if name in _ON_DEMAND and info.get(name) is None:
             continue
         path = folder / f"{name}.parquet"
-        try:
-            tables[name] = pq.read_table(path, partitioning=None)
-        except FileNotFoundError:
-            raise ResultsError(f"{path}: this file of the run is missing") from None
-        except (OSError, pa.ArrowException) as cause:
-            raise ResultsError(f"{path}: cannot be read: {_line(cause)}") from cause
-        if not tables[name].schema.equals(_schema(COLUMNS[name]), check_metadata=False):
-            raise ResultsError(f"{path}: the columns are not those of a run ({', '.join(tables[name].column_names)})")
-    return Results(**tables, info=info)
+        if in_part and name not in ("outcomes", "states") and not path.exists():
+            missing.append(name)
+            if name not in _ON_DEMAND:
+                tables[name] = _schema(COLUMNS[name]).empty_table()
+            continue
+        tables[name] = read_table(path, COLUMNS[name])
+    return Results(**tables, info=info, missing=tuple(missing))
+
+
+def read_table(path: Path, columns: Sequence[Column]) -> pa.Table:
+    """A Parquet file of a run, as an Arrow table.
+
+    Raises:
+        ResultsError: if it is missing, damaged or has other columns; one line.
+    """
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    try:
+        table = pq.read_table(path, partitioning=None)
+    except FileNotFoundError:
+        raise ResultsError(f"{path}: this file of the run is missing") from None
+    except (OSError, pa.ArrowException) as cause:
+        raise ResultsError(f"{path}: cannot be read: {_line(cause)}") from cause
+    if not table.schema.equals(_schema(columns), check_metadata=False):
+        raise ResultsError(f"{path}: the columns are not those of a run ({', '.join(table.column_names)})")
+    return table
 
 
 def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:

@@ -18,6 +18,7 @@ from interdrive.cli.check import check
 from interdrive.cli.compare import compare
 from interdrive.cli.criticality import criticality
 from interdrive.cli.models import models
+from interdrive.cli.page import report
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.run import run
@@ -78,7 +79,7 @@ def main() -> None:
 
 
 for _command in (
-    *(run, batch, compare, sql, study, criticality, predict_eval),
+    *(run, batch, compare, sql, report, study, criticality, predict_eval),
     *(check, verify, settings, planners, predictors, models),
 ):
     main.add_command(_command)

@@ -34,6 +34,7 @@ class RunChoices:
         png: Draw the trajectories.
         gif: Make a film.
         mp4: Make a film with ffmpeg.
+        report: Write the interactive report, and record what it shows.
         agent_view: Agent that the film follows.
     """
 
@@ -48,6 +49,7 @@ class RunChoices:
     png: bool = False
     gif: bool = False
     mp4: bool = False
+    report: bool = False
     agent_view: int | None = None
 
 

@@ -143,6 +143,11 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
     return table
 
 
+def print_page(path: Path, size: int) -> None:
+    """Where a page is, and how large."""
+    output().print(f"{escape(str(path))} ({size / 1e6:.1f} MB), to be opened in a browser", soft_wrap=True)
+
+
 def print_criticality(found: Criticality, name: str, folder: Path) -> None:
     """The most critical moment of every measure, notes, and where the tables are."""
     console = output()

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from interdrive.run_settings import SimulationSettings
 
 
+#: What a report shows besides what every run keeps; any of it can be switched off again.
+_RECORDED_FOR_REPORT = {"record.views": True, "record.predictions": True, "record.candidates": 30}
+
+
 @click.command()
 @click.argument("file", required=False)
 @click.option(
@@ -60,6 +64,9 @@ if TYPE_CHECKING:
     "--agent-view",
     metavar="ID",
     help="The film follows this agent and shows what it considered and predicted; with --png also agent_view.png.",
+)
+@click.option(
+    "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def run(
@@ -109,6 +116,11 @@ def run(
         save(done, folder, overwrite=choices.overwrite)
         with _kept(folder):
             _draw(done, folder, choices, report.frames)
+            if choices.report:
+                from interdrive.report import write_run_report  # noqa: PLC0415 - matplotlib
+
+                report.say("writing report.html")
+                write_run_report(folder)
     if not quiet:
         print_run(done, shown(folder))
     return 1 if "planner_error" in done.outcomes.outcome else 0
@@ -120,12 +132,13 @@ def _configured(
     """Choices for all, those per agent, and settings: defaults, then the file, then the command line."""
     from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
 
-    choices, settings = RunChoices(), SimulationSettings()
+    choices = RunChoices()
+    values: dict[str, Any] = {}
     own: dict[int, Choice] = {}
     if config is not None:
         in_file, own, values = read_config(Path(config))
         try:
-            choices, settings = bind(choices, in_file), bind(settings, values)
+            choices = bind(choices, in_file)
         except InputError as error:
             raise InputError(f"{config}: {error}") from None
     values_given = assigned(assignments)
@@ -133,6 +146,11 @@ def _configured(
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{str(error).replace('agent_view', 'agent-view')}") from None
+    settings = bind(SimulationSettings(), _RECORDED_FOR_REPORT if choices.report else {})
+    try:
+        settings = bind(settings, values)
+    except InputError as error:
+        raise InputError(f"{config}: {error}") from None
     for text, what in ((choices.planner, "planner"), (choices.predictor, "predictor")):
         read_choice(text, what)  # refused before the scenario is read
     return choices, own | choices_by_agent(by_agent), bind(settings, values_given)

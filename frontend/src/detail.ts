@@ -1,0 +1,112 @@
+// The selected participant: who it is, what of it is shown, and its profiles.
+
+import { agentColor, costColor } from "./colors";
+import { button, element, text, toggle } from "./elements";
+import { mark, markIcon } from "./marks";
+import { Profiles } from "./profiles";
+import type { Run } from "./run";
+import type { Layers, State } from "./state";
+import { costRange } from "./traffic";
+
+export class Detail {
+  readonly root = element("section", { class: "detail", "aria-label": "Selected vehicle" });
+  private readonly name = element("div", { class: "who" });
+  private readonly now = element("div", { class: "now-line" });
+  private readonly legend = element("div", { class: "cost" });
+  private readonly profiles: Profiles;
+  private readonly follow: HTMLInputElement;
+  private shown = "";
+
+  constructor(
+    private readonly run: Run,
+    private readonly state: State,
+  ) {
+    this.profiles = new Profiles(run, state);
+    const layers = element("div", { class: "chips" });
+    const follow = toggle("follow", "The map follows the vehicle (F)", false, (on) => {
+      state.follow = on;
+      state.changed();
+    });
+    this.follow = follow.querySelector("input")!;
+    layers.append(follow);
+    const kinds: [keyof Layers, string, string, boolean][] = [
+      ["plan", "plan", "The chosen plan (P)", run.has("plan_x")],
+      ["candidates", "candidates", "Sampled candidates, coloured by cost (C)", run.has("candidate_x")],
+      ["predictions", "predictions", "What it planned against, with 95 % ellipses (R)", run.has("prediction_x")],
+      ["sight", "view", "How far it sees; who is not seen is pale (V)", true],
+    ];
+    for (const [layer, label, title, there] of kinds) {
+      const box = toggle(label, there ? title : `${title}: not recorded`, state.layers[layer], (on) => {
+        state.layers[layer] = on;
+        state.changed();
+      });
+      box.querySelector("input")!.disabled = !there;
+      box.querySelector("input")!.dataset.layer = layer;
+      box.classList.toggle("absent", !there);
+      layers.append(box);
+    }
+    const head = element("div", { class: "detail-head" }, this.name, layers, this.legend);
+    head.append(button("✕", "Select nobody (Esc)", () => state.select(-1), { class: "close" }));
+    this.root.append(head, this.now, this.profiles.root);
+  }
+
+  draw(): void {
+    const { state, run } = this;
+    this.root.hidden = state.selected < 0;
+    if (state.selected < 0) return;
+    this.follow.checked = state.follow;
+    for (const box of this.root.querySelectorAll<HTMLInputElement>("input[data-layer]"))
+      box.checked = state.layers[box.dataset.layer as keyof Layers] && !box.disabled;
+    const p = run.header.participants[state.selected];
+    const key = `${state.selected} ${state.theme}`;
+    if (key !== this.shown) {
+      this.shown = key;
+      const swatch = element("span", { class: "swatch" });
+      swatch.style.background = agentColor(p.color, state.theme);
+      this.name.replaceChildren(swatch, element("strong", {}, `${p.agent >= 0 ? "Agent" : "Vehicle"} ${p.id}`));
+      this.name.append(p.agent < 0 ? `${p.kind.replace("_", " ")}, recorded` : `${p.kind.replace("_", " ")}, ${p.planner}`);
+      if (p.agent >= 0) {
+        const end = `${mark(p.outcome ?? "").text} at ${run.seconds(p.end ?? 0).toFixed(1)} s`;
+        this.name.append(element("span", { class: "end" }, markIcon(p.outcome ?? ""), end));
+      }
+    }
+    this.now.textContent = this.sentence();
+    this.drawLegend();
+    this.profiles.draw();
+  }
+
+  /** What the agent is about at the current time. */
+  private sentence(): string {
+    const { state, run } = this;
+    const p = run.header.participants[state.selected];
+    if (!run.present(state.selected, state.step))
+      return state.step > (p.end ?? Infinity) ? "It is done and gone." : "It is not there at this time.";
+    const parts: string[] = [];
+    const plan = run.plan(state.selected, state.step);
+    if (plan >= 0) {
+      const status = run.header.statuses[run.table("plan_status")[plan]];
+      const cost = run.table("plan_cost")[plan];
+      parts.push(`plan: ${status.replace("_", " ")}${Number.isFinite(cost) ? `, cost ${text(cost, 3)}` : ""}`);
+    }
+    const seen = p.agent >= 0 ? run.seen(state.selected, state.step) : undefined;
+    if (seen !== undefined) parts.push(`sees ${seen.size}`);
+    const [first, last] = run.candidates(state.selected, state.step);
+    if (last > first) parts.push(`${last - first} candidates shown`);
+    const lacking = run.header.missing.filter((m) => state.layers[m.what as keyof Layers]).map((m) => m.text);
+    return [parts.join(" · "), ...(p.agent >= 0 ? lacking : [])].filter(Boolean).join("  —  ");
+  }
+
+  private drawLegend(): void {
+    const { state, run } = this;
+    const [first, last] = run.candidates(state.selected, state.step);
+    const range = state.layers.candidates && last > first ? costRange(run, first, last) : undefined;
+    // Its place stays, so that nothing moves.
+    this.legend.style.visibility = range === undefined ? "hidden" : "visible";
+    if (range === undefined) return;
+    const stops = Array.from({ length: 9 }, (_, i) => costColor(i / 8, state.theme)).join(",");
+    const bar = element("span", { class: "bar" });
+    bar.style.background = `linear-gradient(to right,${stops})`;
+    const high = element("span", {}, `${range[1].toFixed(2)}+`);
+    this.legend.replaceChildren("cost ", element("span", {}, range[0].toFixed(2)), bar, high);
+  }
+}

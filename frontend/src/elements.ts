@@ -1,0 +1,34 @@
+// Small pieces of HTML.
+
+type Attributes = Record<string, string>;
+
+export function element<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Attributes = {},
+  ...children: (Node | string)[]
+): HTMLElementTagNameMap[K] {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+export function button(label: string, title: string, onClick: () => void, attributes: Attributes = {}): HTMLButtonElement {
+  const made = element("button", { type: "button", title, "aria-label": title, ...attributes }, label);
+  made.addEventListener("click", onClick);
+  return made;
+}
+
+export function toggle(label: string, title: string, on: boolean, onChange: (on: boolean) => void): HTMLLabelElement {
+  const box = element("input", { type: "checkbox" });
+  box.checked = on;
+  box.addEventListener("change", () => onChange(box.checked));
+  return element("label", { class: "toggle", title }, box, label);
+}
+
+/** A number for people. */
+export function text(value: number | null | undefined, digits: number, unit = ""): string {
+  if (value === null || value === undefined || Number.isNaN(value)) return "";
+  if (!Number.isFinite(value)) return "∞";
+  return `${value.toFixed(digits)}${unit ? ` ${unit}` : ""}`;
+}

@@ -1,0 +1,116 @@
+// The keyboard.
+
+import { button, element } from "./elements";
+import type { RoadMap } from "./map";
+import type { Player } from "./player";
+import type { Run } from "./run";
+import type { Layers, State } from "./state";
+
+interface Parts {
+  run: Run;
+  state: State;
+  map: RoadMap;
+  player: Player;
+  jump: (event: number) => void;
+}
+
+const KEYS: [string, string][] = [
+  ["space", "play, pause"],
+  ["← →", "one step back, on (with shift: one second)"],
+  ["Home, End", "to the start, to the end"],
+  [", .", "slower, faster"],
+  ["N, B", "next event, event before"],
+  ["[ ]", "agent before, next agent"],
+  ["Esc", "select nobody"],
+  ["F", "follow the selected vehicle"],
+  ["+ − 0", "nearer, further away, show everything"],
+  ["W A S D", "move the map"],
+  ["P C R V L", "show plan, candidates, predictions, view, ids"],
+  ["T, A", "light or dark, larger text"],
+];
+
+export function helpDialog(): HTMLDialogElement {
+  const table = element("table", { class: "keys" });
+  for (const [key, what] of KEYS) table.append(element("tr", {}, element("th", {}, key), element("td", {}, what)));
+  const mouse = element("p", {}, "Click on a vehicle to select it, double click to follow it. Drag and wheel move the map.");
+  const dialog = element("dialog", { "aria-label": "Keys" }, element("h2", {}, "Keys"), table, mouse);
+  dialog.append(button("Close", "Close", () => dialog.close()));
+  return dialog;
+}
+
+const LAYERS: Record<string, keyof Layers> = { p: "plan", c: "candidates", r: "predictions", v: "sight", l: "labels" };
+
+export function listenToKeys(parts: Parts): void {
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const target = event.target;
+    if (target instanceof HTMLInputElement && target.type === "search") return;
+    if (target instanceof HTMLSelectElement || document.querySelector("dialog[open]")) return;
+    // A focused button is pressed by the space bar; everywhere else it plays.
+    if (event.key === " " && target instanceof HTMLButtonElement) return;
+    if (press(event.key, event.shiftKey, parts)) event.preventDefault();
+  });
+}
+
+function press(key: string, shift: boolean, { run, state, map, player, jump }: Parts): boolean {
+  const second = Math.round(1 / run.header.dt);
+  const moved = (dx: number, dy: number) => {
+    state.follow = false;
+    map.camera.pan(dx, dy);
+    state.changed();
+  };
+  const actions: Record<string, () => void> = {
+    " ": () => state.play(),
+    ArrowLeft: () => state.stepBy(shift ? -second : -1),
+    ArrowRight: () => state.stepBy(shift ? second : 1),
+    Home: () => state.stepBy(-state.last - 1),
+    End: () => state.stepBy(state.last + 1),
+    ",": () => player.faster(-1),
+    ".": () => player.faster(1),
+    n: () => nextEvent(run, state, jump, 1),
+    b: () => nextEvent(run, state, jump, -1),
+    "[": () => nextAgent(run, state, -1),
+    "]": () => nextAgent(run, state, 1),
+    Escape: () => state.select(-1),
+    f: () => {
+      state.follow = !state.follow && state.selected >= 0;
+      state.changed();
+    },
+    "+": () => map.zoom(1.4),
+    "=": () => map.zoom(1.4),
+    "-": () => map.zoom(1 / 1.4),
+    "0": () => map.fit(),
+    w: () => moved(0, 60),
+    s: () => moved(0, -60),
+    a: () => moved(60, 0),
+    d: () => moved(-60, 0),
+    A: () => document.querySelector<HTMLButtonElement>(".head button")!.click(),
+    t: () => {
+      state.theme = state.theme === "light" ? "dark" : "light";
+      state.changed();
+    },
+    "?": () => document.querySelector("dialog")!.showModal(),
+  };
+  const layer = LAYERS[key];
+  if (layer !== undefined) {
+    state.layers[layer] = !state.layers[layer];
+    state.changed();
+    return true;
+  }
+  const action = actions[key];
+  action?.();
+  return action !== undefined;
+}
+
+function nextEvent(run: Run, state: State, jump: (event: number) => void, way: 1 | -1): void {
+  const { events } = run.header;
+  const found = way > 0 ? events.findIndex((e) => e.step > state.step) : events.findLastIndex((e) => e.step < state.step);
+  if (found >= 0) jump(found);
+}
+
+function nextAgent(run: Run, state: State, way: 1 | -1): void {
+  const agents = run.header.participants.map((p, row) => (p.agent >= 0 ? row : -1)).filter((row) => row >= 0);
+  if (!agents.length) return;
+  const at = agents.indexOf(state.selected);
+  state.select(agents[at < 0 ? (way > 0 ? 0 : agents.length - 1) : (at + way + agents.length) % agents.length]);
+}

@@ -1,0 +1,116 @@
+// The page: reads what is written into it, puts the parts together, draws when something has changed.
+
+import "uplot/dist/uPlot.min.css";
+import "./report.css";
+import { Detail } from "./detail";
+import { button, element, toggle } from "./elements";
+import { helpDialog, listenToKeys } from "./keys";
+import { RoadMap } from "./map";
+import { Panels } from "./panels";
+import { Player } from "./player";
+import { type Header, Run } from "./run";
+import { State } from "./state";
+
+const FORMAT = 1;
+
+async function start(root: HTMLElement): Promise<void> {
+  const header = JSON.parse(document.getElementById("header")!.textContent!) as Header;
+  if (header.format !== FORMAT) throw new Error(`this page holds format ${header.format}, not ${FORMAT}`);
+  const run = await Run.read(header, document.getElementById("arrays")!.textContent!);
+  document.getElementById("arrays")!.remove();
+  const state = new State(run);
+  state.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+
+  const map = new RoadMap(run, state);
+  const jump = (index: number) => {
+    const event = header.events[index];
+    state.playing = false;
+    state.selected = event.rows[0];
+    state.seek(event.step);
+    map.reveal(event.rows[0]);
+    panels.reveal();
+  };
+  const player = new Player(run, state, jump);
+  const panels = new Panels(run, state, jump);
+  const detail = new Detail(run, state);
+  const help = helpDialog();
+  root.replaceChildren(headline(run, state, () => help.showModal()), mapArea(map, state), player.root, detail.root, panels.root, help);
+  listenToKeys({ run, state, map, player, jump });
+
+  let dirty = true;
+  state.onChange(() => (dirty = true));
+  const frame = (now: number) => {
+    player.tick(now);
+    if (dirty) {
+      dirty = false;
+      document.documentElement.dataset.theme = state.theme;
+      document.documentElement.style.setProperty("--zoom", String(state.zoom));
+      map.draw();
+      player.draw();
+      panels.draw();
+      detail.draw();
+      mirror(root, state);
+    }
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}
+
+/** For tests and for whoever reads the page by machine. */
+function mirror(root: HTMLElement, state: State): void {
+  const said: Record<string, string> = {
+    ready: "true",
+    step: String(state.step),
+    playing: String(state.playing),
+    selected: state.selected < 0 ? "" : String(state.run.header.participants[state.selected].id),
+    follow: String(state.follow),
+  };
+  for (const [name, value] of Object.entries(said)) if (root.dataset[name] !== value) root.dataset[name] = value;
+}
+
+function headline(run: Run, state: State, help: () => void): HTMLElement {
+  const agents = run.header.participants.filter((p) => p.agent >= 0);
+  const others = run.n - agents.length;
+  const seconds = (run.steps - 1) * run.header.dt;
+  const said = `${agents.length} agents, ${others} recorded, ${seconds.toFixed(1)} s`;
+  const sizes = [1, 1.25, 1.5];
+  return element(
+    "header",
+    { class: "head" },
+    element("h1", {}, run.header.name),
+    element("span", { class: "said" }, said),
+    element("span", { class: "digest", title: `digest ${run.header.info.digest}` }, run.header.info.digest.slice(0, 12)),
+    element("span", { class: "space" }),
+    button("A+", "Larger text and lines, for a projector (A)", () => {
+      state.zoom = sizes[(sizes.indexOf(state.zoom) + 1) % sizes.length];
+      state.changed();
+    }),
+    button("◐", "Light or dark (T)", () => {
+      state.theme = state.theme === "light" ? "dark" : "light";
+      state.changed();
+    }),
+    button("?", "Keys (?)", help),
+  );
+}
+
+function mapArea(map: RoadMap, state: State): HTMLElement {
+  const labels = toggle("ids", "Ids of agents (L)", true, (on) => {
+    state.layers.labels = on;
+    state.changed();
+  });
+  const tools = element(
+    "div",
+    { class: "tools" },
+    button("+", "Nearer (+)", () => map.zoom(1.4)),
+    button("−", "Further away (−)", () => map.zoom(1 / 1.4)),
+    button("⤢", "Show everything (0)", () => map.fit()),
+    labels,
+  );
+  return element("div", { class: "map-area" }, map.root, tools);
+}
+
+const root = document.getElementById("report")!;
+start(root).catch((cause: unknown) => {
+  root.replaceChildren(element("p", { class: "failure" }, `This page cannot be shown: ${cause}`));
+  throw cause;
+});

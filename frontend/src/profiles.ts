@@ -1,0 +1,226 @@
+// Velocity, acceleration and criticality of one participant over time, with a cursor tied to the player.
+
+import uPlot from "uplot";
+import { agentColor, PALETTES } from "./colors";
+import { element, text } from "./elements";
+import type { Run } from "./run";
+import type { State } from "./state";
+
+type Column = (number | null)[];
+
+interface Chart {
+  root: HTMLElement;
+  plot: HTMLElement;
+  value: HTMLElement;
+  unit: string;
+  digits: number;
+  series: () => Column;
+  /** Lines to compare with. */
+  levels: () => number[];
+  /** As far up as matters. */
+  cap?: () => number;
+  u?: uPlot;
+  line?: HTMLElement;
+}
+
+/** Beyond these, values of a measure do not matter any more; those with a threshold show it. */
+const CAPS: Record<string, number> = { ttc: 10, thw: 10, psd: 10, hw: 100, dce: 50, ttce: 20, pet: 20, et: 20 };
+const LEVELS: Record<string, number[]> = { ttc: [2], btn: [1], stn: [1], psd: [1] };
+
+export class Profiles {
+  readonly root = element("div", { class: "profiles" });
+  private readonly measures = element("select", { title: "Criticality measure", "aria-label": "Criticality measure" });
+  private readonly charts: Chart[];
+  private readonly times: number[];
+  private shown = "";
+  private planOf = -2;
+
+  constructor(
+    private readonly run: Run,
+    private readonly state: State,
+  ) {
+    this.times = Array.from({ length: run.steps }, (_, step) => run.seconds(step));
+    run.header.measures.forEach((measure, i) =>
+      this.measures.append(element("option", { value: String(i) }, measure.title)),
+    );
+    this.measures.value = String(Math.max(0, run.header.measures.findIndex((m) => m.name === "ttc")));
+    this.measures.addEventListener("change", () => {
+      this.shown = "";
+      state.changed();
+    });
+    this.charts = [
+      this.chart(element("span", {}, "velocity"), "m/s", 1, () => run.series("velocity", state.selected)),
+      this.chart(element("span", {}, "acceleration"), "m/s²", 1, () => run.series("acceleration", state.selected)),
+    ];
+    if (run.header.measures.length) {
+      const chart = this.chart(this.measures, "", 2, () => this.criticality());
+      chart.levels = () => LEVELS[this.measure.name] ?? [];
+      chart.cap = () => CAPS[this.measure.name] ?? Infinity;
+      this.charts.push(chart);
+    }
+    new ResizeObserver(() => this.resize()).observe(this.root);
+  }
+
+  draw(): void {
+    const { state } = this;
+    const key = `${state.selected} ${this.measures.value} ${state.theme} ${state.zoom}`;
+    if (state.selected < 0) return;
+    if (key !== this.shown) {
+      this.shown = key;
+      for (const chart of this.charts) this.build(chart);
+    }
+    this.drawPlan();
+    const time = this.run.seconds(0) + state.time * this.run.header.dt;
+    for (const chart of this.charts) {
+      if (chart.u === undefined || chart.line === undefined) continue;
+      chart.line.style.transform = `translateX(${chart.u.valToPos(time, "x")}px)`;
+      chart.value.textContent = this.valueOf(chart);
+    }
+  }
+
+  private get measure() {
+    return this.run.header.measures[Number(this.measures.value)];
+  }
+
+  private criticality(): Column {
+    const agent = this.run.header.participants[this.state.selected].agent;
+    return this.times.map((_, step) => {
+      const value = agent < 0 ? NaN : this.run.measure(Number(this.measures.value), agent, step);
+      return Number.isFinite(value) ? value : null;
+    });
+  }
+
+  private valueOf(chart: Chart): string {
+    const { step, selected } = this.state;
+    const agent = this.run.header.participants[selected].agent;
+    if (chart.levels().length || chart.cap) {
+      if (agent < 0) return "of agents only";
+      const index = Number(this.measures.value);
+      const value = this.run.measure(index, agent, step);
+      const partner = this.run.header.participants[this.run.measurePartner(index, agent, step)];
+      if (Number.isNaN(value)) return "–";
+      if (!Number.isFinite(value)) return "no conflict";
+      return `${text(value, 2, this.measure.unit)}${partner ? ` with ${partner.id}` : ""}`;
+    }
+    return text(chart.series()[step], chart.digits, chart.unit) || "–";
+  }
+
+  private chart(name: HTMLElement, unit: string, digits: number, series: () => Column): Chart {
+    const value = element("span", { class: "value" });
+    const plot = element("div", { class: "plot" });
+    const root = element("section", { class: "profile" }, element("header", {}, name, value), plot);
+    this.root.append(root);
+    return { root, plot, value, unit, digits, series, levels: () => [] };
+  }
+
+  private build(chart: Chart): void {
+    chart.u?.destroy();
+    chart.plot.replaceChildren();
+    this.planOf = -2;
+    const { state, run } = this;
+    const colors = PALETTES[state.theme];
+    const color = agentColor(run.header.participants[state.selected].color, state.theme);
+    const font = `${Math.round(11 * state.zoom)}px system-ui, sans-serif`;
+    const axis = {
+      stroke: colors.ink,
+      font,
+      grid: { stroke: colors.grid, width: 1 },
+      ticks: { stroke: colors.grid, width: 1, size: 4 },
+    };
+    const options: uPlot.Options = {
+      width: Math.max(chart.plot.clientWidth, 120),
+      height: Math.max(chart.plot.clientHeight, 80),
+      padding: [4, 8, 0, 0],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: { x: { time: false }, y: { range: (_u, low, high) => this.range(chart, low, high) } },
+      axes: [
+        { ...axis, size: 22 * state.zoom, gap: 2, space: 50, values: (_u, ticks) => ticks.map((t) => `${+t.toFixed(2)} s`) },
+        { ...axis, size: 40 * state.zoom, gap: 3, space: 20 },
+      ],
+      series: [
+        {},
+        { stroke: color === colors.traffic ? colors.ink : color, width: 2 * state.zoom, points: { show: false } },
+        { stroke: colors.ink, width: 1.4 * state.zoom, dash: [4, 3], spanGaps: true, points: { show: false } },
+      ],
+      hooks: { drawClear: [(u) => drawLevels(u, chart.levels(), colors.ink)] },
+    };
+    const empty: Column = this.times.map(() => null);
+    chart.u = new uPlot(options, [this.times, chart.series(), empty] as uPlot.AlignedData, chart.plot);
+    chart.line = element("div", { class: "cursor-line" });
+    chart.u.over.append(chart.line);
+    this.seekOn(chart.u);
+  }
+
+  /** What the current plan intends, in the chart of velocities. */
+  private drawPlan(): void {
+    const { run, state } = this;
+    const chart = this.charts[0];
+    const plan = run.has("plan_velocity") && state.layers.plan ? run.plan(state.selected, state.step) : -1;
+    if (plan === this.planOf || chart.u === undefined) return;
+    this.planOf = plan;
+    const intended: Column = this.times.map(() => null);
+    if (plan >= 0) {
+      const width = run.width("plan_velocity");
+      const spacing = run.entry("plan_step").spacing ?? 1;
+      const [start, values] = [run.table("plan_step")[plan], run.table("plan_velocity")];
+      for (let i = 0; i < width; i++) {
+        const at = start + i * spacing;
+        const value = values[plan * width + i];
+        if (at < intended.length && Number.isFinite(value)) intended[at] = value;
+      }
+    }
+    chart.u.setData([this.times, chart.series(), intended] as uPlot.AlignedData, true);
+  }
+
+  private range(chart: Chart, low: number | null, high: number | null): [number, number] {
+    const values = chart.series().filter((v): v is number => v !== null);
+    const levels = chart.levels();
+    let [bottom, top] = [Math.min(...values, ...levels), Math.max(...values, ...levels)];
+    if (!Number.isFinite(bottom)) return [low ?? 0, high ?? 1];
+    top = Math.min(top, Math.max(chart.cap?.() ?? Infinity, bottom));
+    // What hardly changes is no drama.
+    const half = Math.max(0.55 * (top - bottom), 0.5);
+    const middle = 0.5 * (top + bottom);
+    return bottom >= 0 ? [Math.max(middle - half, -0.05 * (middle + half)), middle + half] : [middle - half, middle + half];
+  }
+
+  private seekOn(u: uPlot): void {
+    const seek = (event: PointerEvent) => {
+      const time = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x");
+      this.state.playing = false;
+      this.state.seek(Math.round(time / this.run.header.dt) - this.run.header.first_time_step);
+    };
+    u.over.addEventListener("pointerdown", (event) => {
+      u.over.setPointerCapture(event.pointerId);
+      seek(event);
+    });
+    u.over.addEventListener("pointermove", (event) => {
+      if (event.buttons & 1) seek(event);
+    });
+  }
+
+  private resize(): void {
+    for (const chart of this.charts)
+      if (chart.u !== undefined && chart.plot.clientWidth > 0)
+        chart.u.setSize({ width: chart.plot.clientWidth, height: chart.plot.clientHeight });
+    this.state.changed();
+  }
+}
+
+function drawLevels(u: uPlot, levels: number[], color: string): void {
+  const { ctx, bbox } = u;
+  ctx.save();
+  ctx.strokeStyle = color;
+  ctx.globalAlpha = 0.6;
+  ctx.setLineDash([6, 4]);
+  for (const level of levels) {
+    const y = u.valToPos(level, "y", true);
+    if (y < bbox.top || y > bbox.top + bbox.height) continue;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+  }
+  ctx.restore();
+}

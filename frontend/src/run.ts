@@ -1,0 +1,224 @@
+// A run as the page knows it: header, arrays, and who did what at which time step.
+
+import { type Entry, inflate, unpack, type Values } from "./arrays";
+
+export interface Participant {
+  id: number;
+  kind: string;
+  length: number;
+  width: number;
+  static: boolean;
+  agent: number;
+  outlines?: number[][][];
+  color?: string;
+  planner?: string;
+  outcome?: string;
+  end?: number;
+  partner?: number | null;
+  off_road?: boolean;
+  impact_speed?: number | null;
+  harm?: number | null;
+  message?: string;
+  origin?: string;
+  goal_time_step?: [number, number];
+  goal?: number[][][];
+  sensor_radius?: number | null;
+  occlusion?: boolean;
+}
+
+export interface Measure {
+  name: string;
+  title: string;
+  unit: string;
+  grows: boolean;
+}
+
+export interface RunEvent {
+  step: number;
+  kind: string;
+  rows: number[];
+  text: string;
+  value?: number;
+}
+
+export interface Header {
+  format: number;
+  kind: "run";
+  name: string;
+  benchmark_id: string;
+  dt: number;
+  first_time_step: number;
+  n_steps: number;
+  view: { angle: number; width: number; height: number };
+  participants: Participant[];
+  statuses: string[];
+  reasons: string[];
+  measures: Measure[];
+  events: RunEvent[];
+  missing: { what: string; text: string }[];
+  info: {
+    digest: string;
+    settings: Record<string, unknown>;
+    versions: Record<string, string | null>;
+    platform: Record<string, unknown>;
+    notes: string[];
+  };
+  arrays: Record<string, Entry>;
+}
+
+export interface Pose {
+  x: number;
+  y: number;
+  orientation: number;
+  velocity: number;
+}
+
+/** First and last row (excluded) of a table. */
+export type Rows = [number, number];
+
+const NONE: Rows = [0, 0];
+
+export class Run {
+  readonly n: number;
+  readonly steps: number;
+  private readonly tables: Record<string, Values> = {};
+  private readonly planAt = new Map<number, number>();
+  private readonly candidatesAt = new Map<number, Rows>();
+  private readonly predictionsAt = new Map<number, Rows>();
+
+  private constructor(
+    readonly header: Header,
+    private readonly bytes: Uint8Array,
+  ) {
+    this.n = header.participants.length;
+    this.steps = header.n_steps;
+    this.index();
+  }
+
+  static async read(header: Header, text: string): Promise<Run> {
+    return new Run(header, await inflate(text));
+  }
+
+  /** An array, unpacked when it is first asked for; empty if the page has none of that name. */
+  table(name: string): Values {
+    let found = this.tables[name];
+    if (found === undefined) {
+      const entry = this.header.arrays[name];
+      found = entry === undefined ? new Float32Array(0) : unpack(entry, this.bytes);
+      this.tables[name] = found;
+    }
+    return found;
+  }
+
+  has(name: string): boolean {
+    return name in this.header.arrays;
+  }
+
+  entry(name: string): Entry {
+    return this.header.arrays[name];
+  }
+
+  /** Number of points per row of a table. */
+  width(name: string): number {
+    return this.entry(name)?.shape[1] ?? 0;
+  }
+
+  /** Time since the start of the scenario [s]. */
+  seconds(step: number): number {
+    return (this.header.first_time_step + step) * this.header.dt;
+  }
+
+  present(row: number, step: number): boolean {
+    return this.table("valid")[row * this.steps + step] === 1;
+  }
+
+  /** Where a participant is at a time between steps; none while it is absent. */
+  pose(row: number, time: number): Pose | undefined {
+    const step = Math.min(this.steps - 1, Math.floor(time + 1e-6));
+    if (step < 0 || !this.present(row, step)) return undefined;
+    const i = row * this.steps + step;
+    const part = step + 1 < this.steps && this.present(row, step + 1) ? Math.max(0, time - step) : 0;
+    const at = (name: string) => {
+      const table = this.table(name);
+      return part > 0 ? table[i] + part * (table[i + 1] - table[i]) : table[i];
+    };
+    return { x: at("x"), y: at("y"), orientation: at("orientation"), velocity: at("velocity") };
+  }
+
+  /** Last state of a participant up to a time. */
+  lastPose(row: number, time: number): Pose | undefined {
+    for (let step = Math.min(this.steps - 1, Math.floor(time + 1e-6)); step >= 0; step--)
+      if (this.present(row, step)) return this.pose(row, step);
+    return undefined;
+  }
+
+  /** Values of a column of the states for one participant; null where absent. */
+  series(name: string, row: number): (number | null)[] {
+    const table = this.table(name);
+    return Array.from({ length: this.steps }, (_, step) => {
+      const value = table[row * this.steps + step];
+      return this.present(row, step) && Number.isFinite(value) ? value : null;
+    });
+  }
+
+  /** A measure of an agent at a time step; inf: no conflict, nan: cannot be computed. */
+  measure(index: number, agent: number, step: number): number {
+    const agents = this.entry("measure")?.shape[1] ?? 0;
+    return this.table("measure")[(index * agents + agent) * this.steps + step] ?? NaN;
+  }
+
+  measurePartner(index: number, agent: number, step: number): number {
+    const agents = this.entry("measure")?.shape[1] ?? 0;
+    return this.table("measure_partner")[(index * agents + agent) * this.steps + step] ?? -1;
+  }
+
+  /** Row of the plan that an agent follows at a time step; -1 for none. */
+  plan(row: number, step: number): number {
+    if (!this.present(row, step) || step > (this.header.participants[row].end ?? -1)) return -1;
+    for (let at = step; at >= 0 && at > step - 50; at--) {
+      const found = this.planAt.get(row * this.steps + at);
+      if (found !== undefined) return found;
+    }
+    return -1;
+  }
+
+  /** What an agent chose from at a time step. */
+  candidates(row: number, step: number): Rows {
+    return this.candidatesAt.get(row * this.steps + step) ?? NONE;
+  }
+
+  /** Everybody's predictions of a time step. */
+  predictions(step: number): Rows {
+    return this.predictionsAt.get(step) ?? NONE;
+  }
+
+  /** Rows of those whom an agent sees; undefined if that was not recorded. */
+  seen(row: number, step: number): Set<number> | undefined {
+    if (!this.has("view_observer")) return undefined;
+    const found = new Set<number>();
+    const [observer, seen, first, last] = ["observer", "seen", "first", "last"].map((n) => this.table(`view_${n}`));
+    for (let i = 0; i < observer.length; i++)
+      if (observer[i] === row && first[i] <= step && step <= last[i]) found.add(seen[i]);
+    return found;
+  }
+
+  private index(): void {
+    const planRow = this.table("plan_participant");
+    const planStep = this.table("plan_step");
+    for (let i = 0; i < planRow.length; i++) this.planAt.set(planRow[i] * this.steps + planStep[i], i);
+    const rows = this.table("candidate_participant");
+    const steps = this.table("candidate_step");
+    ranges(this.candidatesAt, rows.length, (i) => rows[i] * this.steps + steps[i]);
+    const when = this.table("prediction_step");
+    ranges(this.predictionsAt, when.length, (i) => when[i]);
+  }
+}
+
+function ranges(into: Map<number, Rows>, count: number, key: (i: number) => number): void {
+  let first = 0;
+  for (let i = 1; i <= count; i++)
+    if (i === count || key(i) !== key(first)) {
+      into.set(key(first), [first, i]);
+      first = i;
+    }
+}

@@ -1,0 +1,204 @@
+"""What the page of a run shows, read from its folder: a header for JSON and packed arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.assessment import reopen
+from interdrive.criticality import MEASURES
+from interdrive.errors import InterdriveError
+from interdrive.plots.participants import agent_colors, body_outlines, outlines
+from interdrive.plots.view import View, view_of
+from interdrive.report.events import Event, events_of
+from interdrive.report.measured import measured_of
+from interdrive.report.packing import Packer
+from interdrive.report.tables import pack_candidates, pack_plans, pack_predictions, pack_road, pack_states, pack_views
+from interdrive.results import load
+from interdrive.run import PLAN_STATUS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive.results import Results
+    from interdrive.run import Run
+
+    Floats = NDArray[np.float64]
+
+#: Version of what is written into the page; the front end refuses others.
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What goes into a page: a header of plain values, and arrays as text."""
+
+    header: dict[str, Any]
+    arrays: str
+
+
+def run_contents(folder: str | Path) -> Contents:
+    """Everything about a run that its page shows.
+
+    Raises:
+        ResultsError: if the folder is no run folder, or damaged, or of another format.
+        InputError: if its scenario cannot be read.
+    """
+    results = load(folder, in_part=True)
+    run = reopen(folder, results)
+    packer, lacking, origin = Packer(), _lacking(results), _origin(run)
+    pack_states(packer, run, origin)
+    pack_road(packer, run, origin)
+    pack_plans(packer, run, origin, results.plans)
+    pack_views(packer, run, results.views)
+    reasons = pack_candidates(packer, run, origin, results.candidates)
+    pack_predictions(packer, run, origin, results.predictions)
+    try:
+        measured = measured_of(Path(folder), run)
+    except InterdriveError as cause:
+        measured = None
+        lacking.append({"what": "criticality", "text": f"Criticality cannot be evaluated: {cause}"})
+    if measured is not None:
+        packer.add("measure", measured.value)
+        packer.add("measure_partner", measured.partner)
+    header = {
+        "format": FORMAT,
+        "kind": "run",
+        "name": run.scenario.name,
+        "benchmark_id": run.scenario.benchmark_id,
+        "dt": run.scenario.dt,
+        "first_time_step": run.states.first_time_step,
+        "n_steps": run.states.n_steps,
+        "view": _view(run),
+        "participants": _participants(run, results, origin),
+        "statuses": list(PLAN_STATUS),
+        "reasons": reasons,
+        "measures": [] if measured is None else [_measure(m.name) for m in MEASURES],
+        "events": [_event(event) for event in events_of(run, results.plans, measured)],
+        "missing": lacking,
+        "info": {
+            name: results.info.get(name) for name in ("digest", "settings", "versions", "platform", "notes", "seed")
+        },
+        "arrays": packer.header,
+    }
+    return Contents(header, packer.text())
+
+
+def _lacking(results: Results) -> list[dict[str, str]]:
+    """What a reader might look for in vain, and how to get it."""
+    found = []
+    if results.plans.num_rows == 0:
+        found.append({"what": "plans", "text": "No plans: plans.parquet is missing or empty."})
+    if results.predictions is None:
+        text = "Predictions were not recorded; run with --report or --set record.predictions=true."
+        found.append({"what": "predictions", "text": text})
+    if results.candidates is None:
+        text = "Sampled candidates were not recorded; run with --report or --set record.candidates=30."
+        found.append({"what": "candidates", "text": text})
+    elif results.candidates.num_rows == 0:
+        found.append({"what": "candidates", "text": "No agent has a planner whose candidates can be recorded."})
+    if results.views is None:
+        text = "Who saw whom was not recorded; run with --report or --set record.views=true."
+        found.append({"what": "views", "text": text})
+    return found
+
+
+def _origin(run: Run) -> Floats:
+    """Positions are stored relative to this point [m]."""
+    center = view_of(run)
+    angle = View(-center.angle, (0.0, 0.0), 0.0, 0.0)
+    origin: Floats = np.round(angle.picture_from_world(np.array(center.center)))
+    return origin
+
+
+def _view(run: Run) -> dict[str, float]:
+    """What to show first: a rectangle around the origin, turned like the figures."""
+    view = view_of(run)
+    return {"angle": view.angle, "width": view.width, "height": view.height}
+
+
+def _participants(run: Run, results: Results, origin: Floats) -> list[dict[str, Any]]:
+    """One entry per row of the states: what does not change."""
+    states, colors = run.states, agent_colors(run)
+    order = {number: index for index, number in enumerate(run.outcomes.agent_id.tolist())}
+    ended = results.outcomes.to_pylist()
+    agents = {agent.id: agent for agent in run.agents}
+    made = []
+    for row, number in enumerate(states.ids.tolist()):
+        entry: dict[str, Any] = {
+            "id": number,
+            "kind": states.kinds[row],
+            "length": round(float(states.length[row]), 2),
+            "width": round(float(states.width[row]), 2),
+            "static": bool(states.is_static[row]),
+            "agent": -1,
+        }
+        shape = _body(run, row)
+        if shape is not None:
+            entry["outlines"] = [np.round(line, 2).tolist() for line in shape]
+        if number in order:
+            agent, outcome = agents[number], ended[order[number]]
+            goal = [line for area in agent.goal_areas for line in outlines(area)]
+            entry |= {
+                "agent": order[number],
+                "color": colors[number],
+                "planner": outcome["planner"],
+                "outcome": outcome["outcome"],
+                "end": outcome["time_step"] - states.first_time_step,
+                "partner": outcome["partner_id"],
+                "off_road": outcome["off_road"],
+                "impact_speed": outcome["impact_speed"],
+                "harm": outcome["harm"],
+                "message": outcome["message"],
+                "origin": agent.origin,
+                "goal_time_step": list(agent.goal_time_step),
+                "goal": [np.round(line - origin, 2).tolist() for line in goal],
+                **_sight(results.info, number),
+            }
+        made.append(entry)
+    return made
+
+
+def _body(run: Run, row: int) -> list[Floats] | None:
+    """Outlines of a participant that is no plain rectangle about its centre; None for one that is."""
+    obstacles = run.scenario.obstacles
+    at = np.flatnonzero(obstacles.ids == run.states.ids[row])
+    if not len(at):
+        return None
+    shape = obstacles.shapes[int(at[0])]
+    if shape.kind == "rectangle" and shape.center == (0.0, 0.0) and shape.orientation == 0.0:
+        return None
+    return body_outlines(run)[row]
+
+
+def _sight(info: dict[str, Any], number: int) -> dict[str, Any]:
+    """How far an agent sees [m], and whether others hide each other."""
+    said = info.get("settings", {})
+    values = {**said.get("settings", {}), **_dotted(said.get("views", {}).get(str(number), {}))}
+    radius = values.get("view.sensor_radius")
+    return {
+        "sensor_radius": None if radius is None or not np.isfinite(float(radius)) else float(radius),
+        "occlusion": bool(values.get("view.occlusion", False)),
+    }
+
+
+def _dotted(own: dict[str, Any]) -> dict[str, Any]:
+    return {f"view.{name.removeprefix('view.')}": value for name, value in own.items()}
+
+
+def _measure(name: str) -> dict[str, Any]:
+    measure = next(item for item in MEASURES if item.name == name)
+    return {
+        "name": measure.name,
+        "title": measure.title,
+        "unit": measure.unit,
+        "grows": measure.grows,
+    }
+
+
+def _event(event: Event) -> dict[str, Any]:
+    said = {"step": event.step, "kind": event.kind, "rows": list(event.rows), "text": event.text}
+    return said if event.value is None else {**said, "value": event.value}

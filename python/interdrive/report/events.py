@@ -1,0 +1,112 @@
+"""Moments of a run that one wants to jump to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.criticality import MEASURES, measure_named
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from interdrive.report.measured import Measured
+    from interdrive.results import ArrowTable
+    from interdrive.run import Run
+
+#: Moments at which a measure goes beyond this are events; of each agent the most critical one.
+THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
+
+#: Plans of these kinds are events when they begin.
+_EMERGENCIES = {"emergency_braking": "begins to brake as hard as it can", "infeasible": "finds no feasible plan"}
+
+_ENDS = {
+    "goal_reached": "reaches its goal",
+    "goal_reached_late": "reaches its goal late",
+    "time_limit": "runs out of time",
+    "goal_missed": "misses its goal",
+    "infeasible": "has no feasible plan left",
+    "collision": "collides",
+    "planner_error": "ends: its planner failed",
+    "running": "still drives when the run is stopped",
+}
+
+
+@dataclass(frozen=True)
+class Event:
+    """A moment.
+
+    Attributes:
+        step: Column of the states.
+        kind: An outcome, "emergency_braking", "infeasible_plan", or "critical".
+        rows: Rows of the states that it is about, the judged one first.
+        text: For people.
+        value: Of a measure.
+    """
+
+    step: int
+    kind: str
+    rows: tuple[int, ...]
+    text: str
+    value: float | None = None
+
+
+def events_of(run: Run, plans: ArrowTable, measured: Measured | None) -> list[Event]:
+    """All events, sorted by time, then by participant."""
+    every = [*_ends(run), *_emergencies(run, plans), *(_critical(run, measured) if measured is not None else ())]
+    return sorted(every, key=lambda event: (event.step, event.rows, event.kind))
+
+
+def _row(run: Run, number: int) -> int:
+    return int(np.searchsorted(run.states.ids, number))
+
+
+def _ends(run: Run) -> Iterator[Event]:
+    ended = run.outcomes
+    for index, number in enumerate(ended.agent_id.tolist()):
+        outcome, partner = ended.outcome[index], int(ended.partner_id[index])
+        text = f"{number} {_ENDS[outcome]}"
+        rows: tuple[int, ...] = (_row(run, number),)
+        if outcome == "collision" and partner >= 0:
+            text, rows = f"{text} with {partner}", (*rows, _row(run, partner))
+        elif outcome == "collision":
+            text = f"{number} leaves the road"
+        if np.isfinite(ended.impact_speed[index]):
+            text += f" at {ended.impact_speed[index]:.1f} m/s"
+        step = int(ended.time_step[index]) - run.states.first_time_step
+        yield Event(min(max(step, 0), run.states.n_steps - 1), outcome, rows, text)
+
+
+def _emergencies(run: Run, plans: ArrowTable) -> Iterator[Event]:
+    """First time steps of stretches in which an agent brakes in emergency or finds no plan."""
+    if not plans.num_rows:
+        return
+    first = plans["point"].to_numpy() == 0
+    status = plans["status"].to_numpy(zero_copy_only=False)[first]
+    agent, step = plans["agent_id"].to_numpy()[first], plans["time_step"].to_numpy()[first]
+    for name, text in _EMERGENCIES.items():
+        for number in np.unique(agent[status == name]).tolist():
+            steps = step[(status == name) & (agent == number)]
+            begins = steps[np.concatenate([[True], np.diff(steps) > 1])]
+            for moment in begins.tolist():
+                kind = "infeasible_plan" if name == "infeasible" else name
+                yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), f"{number} {text}")
+
+
+def _critical(run: Run, measured: Measured) -> Iterator[Event]:
+    """The most critical moment of each agent and measure with a threshold, if it goes beyond it."""
+    names = [measure.name for measure in MEASURES]
+    for name, threshold in THRESHOLDS.items():
+        measure, index = measure_named(name), names.index(name)
+        for place, number in enumerate(run.outcomes.agent_id.tolist()):
+            value, partner = float(measured.extreme[index, place]), int(measured.extreme_partner[index, place])
+            step = int(measured.extreme_step[index, place])
+            beyond = value >= threshold if measure.grows else value <= threshold
+            if not np.isfinite(value) or not beyond:
+                continue
+            rows = (_row(run, number), partner) if partner >= 0 else (_row(run, number),)
+            other = f" with {run.states.ids[partner]}" if partner >= 0 else ""
+            size = f"{value:.2f}\N{NO-BREAK SPACE}{measure.unit}" if measure.unit else f"{value:.2f}"
+            yield Event(step, "critical", rows, f"{number}: {measure.title} {size}{other}", value)

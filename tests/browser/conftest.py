@@ -1,0 +1,73 @@
+"""Reports opened in Chromium. The browser has an environment of its own: pages are made by the command line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = ROOT / ".venv" / "bin" / "interdrive"
+
+#: Names under which Chromium is installed.
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+
+def interdrive(*arguments: object) -> None:
+    subprocess.run([COMMAND, *map(str, arguments), "--quiet"], check=True, timeout=300)
+
+
+@pytest.fixture(scope="session")
+def browser():
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    if found is None:
+        pytest.skip("no Chromium on the PATH: install it (apt-get install chromium) to test reports in a browser")
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def page(browser):
+    """A tab of a laptop's size that fails the test if the page complains or asks for anything but itself."""
+    tab = browser.new_page(viewport={"width": 1366, "height": 768})
+    wrong: list[str] = []
+    tab.on("console", lambda message: wrong.append(f"{message.type}: {message.text}"))
+    tab.on("pageerror", lambda error: wrong.append(f"error: {error}"))
+    asked: list[str] = []
+    tab.on("request", lambda request: asked.append(request.url))
+    yield tab
+    assert wrong == []
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
+    tab.close()
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory) -> Path:
+    """Page of the T-junction, everything recorded."""
+    folder = tmp_path_factory.mktemp("demo") / "run"
+    interdrive("run", "t_junction", "--agents", "all", "--out", folder, "--report")
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="session")
+def crowd(tmp_path_factory) -> Path:
+    """Page of a run with about 60 vehicles; of the largest shipped scenario where there are no recorded ones."""
+    recorded = Path(os.environ.get("INTERDRIVE_SCENARIOS", ROOT.parent / "shared" / "scenarios"))
+    file = recorded / "highway" / "USA_US101-23_1_T-1.xml"
+    folder = tmp_path_factory.mktemp("crowd") / "run"
+    scenario = file if file.exists() else "highway"
+    interdrive("run", scenario, "--agents", "all", "--out", folder, "--report", "--set", "record.candidates=0")
+    return folder / "report.html"
+
+
+def opened(page, path: Path):
+    """The page once it is ready; returns its root element."""
+    page.goto(path.as_uri())
+    page.wait_for_selector('#report[data-ready="true"]', timeout=20_000)
+    return page.locator("#report")

@@ -1,0 +1,366 @@
+"""The page of a run: what is in it, that it needs nothing else, and what it says about what is missing."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from interdrive.assessment import recorded_run, save_criticality
+from interdrive.cli import main
+from interdrive.criticality import CriticalitySettings, evaluate
+from interdrive.errors import InputError, ResultsError
+from interdrive.report import write_run_report
+from interdrive.report.contents import run_contents
+from interdrive.report.packing import Packer
+from interdrive.results import candidates_table, holds_run, load, predictions_table, save
+from interdrive.run_settings import RecordSettings, SimulationSettings
+from interdrive.simulation import simulate
+from interdrive.testing import Car, problem, straight_road, world
+from invented_run import invented_run
+
+ROOT = Path(__file__).resolve().parent.parent
+EVERYTHING = RecordSettings(views=True, predictions=True, candidates=12)
+
+
+def unpacked(header, text):
+    """What the front end makes of packed arrays (frontend/src/arrays.ts), for comparison."""
+    data = zlib.decompress(base64.b64decode(text))
+    found = {}
+    for name, entry in header.items():
+        count = int(np.prod(entry["shape"], dtype=int))
+        kind = np.dtype({"u8": "u1", "i8": "i1", "i16": "<i2", "i32": "<i4", "f32": "<f4"}[entry["type"]])
+        planes = np.frombuffer(data, np.uint8, count * kind.itemsize, entry["at"])
+        values = np.ascontiguousarray(planes.reshape(kind.itemsize, count).T).view(kind).reshape(entry["shape"])
+        if entry["type"] != "f32":
+            values = values.astype(np.int64)
+            if entry["steps"] and count:
+                rows = values.reshape(-1, entry["shape"][-1]).copy()
+                rows[:, 0] = np.cumsum(rows[:, 0])
+                values = np.cumsum(rows, axis=1).reshape(entry["shape"])
+            values = values * entry["unit"]
+            if "absent" in entry:
+                bits = np.frombuffer(data, np.uint8, -(-count // 8), entry["absent"])
+                absent = np.unpackbits(bits, count=count, bitorder="little").astype(bool)
+                values = np.where(absent.reshape(values.shape), np.nan, values)
+        found[name] = values
+    return found
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Two agents and a slow recorded car on two lanes, everything recorded."""
+    problems = [
+        problem(100, 20.0, goal=(90.0, 0.0), time_step=(0, 90)),
+        problem(200, 12.0, 3.5, velocity=12.0, goal=(110.0, 3.5), time_step=(0, 90)),
+    ]
+    made = world(straight_road(300.0, lanes=2), cars=[Car(7, 60.0, velocity=6.0)], problems=problems)
+    return simulate(made, agents=[100, 200], settings=SimulationSettings(record=EVERYTHING), threads=1)
+
+
+@pytest.fixture(scope="module")
+def folder(run, tmp_path_factory):
+    return save(run, tmp_path_factory.mktemp("report") / "run")
+
+
+@pytest.fixture
+def copied(folder, tmp_path):
+    """A copy of the run folder, to break."""
+    return Path(shutil.copytree(folder, tmp_path / "copy"))
+
+
+def missing(path):
+    return {entry["what"]: entry["text"] for entry in run_contents(path).header["missing"]}
+
+
+# Packing
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "steps"),
+    [
+        (np.array([[1.234, 2.346, np.nan], [np.nan, -40.0, 7.0]]), 0.01, True),
+        (np.array([[1.234, 2.346, np.nan], [np.nan, -40.0, 7.0]]), 0.01, False),
+        (np.array([[3, 70_000], [-5, 9]]), None, True),
+        (np.array([[3, 70_000], [-5, 9]]), None, False),
+        (np.array([True, False, True]), None, False),
+        (np.empty((0, 4)), 0.01, True),
+        (np.empty((4, 0)), 0.01, True),
+        (np.full((2, 3), np.nan), 0.01, True),
+    ],
+)
+def test_what_is_packed_comes_out_again_to_its_resolution(values, unit, steps):
+    packer = Packer()
+    packer.add("other", np.arange(3))
+    packer.add("it", values, unit=unit, steps=steps)
+    found = unpacked(packer.header, packer.text())["it"]
+    assert found.shape == values.shape
+    np.testing.assert_allclose(found, values.astype(float), atol=0.5 * (unit or 0.0) + 1e-12, rtol=0.0)
+
+
+def test_numbers_without_a_resolution_keep_four_digits_and_what_is_not_finite():
+    values = np.array([1234.5678, -0.00012345678, np.inf, -np.inf, np.nan, 0.0])
+    packer = Packer()
+    packer.add("it", values)
+    np.testing.assert_allclose(unpacked(packer.header, packer.text())["it"], values, rtol=1e-4)
+
+
+# Contents
+
+
+def test_a_page_holds_the_states_of_everybody_to_a_centimetre(run, folder):
+    contents = run_contents(folder)
+    found = unpacked(contents.header["arrays"], contents.arrays)
+    valid = run.states.valid
+    assert np.array_equal(found["valid"].astype(bool), valid)
+    shift = (run.states.x - found["x"])[valid]
+    assert np.ptp(shift) <= 0.011
+    assert shift.mean() == pytest.approx(round(shift.mean()), abs=0.006), "positions start at a whole metre"
+    np.testing.assert_allclose(found["velocity"][valid], run.states.velocity[valid], atol=0.006)
+    assert [p["id"] for p in contents.header["participants"]] == [7, 100, 200]
+    assert [p["agent"] for p in contents.header["participants"]] == [-1, 0, 1]
+
+
+def test_a_page_holds_every_plan_with_its_velocities(run, folder):
+    contents = run_contents(folder)
+    found = unpacked(contents.header["arrays"], contents.arrays)
+    assert len(found["plan_step"]) == len(run.plans.time_step)
+    spacing = contents.header["arrays"]["plan_step"]["spacing"]
+    own = run.plans.velocity[run.plans.agent_id == 100][:, ::spacing]
+    mine = found["plan_velocity"][found["plan_participant"] == 1]
+    np.testing.assert_allclose(mine[:, : own.shape[1]], own, atol=0.006)
+
+
+def test_goals_and_sight_of_agents_are_in_the_header(folder):
+    agent = run_contents(folder).header["participants"][1]
+    assert agent["origin"] == "planning problem"
+    assert agent["sensor_radius"] == 80.0
+    assert agent["occlusion"] is False
+    assert len(agent["goal"]) == 1
+    assert len(agent["goal"][0]) >= 4
+
+
+def test_candidates_include_the_chosen_one_and_the_plan_is_it(run):
+    considered, plans = run.considered, run.plans
+    assert considered.chosen.sum() == (plans.status == 1).sum()
+    first = np.flatnonzero((considered.agent_id == 200) & (considered.time_step == 0))
+    assert len(first) == 12
+    chosen = first[considered.chosen[first]][0]
+    own = np.flatnonzero((plans.agent_id == 200) & (plans.time_step == 0))[0]
+    np.testing.assert_allclose(considered.x[chosen], plans.x[own][considered.point], atol=0.001)
+    usable = first[[considered.rejection[row] == "" for row in first]]
+    assert np.nanargmin(considered.cost[usable]) == np.flatnonzero(usable == chosen)[0]
+
+
+def test_predictions_are_kept_every_half_second_with_probabilities_that_add_up(run):
+    predicted = run.predicted
+    assert predicted.point.tolist() == [5, 10, 15, 20, 25, 30]
+    for step in (0, 10):
+        for participant in (7, 100, 200):
+            rows = (predicted.time_step == step) & (predicted.participant_id == participant)
+            assert predicted.probability[rows].sum() == pytest.approx(1.0)
+    row = np.flatnonzero((predicted.time_step == 0) & (predicted.participant_id == 7))[0]
+    assert predicted.x[row, 0] == pytest.approx(63.0, abs=0.1), "0.5 s at 6 m/s from 60 m"
+
+
+def test_recording_changes_nothing_that_happens(run):
+    plain = simulate(run.scenario, agents=[100, 200], threads=1)
+    assert plain.digest == run.digest
+    assert plain.predicted is None
+    assert plain.considered is None
+
+
+def test_what_was_recorded_survives_the_folder(run, folder):
+    loaded = load(folder)
+    assert loaded.predictions.equals(predictions_table(run))
+    assert loaded.candidates.equals(candidates_table(run))
+    assert loaded.predictions.num_rows == run.predicted.x.size
+    assert loaded.candidates["candidate"].to_pylist()[:: len(run.considered.point)][:13] == [*range(12), 0]
+
+
+def test_a_negative_number_of_candidates_is_refused():
+    with pytest.raises(InputError, match=r"record\.candidates must be at least 0"):
+        RecordSettings(candidates=-1)
+
+
+# Events
+
+
+def test_collisions_goals_and_what_planners_gave_up_are_events(tmp_path):
+    header = run_contents(save(invented_run(), tmp_path / "run")).header
+    said = {(event["kind"], event["text"]): event for event in header["events"]}
+    crash = said["collision", "2 collides with 22 at 17.0 m/s"]
+    assert crash["step"] == 47
+    assert [header["participants"][row]["id"] for row in crash["rows"]] == [2, 22]
+    assert ("goal_reached", "1 reaches its goal") in said
+    assert ("planner_error", "4 ends: its planner failed") in said
+    assert said["emergency_braking", "2 begins to brake as hard as it can"]["step"] == 47
+    assert [event["step"] for event in header["events"]] == sorted(event["step"] for event in header["events"])
+
+
+def test_the_most_critical_moment_is_an_event_if_it_is_below_the_threshold(run, folder):
+    found = evaluate(run)
+    ttc = np.where(np.isfinite(found["ttc"]), found["ttc"], np.inf)
+    critical = [event for event in run_contents(folder).header["events"] if "time to collision" in event["text"]]
+    expected = [int(found.ids[row]) for row in range(2) if ttc[row].min() <= 2.0]
+    assert [run_contents(folder).header["participants"][event["rows"][0]]["id"] for event in critical] == expected
+    for event in critical:
+        assert event["value"] == pytest.approx(ttc[:, event["step"]].min())
+
+
+# The page
+
+
+def test_a_page_is_one_file_that_names_no_other_and_is_the_same_each_time(folder, tmp_path):
+    path = write_run_report(folder, tmp_path / "page.html")
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"""(?:src|href)=["'](?!data:)""", text)
+    assert "default-src 'none'" in text
+    assert text == write_run_report(folder, tmp_path / "again.html").read_text(encoding="utf-8")
+
+
+def test_by_default_the_page_goes_into_the_folder_which_stays_a_run_folder(copied):
+    assert write_run_report(copied) == copied / "report.html"
+    assert holds_run(copied)
+
+
+def test_texts_from_outside_cannot_end_the_data(copied):
+    info = json.loads((copied / "run.json").read_text())
+    info["notes"] = ["</script><script>alert(1)</script>"]
+    (copied / "run.json").write_text(json.dumps(info))
+    text = write_run_report(copied).read_text(encoding="utf-8")
+    assert "alert(1)" in text
+    assert "<script>alert" not in text
+
+
+def test_the_bundle_was_made_from_the_sources_that_lie_here():
+    frontend = ROOT / "frontend"
+    names = [f"src/{path.name}" for path in (frontend / "src").iterdir()]
+    total = hashlib.sha256()
+    for name in sorted([*names, "build.mjs", "package-lock.json", "package.json"]):
+        total.update(f"{name}\n".encode() + (frontend / name).read_bytes())
+    for name in ("report.js", "report.css"):
+        first = (ROOT / "python" / "interdrive" / "report" / "bundle" / name).read_text(encoding="utf-8").split("\n")[0]
+        assert total.hexdigest() in first, f"{name} is older than frontend/: run make report_bundle"
+
+
+# What is missing
+
+
+def test_a_run_as_it_is_by_default_says_what_it_lacks_and_how_to_get_it(run, tmp_path):
+    found = missing(save(replace(run, views=None, predicted=None, considered=None), tmp_path / "run"))
+    assert sorted(found) == ["candidates", "predictions", "views"]
+    assert all("--report" in text for text in found.values())
+
+
+@pytest.mark.parametrize(
+    ("file", "what"), [("plans", "plans"), ("predictions", "predictions"), ("candidates", "candidates")]
+)
+def test_a_run_without_a_table_is_shown_without_it(copied, file, what):
+    (copied / f"{file}.parquet").unlink()
+    assert list(missing(copied)) == [what]
+    write_run_report(copied)
+
+
+def test_a_run_without_timing_is_shown_whole(copied):
+    (copied / "timing.parquet").unlink()
+    assert missing(copied) == {}
+
+
+def test_measures_that_cannot_be_evaluated_are_named(copied, monkeypatch):
+    def refuse(_run):
+        raise InputError("nobody to judge")
+
+    monkeypatch.setattr("interdrive.report.measured.evaluate", refuse)
+    assert missing(copied) == {"criticality": "Criticality cannot be evaluated: nobody to judge"}
+    assert run_contents(copied).header["measures"] == []
+
+
+def test_measures_of_the_folder_are_preferred_to_evaluating_again(run, copied):
+    def measured():
+        contents = run_contents(copied)
+        return unpacked(contents.header["arrays"], contents.arrays)
+
+    before = measured()
+    save_criticality(run.criticality(), copied)
+    after = measured()
+    assert np.array_equal(before["measure"], after["measure"], equal_nan=True)
+    assert np.array_equal(before["measure_partner"], after["measure_partner"])
+    save_criticality(run.criticality(settings=CriticalitySettings(radius=5.0)), copied)
+    assert not np.array_equal(measured()["measure"], before["measure"], equal_nan=True)
+
+
+def test_a_run_without_agents_is_shown(tmp_path):
+    recorded = recorded_run(invented_run().scenario)
+    header = run_contents(save(recorded, tmp_path / "run")).header
+    assert header["events"] == []
+    assert header["measures"] == []
+
+
+@pytest.mark.parametrize("file", ["outcomes.parquet", "states.parquet", "run.json"])
+def test_without_outcomes_states_or_run_json_there_is_no_page(copied, file):
+    (copied / file).unlink()
+    with pytest.raises(ResultsError, match=file):
+        write_run_report(copied)
+    assert not (copied / "report.html").exists()
+
+
+def test_a_folder_of_another_format_is_refused_in_one_line(copied):
+    info = json.loads((copied / "run.json").read_text())
+    (copied / "run.json").write_text(json.dumps(info | {"format": 0}))
+    with pytest.raises(ResultsError, match=r"run\.json: format 0 is that of an older interdrive") as caught:
+        write_run_report(copied)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_page_that_cannot_be_written_leaves_nothing_behind(folder, tmp_path):
+    with pytest.raises(ResultsError, match=r"page\.html: a folder of that name is in the way"):
+        (tmp_path / "page.html").mkdir()
+        (tmp_path / "page.html" / "thing").touch()
+        write_run_report(folder, tmp_path / "page.html")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+
+
+# The command line
+
+
+def test_run_with_report_records_and_writes_the_page(tmp_path):
+    out = tmp_path / "run"
+    done = CliRunner().invoke(main, ["run", "lane_merge", "--agents", "2", "--report", "--out", str(out), "--quiet"])
+    assert done.exit_code == 0, done.output
+    assert (out / "report.html").stat().st_size > 100_000
+    header = run_contents(out).header
+    assert header["missing"] == []
+    assert header["info"]["settings"]["settings"]["record.candidates"] == 30
+
+
+def test_what_the_user_sets_wins_over_what_a_report_wants(tmp_path):
+    out = tmp_path / "run"
+    options = ["--report", "--set", "record.candidates=0", "--out", str(out), "--quiet"]
+    assert CliRunner().invoke(main, ["run", "lane_merge", "--agents", "1", *options]).exit_code == 0
+    assert list(missing(out)) == ["candidates"]
+
+
+def test_report_says_where_the_page_is_and_how_large(copied):
+    done = CliRunner().invoke(main, ["report", str(copied)])
+    assert done.exit_code == 0
+    assert re.search(r"report\.html \(0\.\d MB\), to be opened in a browser", done.output)
+
+
+@pytest.mark.parametrize("what", ["empty", "nowhere", "file.html"])
+def test_report_on_what_is_no_run_is_one_line_and_exit_code_2(tmp_path, what):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file.html").touch()
+    done = CliRunner().invoke(main, ["report", str(tmp_path / what)])
+    assert done.exit_code == 2
+    assert done.output.startswith("error: ")
+    assert len(done.output.strip().splitlines()) == 1
