@@ -50,7 +50,7 @@ third_party: .venv-third/.installed ## drives planners of others; see docs/plann
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
 
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
-	.venv-ray/bin/python -m pytest -q --durations=8 tests/ray
+	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster
 
 # Ray and commonroad-io agree on protobuf 3.20.2, which holds Ray back; nobody else should be held back with it.
 .venv-ray/.tools: pyproject.toml

@@ -284,6 +284,13 @@ def test_what_cannot_be_used_is_one_line_before_anything_is_simulated(arguments,
     assert not (tmp_path / "out").exists()
 
 
+def test_ray_that_is_not_installed_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(idr.InterdriveError, match=r"^ray is not installed; pip install interdrive\[ray\]$"):
+        idr.batch("t_junction", tmp_path / "out", planner=FAST, ray="auto")
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_folder_with_other_things_is_left_alone(tmp_path):
     (tmp_path / "thesis.txt").write_text("precious")
     done = interdrive("batch", "t_junction", "--out", tmp_path)

@@ -6,6 +6,7 @@ node or process is lost.
 
 from __future__ import annotations
 
+import socket
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.pool import End, Pool, Task
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 _RETRIES = 3
 #: Tasks that are handed to Ray at once, per CPU of the cluster: nobody waits for the next one.
 _AHEAD = 2
+#: A cluster has this long to accept a connection [s].
+_ANSWER_MAX = 10.0
 #: How long one look at the tasks takes if nothing happens [s].
 _LOOK_EVERY = 1.0
 
@@ -47,17 +50,13 @@ class Cluster:
         self._ray: Any = ray
         self._workers, self._limits = workers, (timeout_s, memory)
         self._waiting: dict[Any, Task[Any]] = {}
-        if ray.is_initialized():
-            self._is_ours = False
-            return
-        try:
-            ray.init(address=address, logging_level="ERROR", log_to_driver=False)
-        except (ConnectionError, OSError, RuntimeError, ValueError) as cause:
-            reason = str(cause).strip().partition("\n")[0]
-            raise InputError(
-                f"ray {address}: no cluster answers there ({reason}); start one with `ray start --head`"
-            ) from cause
-        self._is_ours = True
+        self._is_ours = not ray.is_initialized()
+        if self._is_ours:
+            _check_that_somebody_answers(address)
+            try:
+                ray.init(address=address, logging_level="ERROR", log_to_driver=False)
+            except (ConnectionError, OSError, RuntimeError, ValueError) as cause:
+                raise _nobody(address, str(cause)) from cause
 
     def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
         """Does tasks until there are none and yields how they ended, in the order in which they end.
@@ -101,6 +100,28 @@ class Cluster:
         self._waiting.clear()
         if self._is_ours:
             self._ray.shutdown()
+
+
+def _check_that_somebody_answers(address: str) -> None:
+    """Ray itself would try for a minute.
+
+    Raises:
+        InputError: Nobody does.
+    """
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if not colon or not port.isdecimal():
+        return  # "auto", which Ray finds out at once
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_ANSWER_MAX).close()
+    except (OSError, OverflowError) as cause:
+        raise _nobody(address, str(cause)) from cause
+
+
+def _nobody(address: str, reason: str) -> InputError:
+    return InputError(
+        f"ray {address}: no cluster answers there ({reason.strip().partition(chr(10))[0]}); "
+        "start one with `ray start --head`"
+    )
 
 
 #: The process that does the runs of this Ray worker.

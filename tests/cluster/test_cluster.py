@@ -1,0 +1,108 @@
+"""Batches on a Ray cluster give what they give without it, also when a node is lost on the way."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import interdrive as idr
+from interdrive.batches import BatchFolder
+
+HERE = Path(__file__).parent
+SCENARIOS = ["t_junction", "lane_merge", "highway"]
+
+
+@pytest.fixture
+def place(tmp_path):
+    shutil.copy(HERE.parent / "batch_planners.py", tmp_path / "batch_planners.py")
+    return tmp_path
+
+
+def batch(place, *arguments):
+    return subprocess.Popen(
+        [sys.executable, "-m", "interdrive", "batch", *map(str, arguments)],
+        cwd=place,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def ended(process):
+    out, err = process.communicate(timeout=240)
+    assert process.returncode in (0, 1), out + err
+    return out
+
+
+def stored(folder):
+    """Everything about runs and agents but times."""
+    table = BatchFolder.open(folder).table()
+    times = [name for name in table.column_names if name in ("read_seconds", "run_seconds", "plan_seconds", "attempts")]
+    return table.drop_columns(times).to_pylist()
+
+
+def test_the_same_runs_come_out_with_and_without_ray_and_run_folders_come_back(cluster, place):
+    wanted = [*SCENARIOS[:2], "--planner", "idm,batch_planners:Brakes", "--agents", 2, "--keep", "all"]
+    ended(batch(place, *wanted, "--out", "alone", "--workers", 1))
+    out = ended(batch(place, *wanted, "--out", "ray", "--ray", cluster.address))
+    assert out.splitlines()[-2].startswith("4 runs in")
+    assert stored(place / "ray") == stored(place / "alone")
+    for key in {row["key"] for row in stored(place / "ray")}:
+        info = idr.load(BatchFolder.open(place / "ray").recording(key)).info
+        assert Path(info["scenario"]["path"]).exists()
+
+
+def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(cluster, place):
+    wanted = [*SCENARIOS, "--planner", f"batch_planners:Marks,folder={place / 'marks'},idm", "--agents", 1]
+    (place / "marks").mkdir()
+    process = batch(place, *wanted, "--out", "ray", "--ray", cluster.address)
+    until = time.monotonic() + 120
+    while not (lost := works_on(cluster.node.pid, place / "marks")):
+        assert time.monotonic() < until, "no run was begun on the second node"
+        time.sleep(0.05)
+    cluster.lose_node()
+    ended(process)
+    rows = stored(place / "ray")
+    assert {row["status"] for row in rows} == {"finished"}
+    assert len({row["key"] for row in rows}) == len(rows) == 6
+    assert len(list((place / "marks").iterdir())) >= 4  # of three runs one was begun again
+    assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
+    ended(batch(place, *wanted, "--out", "alone", "--workers", 2))
+    assert rows == stored(place / "alone")
+
+
+def works_on(group, marks):
+    """Processes of a node that are in the middle of a run."""
+    found = []
+    for mark in marks.iterdir():
+        pid = int(mark.name.partition("-")[0])
+        try:
+            if os.getpgid(pid) == group:
+                found.append(pid)
+        except ProcessLookupError:
+            continue
+    return found
+
+
+def test_a_run_that_kills_its_process_or_hangs_is_a_row(cluster, place):
+    wanted = ["t_junction", "--agents", 1, "--planner", "batch_planners:Kills,batch_planners:Hangs,idm"]
+    ended(batch(place, *wanted, "--out", "ray", "--ray", cluster.address, "--run-timeout", 5))
+    status = {row["planner"]: row["status"] for row in stored(place / "ray")}
+    assert status == {"batch_planners:Kills": "crashed", "batch_planners:Hangs": "timeout", "idm": "finished"}
+
+
+@pytest.mark.parametrize("address", ["auto", "127.0.0.1:1"])
+def test_no_cluster_is_one_line(address, place):
+    begin = time.monotonic()
+    process = batch(place, "t_junction", "--planner", "idm", "--out", "ray", "--ray", address)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert err.count("\n") == 1
+    assert f"ray {address}: no cluster answers there" in err
+    assert "ray start --head" in err
+    assert time.monotonic() - begin < 30
+    assert not (place / "ray").exists()
