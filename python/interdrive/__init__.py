@@ -28,7 +28,14 @@ if TYPE_CHECKING:
         VelocityAdjusting,
     )
     from interdrive.prediction_evaluation import PredictionEvaluation, evaluate_predictors
-    from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Predictor, PredictorSettings
+    from interdrive.predictors import (
+        ConstantVelocity,
+        GroundTruth,
+        LaneFollowing,
+        Predictor,
+        PredictorSettings,
+        Walenet,
+    )
     from interdrive.results import load, save
     from interdrive.run import Run
     from interdrive.run_settings import SimulationSettings, ViewSettings
@@ -70,6 +77,7 @@ _HOME = {
     "LaneFollowing": "predictors",
     "Predictor": "predictors",
     "PredictorSettings": "predictors",
+    "Walenet": "predictors",
     "load": "results",
     "save": "results",
     "Run": "run",
@@ -113,6 +121,7 @@ __all__ = [
     "VelocityAdjusting",
     "View",
     "ViewSettings",
+    "Walenet",
     "__version__",
     "batch",
     "case_study",

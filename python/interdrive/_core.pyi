@@ -38,6 +38,7 @@ __all__ = [
     "Vehicle",
     "VelocityAdjustingSettings",
     "View",
+    "Walenet",
     "World",
     "__version__",
     "boundary_harm",
@@ -443,6 +444,18 @@ class Predictor:
         deceleration: float,
         return_time: float,
         recorded: Scenario | None = None,
+    ) -> Predictor: ...
+
+@final
+class Walenet:
+    def __new__(cls, tensors: dict[str, NDArray[np.float32]]) -> Walenet: ...
+    def answer(
+        self, history: NDArray[np.float32], neighbours: NDArray[np.float32], pictures: NDArray[np.uint8]
+    ) -> NDArray[np.float32]: ...
+    @staticmethod
+    def picture(road: RoadNetwork, x: float, y: float, orientation: float) -> NDArray[np.uint8]: ...
+    def predictor(
+        self, scenario: Scenario, anchor_is_next: bool, standing_guard: bool, backfill: bool
     ) -> Predictor: ...
 
 @final

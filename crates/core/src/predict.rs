@@ -5,6 +5,7 @@ mod lanes;
 pub mod neural;
 #[cfg(test)]
 mod tests;
+pub mod walenet;
 
 use std::sync::Arc;
 
@@ -14,6 +15,7 @@ use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
+use walenet::Walenet;
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.
 const STANDING: f64 = 0.3;
@@ -80,6 +82,8 @@ pub enum Predictor {
     /// The recorded future of those who replay it; agents follow their lanes. For studies only: no planner in a car
     /// could know it.
     GroundTruth(Arc<Scenario>, LaneFollowing),
+    /// The published network WALENET, made for the scenario's roads.
+    Walenet(Arc<Walenet>),
 }
 
 /// Most modes that `LaneFollowing` may have.
@@ -88,10 +92,10 @@ const MODES_LIMIT: usize = 8;
 /// Expectations for all present participants over `n_steps` steps.
 ///
 /// # Errors
-/// `InvalidInput` for zero steps, zero modes or more than 8.
+/// `InvalidInput` for zero steps, zero modes or more than 8, or a predictor that was made for another road network.
 pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Result<Predictions> {
     let n_modes = match predictor {
-        Predictor::ConstantVelocity(_) => 1,
+        Predictor::ConstantVelocity(_) | Predictor::Walenet(_) => 1,
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => settings.modes_max,
     };
     if n_steps == 0 || !(1..=MODES_LIMIT).contains(&n_modes) {
@@ -101,6 +105,10 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
     }
     let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
+    if let Predictor::Walenet(walenet) = predictor {
+        walenet.predict(scene, road, &mut out)?;
+        return Ok(out);
+    }
     for (i, row) in scene.present.iter().copied().enumerate() {
         let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
         match predictor {
@@ -111,6 +119,7 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
             }
             _ if scene.participants.is_static[row] || state.velocity.abs() < STANDING => stand(&mut out, i, &state),
             Predictor::ConstantVelocity(spread) => go_straight(&mut out, i, &state, spread, scene.dt),
+            Predictor::Walenet(_) => unreachable!("answered above"),
             Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
                 lanes::follow_lanes(&mut out, i, row, &state, settings, scene, road);
             }

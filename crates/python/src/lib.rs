@@ -9,6 +9,7 @@ mod neural;
 mod planner;
 mod scenario;
 mod view;
+mod walenet;
 mod world;
 
 use interdrive_core::criticality::Measure;
@@ -53,6 +54,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<view::PyEgo>()?;
     module.add_class::<world::PyAgent>()?;
     module.add_class::<world::PyPredictor>()?;
+    module.add_class::<walenet::PyWalenet>()?;
     module.add_class::<world::PyPredictions>()?;
     module.add_class::<world::PyPlans>()?;
     module.add_class::<world::PyWorld>()

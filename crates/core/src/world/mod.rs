@@ -246,12 +246,14 @@ impl World {
         Ok(scene.visible_from(drive.row, &drive.agent.view))
     }
 
-    /// Expectations of a native predictor for everybody present.
+    /// Expectations of a native predictor for everybody present, on the threads of the world.
     ///
     /// # Errors
     /// As [`predict`].
     pub fn predict(&self, predictor: &Predictor, scene: &Scene, n_steps: usize) -> Result<Predictions> {
-        predict(predictor, scene, &self.scenario.road, n_steps)
+        let work = || predict(predictor, scene, &self.scenario.road, n_steps);
+        // Waking a thread takes longer than what the others have to do.
+        if matches!(predictor, Predictor::Walenet(_)) { self.pool.install(work) } else { work() }
     }
 
     /// The time step of what was handed over must be now.
