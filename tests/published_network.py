@@ -1,4 +1,4 @@
-"""WALENET once more, in numpy and double precision, written from its description alone: slow, plain, for comparisons."""
+"""WALENET once more, in numpy and double precision, written from its description alone: slow, for comparisons."""
 
 from __future__ import annotations
 

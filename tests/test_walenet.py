@@ -1,28 +1,14 @@
-"""WALENET: its published numbers, a second implementation of it, and what it does in small worlds."""
+"""The network WALENET: its published numbers, and a second implementation of it."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-import published_network as plain
 import pytest
 
-from interdrive import InputError, Simulation, Walenet, _core, read_scenario
-from interdrive.predictors import models
+import published_network as plain
+from interdrive import InputError, _core
 from interdrive.predictors.models import WALENET
-from interdrive.testing import Car, problem, straight_road, world
-
-
-def invented_weights(seed: int = 3) -> dict[str, np.ndarray]:
-    """Random weights of the right shapes, about as large as those of a trained network."""
-    random = np.random.default_rng(seed)
-    weights = {}
-    for name, shape in WALENET.shapes.items():
-        size = math.prod(shape[1:]) if len(shape) > 1 else 4
-        weights[name] = random.normal(0.0, 1.0 / math.sqrt(size), shape).astype(np.float32)
-    weights["sc_conv1.weight"] /= 100  # the picture has values up to 255
-    return weights
+from invented_walenet import invented_weights
 
 
 @pytest.fixture(scope="module")

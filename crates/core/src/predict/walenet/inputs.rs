@@ -46,7 +46,8 @@ impl Track {
         let mut oldest = now;
         for back in 0..scene.past.n_steps {
             let age = back as f64 * scene.dt + age_now;
-            if let Some(state) = scene.past.get(row, scene.time_step - back as i64).filter(|s| s.pose().position.is_finite())
+            if let Some(state) =
+                scene.past.get(row, scene.time_step - back as i64).filter(|s| s.pose().position.is_finite())
             {
                 known.push((age, state.pose().position));
                 oldest = state;
@@ -127,7 +128,12 @@ pub(super) fn occupied(own: usize, tracks: &[Track]) -> Vec<(usize, usize)> {
             *cell = (if i == own { -1.0 } else { local.norm_squared() }, i);
         }
     }
-    nearest.iter().enumerate().filter(|(_, found)| found.0 < f64::INFINITY).map(|(cell, found)| (cell, found.1)).collect()
+    nearest
+        .iter()
+        .enumerate()
+        .filter(|(_, found)| found.0 < f64::INFINITY)
+        .map(|(cell, found)| (cell, found.1))
+        .collect()
 }
 
 /// Whether somebody stands: did not move for half a second; if less is known, is slow.

@@ -146,8 +146,11 @@ impl Walenet {
         for ((i, track), found) in asked.iter().zip(&found) {
             write_forecast(out, *i, &found.output, tracks[*track].pose, scene.dt);
         }
-        *locked(&self.seen) =
-            asked.iter().zip(&found).map(|((i, track), found)| (out.ids[*i], tracks[*track].pose, found.image)).collect();
+        *locked(&self.seen) = asked
+            .iter()
+            .zip(&found)
+            .map(|((i, track), found)| (out.ids[*i], tracks[*track].pose, found.image))
+            .collect();
         Ok(())
     }
 
@@ -185,13 +188,7 @@ impl Walenet {
         self.network.image(&scratch.picture, &mut scratch.network)
     }
 
-    fn ask_one(
-        &self,
-        own: usize,
-        tracks: &[Track],
-        image: &[f32; stack::CHANNELS],
-        scratch: &mut Scratch,
-    ) -> Output {
+    fn ask_one(&self, own: usize, tracks: &[Track], image: &[f32; stack::CHANNELS], scratch: &mut Scratch) -> Output {
         let pose = tracks[own].pose;
         let mut cells = occupied(own, tracks);
         let mut histories = vec![tracks[own].seen_from(pose)];

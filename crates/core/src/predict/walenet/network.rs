@@ -151,7 +151,9 @@ impl Network {
             social: social.collect(),
             empty_state: vec![0.0; ENCODED],
             empty_social: tensors.get("soc_conv.bias", &[ENCODED])?.repeat(SOCIAL_ROWS),
-            narrow: Matrix::new(ENCODED, 3 * NARROW, |input, j| narrow[(j % NARROW * ENCODED + input) * 3 + j / NARROW]),
+            narrow: Matrix::new(ENCODED, 3 * NARROW, |input, j| {
+                narrow[(j % NARROW * ENCODED + input) * 3 + j / NARROW]
+            }),
             narrow_bias: tensors.get("conv_3x1.bias", &[NARROW])?.to_vec(),
             stack: tensors.stack()?,
             decoder: tensors.gru("dec_lstm", CONTEXT, DECODED)?,

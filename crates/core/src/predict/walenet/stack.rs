@@ -56,7 +56,14 @@ pub(super) struct Scratch {
 #[derive(Debug, Clone, Default)]
 struct Inputs {
     at: Vec<u32>,
+    /// One vector per position; what stands behind them is left over.
     values: Vec<f32>,
+}
+
+/// The first `length` entries of memory that only grows.
+fn at_least(memory: &mut Vec<f32>, length: usize) -> &mut [f32] {
+    memory.resize(memory.len().max(length), 0.0);
+    &mut memory[..length]
 }
 
 impl Stack {
@@ -91,19 +98,21 @@ impl Stack {
         patches.complete(self);
         for (number, layer) in self.layers.iter().enumerate() {
             if number > 0 {
-                products.resize(inputs.at.len() * PRODUCTS, 0.0);
-                multiply(&inputs.values, &layer.weights, products);
+                let values = &inputs.values[..inputs.at.len() * CHANNELS];
+                multiply(values, &layer.weights, at_least(products, inputs.at.len() * PRODUCTS));
                 inputs.at.iter().zip(0..).for_each(|(at, entry)| index[number][*at as usize] = entry);
             }
             let products = if number == 0 { &patches.products } else { &*products };
             layer.reached(&inputs.at, is_reached, &mut outputs.at);
-            outputs.values.resize(outputs.at.len() * CHANNELS, 0.0);
-            pool(layer, &index[number], products, &outputs.at, &mut outputs.values);
+            let n_values = outputs.at.len() * CHANNELS;
+            pool(layer, &index[number], products, &outputs.at, at_least(&mut outputs.values, n_values));
             inputs.at.iter().for_each(|at| index[number][*at as usize] = NONE);
             std::mem::swap(inputs, outputs);
         }
         let mut vector: [f32; CHANNELS] = self.layers[6].empty_pooled[..].try_into().expect("a single output");
-        vector.iter_mut().zip(&inputs.values).for_each(|(value, difference)| *value += difference);
+        // An empty picture makes no difference.
+        let difference = &inputs.values[..inputs.at.len() * CHANNELS];
+        vector.iter_mut().zip(difference).for_each(|(value, difference)| *value += difference);
         vector
     }
 
@@ -182,7 +191,7 @@ impl Layer {
 
 /// Outputs that an input reaches along one axis; one for the first and last input, else two.
 fn reached_along(input: usize, half: usize) -> std::ops::RangeInclusive<usize> {
-    input.saturating_sub(1) / 2..=((input + 1) / 2).min(half - 1)
+    input.saturating_sub(1) / 2..=input.div_ceil(2).min(half - 1)
 }
 
 /// Writes the 4 x 4 pixels around every output of the first layer that sees a lit one into `keys`, and lists those
@@ -288,8 +297,7 @@ impl Patches {
     /// Works out the entries that are new.
     fn complete(&mut self, stack: &Stack) {
         let known = self.products.len() / PRODUCTS;
-        let differences: Vec<f32> =
-            self.keys[known..].iter().flat_map(|key| stack.first_difference(*key)).collect();
+        let differences: Vec<f32> = self.keys[known..].iter().flat_map(|key| stack.first_difference(*key)).collect();
         self.products.resize(self.keys.len() * PRODUCTS, 0.0);
         multiply(&differences, &stack.layers[0].weights, &mut self.products[known * PRODUCTS..]);
     }
