@@ -12,7 +12,7 @@ from interdrive.criticality import MEASURES
 from interdrive.errors import ResultsError
 from interdrive.files import read_scenario
 from interdrive.results import Column, arrow_table, labels, load, read_table, replacing, write_table
-from interdrive.run import AgentRecord, Outcomes, Plans, Run, States, Timings
+from interdrive.run import PLAN_STATUS, AgentRecord, Outcomes, Plans, Run, States, Timings
 from interdrive.scenario import Shape
 
 if TYPE_CHECKING:
@@ -130,6 +130,28 @@ def reopen(folder: str | Path, results: Results | None = None) -> Run:
         return _run(scenario, states, outcomes, str(results.info["digest"]), tuple(results.info["notes"]), facts)
     except (KeyError, TypeError) as cause:
         raise ResultsError(f"{folder}: run.json lacks something that belongs to a run ({cause!r})") from None
+
+
+def stored_plans(results: Results) -> Plans:
+    """Every plan of a run folder as arrays; none if the folder has none."""
+    table = results.plans
+    column = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    starts = column["point"] == 0
+    row = np.cumsum(starts) - 1
+    shape = int(starts.sum()), int(column["point"].max(initial=-1)) + 1
+
+    def filled(name: str) -> Any:  # noqa: ANN401 - array of numbers
+        values = np.full(shape, np.nan)
+        values[row, column["point"]] = column[name]
+        return values
+
+    return Plans(
+        time_step=column["time_step"][starts],
+        agent_id=column["agent_id"][starts],
+        status=np.array([PLAN_STATUS.index(name) for name in column["status"][starts].tolist()], dtype=np.int64),
+        cost=column["cost"][starts].astype(np.float64),
+        **{name: filled(name) for name in ("x", "y", "orientation", "velocity", "acceleration")},
+    )
 
 
 def recorded_run(scenario: Scenario) -> Run:

@@ -19,6 +19,7 @@ from interdrive.cli.compare import compare
 from interdrive.cli.criticality import criticality
 from interdrive.cli.models import models
 from interdrive.cli.page import report
+from interdrive.cli.plot import plot
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.run import run
@@ -79,7 +80,7 @@ def main() -> None:
 
 
 for _command in (
-    *(run, batch, compare, sql, report, study, criticality, predict_eval),
+    *(run, batch, compare, sql, report, plot, study, criticality, predict_eval),
     *(check, verify, settings, planners, predictors, models),
 ):
     main.add_command(_command)

@@ -2,14 +2,21 @@
 
 from interdrive.plots.animation import animate_run, check_animation, draw_agent_view
 from interdrive.plots.criticality import draw_critical_moment, draw_criticality
+from interdrive.plots.paper import LINES_MAX, chosen_agents, draw_measures, draw_scene, draw_trajectories, draw_velocity
 from interdrive.plots.still import draw_run, save_figure
 
 __all__ = [
+    "LINES_MAX",
     "animate_run",
     "check_animation",
+    "chosen_agents",
     "draw_agent_view",
     "draw_critical_moment",
     "draw_criticality",
+    "draw_measures",
     "draw_run",
+    "draw_scene",
+    "draw_trajectories",
+    "draw_velocity",
     "save_figure",
 ]

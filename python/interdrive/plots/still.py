@@ -37,7 +37,10 @@ if TYPE_CHECKING:
     from interdrive.run import Run
 
 _MM = 1.0 / 25.4
-_WIDTH, _HEIGHT_MAX, _PAD = 180.0 * _MM, 150.0 * _MM, 0.5 * _MM
+_ASPECT_MAX, _PAD = 150.0 / 180.0, 0.5 * _MM
+
+#: Below this width the colour bar has a row for itself, and the legend fewer columns [in].
+_NARROW = 120.0 * _MM
 
 #: Height of the strip with legend and colour bar, per row of the legend [in].
 _STRIP, _STRIP_ROW = 3.0 * _MM, 4.2 * _MM
@@ -55,24 +58,28 @@ _WIDE_HALO = [patheffects.withStroke(linewidth=2.4, foreground="white")]
 _WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error"), "#a03000"
 
 
-def draw_run(run: Run) -> Figure:
-    """A figure of the run, 180 mm wide: trajectories coloured by time over the road, outcomes as markers.
+def draw_run(run: Run, *, width_mm: float = 180.0, others: str = "recorded traffic") -> Figure:
+    """A figure of the run: trajectories coloured by time over the road, outcomes as markers.
 
     Args:
         run: Finished or interrupted.
+        width_mm: Width of the figure on paper [mm].
+        others: What the legend calls those who are no agents.
 
     Returns:
         A matplotlib figure without pyplot; `save_figure` or `savefig` write it as PNG, PDF or SVG.
     """
-    view = view_of(run).shaped(0.2, _HEIGHT_MAX / _WIDTH)
-    handles = _legend_handles(run)
-    columns = 4
-    strip = _STRIP + _STRIP_ROW * max(2, -(-len(handles) // columns))
-    height = _WIDTH * view.height / view.width
-    figure = Figure(figsize=(_WIDTH, height + strip), dpi=300)
+    width = width_mm * _MM
+    view = view_of(run).shaped(0.2, _ASPECT_MAX)
+    handles = _legend_handles(run, others)
+    columns, bar_row = (4, 0.0) if width > _NARROW else (3, 6.0 * _MM)
+    rows = -(-len(handles) // columns)
+    strip = _STRIP + _STRIP_ROW * (rows if bar_row else max(2, rows)) + bar_row
+    height = width * view.height / view.width
+    figure = Figure(figsize=(width, height + strip), dpi=300)
     FigureCanvasAgg(figure)
     total = height + strip
-    axes = figure.add_axes((_PAD / _WIDTH, strip / total, 1.0 - 2.0 * _PAD / _WIDTH, (height - _PAD) / total))
+    axes = figure.add_axes((_PAD / width, strip / total, 1.0 - 2.0 * _PAD / width, (height - _PAD) / total))
     axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
     axes.set_aspect("equal", adjustable="box")
     for side in axes.spines.values():
@@ -83,8 +90,8 @@ def draw_run(run: Run) -> Figure:
     _draw_recorded(axes, run, view)
     times = _draw_trajectories(axes, run, view)
     ends = _draw_ends(axes, run, view)
-    _draw_labels(axes, run, view, ends)
-    _draw_scale(axes, run, view)
+    _draw_labels(axes, run, view, ends, width)
+    _draw_scale(axes, run, view, width)
     figure.legend(
         handles=handles,
         loc="lower left",
@@ -97,7 +104,8 @@ def draw_run(run: Run) -> Figure:
         borderpad=0.2,
         labelspacing=0.35,
     )
-    _draw_color_bar(figure, times, total)
+    # Beside the legend, or between it and the picture.
+    _draw_color_bar(figure, times, (strip - 4.0 * _MM) if bar_row else 6.2 * _MM)
     return figure
 
 
@@ -222,9 +230,9 @@ def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floa
     return ends
 
 
-def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats, Floats]]) -> None:
+def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats, Floats]], width: float) -> None:
     """Puts every agent's id beside its start, and beside its end if it went wrong, where the fewest things are."""
-    scale = 72.0 * _WIDTH / view.width  # points per metre
+    scale = 72.0 * width / view.width  # points per metre
     size = _FONT - 1.0 if len(ends) <= 30 else _FONT - 2.0
     crowd = _crowd(run, view) * scale
     window = np.array([view.x_limits[0], view.y_limits[0], view.x_limits[1], view.y_limits[1]]) * scale
@@ -266,9 +274,9 @@ def _crowd(run: Run, view: View) -> Floats:
     return np.concatenate([np.empty((0, 2)), *(track[:: max(1, len(track) // 60)] for track in tracks)])
 
 
-def _draw_scale(axes: Axes, run: Run, view: View) -> None:
+def _draw_scale(axes: Axes, run: Run, view: View, width: float) -> None:
     """A scale bar and, in a turned picture, the world's axes, in the emptiest corners."""
-    metre = view.width / (_WIDTH / _MM)  # metres per millimetre of paper
+    metre = view.width / (width / _MM)  # metres per millimetre of paper
     corners = _free_corners(run, view)
     nice = np.array([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
     length = float(nice[np.argmin(np.abs(np.log(nice / (0.12 * view.width))))])
@@ -295,7 +303,7 @@ def _free_corners(run: Run, view: View) -> list[Floats]:
     return sorted(corners, key=lambda corner: int((np.abs(crowd - corner) < reach).all(axis=1).sum()))
 
 
-def _legend_handles(run: Run) -> list[Any]:
+def _legend_handles(run: Run, others: str) -> list[Any]:
     handles: list[Any] = []
     for outcome, mark in MARKS.items():
         count = run.outcomes.outcome.count(outcome)
@@ -306,12 +314,15 @@ def _legend_handles(run: Run) -> list[Any]:
     if any(agent.goal_areas for agent in run.agents):
         handles.append(Patch(fc=_GOAL_FILL, ec=GOAL, lw=0.4, ls=_GOAL_DASHES, label="goal area"))
     if (~run.states.is_agent).any():
-        handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.3, label="recorded traffic"))
+        handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.3, label=others))
     return handles
 
 
-def _draw_color_bar(figure: Figure, times: Normalize, total: float) -> None:
-    bar = figure.add_axes((1.0 - 47.0 * _MM / _WIDTH, 6.2 * _MM / total, 44.0 * _MM / _WIDTH, 1.8 * _MM / total))
+def _draw_color_bar(figure: Figure, times: Normalize, bottom: float) -> None:
+    """A bar of times whose lower edge is so far above that of the figure [in]."""
+    width, total = figure.get_size_inches()
+    place = 1.0 - 47.0 * _MM / width, bottom / total, 44.0 * _MM / width, 1.8 * _MM / total
+    bar = figure.add_axes(place)
     bar.imshow(
         np.linspace(0.0, 1.0, 256)[None],
         aspect="auto",

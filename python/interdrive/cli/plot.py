@@ -1,0 +1,98 @@
+"""`interdrive plot`: figures of a run for papers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from interdrive.cli.arguments import shown
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from interdrive.run import Run
+
+KINDS = ("trajectories", "velocity", "criticality", "scene@SECONDS")
+
+
+@click.command()
+@click.argument("folder", metavar="RUN")
+@click.option("--kind", metavar="KIND", required=True, help=f"{', '.join(KINDS)}, for instance scene@3.5.")
+@click.option("--agents", metavar="ID,ID", help="Whom to draw (all).")
+@click.option(
+    "--measures", metavar="NAME,NAME", default="ttc,thw", help="With --kind criticality: a panel each (ttc,thw)."
+)
+@click.option(
+    "--columns", type=click.IntRange(1, 2), help="Width: one column, 88 mm, or two, 180 mm (trajectories: two)."
+)
+@click.option("--out", metavar="FILE", help="Ends in .pdf, .png or .svg (SCENARIO_KIND.pdf in the working folder).")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def plot(
+    folder: str, kind: str, agents: str | None, measures: str, columns: int | None, out: str | None, quiet: bool
+) -> None:
+    """Draw a figure of a run, as wide as one or two columns of a paper, with vector fonts.
+
+    RUN is a run folder. Texts stay texts in PDF and SVG, so they can be searched and edited.
+    """
+    name, _, moment = kind.partition("@")
+    if kind not in KINDS[:3] and name != "scene":
+        raise InputError(f"--kind {kind}: there is no such figure; there are {', '.join(KINDS)}")
+    time = _seconds(kind, moment) if name == "scene" else None
+    numbers = _numbers(agents)
+    if out is not None and Path(out).suffix.lower() not in (".pdf", ".png", ".svg"):
+        raise InputError(f"--out {out}: figures end in .pdf, .png or .svg")
+
+    from interdrive.assessment import reopen, stored_plans  # noqa: PLC0415
+    from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
+    from interdrive.plots import draw_scene, draw_trajectories, draw_velocity, save_figure  # noqa: PLC0415 - matplotlib
+    from interdrive.results import load  # noqa: PLC0415
+
+    figure: Figure
+    with progress(quiet=quiet) as bar:
+        bar.say(f"reading {folder}")
+        results = load(folder, in_part=True)
+        run = reopen(folder, results)
+        bar.say("drawing")
+        if time is not None:
+            plans = stored_plans(results)
+            figure = draw_scene(run, plans, time, numbers, columns=columns or 1)
+        elif name == "velocity":
+            figure = draw_velocity(run, numbers, columns=columns or 1)
+        elif name == "criticality":
+            figure = _criticality(run, numbers, [m.strip() for m in measures.split(",") if m.strip()], columns or 1)
+        else:
+            figure = draw_trajectories(run, numbers, columns=columns or 2)
+        path = Path(out or f"{run.scenario.name}_{name}{f'_{time:g}s' if time is not None else ''}.pdf")
+        save_figure(figure, path)
+    if not quiet:
+        output().print(f"figure in {shown(path.resolve())}", soft_wrap=True, markup=False)
+
+
+def _criticality(run: Run, agents: Sequence[int] | None, measures: Sequence[str], columns: int) -> Figure:
+    from interdrive.plots import LINES_MAX, chosen_agents, draw_measures  # noqa: PLC0415 - matplotlib
+
+    if not measures:
+        raise InputError("--measures: name at least one, for instance ttc")
+    shown_agents = chosen_agents(run, agents, LINES_MAX)
+    return draw_measures(run.criticality(), shown_agents, measures, columns=columns)
+
+
+def _seconds(kind: str, moment: str) -> float:
+    try:
+        return float(moment)
+    except ValueError:
+        raise InputError(f"--kind {kind}: write the time in seconds, for instance scene@3.5") from None
+
+
+def _numbers(agents: str | None) -> list[int] | None:
+    if agents is None or agents == "all":
+        return None
+    try:
+        return [int(number) for number in agents.split(",") if number.strip()]
+    except ValueError:
+        raise InputError(f"--agents {agents}: write them as 12,34") from None
