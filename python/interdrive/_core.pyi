@@ -24,6 +24,7 @@ __all__ = [
     "InputError",
     "InterdriveError",
     "NeuralInputs",
+    "NeuralNetwork",
     "NoRouteError",
     "Plans",
     "Predictions",
@@ -329,6 +330,27 @@ class NeuralInputs:
         """
 
 @final
+class NeuralNetwork:
+    """The network of the neural predictor.
+
+    Raises:
+        InputError: A tensor is missing, unknown, of a wrong shape, or has impossible values.
+    """
+
+    def __new__(cls, tensors: dict[str, _Singles]) -> NeuralNetwork: ...
+    def forward(self, agent: _Singles, neighbours: _Singles, paths: _Singles, path_valid: _Bools) -> _Singles:
+        """Raw outputs for features as `NeuralInputs` has them.
+
+        Returns:
+            Shape (n, P, modes, 25): of every mode its logit, then of every knot the speed and the lateral speed [m/s]
+            besides those expected, and the logarithms of the growth of the standard deviations along and across the
+            path [m/s]; zero where a slot is empty.
+
+        Raises:
+            InputError: An array of a wrong shape.
+        """
+
+@final
 class View:
     @property
     def ego(self) -> Ego: ...
@@ -445,6 +467,8 @@ class Predictor:
         return_time: float,
         recorded: Scenario | None = None,
     ) -> Predictor: ...
+    @staticmethod
+    def neural(network: NeuralNetwork, modes_max: int) -> Predictor: ...
 
 @final
 class Walenet:

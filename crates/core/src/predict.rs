@@ -84,9 +84,11 @@ pub enum Predictor {
     GroundTruth(Arc<Scenario>, LaneFollowing),
     /// The published network WALENET, made for the scenario's roads.
     Walenet(Arc<Walenet>),
+    /// A network that was trained on recorded traffic.
+    Neural(neural::Neural),
 }
 
-/// Most modes that `LaneFollowing` may have.
+/// Most modes that a predictor may have.
 const MODES_LIMIT: usize = 8;
 
 /// Expectations for all present participants over `n_steps` steps.
@@ -97,11 +99,15 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
     let n_modes = match predictor {
         Predictor::ConstantVelocity(_) | Predictor::Walenet(_) => 1,
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => settings.modes_max,
+        Predictor::Neural(settings) => settings.modes_max,
     };
     if n_steps == 0 || !(1..=MODES_LIMIT).contains(&n_modes) {
         return Err(Error::invalid(format!(
             "a prediction of {n_steps} steps with {n_modes} modes is impossible (modes: 1 to {MODES_LIMIT})"
         )));
+    }
+    if let Predictor::Neural(settings) = predictor {
+        return Ok(neural::predict(settings, scene, road, n_steps));
     }
     let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
@@ -123,6 +129,7 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
             Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
                 lanes::follow_lanes(&mut out, i, row, &state, settings, scene, road);
             }
+            Predictor::Neural(_) => unreachable!("predicts all at once"),
         }
     }
     Ok(out)

@@ -1,16 +1,19 @@
 //! What the neural predictor is told and asked, as arrays for training.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use interdrive_core::geometry::Point;
 use interdrive_core::predict::neural::{
-    Feature, Inputs, KNOT_TIME, LEFT, MIRRORED_COLUMNS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, N_PATHS,
-    RIGHT, SLOTS, VERSION, agent_features, neighbour_features, path_features,
+    Feature, Inputs, KNOT_TIME, LEFT, MIRRORED_COLUMNS, MODE_OUTPUTS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_NEIGHBOURS,
+    N_PATH, N_PATHS, Network, RIGHT, SLOTS, Tensor, VERSION, agent_features, neighbour_features, path_features,
 };
 use numpy::{PyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::errors::InputError;
+use crate::errors::{InputError, exception};
 use crate::view::PyScene;
 
 /// Input of the neural predictor for the vehicles of a scene, one row each, ascending ids.
@@ -134,6 +137,41 @@ impl PyNeuralInputs {
     }
 }
 
+/// The network of the neural predictor.
+#[pyclass(frozen, name = "NeuralNetwork", module = "interdrive._core")]
+pub struct PyNeuralNetwork(pub Arc<Network>);
+
+#[pymethods]
+impl PyNeuralNetwork {
+    #[new]
+    fn new(tensors: BTreeMap<String, PyReadonlyArrayDyn<'_, f32>>) -> PyResult<Self> {
+        let tensor = |(name, array): (String, PyReadonlyArrayDyn<'_, f32>)| {
+            let array = array.as_array();
+            Tensor { name, shape: array.shape().to_vec(), values: array.iter().copied().collect() }
+        };
+        let network = Network::new(tensors.into_iter().map(tensor).collect()).map_err(exception)?;
+        Ok(Self(Arc::new(network)))
+    }
+
+    fn forward<'py>(
+        &self,
+        py: Python<'py>,
+        agent: PyReadonlyArrayDyn<'_, f32>,
+        neighbours: PyReadonlyArrayDyn<'_, f32>,
+        paths: PyReadonlyArrayDyn<'_, f32>,
+        path_valid: PyReadonlyArrayDyn<'_, bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let n = agent.as_array().shape().first().copied().unwrap_or(0);
+        let agent = arrays::read_grid("agent", &agent, &[n, N_AGENT])?;
+        let neighbours = arrays::read_grid("neighbours", &neighbours, &[n, N_NEIGHBOURS, N_NEIGHBOUR])?;
+        let paths = arrays::read_grid("paths", &paths, &[n, N_PATHS, N_PATH])?;
+        let path_valid = arrays::read_grid("path_valid", &path_valid, &[n, N_PATHS])?;
+        let network = &self.0;
+        let outputs = py.detach(|| network.forward(&agent, &neighbours, &paths, &path_valid));
+        arrays::grid(py, outputs, [n, N_PATHS, network.n_modes, MODE_OUTPUTS])
+    }
+}
+
 /// Meaning and order of everything in `NeuralInputs`.
 fn description(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let described = |feature: &Feature| (feature.name.to_string(), feature.scale, feature.mirror);
@@ -158,5 +196,6 @@ fn description(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 /// Adds class and description to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("NEURAL", description(module.py())?)?;
-    module.add_class::<PyNeuralInputs>()
+    module.add_class::<PyNeuralInputs>()?;
+    module.add_class::<PyNeuralNetwork>()
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
+use interdrive_core::predict::neural::Neural;
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread, completed};
 use interdrive_core::scene::{Scene, ViewLimits};
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State, States};
@@ -15,6 +16,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
+use crate::neural::PyNeuralNetwork;
 use crate::planner::NativePlanner;
 use crate::scenario::{PyGoal, PyRoute, PyScenario, PyShape, PyVehicle};
 use crate::view::{PyScene, PyView};
@@ -92,6 +94,11 @@ impl PyPredictor {
             Some(scenario) => Predictor::GroundTruth(Arc::clone(&scenario.0), settings),
             None => Predictor::LaneFollowing(settings),
         })
+    }
+
+    #[staticmethod]
+    fn neural(network: &PyNeuralNetwork, modes_max: usize) -> Self {
+        Self(Predictor::Neural(Neural { network: Arc::clone(&network.0), modes_max }))
     }
 }
 

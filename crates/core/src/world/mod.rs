@@ -253,7 +253,7 @@ impl World {
     pub fn predict(&self, predictor: &Predictor, scene: &Scene, n_steps: usize) -> Result<Predictions> {
         let work = || predict(predictor, scene, &self.scenario.road, n_steps);
         // Waking a thread takes longer than what the others have to do.
-        if matches!(predictor, Predictor::Walenet(_)) { self.pool.install(work) } else { work() }
+        if matches!(predictor, Predictor::Walenet(_) | Predictor::Neural(_)) { self.pool.install(work) } else { work() }
     }
 
     /// The time step of what was handed over must be now.

@@ -1,9 +1,14 @@
 //! A neural predictor that answers in path coordinates: the network learns speeds, lateral settling and which path is
 //! taken, while the geometry of the road stays exact.
 
+mod decode;
 mod features;
+#[cfg(test)]
+mod forecast_tests;
 mod history;
 mod inputs;
+mod linear;
+mod network;
 mod paths;
 mod surroundings;
 #[cfg(test)]
@@ -13,5 +18,89 @@ pub use features::{
     Feature, MIRRORED_COLUMNS, N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, VERSION, agent_features, neighbour_features,
     path_features,
 };
-pub use inputs::{Inputs, KNOT_TIME, N_KNOTS};
+pub use inputs::{Inputs, KNOT_TIME, N_KNOTS, Settling};
+pub use network::{MODE_OUTPUTS, Network, Tensor};
 pub use paths::{CandidatePath, FREE, LEFT, N_OWN, N_PATHS, RIGHT, SLOTS};
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{STANDING, Spread, go_straight, stand};
+use crate::road::RoadNetwork;
+use crate::scene::Scene;
+use crate::trajectory::{Predictions, State};
+use crate::vehicle::ParticipantKind;
+use decode::Vehicle;
+use surroundings::Surroundings;
+
+/// Vehicles whose paths are held and computed at once.
+const BATCH: usize = 16;
+/// Standard deviation of the position of a pedestrian now [m], and its growth [m/s]: pedestrians turn at will.
+const PEDESTRIAN_SIGMA: (f64, f64) = (0.15, 0.3);
+
+/// Settings of the neural predictor.
+#[derive(Debug, Clone)]
+pub struct Neural {
+    /// The network.
+    pub network: Arc<Network>,
+    /// Number of modes of a vehicle at most; the most probable ones are kept.
+    pub modes_max: usize,
+}
+
+/// Expectations for everybody who is present. Vehicles are predicted by the network; static obstacles stay, pedestrians
+/// and who drives backwards go straight on. Who has a state that is not a number gets no expectation.
+///
+/// The work is divided among the threads of the current pool; what comes out depends neither on their number nor on who
+/// else is there to be computed.
+pub(super) fn predict(settings: &Neural, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Predictions {
+    let ids = |rows: &[usize]| rows.iter().map(|row| scene.participants.ids[*row]).collect();
+    let surroundings = Surroundings::of(scene);
+    let rows = Inputs::rows_of(scene);
+    let batches: Vec<Predictions> = rows
+        .par_chunks(BATCH)
+        .map(|rows| {
+            let mut out = Predictions::empty(scene.time_step, ids(rows), settings.modes_max, n_steps);
+            let inputs = Inputs::of_rows(rows, scene, road, &surroundings);
+            let (network, valid) = (&*settings.network, inputs.path_valid());
+            let outputs = network.forward(&inputs.agent, &inputs.neighbours, &inputs.paths, &valid);
+            for (i, outputs) in outputs.chunks_exact(N_PATHS * network.n_outputs()).enumerate() {
+                if !Vehicle::new(scene, &inputs, i).decode(network, outputs, &mut out, i, scene.dt) {
+                    without_network(&mut out, i, rows[i], scene);
+                }
+            }
+            out
+        })
+        .collect();
+    let mut out = Predictions::empty(scene.time_step, ids(&scene.present), settings.modes_max, n_steps);
+    let mut predicted = rows.iter().enumerate().peekable();
+    for (i, row) in scene.present.iter().copied().enumerate() {
+        match predicted.next_if(|(_, next)| **next == row) {
+            Some((k, _)) => out.copy_row(i, &batches[k / BATCH], k % BATCH),
+            None => without_network(&mut out, i, row, scene),
+        }
+    }
+    out
+}
+
+/// Straight on, or standing.
+fn without_network(out: &mut Predictions, i: usize, row: usize, scene: &Scene) {
+    let now = scene.state(row);
+    if !now.is_finite() {
+        return;
+    }
+    let is_static = scene.participants.is_static[row];
+    let state = State { velocity: scene.observed_velocity(row), ..now };
+    if is_static || state.velocity.abs() < STANDING {
+        return stand(out, i, &state);
+    }
+    go_straight(out, i, &state, &Spread::default(), scene.dt);
+    if scene.participants.kind[row] == ParticipantKind::Pedestrian {
+        let start = out.offset(i, 0);
+        for step in 0..out.n_steps {
+            let sigma = PEDESTRIAN_SIGMA.0 + PEDESTRIAN_SIGMA.1 * (step + 1) as f64 * scene.dt;
+            (out.covariance_xx[start + step], out.covariance_yy[start + step]) = (sigma * sigma, sigma * sigma);
+            out.covariance_xy[start + step] = 0.0;
+        }
+    }
+}

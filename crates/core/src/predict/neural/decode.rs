@@ -1,0 +1,259 @@
+//! From the network's outputs to positions: profiles of arc length and offset over time, modes, covariances.
+
+use super::inputs::{Inputs, KNOT_TIME, N_KNOTS, Settling};
+use super::network::{MODE_OUTPUTS, Network};
+use super::paths::CandidatePath;
+use crate::geometry::{Point, Pose, wrap_angle};
+use crate::predict::{STANDING_VARIANCE, write};
+use crate::scene::Scene;
+use crate::trajectory::Predictions;
+
+/// Standard deviation of a position now [m], before calibration.
+const SIGMA_NOW: f64 = 0.05;
+/// No standard deviation is smaller [m].
+const SIGMA_MIN: f64 = 0.02;
+/// Bounds of the logarithm of how fast a standard deviation grows [m/s].
+const LOG_RATE: (f64, f64) = (-5.0, 2.0);
+/// A mode that moves less than this within the knots [m] is one of standing for somebody who stands.
+const STAYS: f64 = 1.0;
+/// From this speed on [m/s] a vehicle turns with its motion; slower, it turns less the slower it is.
+const TURNING_SPEED: f64 = 1.5;
+
+/// What a vehicle does on a path: values at 0, 0.5, ... 3 s.
+#[derive(Debug, Clone, Copy)]
+struct Mode {
+    probability: f64,
+    slot: usize,
+    /// Arc length [m], not decreasing.
+    s: [f64; N_KNOTS + 1],
+    /// Offset [m] besides the settling.
+    beside: [f64; N_KNOTS + 1],
+    /// Standard deviations [m] along and across the path.
+    sigma: [[f64; N_KNOTS + 1]; 2],
+    /// Stands where it is, exactly.
+    stays: bool,
+}
+
+/// A vehicle of the inputs and where it is now.
+pub(super) struct Vehicle<'a> {
+    pub(super) inputs: &'a Inputs,
+    /// Row of the inputs.
+    pub(super) i: usize,
+    pub(super) pose: Pose,
+}
+
+impl<'a> Vehicle<'a> {
+    /// Of a scene.
+    pub(super) fn new(scene: &Scene, inputs: &'a Inputs, i: usize) -> Self {
+        Self { inputs, i, pose: scene.state(inputs.rows[i]).pose() }
+    }
+
+    fn path(&self, slot: usize) -> &'a CandidatePath {
+        self.inputs.candidates[self.i][slot].as_ref().expect("modes have a path")
+    }
+
+    /// Writes the row of a table from the network's outputs for this vehicle, (paths, modes,
+    /// `MODE_OUTPUTS`).
+    /// Nothing is written and false returned if they are not numbers.
+    pub(super) fn decode(
+        &self,
+        network: &Network,
+        outputs: &[f32],
+        out: &mut Predictions,
+        row: usize,
+        dt: f64,
+    ) -> bool {
+        if outputs.iter().any(|value| !value.is_finite()) {
+            return false;
+        }
+        let mut modes = self.modes(network, outputs);
+        if self.inputs.standing[self.i] {
+            modes = stay_or_go(modes);
+        }
+        // Most probable first; the sort keeps the order of equal ones.
+        modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        modes.truncate(out.n_modes);
+        let total: f64 = modes.iter().map(|mode| mode.probability).sum();
+        for (k, mode) in modes.iter().enumerate() {
+            out.probability[row * out.n_modes + k] = mode.probability / total;
+            self.write_mode(mode, out, row, k, dt);
+        }
+        true
+    }
+
+    fn modes(&self, network: &Network, outputs: &[f32]) -> Vec<Mode> {
+        let valid = &self.inputs.candidates[self.i];
+        let mut modes: Vec<Mode> = outputs
+            .chunks_exact(MODE_OUTPUTS)
+            .enumerate()
+            .filter(|(k, _)| valid[k / network.n_modes].is_some())
+            .map(|(k, values)| self.mode(network, k / network.n_modes, values))
+            .collect();
+        let most = modes.iter().map(|mode| mode.probability).fold(f64::NEG_INFINITY, f64::max);
+        for mode in &mut modes {
+            mode.probability = (mode.probability - most).exp();
+        }
+        let total: f64 = modes.iter().map(|mode| mode.probability).sum();
+        modes.iter_mut().for_each(|mode| mode.probability /= total);
+        modes
+    }
+
+    /// A mode whose probability is still its logit.
+    fn mode(&self, network: &Network, slot: usize, values: &[f32]) -> Mode {
+        let velocity = self.inputs.velocity[self.i];
+        let [first_s, first_d] = [0, 1].map(|axis| network.calibration[axis][0] * SIGMA_NOW);
+        let mut mode = Mode {
+            probability: f64::from(values[0]) / network.temperature,
+            slot,
+            s: [0.0; N_KNOTS + 1],
+            beside: [0.0; N_KNOTS + 1],
+            sigma: [[first_s; N_KNOTS + 1], [first_d; N_KNOTS + 1]],
+            stays: false,
+        };
+        for (j, knot) in values[1..].chunks_exact(4).enumerate() {
+            let time = (j + 1) as f64 * KNOT_TIME;
+            let [speed, lateral, log_s, log_d] = [0, 1, 2, 3].map(|k| f64::from(knot[k]));
+            let [speed, lateral] = [(speed, 0), (lateral, 1)].map(|(value, axis)| {
+                let zone = network.dead_zone[axis];
+                value - value.clamp(-zone, zone)
+            });
+            mode.s[j + 1] = (time * (velocity + speed)).max(mode.s[j]);
+            mode.beside[j + 1] = time * lateral;
+            for (axis, log) in [log_s, log_d].into_iter().enumerate() {
+                let grown = SIGMA_NOW + time * log.clamp(LOG_RATE.0, LOG_RATE.1).exp();
+                mode.sigma[axis][j + 1] = network.calibration[axis][j] * grown;
+            }
+        }
+        mode
+    }
+
+    fn write_mode(&self, mode: &Mode, out: &mut Predictions, row: usize, k: usize, dt: f64) {
+        let start = out.offset(row, k);
+        if mode.stays {
+            for step in 0..out.n_steps {
+                write(out, start + step, self.pose, 0.0, (STANDING_VARIANCE, 0.0, STANDING_VARIANCE));
+            }
+            return;
+        }
+        let path = self.path(mode.slot);
+        let settling = self.inputs.settling(self.i, mode.slot).expect("modes have a path");
+        let along = Profile::monotone(&mode.s, self.inputs.velocity[self.i]);
+        let beside = Profile::smooth(&mode.beside);
+        let mut orientation = self.pose.orientation;
+        for step in 0..out.n_steps {
+            let time = (step + 1) as f64 * dt;
+            let motion = Motion::at(time, &along, &beside, &settling, path);
+            let turn = wrap_angle(motion.direction - orientation) * (motion.speed / TURNING_SPEED).min(1.0);
+            orientation += turn;
+            let pose = Pose { position: motion.position, orientation: wrap_angle(orientation) };
+            let covariance = covariance(mode, time, motion.heading);
+            write(out, start + step, pose, motion.speed, covariance);
+        }
+    }
+}
+
+/// For somebody who stands: all modes that hardly move become one that does not move at all.
+fn stay_or_go(modes: Vec<Mode>) -> Vec<Mode> {
+    let (stays, mut goes): (Vec<Mode>, Vec<Mode>) = modes.into_iter().partition(|mode| mode.s[N_KNOTS] < STAYS);
+    if let Some(first) = stays.first() {
+        let probability = stays.iter().map(|mode| mode.probability).sum();
+        goes.insert(0, Mode { probability, stays: true, ..*first });
+    }
+    goes
+}
+
+/// Where a vehicle is and how it moves.
+struct Motion {
+    position: Point,
+    /// Heading of the path [rad].
+    heading: f64,
+    /// Direction of the motion [rad].
+    direction: f64,
+    /// Speed [m/s].
+    speed: f64,
+}
+
+impl Motion {
+    fn at(time: f64, along: &Profile, beside: &Profile, settling: &Settling, path: &CandidatePath) -> Self {
+        let (s, s_dot) = along.at(time, true);
+        let (settled, slope) = settling.at(s);
+        let (more, more_dot) = beside.at(time, false);
+        let (d, d_dot) = (settled + more, slope * s_dot + more_dot);
+        let (position, heading) = path.world(s, d);
+        // On the inside of a bend the way is shorter than the path.
+        let forward = s_dot * (1.0 - path.curvature_at(s) * d).clamp(0.5, 1.5);
+        Self { position, heading, direction: heading + d_dot.atan2(forward), speed: forward.hypot(d_dot) }
+    }
+}
+
+/// Positive definite covariance (xx, xy, yy) [m²] of a mode at a time [s], world frame.
+fn covariance(mode: &Mode, time: f64, heading: f64) -> (f64, f64, f64) {
+    let end = N_KNOTS as f64 * KNOT_TIME;
+    let [along, across] = [0, 1].map(|axis| {
+        let sigma = &mode.sigma[axis];
+        let value = if time >= end {
+            sigma[N_KNOTS] * time / end
+        } else {
+            let j = (time / KNOT_TIME) as usize;
+            sigma[j] + (time / KNOT_TIME - j as f64) * (sigma[j + 1] - sigma[j])
+        };
+        value.max(SIGMA_MIN).powi(2)
+    });
+    let (sin, cos) = heading.sin_cos();
+    (along * cos * cos + across * sin * sin, (along - across) * sin * cos, along * sin * sin + across * cos * cos)
+}
+
+/// A cubic between knots 0.5 s apart.
+struct Profile {
+    values: [f64; N_KNOTS + 1],
+    slopes: [f64; N_KNOTS + 1],
+}
+
+impl Profile {
+    /// Never decreasing between values that do not decrease (Fritsch and Carlson 1980: no slope above three times that of
+    /// a neighbouring chord); the first slope is given.
+    fn monotone(values: &[f64; N_KNOTS + 1], first_slope: f64) -> Self {
+        let chords = chords(values);
+        let mut slopes = [0.0; N_KNOTS + 1];
+        slopes[0] = first_slope.clamp(0.0, 3.0 * chords[0]);
+        for j in 1..N_KNOTS {
+            let (before, after) = (chords[j - 1], chords[j]);
+            slopes[j] = (0.5 * (before + after)).min(3.0 * before.min(after));
+        }
+        let last = 1.5 * chords[N_KNOTS - 1] - 0.5 * chords[N_KNOTS - 2];
+        slopes[N_KNOTS] = last.clamp(0.0, 3.0 * chords[N_KNOTS - 1]);
+        Self { values: *values, slopes }
+    }
+
+    /// Begins and ends with slope 0.
+    fn smooth(values: &[f64; N_KNOTS + 1]) -> Self {
+        let chords = chords(values);
+        let mut slopes = [0.0; N_KNOTS + 1];
+        for j in 1..N_KNOTS {
+            slopes[j] = 0.5 * (chords[j - 1] + chords[j]);
+        }
+        Self { values: *values, slopes }
+    }
+
+    /// Value and slope at a time from now [s]; beyond the last knot the last slope is kept, or the last value.
+    fn at(&self, time: f64, goes_on: bool) -> (f64, f64) {
+        let beyond = time - N_KNOTS as f64 * KNOT_TIME;
+        if beyond >= 0.0 {
+            let slope = if goes_on { self.slopes[N_KNOTS] } else { 0.0 };
+            return (self.values[N_KNOTS] + slope * beyond, slope);
+        }
+        let j = (time / KNOT_TIME) as usize;
+        let u = time / KNOT_TIME - j as f64;
+        let v = 1.0 - u;
+        let (from, to) = (self.values[j], self.values[j + 1]);
+        let (first, last) = (self.slopes[j] * KNOT_TIME, self.slopes[j + 1] * KNOT_TIME);
+        let value =
+            from * (1.0 + 2.0 * u) * v * v + to * (3.0 - 2.0 * u) * u * u + first * u * v * v - last * u * u * v;
+        let slope = 6.0 * u * v * (to - from) + first * v * (1.0 - 3.0 * u) + last * u * (3.0 * u - 2.0);
+        (value, slope / KNOT_TIME)
+    }
+}
+
+fn chords(values: &[f64; N_KNOTS + 1]) -> [f64; N_KNOTS] {
+    std::array::from_fn(|j| (values[j + 1] - values[j]) / KNOT_TIME)
+}

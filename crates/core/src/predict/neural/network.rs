@@ -1,0 +1,266 @@
+//! The network: from features to what a vehicle does on each of its paths.
+//!
+//! Past and present of the vehicle, and each neighbour, go through two layers; the largest values of all neighbours are
+//! kept. With these, each path goes through two layers; the largest values of all paths are kept. With these, each path
+//! goes through two more layers that give its modes. All but the last are followed by a rectifier.
+
+use super::features::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
+use super::inputs::N_KNOTS;
+use super::linear::{Linear, relu};
+use super::paths::N_PATHS;
+use crate::error::{Error, Result};
+
+/// Outputs of a mode: its logit, then of every knot the speed [m/s] and the lateral speed [m/s] besides those expected,
+/// and the logarithms of how fast the standard deviations along and across the path grow [m/s].
+pub const MODE_OUTPUTS: usize = 1 + 4 * N_KNOTS;
+/// Most modes that a path may have.
+const PATH_MODES_MAX: usize = 8;
+/// Widest layer.
+const WIDTH_MAX: usize = 4096;
+
+/// A tensor of a file of weights.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tensor {
+    /// Name, such as `agent.0.weight`.
+    pub name: String,
+    /// Shape; weights are (outputs, inputs).
+    pub shape: Vec<usize>,
+    /// Values, row-major.
+    pub values: Vec<f32>,
+}
+
+/// The network and the calibration of its spread.
+#[derive(Debug, Clone)]
+pub struct Network {
+    agent: [Linear; 2],
+    neighbour: [Linear; 2],
+    /// The part of the first layer that sees the path, and the part that sees the vehicle and its neighbours.
+    path: [Linear; 2],
+    path_context: Linear,
+    /// The part of the first layer that sees the path, and the part that sees all paths.
+    head: [Linear; 2],
+    head_context: Linear,
+    /// Outputs of the layers for the vehicle.
+    n_agent: usize,
+    /// Modes of every path.
+    pub n_modes: usize,
+    /// Factors on the standard deviations along and across the path at every knot.
+    pub calibration: [[f64; N_KNOTS]; 2],
+    /// Logits are divided by it.
+    pub temperature: f64,
+    /// Outputs for speed and lateral speed [m/s] are this much nearer to zero than the last layer says, or zero: a vehicle
+    /// can go on exactly as expected.
+    pub dead_zone: [f64; 2],
+}
+
+/// Tensors that have not been taken yet.
+struct Tensors {
+    left: Vec<Tensor>,
+}
+
+impl Tensors {
+    fn optional(&mut self, name: &str) -> Option<Tensor> {
+        self.left.iter().position(|tensor| tensor.name == name).map(|i| self.left.swap_remove(i))
+    }
+
+    /// A tensor whose shape must be as given, where 0 means any length up to 4096.
+    fn take(&mut self, name: &str, shape: &[usize]) -> Result<Tensor> {
+        let found = self.optional(name).ok_or_else(|| Error::invalid(format!("tensor {name} is missing")))?;
+        let fits = found.shape.len() == shape.len()
+            && found.shape.iter().zip(shape).all(|(n, wanted)| (1..=WIDTH_MAX).contains(n) && [0, *n].contains(wanted))
+            && found.values.len() == found.shape.iter().product::<usize>();
+        if !fits {
+            let wanted: Vec<String> =
+                shape.iter().map(|n| if *n == 0 { format!("1 to {WIDTH_MAX}") } else { n.to_string() }).collect();
+            let wanted = wanted.join(", ");
+            return Err(Error::invalid(format!("tensor {name} has shape {:?}, ({wanted}) is expected", found.shape)));
+        }
+        if found.values.iter().any(|value| !value.is_finite()) {
+            return Err(Error::invalid(format!("tensor {name} has values that are not finite numbers")));
+        }
+        Ok(found)
+    }
+
+    /// Weights, bias and number of outputs of a layer with so many inputs; 0 outputs: any number.
+    fn layer(&mut self, name: &str, n_in: usize, n_out: usize) -> Result<(Vec<f32>, Vec<f32>, usize)> {
+        let weight = self.take(&format!("{name}.weight"), &[n_out, n_in])?;
+        let n_out = weight.shape[0];
+        let bias = self.take(&format!("{name}.bias"), &[n_out])?;
+        Ok((weight.values, bias.values, n_out))
+    }
+
+    fn pair(&mut self, name: &str, n_in: usize) -> Result<([Linear; 2], usize)> {
+        let (weight, bias, hidden) = self.layer(&format!("{name}.0"), n_in, 0)?;
+        let first = Linear::new(&weight, &bias, n_in, 0..n_in);
+        let (weight, bias, n_out) = self.layer(&format!("{name}.1"), hidden, 0)?;
+        Ok(([first, Linear::new(&weight, &bias, hidden, 0..hidden)], n_out))
+    }
+
+    fn factors(&mut self, name: &str) -> Result<[f64; N_KNOTS]> {
+        let found = self.take(name, &[N_KNOTS])?;
+        if found.values.iter().any(|value| *value <= 0.0) {
+            return Err(Error::invalid(format!("tensor {name} has values that are not positive")));
+        }
+        Ok(std::array::from_fn(|k| f64::from(found.values[k])))
+    }
+}
+
+impl Network {
+    /// From the tensors of a file: `agent`, `neighbour`, `path` and `head`, each with layers 0 and 1 with `weight` and
+    /// `bias`; `calibration.s` and `calibration.d`; `calibration.temperature` and `decode.dead_zone` if the file has them.
+    /// The widths of the layers are those of the tensors.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the tensor that is missing, unknown, of a wrong shape or with impossible values.
+    pub fn new(tensors: Vec<Tensor>) -> Result<Self> {
+        let mut tensors = Tensors { left: tensors };
+        let (agent, n_agent) = tensors.pair("agent", N_AGENT)?;
+        let (neighbour, n_neighbour) = tensors.pair("neighbour", N_NEIGHBOUR)?;
+        let n_in = N_PATH + n_agent + n_neighbour;
+        let (weight, bias, hidden) = tensors.layer("path.0", n_in, 0)?;
+        let path_context = Linear::new(&weight, &bias, n_in, N_PATH..n_in);
+        let path_own = Linear::new(&weight, &bias, n_in, 0..N_PATH).without_bias();
+        let (weight, bias, n_path) = tensors.layer("path.1", hidden, 0)?;
+        let path = [path_own, Linear::new(&weight, &bias, hidden, 0..hidden)];
+        let (weight, bias, hidden) = tensors.layer("head.0", 2 * n_path, 0)?;
+        let head_context = Linear::new(&weight, &bias, 2 * n_path, n_path..2 * n_path);
+        let head_own = Linear::new(&weight, &bias, 2 * n_path, 0..n_path).without_bias();
+        let (weight, bias, n_out) = tensors.layer("head.1", hidden, 0)?;
+        let n_modes = n_out / MODE_OUTPUTS;
+        if n_out % MODE_OUTPUTS != 0 || n_modes > PATH_MODES_MAX {
+            return Err(Error::invalid(format!(
+                "tensor head.1.weight has {n_out} outputs, {MODE_OUTPUTS} for each of 1 to {PATH_MODES_MAX} modes are expected"
+            )));
+        }
+        let calibration = [tensors.factors("calibration.s")?, tensors.factors("calibration.d")?];
+        let mut temperature = 1.0;
+        if let Some(found) = tensors.optional("calibration.temperature") {
+            temperature = f64::from(found.values.first().copied().unwrap_or(f32::NAN));
+            if found.values.len() != 1 || temperature.is_nan() || temperature <= 0.0 {
+                return Err(Error::invalid("tensor calibration.temperature must be one positive number"));
+            }
+        }
+        let mut dead_zone = [0.0; 2];
+        if tensors.left.iter().any(|tensor| tensor.name == "decode.dead_zone") {
+            let found = tensors.take("decode.dead_zone", &[2])?;
+            dead_zone = [0, 1].map(|axis| f64::from(found.values[axis]));
+            if dead_zone.iter().any(|zone| *zone < 0.0) {
+                return Err(Error::invalid("tensor decode.dead_zone has negative values"));
+            }
+        }
+        if let Some(unknown) = tensors.left.first() {
+            return Err(Error::invalid(format!("nothing is known of the tensor {}", unknown.name)));
+        }
+        Ok(Self {
+            agent,
+            n_agent,
+            neighbour,
+            path,
+            path_context,
+            head: [head_own, Linear::new(&weight, &bias, hidden, 0..hidden)],
+            head_context,
+            n_modes,
+            calibration,
+            temperature,
+            dead_zone,
+        })
+    }
+
+    /// Outputs of every path.
+    pub fn n_outputs(&self) -> usize {
+        self.n_modes * MODE_OUTPUTS
+    }
+
+    /// Raw outputs of all modes of all paths: (vehicles, `N_PATHS`, modes, `MODE_OUTPUTS`), zero where a slot is empty.
+    ///
+    /// Features as `Inputs` has them; a neighbour whose last feature is 0 is not there. What comes out for a vehicle does
+    /// not depend on the others.
+    ///
+    /// # Panics
+    /// If the tables are not of the same number of vehicles.
+    pub fn forward(&self, agent: &[f32], neighbours: &[f32], paths: &[f32], path_valid: &[bool]) -> Vec<f32> {
+        let n = agent.len() / N_AGENT;
+        assert!(neighbours.len() == n * N_NEIGHBOURS * N_NEIGHBOUR, "as many neighbours as vehicles");
+        assert!(paths.len() == n * N_PATHS * N_PATH && path_valid.len() == n * N_PATHS, "as many paths as vehicles");
+        let n_context = self.path_context.n_in;
+        let mut context = vec![0.0; n * n_context];
+        let mut hidden = two_layers(&self.agent, agent, n);
+        for (to, from) in context.chunks_exact_mut(n_context).zip(hidden.chunks_exact(self.agent[1].width)) {
+            to[..self.n_agent].copy_from_slice(&from[..self.n_agent]);
+        }
+        let (index, values) = gathered(neighbours, N_NEIGHBOUR, |k| neighbours[(k + 1) * N_NEIGHBOUR - 1] > 0.0);
+        hidden = two_layers(&self.neighbour, &values, index.len());
+        keep_largest(&hidden, self.neighbour[1].width, &index, N_NEIGHBOURS, &mut context, n_context, self.n_agent);
+
+        let (index, values) = gathered(paths, N_PATH, |k| path_valid[k]);
+        let mut shared = Vec::new();
+        self.path_context.apply(&context, n_context, n, &mut shared);
+        hidden = repeated(&shared, self.path_context.width, &index);
+        self.path[0].add(&values, N_PATH, index.len(), &mut hidden);
+        relu(&mut hidden);
+        let mut seen = Vec::new();
+        self.path[1].apply(&hidden, self.path[0].width, index.len(), &mut seen);
+        relu(&mut seen);
+
+        let (n_path, width) = (self.head[0].n_in, self.path[1].width);
+        let mut most = vec![0.0; n * n_path];
+        keep_largest(&seen, width, &index, N_PATHS, &mut most, n_path, 0);
+        self.head_context.apply(&most, n_path, n, &mut shared);
+        hidden = repeated(&shared, self.head_context.width, &index);
+        self.head[0].add(&seen, width, index.len(), &mut hidden);
+        relu(&mut hidden);
+        self.head[1].apply(&hidden, self.head[0].width, index.len(), &mut seen);
+
+        let n_outputs = self.n_outputs();
+        let mut out = vec![0.0; n * N_PATHS * n_outputs];
+        for (k, values) in index.iter().zip(seen.chunks_exact(self.head[1].width)) {
+            out[k * n_outputs..][..n_outputs].copy_from_slice(&values[..n_outputs]);
+        }
+        out
+    }
+}
+
+/// Both layers with their rectifiers, for dense rows of inputs.
+fn two_layers(layers: &[Linear; 2], inputs: &[f32], n_rows: usize) -> Vec<f32> {
+    let (mut first, mut second) = (Vec::new(), Vec::new());
+    layers[0].apply(inputs, layers[0].n_in, n_rows, &mut first);
+    relu(&mut first);
+    layers[1].apply(&first, layers[0].width, n_rows, &mut second);
+    relu(&mut second);
+    second
+}
+
+/// Indices of the rows that are there, and those rows, dense.
+fn gathered(table: &[f32], width: usize, is_there: impl Fn(usize) -> bool) -> (Vec<usize>, Vec<f32>) {
+    let index: Vec<usize> = (0..table.len() / width).filter(|k| is_there(*k)).collect();
+    let mut values = Vec::with_capacity(index.len() * width);
+    for k in &index {
+        values.extend_from_slice(&table[k * width..(k + 1) * width]);
+    }
+    (index, values)
+}
+
+/// The row of the vehicle for each of its paths.
+fn repeated(shared: &[f32], width: usize, index: &[usize]) -> Vec<f32> {
+    let mut out = Vec::with_capacity(index.len() * width);
+    for k in index {
+        out.extend_from_slice(&shared[k / N_PATHS * width..][..width]);
+    }
+    out
+}
+
+/// Writes the largest values of all rows of a vehicle, or 0, into its row from a column on; `per_vehicle` slots each.
+fn keep_largest(
+    rows: &[f32],
+    width: usize,
+    index: &[usize],
+    per_vehicle: usize,
+    out: &mut [f32],
+    out_width: usize,
+    column: usize,
+) {
+    for (k, values) in index.iter().zip(rows.chunks_exact(width)) {
+        let to = &mut out[k / per_vehicle * out_width..][column..out_width];
+        to.iter_mut().zip(values).for_each(|(most, value)| *most = most.max(*value));
+    }
+}
