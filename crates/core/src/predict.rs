@@ -125,11 +125,10 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
             }
             _ if scene.participants.is_static[row] || state.velocity.abs() < STANDING => stand(&mut out, i, &state),
             Predictor::ConstantVelocity(spread) => go_straight(&mut out, i, &state, spread, scene.dt),
-            Predictor::Walenet(_) => unreachable!("answered above"),
+            Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("answered above"),
             Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
                 lanes::follow_lanes(&mut out, i, row, &state, settings, scene, road);
             }
-            Predictor::Neural(_) => unreachable!("predicts all at once"),
         }
     }
     Ok(out)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.plugins import find, made, named_error, read_choice
+from interdrive.predictors.neural import network
 from interdrive.settings import bind
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ __all__ = [
     "ConstantVelocity",
     "GroundTruth",
     "LaneFollowing",
+    "Neural",
     "Predictor",
     "PredictorSettings",
     "Walenet",
@@ -126,6 +128,27 @@ class GroundTruth:
 
 
 @dataclass(frozen=True)
+class Neural:
+    """A network trained on recorded traffic: speeds, settling and choice of path from past, neighbours and lanes.
+
+    Several modes, each with covariances. Pedestrians and who drives backwards go straight on; who stands may stay
+    exactly or go. Source: `training/`.
+
+    Attributes:
+        modes_max: Number of modes at most (1 to 8); the most probable ones are kept.
+        weights: File of weights of one's own, as `training/` writes it; empty for those that are shipped.
+    """
+
+    modes_max: int = 4
+    weights: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        if not 1 <= self.modes_max <= 8:
+            raise InputError(f"predictor.neural.modes_max must be 1 to 8, not {self.modes_max}")
+
+
+@dataclass(frozen=True)
 class Walenet:
     """The published network WALENET: one path per vehicle from 3 s of positions and a picture of the road.
 
@@ -153,12 +176,14 @@ class PredictorSettings:
         horizon: How far to predict [s].
         constant_velocity: Settings of `constant_velocity`.
         lane_following: Settings of `lane_following`, and of `ground_truth` for agents.
+        neural: Settings of `neural`.
         walenet: Settings of `walenet`.
     """
 
     horizon: float = 3.0
     constant_velocity: ConstantVelocity = field(default_factory=ConstantVelocity)
     lane_following: LaneFollowing = field(default_factory=LaneFollowing)
+    neural: Neural = field(default_factory=Neural)
     walenet: Walenet = field(default_factory=Walenet)
 
     def __post_init__(self) -> None:
@@ -171,6 +196,7 @@ class PredictorSettings:
 RECORDS: dict[str, type] = {
     "constant_velocity": ConstantVelocity,
     "lane_following": LaneFollowing,
+    "neural": Neural,
     "ground_truth": GroundTruth,
     "walenet": Walenet,
 }
@@ -179,6 +205,7 @@ RECORDS: dict[str, type] = {
 NATIVE = {
     "constant_velocity": "straight on with the present velocity",
     "lane_following": "along every lane that fits, speed kept, slower in curves",
+    "neural": "a network trained on recorded traffic: several modes with covariances",
     "ground_truth": "the recorded future of vehicles that replay it (for studies only)",
     "walenet": "the published network WALENET; its weights are installed by `interdrive models install walenet`",
 }
@@ -221,8 +248,10 @@ def native(record: object, settings: PredictorSettings, recorded: _core.Scenario
     """The core's predictor for a native record; None for one written in Python.
 
     Raises:
-        InputError: Its weights are not installed; the text says what to do.
+        InputError: Weights of a network that are not installed or cannot be used; the text says what to do.
     """
+    if isinstance(record, Neural):
+        return _core.Predictor.neural(network(record.weights), record.modes_max)
     if isinstance(record, ConstantVelocity):
         return _core.Predictor.constant_velocity(record.position_sigma, record.acceleration_sigma, record.lateral_rate)
     if isinstance(record, LaneFollowing | GroundTruth):

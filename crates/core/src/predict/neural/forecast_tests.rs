@@ -128,7 +128,7 @@ fn within_the_dead_zone_a_vehicle_goes_on_as_expected() {
     let mut network = constant_network(&[(0.0, [-0.1, 0.2, 0.1, -0.2, 0.5, 0.5], [0.04; N_KNOTS])]);
     network.dead_zone = [0.2, 0.05];
     let found = predicted(network, 1, &now, &straight_road(1), N_STEPS);
-    assert_eq!((found.x[19], found.y[29]), (40.0, 0.0), "2 s at 10 m/s");
+    assert!((found.x[19] - 40.0).abs() < 1e-6 && found.y[29] == 0.0, "2 s at 10 m/s: {} m", found.x[19]);
     assert!((found.x[29] - 20.0 - 3.0 * 10.3).abs() < 1e-6, "0.5 m/s less 0.2 m/s: {} m", found.x[29]);
 }
 

@@ -93,13 +93,13 @@ impl Linear {
             for (r, sums) in sums.iter_mut().enumerate() {
                 sums.copy_from_slice(&out[r * self.width + column..][..COLUMNS]);
             }
-            for k in 0..self.n_in {
+            for (k, weights) in self.weights.chunks_exact(self.width).enumerate() {
                 let weights: &[f32; COLUMNS] =
-                    self.weights[k * self.width + column..][..COLUMNS].try_into().expect("as many as columns");
-                for r in 0..N {
-                    let input = rows[r][k];
-                    for c in 0..COLUMNS {
-                        sums[r][c] += input * weights[c];
+                    weights[column..column + COLUMNS].try_into().expect("as many as columns");
+                for (sums, row) in sums.iter_mut().zip(&rows) {
+                    let input = row[k];
+                    for (sum, weight) in sums.iter_mut().zip(weights) {
+                        *sum += input * weight;
                     }
                 }
             }

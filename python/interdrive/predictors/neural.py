@@ -1,0 +1,47 @@
+"""The network of the predictor `neural` from its file of weights."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from interdrive import _core
+from interdrive.errors import InputError
+
+#: The weights that are shipped.
+SHIPPED = Path(__file__).with_name("neural.safetensors")
+
+
+def network(weights: str = "") -> _core.NeuralNetwork:
+    """The network with the weights of a file.
+
+    Args:
+        weights: A safetensors file as `training/` writes it; "" for the weights that are shipped.
+
+    Raises:
+        InputError: No such file, damaged, made for other features than this version of interdrive computes, or a tensor
+            that does not fit. The text names the file.
+    """
+    path = Path(weights).expanduser().resolve() if weights else SHIPPED
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise InputError(f"weights {path}: no such file") from error
+    return _network(path, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=4)
+def _network(path: Path, _changed: int, _size: int) -> _core.NeuralNetwork:
+    from interdrive.predictors.weights import read_weights  # noqa: PLC0415 - only who uses a network waits for it
+
+    found = read_weights(path)
+    version, known = found.metadata.get("feature_version", "none"), str(_core.NEURAL["version"])
+    if version != known:
+        raise InputError(
+            f"weights {path}: made for features of version {version}, this interdrive computes version {known}; "
+            "use weights trained with it"
+        )
+    try:
+        return _core.NeuralNetwork(found.tensors)
+    except InputError as error:
+        raise InputError(f"weights {path}: {error}") from error
