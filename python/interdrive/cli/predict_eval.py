@@ -22,6 +22,8 @@ from interdrive.settings import bind
     "lane_following[modes_max=1].",
 )
 @click.option("--every", metavar="N", type=click.IntRange(min=1), default=5, help="Ask at every N-th time step (5).")
+@click.option("--split", metavar="TOML", help="File that says which recordings are for what (training/split.toml).")
+@click.option("--part", metavar="NAME", default="validation", help="Part of the split that is judged (validation).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -35,6 +37,8 @@ def predict_eval(
     files: tuple[str, ...],
     predictors: str,
     every: int,
+    split: str | None,
+    part: str,
     assignments: tuple[str, ...],
     out: str | None,
     overwrite: bool,
@@ -66,7 +70,14 @@ def predict_eval(
     )
     with progress(quiet=quiet) as report:
         found = evaluate_predictors(
-            files, choices, every=every, settings=settings, with_timing=not no_timing, on_step=report.counted
+            files,
+            choices,
+            every=every,
+            settings=settings,
+            split=split,
+            part=part,
+            with_timing=not no_timing,
+            on_step=report.counted,
         )
         report.say("writing")
         save_evaluation(
