@@ -96,7 +96,7 @@ def chosen_predictors(
     """Predictors by choice; "all" are the native ones that can be used here, without `ground_truth`.
 
     Args:
-        predictors: "all", or choices; "all" may be among them.
+        predictors: "all", or choices, among which "all" stands for the others.
         settings: Of the run.
         recording: Where they are tried.
 
@@ -114,7 +114,7 @@ def chosen_predictors(
             called(choices[-1], settings.predictor, recording.core_scenario)
             continue
         for name in NATIVE:
-            if name in _FOR_STUDIES:
+            if name in _FOR_STUDIES or name in map(name_of, choices):
                 continue
             try:
                 called(name, settings.predictor, recording.core_scenario)
