@@ -30,11 +30,10 @@ def recording(cars, steps=60, dt=0.1, lanes=1):
 def measured(predictor, found, every=1):
     """All measures of a predictor in a recording, and the moments."""
     asked = called(predictor, SETTINGS.predictor, found.core_scenario)
-    n_steps = round(3.0 / found.scenario.dt)
     moments, answers = [], []
     for moment in found.moments(every):
         moments.append(moment)
-        answers.append(answered(asked, found, moment, n_steps))
+        answers.append(answered(asked, found, moment))
     truth = np.concatenate([m.truth for m in moments])
     now = np.concatenate([np.stack([m.scene.x[m.row, -1], m.scene.y[m.row, -1]], axis=1) for m in moments])
     return judged(joined(answers), truth, now, found.scenario.dt, found.road), moments
@@ -344,3 +343,44 @@ def test_the_departure_of_who_keeps_its_velocity_is_zero():
     scenario = world(straight_road(), cars=[Car(1, 20.0, velocity=10.0)])
     (moment,) = list(Recording(scenario, SETTINGS).moments(100))
     assert _departure(moment) == pytest.approx([0.0], abs=1e-9)
+
+
+SPLIT = """
+[[place]]
+files = ["lane_*"]
+part = "validation"
+category = "highway"
+
+[[place]]
+files = ["t_junction", "highway"]
+part = "a"
+category = "urban"
+"""
+
+
+def test_a_split_says_which_files_are_judged_and_their_category(tmp_path):
+    (tmp_path / "split.toml").write_text(SPLIT)
+    files = ["lane_merge", "t_junction", "highway", "intersection"]
+    found = idr.evaluate_predictors(
+        files, "constant_velocity", every=50, split=tmp_path / "split.toml", with_timing=False
+    )
+    assert [path.stem for path in found.files] == ["lane_merge"]
+    assert set(found.samples.category) == {"highway"}
+    assert "1 files; 2 of other parts, 1 of no place" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "part", "words"),
+    [
+        (SPLIT, "b", "there is no part 'b'; there are validation, a"),
+        (SPLIT.replace("lane_", "other_"), "validation", "none of the 1 files is of the part validation"),
+        ("x = [", "validation", "cannot be read as TOML"),
+        ("x = 1", "validation", "there is no table"),
+        ('[[place]]\nname = "A"\nfiles = "a*"', "validation", "place A: files must be a list of patterns"),
+        ('[[place]]\nfiles = ["a*"]\npart = 1', "validation", "place number 1: part and category must be texts"),
+    ],
+)
+def test_a_split_that_cannot_be_used_is_refused_in_one_line(tmp_path, text, part, words):
+    (tmp_path / "split.toml").write_text(text)
+    with pytest.raises(idr.InputError, match=words):
+        idr.evaluate_predictors("lane_merge", "constant_velocity", split=tmp_path / "split.toml", part=part)

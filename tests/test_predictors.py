@@ -89,9 +89,53 @@ def test_tables_of_the_right_shape_become_predictions():
         ({"x": np.full((1, 1, 5), np.nan)}, "participant 7 has a valid step that is not a number"),
         ({"probability": np.full((1, 1), 0.5)}, "mode probabilities of participant 7"),
         ({"covariance": np.zeros((1, 1, 5, 2, 2))}, "not positive definite"),
+        (
+            {"covariance": np.tile([[1.0, 0.5], [0.0, 1.0]], (1, 1, 5, 1, 1))},
+            "7 has a covariance that is not symmetric",
+        ),
         ({"ids": np.array([7, 8])}, "for 2 ids"),
     ],
 )
 def test_garbage_of_a_predictor_is_refused(change, words):
     with pytest.raises(InputError, match=words):
         Predictions(**tables(**change))
+
+
+def two_modes(scene, first, second, variance=1.0):
+    """Participant 7 drives on along y = 7 m (mode 0) or y = 0 m (mode 1), to the left or right of the agent's lane."""
+    time = np.arange(1, 31) * scene.dt
+    x = np.broadcast_to(scene.x[scene.ids == 7, -1] + 8.0 * time, (1, 2, 30))
+    y = np.broadcast_to(np.array([7.0, 0.0])[None, :, None], (1, 2, 30))
+    return Predictions(
+        scene.time_step,
+        np.array([7]),
+        np.array([[first, second]]),
+        x,
+        y,
+        np.zeros((1, 2, 30)),
+        np.full((1, 2, 30), 8.0),
+        np.broadcast_to(variance * np.eye(2), (1, 2, 30, 2, 2)),
+        np.ones((1, 2, 30), dtype=bool),
+    )
+
+
+def test_the_planner_adds_the_collision_probabilities_of_all_modes_by_their_probability():
+    scenario = world(
+        straight_road(300.0, lanes=3),
+        cars=[Car(7, 15.0, 7.0, velocity=8.0)],
+        problems=[problem(100, 10.0, 3.5, 8.0, goal=(150.0, 3.5), time_step=(0, 200))],
+    )
+    simulation = Simulation(scenario, agents=[100], threads=1)
+    scene = simulation.world.scene()
+
+    def prediction_cost(first, second):
+        found = simulation.world.candidates(100, scene, two_modes(scene, first, second))
+        return found["terms"][:, found["term_names"].index("prediction")]
+
+    left, right = prediction_cost(1.0, 0.0), prediction_cost(0.0, 1.0)
+    known = np.isfinite(left + right)
+    assert known.sum() > 100
+    assert np.abs(left - right)[known].max() > 1.0, "it matters which of the modes happens"
+    for share in (0.2, 0.5, 0.7):
+        mixed = prediction_cost(share, 1.0 - share)
+        assert mixed[known] == pytest.approx(share * left[known] + (1.0 - share) * right[known], abs=1e-6)

@@ -177,6 +177,15 @@ impl PyPredictions {
             return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {} ids", ids.len())));
         }
         let covariance = arrays::read_grid("predictions: covariance", &covariance, &[n, n_modes, n_steps, 2, 2])?;
+        let valid: Vec<bool> = arrays::read_grid("predictions: valid", &valid, &shape)?;
+        // Products in another order differ in their last bits.
+        let is_lopsided = |c: &[f64]| (c[1] - c[2]).abs() > 1e-6 * (c[0].abs() + c[3].abs());
+        if let Some(cell) = covariance.chunks(4).zip(&valid).position(|(c, valid)| *valid && is_lopsided(c)) {
+            return Err(InputError::new_err(format!(
+                "predictions: participant {} has a covariance that is not symmetric",
+                ids[cell / (n_modes * n_steps)]
+            )));
+        }
         let entry = |k: usize| covariance.iter().skip(k).step_by(4).copied().collect::<Vec<f64>>();
         let predictions = Predictions {
             time_step,
@@ -191,7 +200,7 @@ impl PyPredictions {
             covariance_xx: entry(0),
             covariance_xy: entry(1),
             covariance_yy: entry(3),
-            valid: arrays::read_grid("predictions: valid", &valid, &shape)?,
+            valid,
         };
         predictions.validate().map_err(exception)?;
         Ok(Self::whole(predictions))

@@ -16,12 +16,13 @@ from interdrive.settings import bind
 @click.argument("files", nargs=-1, metavar="FILE|FOLDER...")
 @click.option(
     "--predictors",
-    metavar="all|NAME,NAME",
+    metavar="all|NAME[,SETTING=VALUE...],NAME",
     default="all",
-    help="Who predicts: all native ones (without ground_truth), names, module:object; settings of one in brackets: "
-    "lane_following[modes_max=1].",
+    help="Who predicts: all native ones (without ground_truth), names, module:object; settings of each behind it.",
 )
 @click.option("--every", metavar="N", type=click.IntRange(min=1), default=5, help="Ask at every N-th time step (5).")
+@click.option("--split", metavar="TOML", help="File that says which recordings are for what (training/split.toml).")
+@click.option("--part", metavar="NAME", default="validation", help="Part of the split that is judged (validation).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -35,6 +36,8 @@ def predict_eval(
     files: tuple[str, ...],
     predictors: str,
     every: int,
+    split: str | None,
+    part: str,
     assignments: tuple[str, ...],
     out: str | None,
     overwrite: bool,
@@ -66,7 +69,14 @@ def predict_eval(
     )
     with progress(quiet=quiet) as report:
         found = evaluate_predictors(
-            files, choices, every=every, settings=settings, with_timing=not no_timing, on_step=report.counted
+            files,
+            choices,
+            every=every,
+            settings=settings,
+            split=split,
+            part=part,
+            with_timing=not no_timing,
+            on_step=report.counted,
         )
         report.say("writing")
         save_evaluation(
@@ -78,18 +88,19 @@ def predict_eval(
 
 
 def named_predictors(text: str) -> list[str]:
-    """Predictors from "NAME,NAME[SETTING=VALUE,...]", each as `plugins.read_choice` understands it.
+    """Predictors from "NAME[,SETTING=VALUE...],NAME...", each as `plugins.read_choice` understands it.
 
     Raises:
         InputError: It is not spelled like that.
     """
-    names = [name.strip() for name in re.split(r",(?![^\[]*\])", text)]
-    found = []
-    for name in names:
-        spelled = re.fullmatch(r"([^\[\]]+)(?:\[(.*)\])?", name)
-        if spelled is None:
-            raise InputError(f"--predictors {text}: write NAME,NAME or NAME[SETTING=VALUE,...],NAME")
-        found.append(spelled[1] if spelled[2] is None else f"{spelled[1]},{spelled[2]}")
-        if found[-1] != "all":
-            read_choice(found[-1], "predictor")
+    found: list[str] = []
+    for part in re.split(r",(?![^\[]*\])", text):
+        if "=" not in part:
+            found.append(part.strip())
+        elif found and found[-1] != "all":
+            found[-1] += f",{part.strip()}"
+        else:
+            raise InputError(f"--predictors {text}: {part} belongs to no predictor; write NAME[,SETTING=VALUE...],NAME")
+    for name in found:
+        read_choice(name, "predictor")
     return found

@@ -12,6 +12,7 @@ from interdrive.errors import InputError, InterdriveError, PredictorError
 from interdrive.plugins import Choice, read_choice
 from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, judged
 from interdrive.prediction_evaluation.recordings import Recording, category_of, found_files, opened
+from interdrive.prediction_evaluation.split import read_split
 from interdrive.prediction_evaluation.timing import measured_timings
 from interdrive.predictors import NATIVE
 from interdrive.predictors.calls import Called, called, name_of
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from interdrive.prediction_evaluation.recordings import Moment
-    from interdrive.prediction_evaluation.timing import Timing
+    from interdrive.prediction_evaluation.split import Split
+from interdrive.prediction_evaluation.timing import Timing
 
 #: Predictors that "all" leaves out: no planner in a car could have them.
 _FOR_STUDIES = ("ground_truth",)
@@ -94,7 +96,7 @@ def chosen_predictors(
     """Predictors by choice; "all" are the native ones that can be used here, without `ground_truth`.
 
     Args:
-        predictors: "all", or choices; "all" may be among them.
+        predictors: "all", or choices, among which "all" stands for the others.
         settings: Of the run.
         recording: Where they are tried.
 
@@ -112,7 +114,7 @@ def chosen_predictors(
             called(choices[-1], settings.predictor, recording.core_scenario)
             continue
         for name in NATIVE:
-            if name in _FOR_STUDIES:
+            if name in _FOR_STUDIES or name in map(name_of, choices):
                 continue
             try:
                 called(name, settings.predictor, recording.core_scenario)
@@ -135,6 +137,8 @@ def evaluate_predictors(
     *,
     every: int = 5,
     settings: SimulationSettings | None = None,
+    split: str | Path | None = None,
+    part: str = "validation",
     with_timing: bool = True,
     on_step: Callable[[str, int, int], None] | None = None,
 ) -> PredictionEvaluation:
@@ -147,7 +151,10 @@ def evaluate_predictors(
         files: CommonRoad files, folders of them, and names of shipped scenarios.
         predictors: "all", or choices as `simulate` takes them; "all" may be among them.
         every: Time steps between two questions.
-        settings: Settings of the predictors, and of what counts as road; predictions last at least 3 s.
+        settings: Settings of the predictors, and of what counts as road; predictor.horizon is 3 s here.
+        split: File that says which recordings are for what (`interdrive.prediction_evaluation.split`), and which
+            category they have. None: all are taken, with the category of their folder.
+        part: The part of the split that is judged; the other files are left out.
         with_timing: Measure how long a call takes, too.
         on_step: Called with what is going on, how much is done, and how much there is.
 
@@ -161,12 +168,16 @@ def evaluate_predictors(
     if every < 1:
         raise InputError(f"every must be at least 1, not {every}")
     settings = settings or SimulationSettings()
-    horizon = max(settings.predictor.horizon, float(HORIZONS[-1]))
-    settings = replace(settings, predictor=replace(settings.predictor, horizon=horizon))
+    settings = replace(settings, predictor=replace(settings.predictor, horizon=float(HORIZONS[-1])))
     choices: list[Choice] = []
     notes: list[str] = []
     gathered = _Gathered()
     paths = found_files([files] if isinstance(files, str | Path) else files)
+    categories = {path: category_of(path) for path, _ in paths}
+    if split is not None:
+        categories, line = _of_part(read_split(split), part, list(categories))
+        notes.append(line)
+    paths = [(path, is_needed) for path, is_needed in paths if path in categories]
     for number, (path, is_needed) in enumerate(paths):
         if on_step is not None:
             on_step(path.name, number, len(paths))
@@ -178,7 +189,7 @@ def evaluate_predictors(
             choices, lines = chosen_predictors(predictors, settings, recording)
             notes += lines
         asked = [called(choice, settings.predictor, recording.core_scenario) for choice in choices]
-        gathered.add(path, recording, asked, every, horizon)
+        gathered.add(path, categories[path], recording, asked, every)
     if not gathered.files:
         raise InputError("nobody can be judged: no vehicle in these files is recorded for a second")
     timings = measured_timings(choices, settings, on_step) if with_timing else ()
@@ -190,6 +201,8 @@ def evaluate_predictors(
         tuple(notes),
         {
             "every": every,
+            "split": None if split is None else str(split),
+            "part": None if split is None else part,
             "files": [str(path) for path in gathered.files],
             "settings": {
                 name: value
@@ -210,14 +223,13 @@ class _Gathered:
         self._columns: list[dict[str, Any]] = []
         self._values: dict[str, list[dict[str, Any]]] = {}
 
-    def add(self, path: Path, recording: Recording, asked: Sequence[Called], every: int, horizon: float) -> None:
-        n_steps = max(1, round(horizon / recording.scenario.dt))
+    def add(self, path: Path, category: str, recording: Recording, asked: Sequence[Called], every: int) -> None:
         moments: list[Moment] = []
         answers: list[list[Predicted]] = [[] for _ in asked]
         for moment in recording.moments(every):
             moments.append(moment)
             for predictor, answer in zip(asked, answers, strict=True):
-                answer.append(answered(predictor, recording, moment, n_steps))
+                answer.append(answered(predictor, recording, moment))
         if not moments:
             return
         truth = np.concatenate([moment.truth for moment in moments])
@@ -228,7 +240,7 @@ class _Gathered:
         self._columns.append(
             {
                 "file": np.full(len(truth), len(self.files)),
-                "category": np.full(len(truth), category_of(path), dtype=object),
+                "category": np.full(len(truth), category, dtype=object),
                 "time_step": np.repeat([m.scene.time_step for m in moments], [len(m.row) for m in moments]),
                 "participant_id": np.concatenate([m.scene.ids[m.row] for m in moments]),
                 "kind": np.concatenate([m.scene.kinds[m.row] for m in moments]),
@@ -248,14 +260,31 @@ class _Gathered:
         return Samples(**columns, values=values)
 
 
-def answered(predictor: Called, recording: Recording, moment: Moment, n_steps: int) -> Predicted:
-    """What a predictor says about the judged vehicles of a moment; who is left out goes straight on.
+def _of_part(split: Split, part: str, paths: list[Path]) -> tuple[dict[Path, str], str]:
+    """Categories of the files of a part, and a line about the others.
+
+    Raises:
+        InputError: The split has no such part, or none of the files is of it.
+    """
+    if part not in split.parts:
+        raise InputError(f"{split.path}: there is no part {part!r}; there are {', '.join(split.parts)}")
+    places = {path: split.place_of(path) for path in paths}
+    chosen = {path: place.category for path, place in places.items() if place is not None and place.part == part}
+    if not chosen:
+        raise InputError(f"{split.path}: none of the {len(paths)} files is of the part {part}")
+    unknown = sum(place is None for place in places.values())
+    others = len(paths) - len(chosen) - unknown
+    return chosen, f"part {part} of {split.path}: {len(chosen)} files; {others} of other parts, {unknown} of no place"
+
+
+def answered(predictor: Called, recording: Recording, moment: Moment) -> Predicted:
+    """What a predictor says about the judged vehicles of a moment until 3 s; who is left out goes straight on.
 
     Raises:
         PredictorError: It raised or returned garbage; the text names it, the time step and the scenario.
     """
     try:
-        found = predictor.predict(recording.world, moment.scene, n_steps)
+        found = predictor.predict(recording.world, moment.scene, recording.n_steps)
     except PredictorError as error:
         raise PredictorError(f"{recording.scenario.name}: {error}") from error
     found = found.completed(moment.scene)

@@ -74,11 +74,10 @@ def example_scenes(found: PredictionEvaluation) -> Iterator[ExampleScene]:
         file, time_step = chosen
         recording = Recording(read_scenario(found.files[file]), found.simulation)
         moment = recording.at(time_step)
-        n_steps = round(found.simulation.predictor.horizon / recording.scenario.dt)
         predicted = {}
         for choice in found.choices:
             predictor = called(choice, found.simulation.predictor, recording.core_scenario)
-            predicted[name_of(choice)] = answered(predictor, recording, moment, n_steps)
+            predicted[name_of(choice)] = answered(predictor, recording, moment)
         there = (samples.file == file) & (samples.time_step == time_step) & _is_telling(samples)
         wanted = set(samples.participant_id[there].tolist())
         numbers = moment.scene.ids[moment.row].tolist()

@@ -1,0 +1,18 @@
+"""Tiny worlds, and checks that authors of plug-ins run on their own: `check_planner(Mine)`, `check_predictor(Mine)`."""
+
+from interdrive.testing.planner_contract import PlannerContractError, check_planner
+from interdrive.testing.predictor_contract import PredictorContractError, check_predictor
+from interdrive.testing.worlds import CAR, Car, crossing, problem, straight_road, world
+
+__all__ = [
+    "CAR",
+    "Car",
+    "PlannerContractError",
+    "PredictorContractError",
+    "check_planner",
+    "check_predictor",
+    "crossing",
+    "problem",
+    "straight_road",
+    "world",
+]

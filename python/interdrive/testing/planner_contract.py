@@ -1,0 +1,126 @@
+"""The contract of planners as code: `check_planner(MyPlanner)`."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.planners.calls import failure
+from interdrive.planners.contract import stated
+from interdrive.planners.workers import can_be_sent
+from interdrive.simulation import simulate
+from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from interdrive._core import Predictions, View
+    from interdrive.planners import Trajectory
+    from interdrive.scenario import Scenario
+
+
+def _worlds() -> dict[str, Scenario]:
+    road = straight_road(300.0, lanes=2)
+    limits = (0, 200)
+    return {
+        "an empty road": world(road, problems=[problem(100, 20.0, goal=(150.0, 0.0), time_step=limits)]),
+        "a standing car ahead": world(
+            road, cars=[Car(1, 110.0)], problems=[problem(100, 20.0, goal=(200.0, 0.0), time_step=limits)]
+        ),
+        "a start from standstill": world(
+            road, problems=[problem(100, 20.0, velocity=0.0, goal=(80.0, 0.0), time_step=limits)]
+        ),
+        "crossing traffic": world(
+            crossing(),
+            cars=[Car(1, 0.0, -50.0, 10.0, np.pi / 2)],
+            problems=[problem(100, -50.0, goal=(50.0, 0.0), time_step=limits)],
+        ),
+    }
+
+
+class PlannerContractError(AssertionError):
+    """A planner breaks the contract; the text says which part of it, in which world, at which time step."""
+
+
+class _Watched:
+    """Calls a planner twice per step and compares, times it, and checks what it returns."""
+
+    def __init__(self, factory: Callable[[], Any], seconds_max: float, findings: list[str]) -> None:
+        self._first, self._second = factory(), factory()
+        self._seconds_max, self._findings = seconds_max, findings
+
+    def plan(self, view: View, predictions: Predictions) -> Trajectory:
+        def fail(text: str) -> None:
+            self._findings.append(f"time step {view.time_step}: {text}")
+            raise PlannerContractError(text)
+
+        before = _seen(view)
+        start = time.perf_counter()
+        try:
+            plan: Trajectory = self._first.plan(view, predictions)
+        except Exception as error:  # noqa: BLE001 - whatever it raises is the finding
+            fail(f"plan: {failure(error)}")
+        seconds = time.perf_counter() - start
+        try:
+            view.check_plan(*stated(plan))
+        except InputError as error:
+            fail(str(error))
+        if not np.array_equal(before, _seen(view), equal_nan=True):
+            fail("plan changed its view")
+        again = self._second.plan(view, predictions)
+        if not all(np.array_equal(getattr(plan, f), getattr(again, f)) for f in ("x", "y", "orientation", "velocity")):
+            fail("two planners that saw the same did not plan the same (randomness without a seed?)")
+        if seconds > self._seconds_max:
+            fail(f"plan took {seconds:.3f} s, allowed are {self._seconds_max} s")
+        self._check_motion(plan, view, fail)
+        return plan
+
+    @staticmethod
+    def _check_motion(plan: Trajectory, view: View, fail: Callable[[str], None]) -> None:
+        vehicle, dt = view.ego.vehicle, view.dt
+        moved = np.hypot(np.diff(plan.x), np.diff(plan.y)) / dt
+        if (moved > vehicle.velocity_max + 1e-6).any():
+            fail(f"the plan moves at {moved.max():.1f} m/s, the vehicle reaches {vehicle.velocity_max:.1f} m/s")
+        change = np.abs(np.diff(plan.velocity)) / dt
+        if (change > vehicle.acceleration_max * 1.05 + 1e-6).any():
+            fail(f"the plan accelerates by {change.max():.1f} m/s², the vehicle by {vehicle.acceleration_max:.1f} m/s²")
+
+
+def _seen(view: View) -> np.ndarray:
+    return np.concatenate([np.ravel(a) for a in (view.x, view.y, view.orientation, view.velocity, view.ego.state)])
+
+
+def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> dict[str, str]:
+    """Drives a planner through small worlds and checks the contract at every step.
+
+    Checked are: shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits of
+    speed and acceleration, the same plan for the same view, an unchanged view, and the time per call. A planner that
+    says `parallel = True` must be one that can be sent to another process.
+
+    Args:
+        factory: Makes a planner; called without arguments, once or more per world.
+        seconds_max: Longest time that one call may take [s].
+
+    Returns:
+        How the agent ended in each world.
+
+    Raises:
+        PlannerContractError: The first part of the contract that is broken, with world and time step.
+    """
+    if getattr(factory, "parallel", False) and not can_be_sent(factory):
+        raise PlannerContractError("it says `parallel = True`, but cannot be pickled and sent to another process")
+    ends = {}
+    for name, scenario in _worlds().items():
+        findings: list[str] = []
+        watched = partial(_Watched, factory, seconds_max, findings)
+        run = simulate(scenario, agents=[100], planner={100: watched}, threads=1)
+        if findings:
+            raise PlannerContractError(f"{name}, {findings[0]}")
+        if run.outcomes.outcome[0] == "planner_error":
+            raise PlannerContractError(f"{name}: {run.outcomes.message[0]}")
+        ends[name] = run.outcomes.outcome[0]
+    return ends

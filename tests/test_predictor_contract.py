@@ -1,0 +1,196 @@
+"""What predictors of users must do, what `check_predictor` finds, and what a run says about those that do not."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.testing import Car, PredictorContractError, check_predictor, problem, straight_road, world
+
+
+class Straight:
+    """Everybody keeps speed and heading."""
+
+    n_steps = 30
+
+    def predict(self, scene):
+        return idr.Predictions(**self.tables(scene))
+
+    def tables(self, scene):
+        n, steps = len(scene.ids), max(self.n_steps, round(3.0 / scene.dt))
+        way = scene.velocity[:, -1, None] * np.arange(1, steps + 1) * scene.dt
+        heading = scene.orientation[:, -1, None]
+        shape = (n, 1, steps)
+        return {
+            "time_step": scene.time_step,
+            "ids": scene.ids,
+            "probability": np.ones((n, 1)),
+            "x": (scene.x[:, -1, None] + way * np.cos(heading)).reshape(shape),
+            "y": (scene.y[:, -1, None] + way * np.sin(heading)).reshape(shape),
+            "orientation": np.broadcast_to(heading[:, None], shape),
+            "velocity": np.broadcast_to(scene.velocity[:, -1, None, None], shape),
+            "covariance": np.broadcast_to(np.eye(2), (*shape, 2, 2)),
+            "valid": np.ones(shape, dtype=bool),
+        }
+
+
+class Changed(Straight):
+    """`Straight`, but for what `change` does to its tables."""
+
+    def predict(self, scene):
+        tables = self.tables(scene)
+        self.change(tables, scene)
+        return idr.Predictions(**tables)
+
+
+def changed(change):
+    return type("Mine", (Changed,), {"change": lambda _, tables, scene: change(tables, scene)})
+
+
+def later(tables, _scene):
+    tables["time_step"] += 1
+
+
+def short(tables, _scene):
+    for name in ("x", "y", "orientation", "velocity", "covariance", "valid"):
+        tables[name] = tables[name][:, :, :5]
+
+
+def flat(tables, _scene):
+    tables["x"] = tables["x"][:, 0]
+
+
+def not_a_number(tables, _scene):
+    tables["x"] = tables["x"] + np.nan
+
+
+def singular(tables, _scene):
+    tables["covariance"] = np.zeros_like(tables["covariance"])
+
+
+def improbable(tables, _scene):
+    tables["probability"] = 0.5 * tables["probability"]
+
+
+def elsewhere(tables, _scene):
+    tables["x"] = tables["x"] + 30.0
+
+
+def of_strangers(tables, _scene):
+    tables["ids"] = tables["ids"] + 5000
+
+
+def random(tables, _scene):
+    tables["x"] = tables["x"] + np.random.default_rng().normal(0.0, 0.1)
+
+
+def slow(_tables, _scene):
+    time.sleep(0.06)
+
+
+def writes(_tables, scene):
+    scene.x[:] = 0.0
+
+
+def raises(_tables, _scene):
+    raise RuntimeError("the battery is empty")
+
+
+FINDINGS = [
+    (later, "it returned predictions of time step 1"),
+    (short, r"it predicts 5 steps of 0\.1 s, 30 are needed"),
+    (flat, r"\(participants, modes, steps\) expected"),
+    (not_a_number, "has a valid step that is not a number"),
+    (singular, "has a covariance that is not positive definite"),
+    (improbable, "mode probabilities of participant"),
+    (elsewhere, r"the first position is 3\d\.\d m away from the present"),
+    (of_strangers, "it predicts participant 5001, who is not present"),
+    (random, "did not answer the same"),
+    (slow, r"predict took 0\.\d+ s, allowed are 0\.05 s"),
+    (writes, "it writes into its scene, which is read-only"),
+    (raises, "RuntimeError: the battery is empty"),
+]
+
+
+def test_a_predictor_that_keeps_the_contract_passes_in_every_world():
+    longest = check_predictor(Straight)
+    assert {"nobody there", "time steps of 0.2 s", "a thousand cars"} <= set(longest)
+    assert all(0 < seconds < 1 for seconds in longest.values())
+
+
+@pytest.mark.parametrize("name", ["constant_velocity", "lane_following", "ground_truth"])
+def test_native_predictors_keep_the_contract(name):
+    check_predictor(name)
+
+
+@pytest.mark.parametrize(("change", "words"), FINDINGS)
+def test_every_breach_of_the_contract_is_found_and_named(change, words):
+    with pytest.raises(PredictorContractError, match=rf"^a straight road, time step \d+: .*{words}"):
+        check_predictor(changed(change), seconds_max=0.05)
+
+
+def test_what_has_no_predict_is_no_predictor():
+    with pytest.raises(idr.InputError, match="no method predict"):
+        check_predictor(object)
+
+
+def scenario():
+    return world(
+        straight_road(200.0),
+        cars=[Car(7, 60.0, velocity=8.0)],
+        problems=[problem(100, 10.0, goal=(120.0, 0.0), time_step=(0, 150))],
+    )
+
+
+def of_nothing(self, scene):
+    return None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [*(finding for finding in FINDINGS if finding[0] in (later, flat, not_a_number, singular, improbable, raises))],
+)
+def test_garbage_of_a_predictor_ends_the_run_with_its_name_and_the_time_step(change, words):
+    name = r"predictor test_predictor_contract:Mine, time step 0: .*"
+    with pytest.raises(idr.PredictorError, match=name + words):
+        idr.simulate(scenario(), predictor=changed(change))
+
+
+def test_a_predictor_that_returns_nothing_ends_the_run_with_its_name_and_the_time_step():
+    nothing = type("Mine", (), {"predict": of_nothing})
+    with pytest.raises(idr.PredictorError, match=r"time step 0: it returned NoneType, interdrive\.Predictions"):
+        idr.simulate(scenario(), predictor=nothing)
+
+
+def test_who_a_predictor_leaves_out_goes_straight_on():
+    def nobody(tables, _scene):
+        for name in tables:
+            if name != "time_step":
+                tables[name] = tables[name][:0]
+
+    without, straight = (
+        idr.simulate(scenario(), agents=[100], predictor=p) for p in (changed(nobody), "constant_velocity")
+    )
+    assert without.outcomes.outcome == straight.outcomes.outcome == ("goal_reached",)
+
+
+def test_in_the_command_line_garbage_of_a_predictor_is_one_line(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "class Broken:\n    def predict(self, scene):\n        raise ValueError('no idea\\nat all')\n"
+    )
+    for command in (["run", "t_junction", "--predictor"], ["predict-eval", "t_junction", "--predictors"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "interdrive", *command, "mine:Broken", "--out", "found"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+        assert "predictor mine:Broken, time step 0: ValueError: no idea at all" in done.stderr
+        assert not (tmp_path / "found").exists()
