@@ -2,11 +2,13 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+SCENARIOS := $(or $(INTERDRIVE_SCENARIOS),../shared/scenarios)
+COMPARED := frenet,frenetix,reactive,idm_mobil
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench oracles third_party ray browser train report_bundle format clean
+.PHONY: demo test check bench oracles third_party planners ray browser train report_bundle format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -48,6 +50,12 @@ oracles: .venv-oracles/.installed ## compares geometry and planner with other li
 
 third_party: .venv-third/.installed ## drives planners of others; see docs/planners_third_party.md
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
+
+# Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
+planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/batch.md
+	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 3600 --out out/planners
+	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 3600 --out out/planners --alone --traffic recorded
+	.venv-third/bin/interdrive compare out/planners
 
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
 	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster

@@ -188,6 +188,48 @@ def test_a_batch_that_is_killed_leaves_a_folder_that_can_be_read_and_continued(p
         assert idr.load(BatchFolder.open(place / "out").recording(key)).info["digest"]
 
 
+def test_no_worker_outlives_a_batch_that_is_killed_even_if_it_hangs(place):
+    process = started(place, "t_junction", "--planner", "batch_planners:Hangs", "--agents", 1)
+    until(lambda: children(process.pid))
+    worker = children(process.pid)[0]
+    time.sleep(1.5)
+    process.kill()
+    process.communicate(timeout=60)
+    until(lambda: not Path(f"/proc/{worker}").exists(), 20)
+
+
+def test_progress_shows_rate_and_time_left_on_a_terminal(place):
+    """A terminal of 120 columns, whose output is read as it would be shown."""
+    import fcntl
+    import pty
+    import struct
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "interdrive", "batch", "t_junction", "lane_merge", "--planner", "idm,idm_mobil",
+         "--agents", "1", "--workers", "1", "--out", "out"],
+        cwd=place,
+        stdout=subprocess.DEVNULL,
+        stderr=theirs,
+        env={**os.environ, "TERM": "xterm-256color"},
+    )  # fmt: skip
+    os.close(theirs)
+    shown = b""
+    try:
+        while part := os.read(ours, 65536):
+            shown += part
+    except OSError:  # the other end is closed
+        pass
+    assert process.wait(60) == 0
+    text = shown.decode()
+    assert "4/4" in text
+    assert "runs/s" in text
+    assert "0:00:0" in text
+    assert "finished" in text
+
+
 def test_two_batches_on_one_folder_share_the_work_and_lose_nothing(place):
     wanted = ["t_junction", "lane_merge", "highway", "--planner", "batch_planners:Slow,idm", "--workers", "1",
               "--agents", "1"]  # fmt: skip

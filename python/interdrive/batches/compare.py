@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from interdrive.results import ArrowTable
 
     Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+
+#: Numbers that are held at once for the medians of samples.
+_CELLS_MAX = 10_000_000
 
 #: Stands for all categories together.
 ALL = "all"
@@ -224,49 +228,64 @@ def _differences(
     names, scenario = np.unique(np.array([agent[0] for agent in both], dtype=str), return_inverse=True)
     n = len(names)
     # How often every scenario is in every sample, shape (samples, scenarios).
-    drawn = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=samples) if n > 1 else None
+    drawn = (
+        np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=samples).astype(np.float64)
+        if n > 1
+        else None
+    )
     found = []
     for metric in METRICS:
         values = part[f"value of {metric.name}"]
         pair = np.stack([values[a], values[b]]) if both else np.empty((2, 0))
         known = ~np.isnan(pair).any(axis=0)
-        difference = _difference(metric, pair[:, known], np.ones((1, int(known.sum()))))
+        pair, place = pair[:, known], scenario[known] if both else np.empty(0, dtype=np.int64)
+        difference = _difference(metric, pair, place, np.ones((1, max(n, 1))))
         low = high = float("nan")
-        if drawn is not None and known.any():
-            # In portions: samples times agents can be large.
-            portions = [
-                _difference(metric, pair[:, known], rows[:, scenario[known]].astype(np.float64))
-                for rows in np.array_split(drawn, -(-samples * int(known.sum()) // 10_000_000))
-            ]
-            spread = np.concatenate(portions)
-            spread = spread[~np.isnan(spread)]
-            if len(spread):
-                low, high = np.quantile(spread, [0.5 - 0.5 * level, 0.5 + 0.5 * level], method="nearest").tolist()
+        spread = _difference(metric, pair, place, drawn) if drawn is not None else np.empty(0)
+        spread = spread[~np.isnan(spread)]
+        if len(spread):
+            low, high = np.quantile(spread, [0.5 - 0.5 * level, 0.5 + 0.5 * level], method="nearest").tolist()
         found.append(
             {
                 "metric": metric.name,
                 "difference": float(difference[0]),
                 "low": low,
                 "high": high,
-                "n_agents": int(known.sum()),
-                "n_scenarios": len(np.unique(scenario[known])) if both else 0,
+                "n_agents": len(place),
+                "n_scenarios": len(np.unique(place)),
             }
         )
     return found
 
 
-def _difference(metric: Metric, pair: Floats, weights: Floats) -> Floats:
-    """The metric of the first minus that of the second, for every row of weights of agents."""
-    if not pair.shape[1]:
-        return np.full(len(weights), np.nan)
-    if metric.median:
-        first, second = (weighted_medians(values, weights) for values in pair)
-        with np.errstate(invalid="ignore"):
-            found: Floats = np.where(first == second, 0.0, first - second)
-        return found
-    total = weights.sum(axis=1)
-    mean: Floats = weights @ (pair[0] - pair[1]) / np.where(total > 0, total, np.nan)
-    return mean
+def _difference(metric: Metric, pair: Floats, scenario: Ints, drawn: Floats) -> Floats:
+    """The metric of the first minus that of the second, for every sample of scenarios.
+
+    Args:
+        metric: The metric.
+        pair: Values of the same agents, shape (2, agents).
+        scenario: Of each agent, shape (agents,).
+        drawn: How often every scenario is in every sample, shape (samples, scenarios).
+
+    Returns:
+        Shape (samples,); nan where no agent is in the sample.
+    """
+    if not metric.median:
+        n = drawn.shape[1]
+        total = drawn @ np.bincount(scenario, minlength=n)
+        apart = drawn @ np.bincount(scenario, weights=pair[0] - pair[1], minlength=n)
+        mean: Floats = apart / np.where(total > 0, total, np.nan)
+        return mean
+    if not len(scenario):
+        return np.full(len(drawn), np.nan)
+    # In portions: samples times agents can be large.
+    portions = np.array_split(drawn, -(-len(drawn) * len(scenario) // _CELLS_MAX))
+    first, second = (
+        np.concatenate([weighted_medians(values, rows[:, scenario]) for rows in portions]) for values in pair
+    )
+    with np.errstate(invalid="ignore"):
+        found: Floats = np.where(first == second, 0.0, first - second)
+    return found
 
 
 def _arrow(columns: Sequence[Column], rows: Sequence[dict[str, Any]]) -> ArrowTable:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -251,6 +252,7 @@ def _one_thread() -> Iterator[None]:
 def _work(connection: Connection) -> None:
     """Runs in the process until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     import interdrive.batches.execute  # noqa: F401, PLC0415 - before the clock runs
 
     connection.send("ready")
@@ -264,3 +266,11 @@ def _work(connection: Connection) -> None:
             connection.send(answer)
         except OSError:
             return
+
+
+def _end_with_the_parent() -> None:
+    """Nobody waits for a run whose parent is gone, and it might never end."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
