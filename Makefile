@@ -53,8 +53,8 @@ third_party: .venv-third/.installed ## drives planners of others; see docs/plann
 
 # Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
 planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/batch.md
-	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 3600 --out out/planners
-	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 3600 --out out/planners --alone --traffic recorded
+	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 7200 --out out/planners
+	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
 	.venv-third/bin/interdrive compare out/planners
 
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
