@@ -311,3 +311,24 @@ impl Patches {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_of_patches_finds_every_key_and_is_emptied_when_it_is_large() {
+        let mut patches = Patches::default();
+        let keys: Vec<u32> = (1..=3 * PATCHES_MAX as u32).map(|i| i.wrapping_mul(0x0101_0005)).collect();
+        for round in 0..2 {
+            for (entry, key) in keys.iter().enumerate() {
+                assert_eq!(patches.entry(*key), entry as u32, "round {round}");
+            }
+        }
+        assert!(2 * patches.keys.len() < patches.slots.len());
+        patches.bound();
+        assert_eq!(patches.entry(keys[77]), 0, "forgotten, and begun anew");
+        patches.bound();
+        assert_eq!(patches.entry(keys[77]), 0, "a small table is kept");
+    }
+}
