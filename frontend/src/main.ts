@@ -2,6 +2,7 @@
 
 import "uplot/dist/uPlot.min.css";
 import "./report.css";
+import { type BatchHeader, showBatch } from "./batch";
 import { Detail } from "./detail";
 import { button, element, toggle } from "./elements";
 import { helpDialog, listenToKeys } from "./keys";
@@ -14,10 +15,16 @@ import { State } from "./state";
 const FORMAT = 1;
 
 async function start(root: HTMLElement): Promise<void> {
-  const header = JSON.parse(document.getElementById("header")!.textContent!) as Header;
+  const header = JSON.parse(document.getElementById("header")!.textContent!) as Header | BatchHeader;
   if (header.format !== FORMAT) throw new Error(`this page holds format ${header.format}, not ${FORMAT}`);
-  const run = await Run.read(header, document.getElementById("arrays")!.textContent!);
+  const arrays = document.getElementById("arrays")!.textContent!;
   document.getElementById("arrays")!.remove();
+  if (header.kind === "batch") await showBatch(root, header, arrays);
+  else await showRun(root, header, arrays);
+}
+
+async function showRun(root: HTMLElement, header: Header, arrays: string): Promise<void> {
+  const run = await Run.read(header, arrays);
   const state = new State(run);
   state.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 

@@ -71,3 +71,13 @@ def opened(page, path: Path):
     page.goto(path.as_uri())
     page.wait_for_selector('#report[data-ready="true"]', timeout=20_000)
     return page.locator("#report")
+
+
+@pytest.fixture(scope="session")
+def batch(tmp_path_factory) -> Path:
+    """Page of two planners on two shipped scenarios, all run folders kept."""
+    folder = tmp_path_factory.mktemp("batch") / "two planners"
+    choices = ["--planner", "frenet,idm_mobil", "--keep", "all", "--out", folder]
+    interdrive("batch", "t_junction", "lane_merge", *choices)
+    interdrive("report", folder)
+    return folder / "report.html"

@@ -162,6 +162,19 @@ def test_light_and_dark_differ_and_larger_text_stays(page, demo):
     assert page.evaluate("() => getComputedStyle(document.documentElement).fontSize") == "17.5px"
 
 
+def test_a_batch_opens_with_its_comparison_and_every_run_a_click_away(page, batch):
+    opened(page, batch)
+    assert page.locator("table.wide tbody tr").count() == 2
+    assert page.locator(".distributions .uplot").count() >= 4
+    rows = page.locator("table.runs tbody tr:visible")
+    assert rows.count() == 4
+    page.get_by_role("searchbox").fill("junction idm")
+    assert rows.count() == 1
+    page.get_by_role("link", name="look").locator("visible=true").click()
+    page.wait_for_selector('#report[data-ready="true"][data-step="0"]')
+    assert page.title() == "t_junction - interdrive"
+
+
 def test_scrubbing_through_sixty_vehicles_is_smooth(page, crowd):
     begun = time.perf_counter()
     opened(page, crowd)

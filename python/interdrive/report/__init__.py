@@ -1,15 +1,22 @@
-"""The interactive report: a run as one HTML file that opens offline, with map, player, profiles and tables."""
+"""The interactive report: a run, or a batch, as one HTML file that opens offline."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from interdrive.batches.folder import BatchFolder
 from interdrive.errors import ResultsError
+from interdrive.report.batch import batch_contents
 from interdrive.report.contents import run_contents
 from interdrive.report.page import page
 from interdrive.results import replacing
 
-__all__ = ["write_run_report"]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["is_batch", "write_batch_report", "write_run_report"]
 
 
 def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path:
@@ -31,6 +38,50 @@ def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path
         raise ResultsError(f"{target}: a folder of that name is in the way")
     contents = run_contents(folder)
     text = page(f"{contents.header['name']} - interdrive", contents)
+    with replacing(target) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return target
+
+
+def is_batch(folder: str | Path) -> bool:
+    """The folder is one of a batch, of whatever version."""
+    return (Path(folder) / "batch.json").is_file()
+
+
+def write_batch_report(
+    folder: str | Path, path: str | Path | None = None, *, on_run: Callable[[int, int], None] | None = None
+) -> Path:
+    """Writes the page of a batch, and one for every run whose folder was kept, into that folder.
+
+    Pages of runs that are there already are left alone; run folders of a batch do not change.
+
+    Args:
+        folder: Of the batch.
+        path: Where to; report.html in the folder by default.
+        on_run: Called after every page of a run with the number of pages done and in all.
+
+    Returns:
+        The path of the batch's page.
+
+    Raises:
+        ResultsError: if the folder is no batch, is damaged, of another format or empty, or a page cannot be written.
+    """
+    target = Path(folder) / "report.html" if path is None else Path(path)
+    if target.is_dir():
+        raise ResultsError(f"{target}: a folder of that name is in the way")
+    batch = BatchFolder.open(folder)
+    kept = batch.table(["key", "kept"]).to_pylist()
+    keys = sorted({row["key"] for row in kept if row["kept"] and (batch.recording(row["key"]) / "run.json").is_file()})
+    start, pages = target.resolve().parent, {}
+    for done, key in enumerate(keys, start=1):
+        own = batch.recording(key) / "report.html"
+        if not own.is_file():
+            write_run_report(batch.recording(key))
+        pages[key] = Path(os.path.relpath(own, start)).as_posix()
+        if on_run is not None:
+            on_run(done, len(keys))
+    contents = batch_contents(folder, pages)
+    text = page(f"{contents.header['name']} - interdrive batch", contents)
     with replacing(target) as partial:
         partial.write_text(text, encoding="utf-8")
     return target

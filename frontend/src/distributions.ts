@@ -1,0 +1,108 @@
+// Which share of agents has a value of at most so much, per planner.
+
+import uPlot from "uplot";
+import type { Values } from "./arrays";
+import type { BatchHeader } from "./batch";
+import { agentColor, PALETTES, type Theme } from "./colors";
+import { element } from "./elements";
+
+const COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#332288"];
+const DASHES: number[][] = [[], [7, 3], [2, 2], [9, 3, 2, 3]];
+
+/** Values above this share of agents are cut off: single ones would press the rest together. */
+const CUT = 0.99;
+
+/** Beyond these, values do not matter any more. */
+const LIMITS: Record<string, number> = { ttc_min: 10 };
+
+type Part = BatchHeader["parts"][number];
+
+export class Distributions {
+  readonly root = element("div", { class: "distributions" });
+  private plots: { u: uPlot; place: HTMLElement }[] = [];
+
+  constructor(
+    private readonly header: BatchHeader,
+    private readonly tables: Record<string, Values>,
+  ) {}
+
+  draw(inside: (part: Part) => boolean, theme: Theme, zoom: number): void {
+    for (const { u } of this.plots) u.destroy();
+    this.plots = [];
+    const legend = element("div", { class: "chips legend" });
+    this.header.variants.forEach((name, i) => {
+      const swatch = element("span", { class: "line" });
+      swatch.style.borderTop = `3px ${DASHES[i % 4].length ? "dashed" : "solid"} ${agentColor(COLORS[i % 6], theme)}`;
+      legend.append(element("span", {}, swatch, name));
+    });
+    const grid = element("div", { class: "grid" });
+    this.root.replaceChildren(legend, grid);
+    const wanted = this.header.parts.map(inside);
+    for (const { name, title, unit } of this.header.drawn) {
+      const curves = this.header.variants.map((_, variant) => this.curve(name, variant, wanted));
+      if (curves.every((curve) => curve.values.length === 0)) continue;
+      const place = element("div", { class: "plot" });
+      grid.append(element("section", { class: "profile" }, element("header", {}, element("span", {}, `${title}${unit ? ` [${unit}]` : ""}`)), place));
+      this.plots.push({ u: plot(place, curves, LIMITS[name] ?? Infinity, theme, zoom), place });
+    }
+    this.resize();
+  }
+
+  resize(): void {
+    for (const { u, place } of this.plots)
+      if (place.clientWidth > 0) u.setSize({ width: place.clientWidth, height: place.clientHeight });
+  }
+
+  /** Finite values of a planner's agents, ascending, and how many agents there are with infinite ones. */
+  private curve(name: string, variant: number, wanted: boolean[]): { values: number[]; total: number } {
+    const [all, variants, parts] = [this.tables[name], this.tables.variant, this.tables.part];
+    const values: number[] = [];
+    let total = 0;
+    for (let i = 0; i < variants.length; i++) {
+      if (variants[i] !== variant || !wanted[parts[i]] || Number.isNaN(all[i])) continue;
+      total += 1;
+      if (Number.isFinite(all[i])) values.push(all[i]);
+    }
+    return { values: values.sort((a, b) => a - b), total };
+  }
+}
+
+function plot(place: HTMLElement, curves: { values: number[]; total: number }[], limit: number, theme: Theme, zoom: number): uPlot {
+  const colors = PALETTES[theme];
+  const cut = Math.min(limit, Math.max(...curves.map(({ values }) => values[Math.floor(CUT * (values.length - 1))] ?? -Infinity)));
+  const low = Math.min(0, ...curves.map(({ values }) => values[0] ?? 0));
+  const x = [...new Set([low, ...curves.flatMap(({ values }) => values.filter((v) => v <= cut)), cut])].sort((a, b) => a - b);
+  const shares = curves.map(({ values, total }) => {
+    let at = 0;
+    return x.map((value) => {
+      while (at < values.length && values[at] <= value) at += 1;
+      return total ? (100 * at) / total : null;
+    });
+  });
+  const font = `${Math.round(11 * zoom)}px system-ui, sans-serif`;
+  const axis = { stroke: colors.ink, font, grid: { stroke: colors.grid, width: 1 }, ticks: { stroke: colors.grid, width: 1, size: 4 } };
+  const series = curves.map((_, i) => ({
+    stroke: agentColor(COLORS[i % 6], theme),
+    width: 2 * zoom,
+    dash: DASHES[i % 4],
+    points: { show: false },
+    paths: uPlot.paths.stepped!({ align: 1 }),
+  }));
+  return new uPlot(
+    {
+      width: Math.max(place.clientWidth, 200),
+      height: Math.max(place.clientHeight, 120),
+      padding: [6, 8, 0, 0],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: { x: { time: false }, y: { range: [0, 102] } },
+      axes: [
+        { ...axis, size: 22 * zoom, gap: 2 },
+        { ...axis, size: 42 * zoom, gap: 3, values: (_u, ticks) => ticks.map((t) => `${t} %`) },
+      ],
+      series: [{}, ...series],
+    },
+    [x, ...shares] as uPlot.AlignedData,
+    place,
+  );
+}

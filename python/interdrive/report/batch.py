@@ -1,0 +1,131 @@
+"""What the page of a batch shows: planners compared, distributions over agents, and every run with its own page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.batches import METRICS, compare
+from interdrive.batches.folder import BatchFolder
+from interdrive.errors import ResultsError
+from interdrive.report.contents import FORMAT, Contents
+from interdrive.report.packing import Packer
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from interdrive.results import ArrowTable
+
+#: Columns of the data set whose distributions are drawn, and the factor to their unit.
+_DRAWN = (
+    ("ttc_min", "min TTC", "s", 1.0),
+    ("jerk_rms", "jerk (rms)", "m/s³", 1.0),
+    ("lateral_acceleration_rms", "lateral acceleration (rms)", "m/s²", 1.0),
+    ("deceleration_max", "largest deceleration", "m/s²", 1.0),
+    ("harm", "harm of collisions", "", 1.0),
+    ("plan_seconds", "time per plan", "ms", 1000.0),
+)
+
+#: What the list of runs says about each, besides counts of its agents.
+_ABOUT = ("key", "scenario", "category", "planner", "predictor", "traffic", "agents", "seed", "status", "error", "path")
+
+
+def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
+    """Everything about a batch that its page shows.
+
+    Args:
+        folder: Of the batch.
+        pages: Where the page of a run is, relative to that of the batch, by key of the run.
+
+    Raises:
+        ResultsError: The folder is no batch, or holds no run.
+    """
+    table = BatchFolder.open(folder).table()
+    if not table.num_rows:
+        raise ResultsError(f"{folder}: this batch holds no run yet")
+    packer, missing = Packer(), []
+    column = {name: np.array(table[name].to_pylist()) for name in (*_ABOUT, "outcome", "under_test", "version")}
+    try:
+        comparison = compare(folder)
+    except ResultsError as cause:
+        comparison = None
+        missing.append({"what": "comparison", "text": f"No comparison: {cause}"})
+    if not pages:
+        text = "No run folder was kept; `interdrive batch --keep all` (or failed) keeps them, and runs get pages."
+        missing.append({"what": "runs", "text": text})
+    several = len(set(column["predictor"].tolist())) > 1
+    variant = [
+        f"{a} + {b}" if several else a
+        for a, b in zip(column["planner"].tolist(), column["predictor"].tolist(), strict=True)
+    ]
+    variants = sorted(set(variant))
+    tested = np.flatnonzero(column["under_test"] == True)  # noqa: E712 - None where there is no agent
+    packer.add("variant", np.array([variants.index(variant[row]) for row in tested.tolist()], dtype=np.int64))
+    parts = _parts(column)
+    packer.add("part", np.array([parts.index(_part(column, row)) for row in tested.tolist()], dtype=np.int64))
+    for name, _, _, factor in _DRAWN:
+        values = table[name].to_numpy(zero_copy_only=False)[tested].astype(np.float64)
+        packer.add(name, factor * values)
+    header = {
+        "format": FORMAT,
+        "kind": "batch",
+        "name": Path(folder).resolve().name,
+        "version": sorted(set(column["version"].tolist())),
+        "variants": variants,
+        "parts": [dict(zip(("traffic", "agents", "category"), part, strict=True)) for part in parts],
+        "metrics": [{"name": m.name, "heading": m.heading, "better": m.better, "digits": m.digits} for m in METRICS],
+        "table": [] if comparison is None else _plain(comparison.table.to_pylist()),
+        "differences": [] if comparison is None else _plain(comparison.differences.to_pylist()),
+        "level": None if comparison is None else comparison.level,
+        "reservations": [] if comparison is None else list(comparison.reservations),
+        "drawn": [{"name": name, "title": title, "unit": unit} for name, title, unit, _ in _DRAWN],
+        "runs": _runs(table, column, variant, pages),
+        "missing": missing,
+        "arrays": packer.header,
+    }
+    return Contents(header, packer.text())
+
+
+def _part(column: Mapping[str, Any], row: int) -> tuple[str, str, str]:
+    return tuple(str(column[name][row]) for name in ("traffic", "agents", "category"))  # type: ignore[return-value]
+
+
+def _parts(column: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    return sorted({_part(column, row) for row in range(len(column["key"]))})
+
+
+def _runs(
+    table: ArrowTable, column: Mapping[str, Any], variant: Sequence[str], pages: Mapping[str, str]
+) -> list[dict[str, Any]]:
+    """One entry per run, in the order of the data set."""
+    ttc = table["ttc_min"].to_numpy(zero_copy_only=False).astype(np.float64)
+    keys, first, number = np.unique(column["key"], return_index=True, return_inverse=True)
+    made = []
+    for run in np.argsort(first).tolist():
+        rows = np.flatnonzero(number == run)
+        mine = rows[column["under_test"][rows] == True]  # noqa: E712 - None where there is no agent
+        outcomes, least = column["outcome"][mine].tolist(), ttc[mine]
+        at = int(rows[0])
+        entry = {name: column[name][at].item() for name in _ABOUT if name != "key"}
+        entry |= {
+            "variant": variant[at],
+            "n_agents": len(mine),
+            "outcomes": {name: outcomes.count(name) for name in sorted(set(outcomes))},
+            "ttc_min": float(np.nanmin(least)) if np.isfinite(least).any() else None,
+            "page": pages.get(str(keys[run])),
+        }
+        made.append(entry)
+    return made
+
+
+def _plain(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows for JSON, which knows no infinity: "inf" and "-inf" stand for it."""
+    return [
+        {
+            name: str(value) if isinstance(value, float) and not np.isfinite(value) else value
+            for name, value in row.items()
+        }
+        for row in rows
+    ]

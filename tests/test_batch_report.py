@@ -1,0 +1,137 @@
+"""The page of a batch: comparison, distributions, and a page for every run that was kept."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from interdrive.batches import batch, compare
+from interdrive.cli import main
+from interdrive.errors import ResultsError
+from interdrive.report import write_batch_report
+from interdrive.report.batch import batch_contents
+from interdrive.results import holds_run
+from test_report import unpacked
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two planners on two scenarios and a file that is refused; every run folder is kept."""
+    place = tmp_path_factory.mktemp("batch")
+    (place / "broken.xml").write_text("<commonRoad/>")
+    paths = ["t_junction", "lane_merge", place / "broken.xml"]
+    batch(paths, place / "out", planner=["idm", "idm_mobil"], workers=1, keep="all")
+    return place / "out"
+
+
+@pytest.fixture
+def copied(folder, tmp_path):
+    return Path(shutil.copytree(folder, tmp_path / "copy"))
+
+
+def header_of(page: Path) -> dict:
+    found = re.search(r'<script type="application/json" id="header">(.*?)</script>', page.read_text(encoding="utf-8"))
+    return json.loads(found[1])
+
+
+def test_a_page_has_the_comparison_as_it_is_printed(folder):
+    header = batch_contents(folder, {}).header
+    found = compare(folder)
+    assert [(row["variant"], row["category"]) for row in header["table"]] == [
+        (row["variant"], row["category"]) for row in found.table.to_pylist()
+    ]
+    for shown, row in zip(header["table"], found.table.to_pylist(), strict=True):
+        assert shown["goal_reached"] == row["goal_reached"]
+    assert len(header["differences"]) == found.differences.num_rows
+    assert header["reservations"] == list(found.reservations)
+    assert header["variants"] == ["idm", "idm_mobil"]
+
+
+def test_distributions_have_one_value_per_agent_under_test(folder):
+    contents = batch_contents(folder, {})
+    found = unpacked(contents.header["arrays"], contents.arrays)
+    assert len(found["ttc_min"]) == len(found["variant"]) == 2 * (8 + 7)
+    assert np.bincount(found["variant"].astype(int)).tolist() == [15, 15]
+    assert np.nanmin(found["jerk_rms"]) >= 0.0
+
+
+def test_every_run_is_there_and_those_that_were_kept_have_pages(copied):
+    page = write_batch_report(copied)
+    assert page == copied / "report.html"
+    runs = header_of(page)["runs"]
+    assert sorted((run["scenario"], run["variant"], run["status"]) for run in runs) == [
+        ("broken", "idm", "refused"),
+        ("broken", "idm_mobil", "refused"),
+        ("lane_merge", "idm", "finished"),
+        ("lane_merge", "idm_mobil", "finished"),
+        ("t_junction", "idm", "finished"),
+        ("t_junction", "idm_mobil", "finished"),
+    ]
+    for run in runs:
+        if run["status"] == "finished":
+            assert (copied / run["page"]).is_file()
+            assert holds_run((copied / run["page"]).parent)
+            assert sum(run["outcomes"].values()) == run["n_agents"] > 0
+        else:
+            assert run["page"] is None
+            assert run["error"]
+
+
+def test_links_start_where_the_page_lies(copied, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    page = write_batch_report(copied, tmp_path / "elsewhere" / "page.html")
+    pages = [run["page"] for run in header_of(page)["runs"] if run["page"]]
+    assert all(link.startswith("../copy/recordings/") for link in pages)
+    assert all((page.parent / link).is_file() for link in pages)
+
+
+def test_pages_of_runs_that_are_there_are_left_alone(copied):
+    write_batch_report(copied)
+    page = next(iter(sorted(copied.glob("recordings/*/report.html"))))
+    page.write_text("mine")
+    write_batch_report(copied)
+    assert page.read_text() == "mine"
+
+
+def test_without_kept_runs_the_page_says_how_to_keep_them(copied):
+    shutil.rmtree(copied / "recordings")
+    header = header_of(write_batch_report(copied))
+    assert [entry["what"] for entry in header["missing"]] == ["runs"]
+    assert all(run["page"] is None for run in header["runs"])
+
+
+def test_without_a_finished_run_the_runs_are_listed_and_the_comparison_is_missing(tmp_path):
+    (tmp_path / "broken.xml").write_text("<commonRoad/>")
+    batch([tmp_path / "broken.xml"], tmp_path / "out", planner=["idm"], workers=1)
+    header = header_of(write_batch_report(tmp_path / "out"))
+    assert [entry["what"] for entry in header["missing"]] == ["comparison", "runs"]
+    assert [run["status"] for run in header["runs"]] == ["refused"]
+    assert header["table"] == []
+
+
+def test_the_command_takes_a_batch_as_it_takes_a_run(copied):
+    done = CliRunner().invoke(main, ["report", str(copied)])
+    assert done.exit_code == 0, done.output
+    assert (copied / "report.html").is_file()
+    assert "to be opened in a browser" in done.output
+
+
+def test_a_batch_of_another_format_is_refused_in_one_line(copied):
+    (copied / "batch.json").write_text('{"format": 0}')
+    done = CliRunner().invoke(main, ["report", str(copied)])
+    assert done.exit_code == 2
+    assert "a batch of format 0" in done.output
+    assert len(done.output.strip().splitlines()) == 1
+
+
+def test_a_batch_without_any_run_is_refused(copied):
+    (copied / "results.parquet").unlink()
+    shutil.rmtree(copied / "runs", ignore_errors=True)
+    with pytest.raises(ResultsError, match="this batch holds no run yet"):
+        write_batch_report(copied)
