@@ -240,6 +240,33 @@ def test_two_batches_on_one_folder_share_the_work_and_lose_nothing(place):
     assert set(rows["status"].to_pylist()) == {"finished"}
 
 
+def test_a_script_without_a_guard_is_told_so(place):
+    (place / "script.py").write_text(
+        "import interdrive\ninterdrive.batch('t_junction', 'out', planner='idm', workers=1)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=place, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 1
+    assert "does the script guard its calls by `if __name__ == '__main__':`?" in done.stderr.splitlines()[-1]
+    assert done.stderr.count("Traceback") == 1
+
+
+def test_what_a_killed_batch_left_half_written_is_removed_when_it_is_old(place):
+    done = idr.batch("t_junction", place / "out", planner="idm", workers=1)
+    old, young = (done.folder / "runs" / f".{name}.parquet.1.partial.parquet" for name in ("old", "young"))
+    (done.folder / "recordings" / ".key.1.partial").mkdir(parents=True)
+    for path in (old, young):
+        path.write_bytes(b"half")
+    hours_ago = time.time() - 10_000
+    for path in (old, done.folder / "recordings" / ".key.1.partial"):
+        os.utime(path, (hours_ago, hours_ago))
+    idr.batch("t_junction", place / "out", planner="idm", workers=1)
+    assert young.exists()
+    assert not old.exists()
+    assert not list((done.folder / "recordings").iterdir())
+
+
 def test_a_merge_that_was_cut_short_counts_no_run_twice(place):
     done = idr.batch(["t_junction", "lane_merge"], place / "out", planner="idm", workers=1)
     folder = BatchFolder.open(place / "out")

@@ -96,6 +96,7 @@ def test_the_data_set_has_the_columns_it_says_and_other_tools_read_it(two_planne
 
     path = BatchFolder.open(two_planners.folder).results
     assert pq.read_schema(path).names == [column.name for column in COLUMNS]
+    assert pq.read_schema(path).field("jerk_rms").metadata[b"description"].decode().endswith("[m/s³]")
     n = two_planners.table.num_rows
     assert len(pd.read_parquet(path)) == pl.read_parquet(path).height == n
     assert pl.scan_parquet(path).select("outcome").collect().height == n

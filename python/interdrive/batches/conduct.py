@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
 import os
 import time
 from collections import Counter
@@ -133,6 +134,8 @@ def batch(
         ResultsError: The folder cannot be used.
         MissingExtraError: Ray or a planner is not installed.
     """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(1)  # a worker reads a script that calls this without a guard; the pool says so
     start = time.monotonic()
     _check(workers, run_timeout, memory, keep)
     paths = [paths] if isinstance(paths, str | os.PathLike) else list(paths)

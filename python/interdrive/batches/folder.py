@@ -16,8 +16,10 @@ import fcntl
 import io
 import json
 import os
+import shutil
 import tarfile
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +41,9 @@ _MARK, _RESULTS, _RUNS, _RECORDINGS, _LOCKS = "batch.json", "results.parquet", "
 
 #: Files of single runs are merged when there are this many, and this share of what is merged already.
 _MERGE_AT, _MERGE_SHARE = 64, 0.25
+
+#: What is half-written for so long will not be finished [s].
+_LEFTOVER_AGE = 3600.0
 
 #: Where in the lock file the byte for merging is; run keys have the bytes behind it.
 _MERGE_BYTE = 0
@@ -200,6 +205,8 @@ class BatchFolder:
     def tidy(self, *, now: bool = False) -> None:
         """Merges files of single runs if there are many, or `now`."""
         parts = self.unmerged()
+        if now:
+            self._remove_leftovers()
         if not parts or not (now or len(parts) >= max(_MERGE_AT, _MERGE_SHARE * self._count())):
             return
         with self._alone():
@@ -210,6 +217,14 @@ class BatchFolder:
             self._merged = self._count() + len(parts) if self._merged is not None else None
             for part in parts:
                 part.unlink(missing_ok=True)
+
+    def _remove_leftovers(self) -> None:
+        """What processes left behind that were killed while they wrote."""
+        for place in (self.path, self.path / _RUNS, self.path / _RECORDINGS):
+            for entry in place.glob(".*.partial*"):
+                with suppress(FileNotFoundError):
+                    if time.time() - entry.stat().st_mtime > _LEFTOVER_AGE:
+                        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
     def _count(self) -> int:
         """Number of runs that are merged, roughly."""
