@@ -140,13 +140,14 @@ impl<'a> Vehicle<'a> {
         let along = Profile::monotone(&mode.s, self.inputs.velocity[self.i]);
         let beside = Profile::smooth(&mode.beside);
         let mut orientation = self.pose.orientation;
+        let mut segment = path.segment_at(0.0);
         for step in 0..out.n_steps {
             let time = (step + 1) as f64 * dt;
-            let motion = Motion::at(time, &along, &beside, &settling, path);
+            let motion = Motion::at(time, &along, &beside, &settling, path, &mut segment);
             let turn = wrap_angle(motion.direction - orientation) * (motion.speed / TURNING_SPEED).min(1.0);
             orientation += turn;
             let pose = Pose { position: motion.position, orientation: wrap_angle(orientation) };
-            let covariance = covariance(mode, time, motion.heading);
+            let covariance = covariance(mode, time, motion.axis);
             write(out, start + step, pose, motion.speed, covariance);
         }
     }
@@ -165,8 +166,8 @@ fn stay_or_go(modes: Vec<Mode>) -> Vec<Mode> {
 /// Where a vehicle is and how it moves.
 struct Motion {
     position: Point,
-    /// Heading of the path [rad].
-    heading: f64,
+    /// Unit vector along the path.
+    axis: Point,
     /// Direction of the motion [rad].
     direction: f64,
     /// Speed [m/s].
@@ -174,20 +175,35 @@ struct Motion {
 }
 
 impl Motion {
-    fn at(time: f64, along: &Profile, beside: &Profile, settling: &Settling, path: &CandidatePath) -> Self {
+    /// `segment` is that of the last call; the arc length never decreases.
+    fn at(
+        time: f64,
+        along: &Profile,
+        beside: &Profile,
+        settling: &Settling,
+        path: &CandidatePath,
+        segment: &mut usize,
+    ) -> Self {
         let (s, s_dot) = along.at(time, true);
         let (settled, slope) = settling.at(s);
         let (more, more_dot) = beside.at(time, false);
         let (d, d_dot) = (settled + more, slope * s_dot + more_dot);
-        let (position, heading) = path.world(s, d);
+        let (foot, heading, curvature) = path.at(s, segment);
+        let axis = Point::from_angle(heading);
         // On the inside of a bend the way is shorter than the path.
-        let forward = s_dot * (1.0 - path.curvature_at(s) * d).clamp(0.5, 1.5);
-        Self { position, heading, direction: heading + d_dot.atan2(forward), speed: forward.hypot(d_dot) }
+        let forward = s_dot * (1.0 - curvature * d).clamp(0.5, 1.5);
+        Self {
+            position: foot + axis.left() * d,
+            axis,
+            direction: heading + d_dot.atan2(forward),
+            speed: (forward * forward + d_dot * d_dot).sqrt(),
+        }
     }
 }
 
-/// Positive definite covariance (xx, xy, yy) [m²] of a mode at a time [s], world frame.
-fn covariance(mode: &Mode, time: f64, heading: f64) -> (f64, f64, f64) {
+/// Positive definite covariance (xx, xy, yy) [m²] of a mode at a time [s], world frame, for a unit vector
+/// along the path.
+fn covariance(mode: &Mode, time: f64, axis: Point) -> (f64, f64, f64) {
     let end = N_KNOTS as f64 * KNOT_TIME;
     let [along, across] = [0, 1].map(|axis| {
         let sigma = &mode.sigma[axis];
@@ -199,7 +215,7 @@ fn covariance(mode: &Mode, time: f64, heading: f64) -> (f64, f64, f64) {
         };
         value.max(SIGMA_MIN).powi(2)
     });
-    let (sin, cos) = heading.sin_cos();
+    let (sin, cos) = (axis.y, axis.x);
     (along * cos * cos + across * sin * sin, (along - across) * sin * cos, along * sin * sin + across * cos * cos)
 }
 

@@ -251,7 +251,8 @@ impl CandidatePath {
         self.points.len() - 1
     }
 
-    fn segment_at(&self, s: f64) -> usize {
+    /// Index of the segment that holds an arc length, clamped to the ends.
+    pub(super) fn segment_at(&self, s: f64) -> usize {
         self.arc_lengths.partition_point(|arc_length| *arc_length <= s).clamp(1, self.n_segments()) - 1
     }
 
@@ -279,9 +280,17 @@ impl CandidatePath {
         (position + Point::from_angle(heading).left() * d, heading)
     }
 
-    /// Curvature [1/m] of the segment at an arc length [m].
-    pub fn curvature_at(&self, s: f64) -> f64 {
-        let i = self.segment_at(s);
+    /// Point, heading [rad] and curvature [1/m] at an arc length [m]; `hint` is the segment of the last call, from which
+    /// the search begins.
+    pub(super) fn at(&self, s: f64, hint: &mut usize) -> (Point, f64, f64) {
+        while *hint + 1 < self.n_segments() && self.arc_lengths[*hint + 1] <= s {
+            *hint += 1;
+        }
+        let (position, heading) = self.pose_on(*hint, s);
+        (position, heading, self.curvature_on(*hint, s))
+    }
+
+    fn curvature_on(&self, i: usize, s: f64) -> f64 {
         if s < self.arc_lengths[0] || s > self.arc_lengths[i + 1] {
             return 0.0;
         }
@@ -308,7 +317,7 @@ impl CandidatePath {
             if along.abs() < TOLERANCE {
                 return Some((s, d));
             }
-            s += along / (1.0 - self.curvature_at(s) * d).max(0.3);
+            s += along / (1.0 - self.curvature_on(self.segment_at(s), s) * d).max(0.3);
         }
         let (position, heading) = self.pose_at(s);
         let (axis, delta) = (Point::from_angle(heading), point - position);
@@ -356,16 +365,24 @@ impl CandidatePath {
     pub(super) fn crossing(&self, from: Point, way: Point) -> Option<(f64, f64, usize)> {
         let around = Aabb::around([from, from + way]);
         let mut first: Option<(f64, f64, usize)> = None;
-        for (k, _) in self.boxes.iter().enumerate().filter(|(_, other)| other.overlaps(&around)) {
-            for i in k * STRIDE..((k + 1) * STRIDE).min(self.n_segments()) {
-                let (chord, delta) = (self.points[i + 1] - self.points[i], self.points[i] - from);
-                let determinant = way.cross(chord);
-                if determinant.abs() < 1e-9 {
+        for (k, other) in self.boxes.iter().enumerate() {
+            if !other.overlaps(&around) || is_beside(from, way, other) {
+                continue;
+            }
+            let start = k * STRIDE;
+            let mut before = way.cross(self.points[start] - from);
+            for i in start..(start + STRIDE).min(self.n_segments()) {
+                let after = way.cross(self.points[i + 1] - from);
+                let (left, right) = (before, after);
+                before = after;
+                // Both ends on the same side of the way.
+                if left * right > 0.0 || left == right {
                     continue;
                 }
-                let (on_way, on_chord) = (delta.cross(chord) / determinant, delta.cross(way) / determinant);
-                let meets = (0.0..=1.0).contains(&on_way) && (0.0..=1.0).contains(&on_chord);
-                if meets && first.is_none_or(|(fraction, ..)| on_way < fraction) {
+                let on_chord = left / (left - right);
+                let meeting = self.points[i].lerp(self.points[i + 1], on_chord);
+                let on_way = (meeting - from).dot(way) / way.norm_squared();
+                if (0.0..=1.0).contains(&on_way) && first.is_none_or(|(fraction, ..)| on_way < fraction) {
                     let s = self.arc_lengths[i] + on_chord * (self.arc_lengths[i + 1] - self.arc_lengths[i]);
                     first = Some((on_way, s, i));
                 }
@@ -373,6 +390,12 @@ impl CandidatePath {
         }
         first
     }
+}
+
+/// The whole box lies on one side of a way.
+fn is_beside(from: Point, way: Point, other: &Aabb) -> bool {
+    let (center, half) = (other.min.lerp(other.max, 0.5), (other.max - other.min) * 0.5);
+    way.cross(center - from).abs() > way.x.abs() * half.y + way.y.abs() * half.x
 }
 
 /// The chain with lanelets behind and ahead, and the arc length of its start, seen from the vehicle.
