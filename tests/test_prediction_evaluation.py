@@ -1,6 +1,7 @@
 """The measures of predictions, on small worlds and hand-made numbers."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -384,3 +385,16 @@ def test_a_split_that_cannot_be_used_is_refused_in_one_line(tmp_path, text, part
     (tmp_path / "split.toml").write_text(text)
     with pytest.raises(idr.InputError, match=words):
         idr.evaluate_predictors("lane_merge", "constant_velocity", split=tmp_path / "split.toml", part=part)
+
+
+def test_calibration_of_those_that_move_leaves_out_those_that_stay(shipped):
+    inside = shipped.samples.values["lane_following"]["region_3"] <= 0.5
+    somebody = replace(shipped, samples=replace(shipped.samples, stays=inside))
+    (row,) = [
+        row
+        for row in measures_table(somebody).to_pylist()
+        if (row["predictor"], row["category"]) == ("lane_following", ALL)
+    ]
+    assert 0.0 < row["region_50_3"] < 1.0
+    assert row["moving_50_3"] == 0.0
+    assert 0.0 < row["moving_99_3"] <= 1.0

@@ -339,19 +339,18 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
     for best, title in (("", "most probable mode [m]"), ("_best", "best mode [m]")):
         columns = {text: (name.format(best), form) for text, (name, form) in meters.items()}
         _print_measures(console, rows, title, columns | {"missed": (f"miss_rate{best}", "{:.1%}")}, count="samples_3")
-    likelihood = {"1 s": "nll_1", "2 s": "nll_2", "3 s": "nll_3", "mean": "nll"}
-    inside = {
-        f"{mass} %{mark}": f"{name}_{mass}_3"
-        for name, mark in (("region", ""), ("ellipse", " e"))
-        for mass in (50, 90, 99)
-    }
+    likelihood = {"1 s": "nll_1", "2 s": "nll_2", "3 s": "nll_3", "mean": "nll", "3 s, median": "nll_median_3"}
     _print_measures(
         console,
         rows,
-        "negative log-likelihood [nats]; positions at 3 s inside regions of highest density, inside ellipses (e)",
-        {text: (name, "{:.2f}") for text, name in likelihood.items()}
-        | {text: (name, "{:.1%}") for text, name in inside.items()},
+        "negative log-likelihood [nats]",
+        {text: (name, "{:.2f}") for text, name in likelihood.items()},
+        count="samples_3",
     )
+    kinds = (("", "region"), (" m", "moving"), (" e", "ellipse"))
+    inside = {f"{mass} %{mark}": (f"{name}_{mass}_3", "{:.1%}") for mark, name in kinds for mass in (50, 90, 99)}
+    title = "positions at 3 s inside regions of highest density, of those that move (m), inside ellipses (e)"
+    _print_measures(console, rows, title, inside)
     _print_measures(
         console,
         rows,

@@ -63,6 +63,11 @@ def _measure_columns() -> tuple[Column, ...]:
             for h in HORIZONS
             for mass in MASSES
         ]
+    columns += [
+        number(f"moving_{mass}_{h}", f"the same as region_{mass}_{h}, without vehicles that stand and stay")
+        for h in HORIZONS
+        for mass in MASSES
+    ]
     for name, text in (("stays", "vehicles that stand and stay"), ("stands", "vehicles that stand now")):
         columns += [
             Column(f"{name}_samples", "integer", f"samples of {text}"),
@@ -166,10 +171,13 @@ def _summed(samples: Samples, mask: Any, values: dict[str, Any]) -> dict[str, An
         row[f"nll_median_{h}"] = _quantile(values[f"nll_{h}"][mask], 0.5)
         for name in ("answered", "ade", "fde", "ade_best", "fde_best", "nll"):
             row[f"{name}_{h}"] = mean(f"{name}_{h}")
-        for name in ("region", "ellipse"):
-            levels = values[f"{name}_{h}"][mask]
+        for name, measure, part in (
+            ("region", "region", mask),
+            ("ellipse", "ellipse", mask),
+            ("moving", "region", mask & ~samples.stays),
+        ):
             for mass in MASSES:
-                row[f"{name}_{mass}_{h}"] = _share(levels, mass)
+                row[f"{name}_{mass}_{h}"] = _share(values[f"{measure}_{h}"][part], mass)
     for best in _OF_MODE:
         ends = values[f"fde{best}_{HORIZONS[-1]}"][mask]
         row[f"miss_rate{best}"] = _mean_of(np.where(np.isfinite(ends), ends > MISS, np.nan))
