@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Modes that are looked at, as many as the predictor keeps by default.
-MODES_MAX = 6
+MODES_MAX = 4
 #: How often a network in training is looked at [epochs].
 LOOK = 5
 

@@ -40,13 +40,16 @@ class Augmentation:
         forgetful: Share of neighbours that are left out.
         speed_noise: Standard deviation of the speed of moving vehicles, relative.
         jittery: Share of rows whose past is measured badly, as cameras do.
+        human: Share of rows of simulated drivers, who keep to the middle of lanes and accelerate evenly, that are made to
+            drive and be measured more like people.
     """
 
     mirrored: float = 0.3
     shortened: float = 0.25
     forgetful: float = 0.05
     speed_noise: float = 0.01
-    jittery: float = 0.2
+    jittery: float = 0.0
+    human: float = 0.6
 
 
 def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
@@ -59,6 +62,8 @@ def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
 
     if how.mirrored:
         batch = _mixed(batch, mirrored(batch), chosen(how.mirrored))
+    if how.human:
+        batch = humanised(batch, chosen(how.human) & batch["simulated"] & (batch["velocity"] > 1.0), generator)
     if how.jittery:
         batch["agent"] = jittered(batch["agent"], chosen(how.jittery) & (batch["velocity"] > 1.0), generator)
     if how.shortened:
@@ -111,6 +116,43 @@ def jittered(agent: Tensor, chosen: Tensor, generator: Generator) -> Tensor:
         noise = torch.randn(len(agent), generator=generator) * sigma / _SCALE["agent"][name]
         column += noise * size * (column != 0)
     return agent
+
+
+#: Standard deviations of what people do that simulated drivers do not: offset from the middle of the lane [m], heading
+#: error [rad], acceleration over the next three seconds [m/s²].
+_OFFSET, _HEADING, _ACCELERATION = 0.35, 0.02, 0.6
+
+
+def humanised(batch: Batch, chosen: Tensor, generator: Generator) -> Batch:
+    """Rows as if the chosen vehicles, shape (b,), were driven by people and measured by cameras."""
+    out = dict(batch)
+    n = len(chosen)
+
+    def drawn(sigma: float) -> Tensor:
+        return torch.randn(n, generator=generator) * sigma * chosen
+
+    offset, heading, acceleration = drawn(_OFFSET), drawn(_HEADING), drawn(_ACCELERATION)
+    column = _COLUMN["paths"]
+    free = batch["paths"][..., column["is_free"]] > 0
+    on_lane = batch["path_valid"] & ~free
+    out["offset"] = batch["offset"] + offset[:, None] * on_lane
+    out["slope"] = batch["slope"] + heading[:, None] * on_lane
+    paths = batch["paths"].clone()
+    paths[..., column["offset"]] += offset[:, None] * on_lane / _SCALE["paths"]["offset"]
+    paths[..., column["heading_error"]] += heading[:, None] * on_lane / _SCALE["paths"]["heading_error"]
+    out["paths"] = paths
+    out["agent"] = jittered(batch["agent"], chosen, generator)
+    knots = torch.tensor(_core.NEURAL["knots"], dtype=torch.float32)
+    s, d = batch["target"][..., 0], batch["target"][..., 1]
+    # Half of the offset is kept for three seconds; the speed never becomes negative.
+    change = 0.5 * acceleration[:, None] * knots**2
+    moved = torch.maximum(s + change[:, None], s * 0.5)
+    s = torch.where((s > 0) & chosen[:, None, None], moved, s)
+    kept = offset[:, None] * (1 - knots / 6.0)
+    turned = heading[:, None] * knots * batch["velocity"][:, None] * free.any(dim=1, keepdim=True)
+    d = d + torch.where(free[..., None], kept[:, None] - offset[:, None, None] - turned[:, None], kept[:, None])
+    out["target"] = torch.stack([s, d], dim=-1)
+    return out
 
 
 def shortened(agent: Tensor, instants: Tensor) -> Tensor:

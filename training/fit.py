@@ -42,7 +42,7 @@ class Course:
         augmentation: Variation of the rows.
     """
 
-    epochs: int = 40
+    epochs: int = 25
     rows: int = 40_000
     batch: int = 256
     rate: float = 2e-3
@@ -109,6 +109,8 @@ def fit(
     torch.manual_seed(course.seed)
     network = Network(course.sizes)
     data = tensors(rows)
+    simulated = [place.name for place in places if place.traffic == "simulated"]
+    data["simulated"] = torch.from_numpy(np.isin(rows["place"], simulated) & ~rows["steady"])
     share = torch.from_numpy(shares(rows, places))
     optimizer = torch.optim.AdamW(network.parameters(), lr=course.rate, weight_decay=course.decay)
     steps = course.rows // course.batch

@@ -1,0 +1,87 @@
+"""The split of the training data, and the shipped weights against what torch computed with them."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interdrive import _core
+from interdrive.predictors.weights import read_weights
+
+ROOT = Path(__file__).resolve().parent.parent
+WEIGHTS = ROOT / "python" / "interdrive" / "predictors" / "neural.safetensors"
+
+split = pytest.importorskip("training.split", reason="training/ is part of the repository, not of the package")
+
+
+@pytest.fixture(scope="module")
+def places():
+    return split.read_places()
+
+
+@pytest.fixture(scope="module")
+def data_list():
+    """The files that the shipped weights were made with, as the log of the training states them."""
+    with (ROOT / "training" / "log" / "files.csv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_every_scenario_file_shows_exactly_one_place(places, scenarios_folder):
+    for path in scenarios_folder.glob("*/*.xml"):
+        split.place_of(path.stem, places)  # raises for none and for several
+
+
+def test_the_weights_were_made_with_the_split_that_is_stated(places, data_list):
+    assert len(data_list) > 200
+    for line in data_list:
+        place = split.place_of(line["file"], places)
+        assert (place.name, place.part) == (line["place"], line["part"]), line["file"]
+
+
+def test_every_category_has_places_for_validation(places, data_list):
+    used = {line["place"] for line in data_list}
+    kept = {place.category for place in places if place.part == "validation" and place.name in used}
+    assert kept >= {"highway", "intersection", "urban", "junction"}
+
+
+def test_maps_with_the_same_lanelets_are_on_one_side_of_the_split(places, recorded_scenarios):
+    """Lanelets agree if their left bounds do, up to translation; lanelets of less than 30 m could agree by chance."""
+    sides = {}
+    for name, scenario in recorded_scenarios.items():
+        if isinstance(scenario, Exception):
+            continue
+        place = split.place_of(Path(name).stem, places)
+        for bound in scenario.lanelets.left:
+            chord = bound[-1, :2] - bound[0, :2]
+            steps = np.linalg.norm(np.diff(bound[:, :2], axis=0), axis=1)
+            if steps.sum() < 30.0 or place.part == "none" or steps.sum() - np.linalg.norm(chord) < 0.5:
+                continue
+            key = (len(bound), *np.rint(chord * 10).astype(int), round(10 * steps.sum()), round(10 * steps[0]))
+            sides.setdefault(key, {})[place.part == "validation"] = name
+    both = [names for names in sides.values() if len(names) == 2]
+    assert not both, f"on both sides: {both[0]}"
+
+
+def test_a_file_of_no_place_and_one_of_two_places_are_refused(places):
+    with pytest.raises(ValueError, match="NOWHERE-1_1_T-1 belongs to no place"):
+        split.place_of("NOWHERE-1_1_T-1", places)
+    with pytest.raises(ValueError, match=r"belongs to .* and "):
+        split.place_of("USA_US101-1_1_T-1", (*places, places[0]))
+
+
+def test_the_forward_pass_says_what_torch_said():
+    stored = np.load(ROOT / "tests" / "neural_forward.npz")
+    network = _core.NeuralNetwork(read_weights(WEIGHTS).tensors)
+    inputs = [stored[name] for name in ("agent", "neighbours", "paths", "path_valid")]
+    raw = np.asarray(network.forward(*inputs)).reshape(stored["raw"].shape)
+    there = stored["path_valid"]
+    assert there.any(axis=0).sum() >= 4, "the fixture has vehicles with several paths"
+    assert raw[there] == pytest.approx(stored["raw"][there], rel=1e-4, abs=1e-4)
+
+
+def test_the_weights_are_small_and_say_how_they_were_made():
+    metadata = read_weights(WEIGHTS).metadata
+    assert WEIGHTS.stat().st_size < 2_000_000
+    assert metadata["feature_version"] == str(_core.NEURAL["version"])
+    assert {"seed", "epochs", "data", "sizes"} <= set(metadata)
