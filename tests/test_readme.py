@@ -15,7 +15,7 @@ COMMANDS = [line[2:] for block in re.findall(r"```console\n(.*?)```", README, re
 
 def test_the_readme_has_examples():
     assert len(PYTHON) == 4
-    assert len(COMMANDS) == 13
+    assert len(COMMANDS) == 14
 
 
 @pytest.mark.parametrize("number", range(len(PYTHON)))
