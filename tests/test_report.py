@@ -203,7 +203,7 @@ def test_collisions_goals_and_what_planners_gave_up_are_events(tmp_path):
     assert [header["participants"][row]["id"] for row in crash["rows"]] == [2, 22]
     assert ("goal_reached", "1 reaches its goal") in said
     assert ("planner_error", "4 ends: its planner failed") in said
-    assert said["emergency_braking", "2 begins to brake as hard as it can"]["step"] == 47
+    assert said["emergency_braking", "2 falls back on an emergency plan"]["step"] == 47
     assert [event["step"] for event in header["events"]] == sorted(event["step"] for event in header["events"])
 
 

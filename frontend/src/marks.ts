@@ -32,7 +32,7 @@ export const MARKS: Record<string, Mark> = {
   collision: { text: "collision", color: "#D55E00", corners: CROSS },
   planner_error: { text: "planner error", color: "#9a9a9a", corners: regular(5, Math.PI / 2, 0.42) },
   running: { text: "still running", color: "#ffffff", corners: regular(20) },
-  emergency_braking: { text: "emergency braking", color: "#E69F00", corners: regular(8, Math.PI / 8) },
+  emergency_braking: { text: "emergency plan", color: "#E69F00", corners: regular(8, Math.PI / 8) },
   infeasible_plan: { text: "no feasible plan found", color: "#F0E442", corners: regular(3, -Math.PI / 2) },
   critical: { text: "critical moment", color: "#CC79A7", corners: regular(4, Math.PI / 2, 0.35) },
 };

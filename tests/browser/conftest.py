@@ -27,7 +27,7 @@ def browser():
     if found is None:
         pytest.skip("no Chromium on the PATH: install it (apt-get install chromium) to test reports in a browser")
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-dev-shm-usage"])
         yield started
         started.close()
 
