@@ -241,6 +241,39 @@ def test_a_folder_is_searched_but_not_its_results_and_hidden_folders(tmp_path, t
     assert "same content" in notes[0]
 
 
+def test_a_protobuf_scenario_is_one_run_whose_key_knows_its_map(tmp_path):
+    """In commonroad-io from 2026.1 on it consists of three files, which all travel to other machines."""
+    from commonroad.common.file_reader import CommonRoadFileReader
+    from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile
+    from commonroad.common.reader.file_reader_xml import XMLFileReader
+    from commonroad.common.util import FileFormat
+
+    from interdrive.batches.execute import _AT_HAND, Job, content_of, execute
+    from interdrive.files import shipped_scenario
+
+    if not hasattr(CommonRoadFileReader, "open_all"):
+        pytest.skip("this commonroad-io has one protobuf file per scenario")
+    scenario, problems = XMLFileReader(shipped_scenario("lane_merge")).open()
+    writer = CommonRoadFileWriter(scenario, problems, "a", "b", "c", set(), file_format=FileFormat.PROTOBUF)
+    name, always = "ZAM_Merge-1_1_T-1", OverwriteExistingFile.ALWAYS
+    writer.write_map_to_file(str(tmp_path / "ZAM_Merge-1.pb"), always)
+    writer.write_dynamic_to_file(str(tmp_path / f"{name}.pb"), always)
+    writer.write_scenario_to_file(str(tmp_path / f"{name}-SC.pb"), always)
+    (spec,) = plan((tmp_path,)).specs
+    assert spec.scenario == name
+    content = content_of(spec)
+    assert sorted(content) == ["ZAM_Merge-1.pb", f"{name}-SC.pb", f"{name}.pb"]
+    here = execute(Job(spec, "none"), 1)
+    assert here.status == "finished", here.error
+    road = tmp_path / "ZAM_Merge-1.pb"
+    road.write_bytes(road.read_bytes() + b"\x1a\x00")  # an empty field more
+    assert plan((tmp_path,)).specs[0].key != spec.key
+    road.unlink()
+    _AT_HAND.clear()
+    there = execute(Job(spec, "none", content), 1)
+    assert there.outcomes == here.outcomes
+
+
 def test_files_that_are_no_scenarios_are_rows_with_their_reason(tmp_path):
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "broken.xml").write_text("<nothing/>")

@@ -200,7 +200,7 @@ def _expanded(plan: BatchPlan, backend: Backend, *, send: bool) -> tuple[RunSpec
     """A run per agent. Who the agents are is the same for all planners, and is found out by the workers."""
     asked: dict[tuple[str, str, int], list[RunSpec]] = {}
     for spec in plan.specs:
-        asked.setdefault((spec.sha256, spec.agents_label, spec.seed), []).append(spec)
+        asked.setdefault((spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed), []).append(spec)
     queue = iter([specs[0] for specs in asked.values()])
     answers: dict[tuple[str, str, int], tuple[int, ...] | str] = {}
 
@@ -210,7 +210,7 @@ def _expanded(plan: BatchPlan, backend: Backend, *, send: bool) -> tuple[RunSpec
 
     for end in backend.run(agents_of, take):
         spec = end.task.payload.spec
-        answers[spec.sha256, spec.agents_label, spec.seed] = end.why if end.lost else end.value
+        answers[spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed] = end.why if end.lost else end.value
     found: list[RunSpec] = []
     for about, specs in asked.items():
         answer = answers[about]

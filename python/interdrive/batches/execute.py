@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING
 from interdrive.agents import select
 from interdrive.batches.columns import NOT_ARRIVED, failure_row, finished_rows
 from interdrive.batches.dataset import encoded
+from interdrive.batches.runs import parts_hash
 from interdrive.errors import InputError, InterdriveError
-from interdrive.files import read_scenario
+from interdrive.files import read_scenario, scenario_parts
 from interdrive.handles import core_road
 from interdrive.results import save
 from interdrive.simulation import simulate
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from interdrive.agents import Agent
     from interdrive.batches.runs import RunSpec
     from interdrive.run import Run
@@ -56,12 +59,12 @@ class Job:
     Attributes:
         spec: The run.
         keep: One of `KEEP`.
-        content: Of the scenario file; none: it lies at its path.
+        content: Of the scenario file and those that belong to it, by name; none: they lie where they were found.
     """
 
     spec: RunSpec
     keep: str
-    content: bytes | None = None
+    content: Mapping[str, bytes] | None = None
 
 
 #: The scenario that was read last: runs of the same scenario follow each other.
@@ -127,20 +130,21 @@ def _read(job: Job) -> tuple[Scenario, float]:
         InputError: It cannot be read, or its content has changed since the batch was planned.
     """
     spec = job.spec
-    if spec.sha256 in _AT_HAND:
-        return _AT_HAND[spec.sha256], 0.0
+    if spec.sha256 + spec.parts_sha256 in _AT_HAND:
+        return _AT_HAND[spec.sha256 + spec.parts_sha256], 0.0
     start = time.perf_counter()
     if job.content is None:
         scenario = read_scenario(spec.path)
     else:
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / Path(spec.path).name
-            path.write_bytes(job.content)
-            scenario = replace(read_scenario(path), path=Path(spec.path))
-    if scenario.sha256 != spec.sha256:
+            for name, content in job.content.items():
+                (Path(folder) / name).write_bytes(content)
+            scenario = replace(read_scenario(Path(folder) / Path(spec.path).name), path=Path(spec.path))
+    parts = [part.read_bytes() for part in scenario_parts(spec.path)] if job.content is None else []
+    if scenario.sha256 != spec.sha256 or (job.content is None and parts_hash(parts) != spec.parts_sha256):
         raise InputError(f"{spec.path}: the file has changed since the batch was started")
     _AT_HAND.clear()
-    _AT_HAND[spec.sha256] = scenario
+    _AT_HAND[spec.sha256 + spec.parts_sha256] = scenario
     return scenario, time.perf_counter() - start
 
 
@@ -207,16 +211,18 @@ def _archive(run: Run) -> bytes:
     return archive.getvalue()
 
 
-def content_of(spec: RunSpec) -> bytes:
-    """Content of the scenario file, unchanged.
+def content_of(spec: RunSpec) -> dict[str, bytes]:
+    """Content of the scenario file and of those that belong to it, by name, unchanged.
 
     Raises:
-        InputError: It is gone, or has changed since the batch was planned.
+        InputError: One is gone, or has changed since the batch was planned.
     """
+    path = Path(spec.path)
     try:
-        content = Path(spec.path).read_bytes()
+        content = {part.name: part.read_bytes() for part in (path, *scenario_parts(path))}
     except OSError as cause:
         raise InputError(f"{spec.path}: cannot be read: {cause.strerror or cause}") from cause
-    if hashlib.sha256(content).hexdigest() != spec.sha256:
+    own, *others = content.values()
+    if hashlib.sha256(own).hexdigest() != spec.sha256 or parts_hash(others) != spec.parts_sha256:
         raise InputError(f"{spec.path}: the file has changed since the batch was started")
     return content

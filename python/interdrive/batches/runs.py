@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from interdrive import _core
 from interdrive.choices import AgentChoice, named, stored
 from interdrive.errors import InputError
-from interdrive.files import shipped_scenario, shipped_scenarios
+from interdrive.files import scenario_parts, shipped_scenario, shipped_scenarios
 from interdrive.planners import name_of
 from interdrive.planners.workers import can_be_sent
 from interdrive.plugins import Choice, read_choice
@@ -49,6 +49,7 @@ class ScenarioFile:
         name: Without its ending.
         category: Its folder, seen from the folder that was given.
         sha256: Of its content.
+        parts_sha256: Of the content of files that belong to it; "" if there are none.
         size: Of its content [bytes].
     """
 
@@ -56,6 +57,7 @@ class ScenarioFile:
     name: str
     category: str
     sha256: str
+    parts_sha256: str
     size: int
 
 
@@ -66,6 +68,7 @@ class RunSpec:
     Attributes:
         key: Made of everything that decides about the result.
         path: Scenario file. scenario: Its name. category: Its folder. sha256: Of its content. size: [bytes].
+        parts_sha256: Of files that belong to it; "" if there are none.
         planner: Under test, as it can be chosen. planner_label: What tables call it.
         predictor: As it can be chosen. predictor_label: What tables call it.
         agents: Who is under test: "all", at most so many, or ids.
@@ -80,6 +83,7 @@ class RunSpec:
     scenario: str
     category: str
     sha256: str
+    parts_sha256: str
     size: int
     planner: object
     planner_label: str
@@ -145,7 +149,7 @@ def planned(
     specs = [
         _keyed(
             RunSpec(
-                "", file.path, file.name, file.category, file.sha256, file.size,
+                "", file.path, file.name, file.category, file.sha256, file.parts_sha256, file.size,
                 chosen, planner_label, expected, predictor_label, agents, traffic, seed, settings,
             )
         )
@@ -206,7 +210,7 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
         raise InputError("batch: which scenarios? Give CommonRoad files, folders or names of shipped scenarios")
     first: dict[str, ScenarioFile] = {}
     for file in found:
-        kept = first.setdefault(file.sha256, file)
+        kept = first.setdefault(file.sha256 + file.parts_sha256, file)
         if Path(kept.path).resolve() != Path(file.path).resolve():
             notes.append(f"{file.path} has the same content as {kept.path}: it is run once")
     return list(first.values()), notes
@@ -221,13 +225,35 @@ def _inside(folder: Path) -> Iterable[Path]:
             continue
         if entry.is_dir():
             yield from _inside(entry)
-        elif entry.suffix in _ENDINGS:
+        elif entry.suffix in _ENDINGS and not _is_part(entry):
             yield entry
 
 
+def _is_part(path: Path) -> bool:
+    """A protobuf file that belongs to another one: planning problems (X-SC.pb), or a map (two words in its name)."""
+    return path.suffix == ".pb" and (path.stem.endswith("-SC") or path.stem.count("_") < 2)
+
+
 def _file(path: Path, category: str) -> ScenarioFile:
-    content = path.read_bytes()
-    return ScenarioFile(str(path.resolve()), path.stem, category, hashlib.sha256(content).hexdigest(), len(content))
+    try:
+        content = path.read_bytes()
+        parts = [part.read_bytes() for part in scenario_parts(path)]
+    except OSError as cause:
+        raise InputError(f"{path}: cannot be read ({cause.strerror}); check its permissions") from cause
+    return ScenarioFile(
+        path=str(path.resolve()),
+        name=path.stem,
+        category=category,
+        sha256=hashlib.sha256(content).hexdigest(),
+        parts_sha256=parts_hash(parts),
+        size=len(content),
+    )
+
+
+def parts_hash(parts: Sequence[bytes]) -> str:
+    """SHA-256 of the files that belong to a scenario; "" if there are none."""
+    hashes = [hashlib.sha256(part).hexdigest() for part in parts]
+    return hashlib.sha256(" ".join(hashes).encode()).hexdigest() if hashes else ""
 
 
 def choices(given: object, what: Literal["planner", "predictor"]) -> dict[str, object]:
@@ -276,7 +302,7 @@ def _keyed(spec: RunSpec) -> RunSpec:
     content = {
         "format": FORMAT,
         "version": _core.__version__,
-        "scenario": spec.sha256,
+        "scenario": [spec.sha256, spec.parts_sha256],
         "labels": [spec.planner_label, spec.predictor_label],
         "agents": spec.agents,
         "traffic": spec.traffic,

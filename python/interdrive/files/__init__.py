@@ -1,7 +1,14 @@
 """CommonRoad files in and out. The only package that imports commonroad-io."""
 
-from interdrive.files.read import read_scenario, scenario_from_commonroad
+from interdrive.files.read import read_scenario, scenario_from_commonroad, scenario_parts
 from interdrive.files.shipped import shipped_scenario, shipped_scenarios
 from interdrive.files.write import write_scenario
 
-__all__ = ["read_scenario", "scenario_from_commonroad", "shipped_scenario", "shipped_scenarios", "write_scenario"]
+__all__ = [
+    "read_scenario",
+    "scenario_from_commonroad",
+    "scenario_parts",
+    "shipped_scenario",
+    "shipped_scenarios",
+    "write_scenario",
+]

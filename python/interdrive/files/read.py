@@ -129,10 +129,7 @@ def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
     """commonroad-io from 2026.1 on: map, traffic and planning problems in a file each."""
     from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
 
-    name = path.stem.removesuffix("-SC")
-    traffic = path.with_name(name + path.suffix)
-    problems = path.with_name(f"{name}-SC{path.suffix}")
-    roads = path.with_name("_".join(name.split("_")[:2]) + path.suffix)
+    traffic, problems, roads = _protobuf_parts(path)
     for part, meaning in ((traffic, "traffic"), (roads, "map")):
         if not part.is_file():
             raise InputError(f"{path}: the {meaning} file {part.name} is not beside it; put it there or convert to XML")
@@ -141,6 +138,24 @@ def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
         scenario, problem_set, _cooperative = reader.open_all()
         return scenario, problem_set
     return reader.open_map_dynamic(), None
+
+
+def _protobuf_parts(path: Path) -> tuple[Path, Path, Path]:
+    """Where traffic, planning problems and map of a protobuf file are looked for."""
+    name = path.stem.removesuffix("-SC")
+    return (
+        path.with_name(name + path.suffix),
+        path.with_name(f"{name}-SC{path.suffix}"),
+        path.with_name("_".join(name.split("_")[:2]) + path.suffix),
+    )
+
+
+def scenario_parts(path: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """The files beside `path` that `read_scenario` may open with it, in a fixed order; XML files have none."""
+    path = Path(path)
+    if path.suffix.lower() not in PROTOBUF_ENDINGS:
+        return ()
+    return tuple(part for part in _protobuf_parts(path) if part != path and part.is_file())
 
 
 @contextmanager
