@@ -29,7 +29,7 @@ from interdrive.testing import Car, problem, straight_road, world
 from invented_run import invented_run
 
 ROOT = Path(__file__).resolve().parent.parent
-EVERYTHING = RecordSettings(views=True, predictions=True, candidates=12)
+EVERYTHING = RecordSettings(views=True, predictions=True, candidates=12, candidate_spacing=0.0)
 
 
 def unpacked(header, text):
@@ -161,6 +161,15 @@ def test_candidates_include_the_chosen_one_and_the_plan_is_it(run):
     assert np.nanargmin(considered.cost[usable]) == np.flatnonzero(usable == chosen)[0]
 
 
+def test_candidates_are_kept_every_half_second_from_the_start_of_an_agent_on(run):
+    settings = SimulationSettings(record=RecordSettings(candidates=3))
+    kept = simulate(run.scenario, agents=[100, 200], settings=settings, threads=1).considered
+    every = run.considered
+    for agent in (100, 200):
+        steps = np.unique(every.time_step[every.agent_id == agent])
+        assert np.unique(kept.time_step[kept.agent_id == agent]).tolist() == steps[::5].tolist()
+
+
 def test_predictions_are_kept_every_half_second_with_probabilities_that_add_up(run):
     predicted = run.predicted
     assert predicted.point.tolist() == [5, 10, 15, 20, 25, 30]
@@ -190,6 +199,8 @@ def test_what_was_recorded_survives_the_folder(run, folder):
 def test_a_negative_number_of_candidates_is_refused():
     with pytest.raises(InputError, match=r"record\.candidates must be at least 0"):
         RecordSettings(candidates=-1)
+    with pytest.raises(InputError, match=r"record\.candidate_spacing must not be negative"):
+        RecordSettings(candidate_spacing=-0.1)
 
 
 # Events

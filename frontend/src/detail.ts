@@ -91,7 +91,8 @@ export class Detail {
     const seen = p.agent >= 0 ? run.seen(state.selected, state.step) : undefined;
     if (seen !== undefined) parts.push(`sees ${seen.size}`);
     const [first, last] = run.candidates(state.selected, state.step);
-    if (last > first) parts.push(`${last - first} candidates shown`);
+    const at = run.table("candidate_step")[first];
+    if (last > first) parts.push(`${last - first} candidates ${at === state.step ? "shown" : `of ${run.seconds(at).toFixed(1)} s shown`}`);
     const lacking = run.header.missing.filter((m) => state.layers[m.what as keyof Layers]).map((m) => m.text);
     return [parts.join(" · "), ...(p.agent >= 0 ? lacking : [])].filter(Boolean).join("  —  ");
   }

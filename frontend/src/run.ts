@@ -182,9 +182,15 @@ export class Run {
     return -1;
   }
 
-  /** What an agent chose from at a time step. */
+  /** What an agent chose from at a time step, or before it if candidates are not kept at every one. */
   candidates(row: number, step: number): Rows {
-    return this.candidatesAt.get(row * this.steps + step) ?? NONE;
+    if (step > (this.header.participants[row].end ?? -1)) return NONE;
+    const spacing = this.entry("candidate_step")?.spacing ?? 1;
+    for (let at = step; at >= 0 && at > step - spacing; at--) {
+      const found = this.candidatesAt.get(row * this.steps + at);
+      if (found !== undefined) return found;
+    }
+    return NONE;
   }
 
   /** Everybody's predictions of a time step. */

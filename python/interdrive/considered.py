@@ -62,14 +62,17 @@ class PredictionLog:
 class CandidateLog:
     """Collects candidates of native sampling planners; other planners have none to show."""
 
-    def __init__(self, dt: float, count: int, threads: int) -> None:
-        """Starts empty; keeps at most `count` candidates per plan."""
+    def __init__(self, dt: float, count: int, spacing: float, threads: int) -> None:
+        """Starts empty; keeps at most `count` candidates of one plan of each agent per `spacing` [s]."""
+        self._every = max(1, round(min(spacing / dt, 1e9)))
+        self._next: dict[int, int] = {}
         self._stride, self._count, self._threads = max(1, round(_SPACING / dt)), count, threads
         self._rows: list[tuple[int, int, Floats, list[str], NDArray[np.bool_], Floats, Floats]] = []
 
     def add(self, world: _core.World, scene: _core.Scene, predictions: _core.Predictions) -> None:
-        """Keeps what every driving agent chooses from now."""
-        agents = world.driving
+        """Keeps what driving agents choose from now, if it is time for them."""
+        agents = [agent for agent in world.driving if self._next.get(agent, world.time_step) <= world.time_step]
+        self._next |= dict.fromkeys(agents, world.time_step + self._every)
         with ThreadPoolExecutor(self._threads) as pool:
             every = list(pool.map(lambda agent: world.candidates(agent, scene, predictions), agents))
         for agent, found in zip(agents, every, strict=True):

@@ -87,18 +87,22 @@ class RecordSettings:
     Attributes:
         views: Who saw whom at which time steps (`Run.views`, views.parquet).
         predictions: What agents planned against, every half second ahead (`Run.predicted`, predictions.parquet).
-        candidates: How many sampled candidates of every plan to keep (`Run.considered`, candidates.parquet), the chosen
-            one and the cheapest and the dearest among them; 0: none. Takes about as long as planning without threads.
+        candidates: How many sampled candidates of a plan to keep (`Run.considered`, candidates.parquet), the chosen one
+            and from the cheapest to the dearest; 0: none. They are all evaluated for it, which takes long.
+        candidate_spacing: Time between plans of an agent of which candidates are kept [s].
     """
 
     views: bool = False
     predictions: bool = False
     candidates: int = 0
+    candidate_spacing: float = 0.5
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
         if not 0 <= self.candidates <= 10_000:
             raise InputError(f"record.candidates must be at least 0 and at most 10000, not {self.candidates}")
+        if not self.candidate_spacing >= 0:
+            raise InputError(f"record.candidate_spacing must not be negative, is {self.candidate_spacing}")
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,9 @@ class Simulation:
         record = self.settings.record
         self._predicted = PredictionLog(self.scenario.dt) if record.predictions else None
         self._considered = (
-            CandidateLog(self.scenario.dt, record.candidates, self.threads) if record.candidates else None
+            CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
+            if record.candidates
+            else None
         )
 
     @property

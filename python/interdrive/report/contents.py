@@ -55,6 +55,10 @@ def run_contents(folder: str | Path) -> Contents:
     pack_plans(packer, run, origin, results.plans)
     pack_views(packer, run, results.views)
     reasons = pack_candidates(packer, run, origin, results.candidates)
+    if reasons:
+        settings = results.info.get("settings", {}).get("settings", {})
+        spacing = float(settings.get("record.candidate_spacing", 0.0))
+        packer.header["candidate_step"]["spacing"] = max(1, round(min(spacing / run.scenario.dt, run.states.n_steps)))
     pack_predictions(packer, run, origin, results.predictions)
     try:
         measured = measured_of(Path(folder), run)
