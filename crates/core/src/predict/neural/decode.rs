@@ -16,6 +16,8 @@ const SIGMA_MIN: f64 = 0.02;
 const LOG_RATE: (f64, f64) = (-5.0, 2.0);
 /// A mode that moves less than this within the knots [m] is one of standing for somebody who stands.
 const STAYS: f64 = 1.0;
+/// Modes whose positions at all knots are nearer than this [m] are one.
+const SAME: f64 = 0.4;
 /// From this speed on [m/s] a vehicle turns with its motion; slower, it turns less the slower it is.
 const TURNING_SPEED: f64 = 1.5;
 
@@ -32,6 +34,32 @@ struct Mode {
     sigma: [[f64; N_KNOTS + 1]; 2],
     /// Stands where it is, exactly.
     stays: bool,
+}
+
+/// Position of a mode at a knot, and the direction of its path there.
+#[derive(Debug, Clone, Copy)]
+struct Knot {
+    position: Point,
+    axis: Point,
+}
+
+impl Mode {
+    /// Takes over probability and spread of a mode that is the same drive.
+    fn absorb(&mut self, other: &Self, at: &[Knot; N_KNOTS], of: &[Knot; N_KNOTS]) {
+        let share = other.probability / (self.probability + other.probability);
+        self.probability += other.probability;
+        if self.stays || other.stays {
+            return;
+        }
+        for (j, (at, of)) in at.iter().zip(of).enumerate() {
+            let offset = of.position - at.position;
+            for (axis, beside) in [offset.dot(at.axis), at.axis.cross(offset)].into_iter().enumerate() {
+                let (mine, theirs) = (self.sigma[axis][j + 1], other.sigma[axis][j + 1]);
+                let variance = (1.0 - share) * mine * mine + share * (theirs * theirs + beside * beside);
+                self.sigma[axis][j + 1] = variance.sqrt();
+            }
+        }
+    }
 }
 
 /// A vehicle of the inputs and where it is now.
@@ -72,6 +100,8 @@ impl<'a> Vehicle<'a> {
         }
         // Most probable first; the sort keeps the order of equal ones.
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        modes = self.merged(&modes);
+        modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         modes.truncate(out.n_modes);
         let total: f64 = modes.iter().map(|mode| mode.probability).sum();
         for (k, mode) in modes.iter().enumerate() {
@@ -103,7 +133,8 @@ impl<'a> Vehicle<'a> {
         let velocity = self.inputs.velocity[self.i];
         let [first_s, first_d] = [0, 1].map(|axis| network.calibration[axis][0] * SIGMA_NOW);
         let mut mode = Mode {
-            probability: f64::from(values[0]) / network.temperature,
+            // The temperature is fitted to those who drive.
+            probability: f64::from(values[0]) / if self.inputs.standing[self.i] { 1.0 } else { network.temperature },
             slot,
             s: [0.0; N_KNOTS + 1],
             beside: [0.0; N_KNOTS + 1],
@@ -125,6 +156,38 @@ impl<'a> Vehicle<'a> {
             }
         }
         mode
+    }
+
+    /// Modes that are the same drive (on a straight road, a lane and the free path lead to the same places) become one: the
+    /// most probable of them, with the probability of all and their second moments around it.
+    fn merged(&self, modes: &[Mode]) -> Vec<Mode> {
+        let mut kept: Vec<(Mode, [Knot; N_KNOTS])> = Vec::with_capacity(modes.len());
+        for mode in modes {
+            let knots = self.knots(mode);
+            let is_same =
+                |of: &[Knot; N_KNOTS]| of.iter().zip(&knots).all(|(a, b)| a.position.distance(b.position) < SAME);
+            match kept.iter_mut().find(|(_, of)| is_same(of)) {
+                Some((into, of)) => into.absorb(mode, of, &knots),
+                None => kept.push((*mode, knots)),
+            }
+        }
+        kept.into_iter().map(|(mode, _)| mode).collect()
+    }
+
+    /// Where a mode is at the knots.
+    fn knots(&self, mode: &Mode) -> [Knot; N_KNOTS] {
+        if mode.stays {
+            let axis = Point::from_angle(self.pose.orientation);
+            return [Knot { position: self.pose.position, axis }; N_KNOTS];
+        }
+        let path = self.path(mode.slot);
+        let settling = self.inputs.settling(self.i, mode.slot).expect("modes have a path");
+        let mut segment = path.segment_at(0.0);
+        std::array::from_fn(|j| {
+            let (foot, heading, _) = path.at(mode.s[j + 1], &mut segment);
+            let axis = Point::from_angle(heading);
+            Knot { position: foot + axis.left() * (settling.at(mode.s[j + 1]).0 + mode.beside[j + 1]), axis }
+        })
     }
 
     fn write_mode(&self, mode: &Mode, out: &mut Predictions, row: usize, k: usize, dt: f64) {

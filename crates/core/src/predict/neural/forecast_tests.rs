@@ -137,24 +137,32 @@ fn every_branch_has_its_modes_and_the_most_probable_are_kept() {
     let now = scene(&[car(45.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);
     let network = || constant_network(&[(0.0, NOTHING, NOTHING), (2.0, [-1.0; N_KNOTS], NOTHING)]);
     let all = predicted(network(), 8, &now, &fork(), N_STEPS);
+    // Straight on, to the left, and the free path, which leads where the straight branch does.
     let share = 2.0_f64.exp() / (1.0 + 2.0_f64.exp()) / 3.0;
-    for (k, p) in all.probability.iter().enumerate() {
-        let expected = if k < 3 {
-            share
-        } else if k < 6 {
-            1.0 / 3.0 - share
-        } else {
-            0.0
-        };
+    let rest = 1.0 / 3.0 - share;
+    for (p, expected) in all.probability.iter().zip([2.0 * share, share, 2.0 * rest, rest, 0.0, 0.0, 0.0, 0.0]) {
         assert!((p - expected).abs() < 1e-6, "{:?}", all.probability);
     }
     let last = |k: usize| all.offset(0, k) + N_STEPS - 1;
     assert!(all.y[last(0)].abs() < 0.01 && all.y[last(1)] > 10.0, "straight on and to the left");
     assert!((all.x[last(0)] - 72.0).abs() < 1e-3, "9 m/s");
-    assert!(!all.valid[last(6)] && all.x[last(6)].is_nan(), "two modes on three paths");
+    assert!(!all.valid[last(4)] && all.x[last(4)].is_nan(), "two modes on two branches");
     let few = predicted(network(), 2, &now, &fork(), N_STEPS);
     assert_eq!(few.n_modes, 2);
-    assert!((few.probability[0] - 0.5).abs() < 1e-6, "made to add up to 1");
+    assert!((few.probability[0] - 2.0 / 3.0).abs() < 1e-6, "made to add up to 1");
+}
+
+#[test]
+fn the_same_drive_twice_is_one_mode_with_the_spread_of_both() {
+    let now = scene(&[car(20.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);
+    let drives = [(0.0, NOTHING, NOTHING), (0.0, [0.1; N_KNOTS], NOTHING)];
+    let one = predicted(constant_network(&drives[..1]), 8, &now, &straight_road(1), N_STEPS);
+    let both = predicted(constant_network(&drives), 8, &now, &straight_road(1), N_STEPS);
+    assert_eq!(&both.probability[..2], &[1.0, 0.0]);
+    assert_eq!(both.x[..N_STEPS], one.x[..N_STEPS], "the first of equally probable ones");
+    // 0.1 m/s are 0.3 m after 3 s: half of the weight is there.
+    let wider = both.covariance_xx[N_STEPS - 1] - one.covariance_xx[N_STEPS - 1];
+    assert!((wider - 0.5 * 0.3 * 0.3).abs() < 1e-4, "{wider} m²");
 }
 
 #[test]
