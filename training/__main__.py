@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Modes that are looked at, as many as the predictor keeps by default.
-MODES_MAX = 4
+MODES_MAX = 6
 #: How often a network in training is looked at [epochs].
 LOOK = 5
 
@@ -200,9 +200,14 @@ def _evaluation(
     lines: list[dict[str, object]] = []
     for name, network in networks.items():
         here = _only(rows, (part == name) & ~rows["steady"])
-        own = modes_of(calibrated(answer_to(network, here), calibration), here, MODES_MAX)
+        own = modes_of(
+            calibrated(answer_to(network, here), calibration, torch.from_numpy(here["standing"])), here, MODES_MAX
+        )
         rivals = {rival: rival_modes(here, rival) for rival in ("constant_velocity", "lane_following")}
-        lines += [{"part": name, **line} for line in table({"neural": own, **rivals}, here, _categories(places))]
+        said = {"neural": own, **rivals}
+        found = table(said, here, _categories(places))
+        found += [line for line in table(said, here, {p.name: p.traffic for p in places}) if line["category"] != "all"]
+        lines += [{"part": name, **line} for line in found]
     return lines
 
 

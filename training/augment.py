@@ -42,6 +42,8 @@ class Augmentation:
         jittery: Share of rows whose past is measured badly, as cameras do.
         human: Share of rows of simulated drivers, who keep to the middle of lanes and accelerate evenly, that are made
             to drive and be measured more like people.
+        blind: Share of rows that lose each of: all neighbours, the second leader, the follower, crossing traffic.
+        blurred: Share of rows whose paths are a little different, so that no place is known by its shape.
     """
 
     mirrored: float = 0.3
@@ -50,6 +52,8 @@ class Augmentation:
     speed_noise: float = 0.01
     jittery: float = 0.0
     human: float = 0.6
+    blind: float = 0.1
+    blurred: float = 0.7
 
 
 def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
@@ -72,6 +76,12 @@ def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
     if how.forgetful:
         kept = ~chosen(how.forgetful, n, batch["neighbours"].shape[1], 1)
         batch["neighbours"] = batch["neighbours"] * kept
+    if how.blind:
+        batch["neighbours"] = batch["neighbours"] * ~chosen(how.blind, n, 1, 1)
+        for prefix in _GROUPS:
+            batch["paths"] = without(batch["paths"], prefix, chosen(how.blind))
+    if how.blurred:
+        batch["paths"] = blurred(batch["paths"], chosen(how.blurred) & ~batch["steady"], generator)
     if how.speed_noise:
         noise = torch.randn(n, generator=generator) * how.speed_noise * batch["velocity"]
         batch = with_speed(batch, torch.where(batch["velocity"] > 1.0, noise, torch.zeros(n)))
@@ -141,7 +151,12 @@ def humanised(batch: Batch, chosen: Tensor, generator: Generator) -> Batch:
     paths[..., column["offset"]] += offset[:, None] * on_lane / _SCALE["paths"]["offset"]
     paths[..., column["heading_error"]] += heading[:, None] * on_lane / _SCALE["paths"]["heading_error"]
     out["paths"] = paths
-    out["agent"] = jittered(batch["agent"], chosen, generator)
+    agent = jittered(batch["agent"], chosen, generator)
+    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    ago = torch.arange(1, _N_INSTANTS + 1) * _INSTANT
+    # Only the heading is misjudged: the way that it came lies beside it now.
+    past[..., 1] += past[..., 3] * (heading * batch["velocity"])[:, None] * ago / _SCALE["agent"]["past_y_0.2"]
+    out["agent"] = agent
     knots = torch.tensor(_core.NEURAL["knots"], dtype=torch.float32)
     s, d = batch["target"][..., 0], batch["target"][..., 1]
     # Half of the offset is kept for three seconds; the speed never becomes negative.
@@ -169,6 +184,48 @@ def shortened(agent: Tensor, instants: Tensor) -> Tensor:
     for name, needed in (("acceleration_half_second", 0.5), ("yaw_rate", 0.5), ("acceleration_second", 1.0)):
         agent[:, column[name]] *= ~is_short | (seconds >= needed)
     return agent
+
+
+#: What is on a path: beginnings of the names of its features.
+_GROUPS = ("second", "follower", "crossing")
+
+
+def without(paths: Tensor, prefix: str, chosen: Tensor) -> Tensor:
+    """Paths on which there is nothing of a kind, as the core writes it, in the chosen rows, shape (b,)."""
+    flag = paths[..., _COLUMN["paths"][f"has_{prefix}"]] > 0
+    where = flag & chosen[:, None]
+    paths = paths.clone()
+    for name, column in _COLUMN["paths"].items():
+        if name.startswith(prefix) or name == f"has_{prefix}":
+            absent = _GAP_MAX / _SCALE["paths"][name] if name in _GAPS else 0.0
+            paths[..., column] = paths[..., column].masked_fill(where, absent)
+    return paths
+
+
+#: Gaps and distances that are this large [m] where nobody is.
+_GAP_MAX = 80.0
+_GAPS = ("second_gap", "follower_gap", "crossing_distance")
+#: Relative and absolute (after scaling) standard deviations of what a path looks like.
+_BLUR = {
+    **{f"curvature_{end}": (0.15, 0.02) for end in (5, 10, 15, 20, 30, 40, 60)},
+    **{f"curve_speed_{end}": (0.1, 0.03) for end in (20, 40, 60)},
+    "width": (0.06, 0.0),
+    "road_end": (0.15, 0.0),
+    "share": (0.05, 0.0),
+    "leader_gap": (0.05, 0.0),
+    "second_gap": (0.05, 0.0),
+    "crossing_distance": (0.1, 0.0),
+}
+
+
+def blurred(paths: Tensor, chosen: Tensor, generator: Generator) -> Tensor:
+    """Paths of the chosen rows, shape (b,), measured less exactly."""
+    paths = paths.clone()
+    for name, (relative, absolute) in _BLUR.items():
+        column = paths[..., _COLUMN["paths"][name]]
+        noise = torch.randn(column.shape, generator=generator) * chosen[:, None]
+        column += noise * (relative * column.abs() + absolute * (column != 0))
+    return paths
 
 
 def with_speed(batch: Batch, change: Tensor) -> Batch:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,9 +25,14 @@ class Calibration:
     temperature: float
 
 
-def calibrated(answer: Answer, calibration: Calibration) -> Answer:
-    """The answer with factors applied."""
-    tempered = torch.log_softmax((answer.log_probability / calibration.temperature).flatten(1), dim=1)
+#: Larger temperatures would buy likelihood of a few rows with probability for ways that nobody takes.
+_TEMPERATURE_MAX = 1.5
+
+
+def calibrated(answer: Answer, calibration: Calibration, standing: Tensor) -> Answer:
+    """The answer with factors applied; the temperature is for those who do not stand, shape (b,)."""
+    temperature = torch.where(standing, 1.0, calibration.temperature)[:, None, None]
+    tempered = torch.log_softmax((answer.log_probability / temperature).flatten(1), dim=1)
     return replace(
         answer,
         log_probability=tempered.view_as(answer.log_probability),
@@ -38,7 +44,11 @@ def calibrated(answer: Answer, calibration: Calibration) -> Answer:
 def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) -> Tensor:
     """Mean logarithm of the density at the knots; factors: logarithms of those of s, of d, and of the temperature."""
     n = target.shape[2]
-    s, d, log_temperature = factors[:n].exp(), factors[n : 2 * n].exp(), factors[2 * n]
+    s, d, log_temperature = (
+        factors[:n].exp(),
+        factors[n : 2 * n].exp(),
+        factors[2 * n].clamp(max=math.log(_TEMPERATURE_MAX)),
+    )
     logits = answer.log_probability.clamp(min=-1e3)  # the derivative of an infinite one is nan
     log_p = torch.log_softmax((logits / log_temperature.exp()).flatten(1), dim=1)
     on_path = torch.isfinite(target).all(dim=-1)
@@ -48,7 +58,7 @@ def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) 
     y = (true[:, :, None, :, 1] - answer.d) / sigma_d
     density = -0.5 * (x**2 + y**2) - torch.log(sigma_s) - torch.log(sigma_d)
     density = torch.where(on_path[:, :, None], density, torch.full_like(density, -200.0))
-    knot = torch.logsumexp(log_p.view_as(answer.log_probability)[..., None] + density, dim=(1, 2)).clamp(min=-30.0)
+    knot = torch.logsumexp(log_p.view_as(answer.log_probability)[..., None] + density, dim=(1, 2)).clamp(min=-12.0)
     known = on_path.any(dim=1)
     return (share[:, None] * knot * known).sum() / (share[:, None] * known).sum()
 
@@ -74,6 +84,7 @@ def fitted(answers: Sequence[Answer], targets: Sequence[Tensor], shares: Sequenc
 
     optimizer.step(closure)
     found = [round(value, 4) for value in factors.detach().exp().tolist()]
+    found[-1] = min(found[-1], _TEMPERATURE_MAX)
     if not all(0.2 < value < 5.0 for value in found):
         raise ValueError(f"the calibration did not converge: {found}")
     return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), found[-1])

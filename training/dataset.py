@@ -182,22 +182,15 @@ def load(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Itera
                 yield path.stem, place, True, rows
 
 
-def fresh(rows: Rows, seen: set[bytes], place: str) -> NDArray[np.bool_]:
-    """Which rows are not there yet: many files show the same recording, some of them at shifted times.
+def keys_of(rows: Rows, place: str) -> list[bytes]:
+    """What tells rows apart: place, pose, speed, future and (up to half a second) the known past.
 
-    Two rows are the same if place, pose, speed, future and (up to half a second) the known past agree.
+    Many files show the same recording, some of them at shifted times.
     """
     known = rows["agent"][:, [i for i, entry in enumerate(_core.NEURAL["agent"]) if entry[0] == "seconds_known"]]
     parts = [rows["pose"], rows["velocity"][:, None], rows["future"].reshape(len(rows["id"]), -1), np.rint(2 * known)]
     key = np.nan_to_num(np.rint(np.concatenate(parts, axis=1) * 5), nan=-999).astype(np.int64)
-    new = np.zeros(len(key), bool)
-    name = place.encode()
-    for i, line in enumerate(key):
-        text = name + line.tobytes()
-        if text not in seen:
-            seen.add(text)
-            new[i] = True
-    return new
+    return [place.encode() + line.tobytes() for line in key]
 
 
 def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Rows:
@@ -211,7 +204,10 @@ def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Row
     # The fullest recording first: of two rows that agree, the one with more traffic around it is kept.
     loaded = sorted(load(files, places, cache), key=lambda entry: (-len(entry[3]["id"]), entry[0], entry[2]))
     for name, place, is_steady, rows in loaded:
-        keep = fresh(rows, seen, place.name)
+        keys = keys_of(rows, place.name)
+        # Somebody who waits has the same row again and again; only what earlier files have shown is left out.
+        keep = np.array([key not in seen for key in keys], dtype=bool)
+        seen.update(keys)
         part = {field: values[keep] for field, values in rows.items()}
         part["file"] = np.full(int(keep.sum()), name)
         part["place"] = np.full(int(keep.sum()), place.name)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 STAY_VARIANCE = 0.02
 #: A standing vehicle that is expected to get less far than this in 3 s [m] is expected to stay.
 STAY_DISTANCE = 1.0
+#: Modes whose positions at all knots are nearer than this [m] are one.
+SAME = 0.4
 #: Shares of true positions that regions are to hold.
 NOMINAL = (0.5, 0.9, 0.99)
 #: Draws per row from which the size of a region is found.
@@ -73,11 +75,36 @@ def modes_of(answer: Answer, rows: Rows, modes_max: int) -> Modes:
     xy = np.concatenate([xy, np.zeros((n, 1, len(KNOTS), 2))], axis=1)
     still = np.broadcast_to(np.eye(2) * STAY_VARIANCE, (n, 1, len(KNOTS), 2, 2))
     covariance = np.concatenate([covariance, still], axis=1)
+    p, covariance = _merged(p, xy, covariance)
     order = np.argsort(-p, axis=1, kind="stable")[:, :modes_max]
     p = np.take_along_axis(p, order, axis=1)
     xy = np.take_along_axis(xy, order[:, :, None, None], axis=1)
     covariance = np.take_along_axis(covariance, order[:, :, None, None, None], axis=1)
     return Modes(p / p.sum(axis=1, keepdims=True), xy, covariance)
+
+
+def _merged(p: Floats, xy: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """Modes that are the same drive become one, as in the core: the most probable of them takes over the others."""
+    n, m = p.shape
+    order, pick = np.argsort(-p, axis=1, kind="stable"), np.arange(n)
+    p, covariance = p.copy(), covariance.copy()
+    for b in range(1, m):
+        later = order[:, b]
+        for a in range(b):
+            into = order[:, a]
+            apart = xy[pick, later] - xy[pick, into]
+            same = (np.linalg.norm(apart, axis=-1) < SAME).all(axis=1) & (p[pick, into] > 0) & (p[pick, later] > 0)
+            if not same.any():
+                continue
+            rows, i, j = pick[same], into[same], later[same]
+            share = (p[rows, j] / (p[rows, i] + p[rows, j]))[:, None, None, None]
+            beside = apart[same][..., :, None] * apart[same][..., None, :]
+            mixed = (1 - share) * covariance[rows, i] + share * (covariance[rows, j] + beside)
+            is_stay = ((i == m - 1) | (j == m - 1))[:, None, None, None]
+            covariance[rows, i] = np.where(is_stay, covariance[rows, i], mixed)
+            p[rows, i] += p[rows, j]
+            p[rows, j] = 0.0
+    return p, covariance
 
 
 def rival_modes(rows: Rows, name: str) -> Modes:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from training.network import KNOTS
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -31,7 +33,7 @@ class Weights:
     whole: float = 0.5
     each: float = 1.0
     nearest: float = 0.05
-    expected: float = 0.3
+    expected: float = 0.6
 
 
 def loss(answer: Answer, target: Tensor, weights: Weights) -> Tensor:
@@ -57,7 +59,9 @@ def loss(answer: Answer, target: Tensor, weights: Weights) -> Tensor:
     each = (knot * known).sum(dim=1) / n_known
     distance = torch.sqrt(ds**2 + dd**2 + 0.01)
     distance = torch.where(on_path[:, :, None], distance, torch.full_like(distance, 20.0)) * mask
-    mean_distance = distance.sum(dim=-1) / n_known[:, None, None]
+    # The end counts as much as the way there.
+    late = KNOTS / KNOTS.mean() * mask
+    mean_distance = (distance * late).sum(dim=-1) / late.sum(dim=-1).clamp(min=1e-6)
     expected = (answer.log_probability.exp() * mean_distance).sum(dim=(1, 2))
     none = torch.isneginf(answer.log_probability)
     nearest = mean_distance.masked_fill(none, torch.inf).flatten(1).amin(dim=1)
