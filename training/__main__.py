@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from training.calibration import Calibration, calibrated, fitted
+from interdrive.predictors import Neural
+from training.calibration import Calibration, calibrated, fitted, rescaled
 from training.dataset import gather, scenario_files
-from training.evaluate import errors, groups, modes_of, rival_modes, table
+from training.evaluate import NOMINAL, errors, groups, levels, modes_of, rival_modes, table
 from training.export import digest_of, write_fixture, write_weights
 from training.fit import Course, answer_to, fit, shares
 from training.split import FOLDS, place_of, read_places
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Modes that are looked at, as many as the predictor keeps by default.
-MODES_MAX = 6
+MODES_MAX = Neural().modes_max
+#: Rows of each third on which regions are looked at for the calibration.
+CALIBRATION_ROWS = 1500
 #: How often a network in training is looked at [epochs].
 LOOK = 5
 
@@ -179,14 +182,28 @@ def _calibration(
     networks: Mapping[str, Network], rows: Rows, part: NDArray[np.str_], places: tuple[Place, ...]
 ) -> Calibration:
     """From what each network says of moving vehicles in the third that it was not trained on."""
-    answers, targets, weights = [], [], []
+    answers, targets, weights, looked_at = [], [], [], []
     share = shares(rows, places) * ~rows["standing"] * ~rows["steady"]
+    generator = np.random.default_rng(0)
     for fold, network in networks.items():
-        here = _only(rows, part == fold)
+        here, weight = _only(rows, part == fold), share[part == fold]
         answers.append(answer_to(network, here))
         targets.append(torch.from_numpy(here["target"]))
-        weights.append(torch.from_numpy(share[part == fold].astype(np.float32)))
-    return fitted(answers, targets, weights)
+        weights.append(torch.from_numpy(weight.astype(np.float32)))
+        drawn = np.sort(generator.choice(len(weight), size=CALIBRATION_ROWS, p=weight / weight.sum()))
+        few = {name: values[drawn] for name, values in here.items()}
+        looked_at.append((answer_to(network, few), few))
+
+    def inside(calibration: Calibration) -> list[float]:
+        found = []
+        for answer, few in looked_at:
+            modes = modes_of(calibrated(answer, calibration, torch.from_numpy(few["standing"])), few, MODES_MAX)
+            found += [levels(modes, few, knot) for knot in (1, 3, 5)]
+        level = np.concatenate(found)
+        level = level[np.isfinite(level)]
+        return [float((level <= q).mean()) for q in NOMINAL]
+
+    return rescaled(fitted(answers, targets, weights), inside, NOMINAL)
 
 
 def _evaluation(

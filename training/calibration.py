@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import torch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from torch import Tensor
 
@@ -88,3 +88,27 @@ def fitted(answers: Sequence[Answer], targets: Sequence[Tensor], shares: Sequenc
     if not all(0.2 < value < 5.0 for value in found):
         raise ValueError(f"the calibration did not converge: {found}")
     return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), found[-1])
+
+
+def rescaled(
+    calibration: Calibration, inside: Callable[[Calibration], Sequence[float]], nominal: Sequence[float]
+) -> Calibration:
+    """With all spreads scaled alike, and another temperature, so that regions hold what they promise.
+
+    Args:
+        calibration: Where to start.
+        inside: Shares of true positions in the nominal regions, after what the predictor does to the modes.
+        nominal: The shares that these regions promise.
+
+    Returns:
+        The one of a grid with the smallest sum of squared differences.
+    """
+    best, least = calibration, math.inf
+    for temperature in (1.0, 1.25, _TEMPERATURE_MAX):
+        for scale in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3):
+            s, d = (tuple(round(scale * factor, 4) for factor in factors) for factors in (calibration.s, calibration.d))
+            tried = Calibration(s, d, temperature)
+            misfit = sum((share - q) ** 2 for share, q in zip(inside(tried), nominal, strict=True))
+            if misfit < least:
+                best, least = tried, misfit
+    return best

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from interdrive import _core
+from interdrive.predictors.weights import digest
 from training.network import DEAD_ZONE
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def write_weights(path: Path, network: Network, calibration: Calibration, metada
         "feature_version": str(_core.NEURAL["version"]),
         "sizes": f"agent {sizes.agent}, neighbour {sizes.neighbour}, path {sizes.path}, head {sizes.head}",
     }
-    write_safetensors(path, tensors, {**described, **metadata})
+    write_safetensors(path, tensors, {**described, **metadata, "sha256": digest(tensors)})
 
 
 def write_fixture(path: Path, network: Network, rows: Rows) -> None:
