@@ -5,7 +5,7 @@ import pytest
 
 from interdrive import InputError, Simulation, _core, simulate
 from interdrive.predictors import Neural, native
-from interdrive.predictors.weights import write_weights
+from interdrive.predictors.weights import digest, write_weights
 from interdrive.testing import Car, problem, straight_road, world
 
 
@@ -146,6 +146,15 @@ def test_a_file_that_changes_is_read_again(file):
     changed = weights(seed=1, **{"decode.dead_zone": np.zeros(2)})
     write_weights(file, changed, {"feature_version": str(_core.NEURAL["version"]), "more": "text"})
     assert (ends() != first).any()
+
+
+def test_values_that_were_changed_after_training_are_refused(file):
+    metadata = {"feature_version": str(_core.NEURAL["version"]), "sha256": digest(weights())}
+    write_weights(file, weights(), metadata)
+    Simulation(scenario(), predictor=Neural(weights=str(file)))
+    write_weights(file, weights(seed=1), metadata)
+    with pytest.raises(InputError, match=r"small.safetensors: the values are not those that were trained"):
+        Simulation(scenario(), predictor=Neural(weights=str(file)))
 
 
 @pytest.mark.parametrize("modes_max", [0, 9])

@@ -121,7 +121,7 @@ def test_a_predictor_that_keeps_the_contract_passes_in_every_world():
     assert all(0 < seconds < 1 for seconds in longest.values())
 
 
-@pytest.mark.parametrize("name", ["constant_velocity", "lane_following", "ground_truth"])
+@pytest.mark.parametrize("name", ["constant_velocity", "lane_following", "ground_truth", "neural"])
 def test_native_predictors_keep_the_contract(name):
     check_predictor(name)
 

@@ -74,6 +74,13 @@ def test_other_tensors_than_expected_are_refused(file, tensors, words):
         read_weights(file, SHAPES, digest(TENSORS))
 
 
+def test_a_type_that_numpy_does_not_have_is_refused(file):
+    header = b'{"a":{"dtype":"F8_E4M3","shape":[1],"data_offsets":[0,1]}}'
+    file.write_bytes(struct.pack("<Q", len(header)) + header + b"0")
+    with pytest.raises(InputError, match="damaged or not a safetensors file"):
+        read_weights(file)
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.safetensors: no such file"):
         read_weights(tmp_path / "nowhere.safetensors")
@@ -236,6 +243,18 @@ def test_a_model_is_installed_from_a_wheel_once(invented, tmp_path, cache):
     assert invented.weights().metadata["source"] == "wale-net 3.0.3, net.tar"
     assert "installed, " in invoke("models", "list").stdout
     assert "already installed" in invoke("models", "install", "walenet").stdout
+
+
+def test_a_wheel_whose_contents_are_damaged_is_refused(invented, tmp_path):
+    path = tmp_path / "a.whl"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("net.tar", checkpoint(GOOD, STORAGES))
+    data = bytearray(path.read_bytes())
+    data[40] ^= 0xFF
+    data[41] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.whl: not a wheel that can be read"):
+        invented.install(path)
 
 
 def test_a_damaged_installation_says_so_and_is_replaced(invented, tmp_path):

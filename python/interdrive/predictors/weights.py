@@ -78,7 +78,8 @@ def read_weights(path: Path, shapes: Mapping[str, tuple[int, ...]] | None = None
         with safetensors.safe_open(path, framework="np") as file:
             metadata = dict(file.metadata() or {})
             tensors = {name: np.array(file.get_tensor(name), order="C") for name in file.keys()}  # noqa: SIM118
-    except (safetensors.SafetensorError, OSError, TypeError, ValueError) as error:
+    # Types that numpy does not have come as attribute errors.
+    except (safetensors.SafetensorError, OSError, TypeError, ValueError, AttributeError, KeyError) as error:
         raise InputError(f"weights {path}: damaged or not a safetensors file ({error})") from error
     if shapes is not None:
         _check_names(path, tensors, shapes)
