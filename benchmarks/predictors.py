@@ -63,7 +63,7 @@ def drive(path: Path, predictor: object, planner: str) -> list[Ended] | str:
     try:
         run = simulate(path, planner=planner, predictor=predictor, threads=1)
     except InterdriveError as error:
-        return str(error)
+        return str(error).removeprefix(f"{path}: ")
     ended = run.outcomes
     agents = set(ended.agent_id.tolist())
     return [
