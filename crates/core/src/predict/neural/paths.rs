@@ -128,20 +128,8 @@ impl CandidatePath {
     /// Straight on along the heading.
     fn straight(pose: Pose, reach: f64) -> Self {
         let axis = Point::from_angle(pose.orientation);
-        let mut path = Self {
-            points: [-BEHIND, 0.0, reach].map(|s| pose.position + axis * s).to_vec(),
-            arc_lengths: vec![-BEHIND, 0.0, reach],
-            headings: vec![pose.orientation; 3],
-            boxes: Vec::new(),
-            offset: 0.0,
-            heading_error: 0.0,
-            share: 0.0,
-            width: 0.0,
-            speed_limit: f64::NAN,
-            end: 0.0,
-        };
-        path.index();
-        path
+        let points = [-BEHIND, 0.0, reach].map(|s| pose.position + axis * s).to_vec();
+        Self::of(points, vec![-BEHIND, 0.0, reach], vec![pose.orientation; 3])
     }
 
     /// Along a lane, straightest where the chain ends, straight on where the map ends. `None` where a map is so broken
@@ -223,6 +211,11 @@ impl CandidatePath {
             headings.insert(0, headings[0]);
             arc_lengths.insert(0, -BEHIND);
         }
+        Self::of(points, arc_lengths, headings)
+    }
+
+    /// A path by its points; what a vehicle has to do with it is not known yet.
+    fn of(points: Vec<Point>, arc_lengths: Vec<f64>, headings: Vec<f64>) -> Self {
         let mut path = Self {
             points,
             arc_lengths,
