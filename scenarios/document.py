@@ -8,7 +8,7 @@ import numpy as np
 from network import Incoming, Lanelet, Network, rounded
 from traffic import DT, Vehicle
 
-#: Ids: lanelets from 1, then the speed sign and the intersection, vehicles and planning problem beyond.
+#: Ids: lanelets from 1 (or beyond all others), then the speed sign and the intersections; vehicles, planning problems.
 SIGN_ID = 900
 INTERSECTION_ID = 901
 FIRST_VEHICLE_ID = 1001
@@ -27,14 +27,13 @@ class Goal:
 
 @dataclass(frozen=True)
 class Made:
-    """Everything that goes into a file; `ego` gives the planning problem its start and is not recorded."""
+    """Everything that goes into a file; the vehicle of a planning problem gives it its start and is not recorded."""
 
     benchmark_id: str
     tags: tuple[str, ...]
     network: Network
     vehicles: list[Vehicle]
-    ego: Vehicle
-    goal: Goal
+    problems: list[tuple[Vehicle, Goal]]
 
 
 def document(made: Made) -> str:
@@ -51,10 +50,13 @@ def document(made: Made) -> str:
     ]
     lines += [_lanelet(lanelet) for _, lanelet in sorted(network.lanelets.items())]
     lines.append(_speed_sign(network))
-    if network.incomings:
-        lines.append(_intersection(network.incomings))
+    number = INTERSECTION_ID
+    for incomings in network.intersections:
+        lines.append(_intersection(number, incomings))
+        number += 1 + len(incomings)
     lines += [_vehicle(FIRST_VEHICLE_ID + index, vehicle) for index, vehicle in enumerate(made.vehicles)]
-    lines += [_planning_problem(made.ego, made.goal), "</commonRoad>", ""]
+    lines += [_planning_problem(PLANNING_PROBLEM_ID + index, *one) for index, one in enumerate(made.problems)]
+    lines += ["</commonRoad>", ""]
     return "\n".join(lines)
 
 
@@ -96,17 +98,17 @@ def _speed_sign(network: Network) -> str:
     )
 
 
-def _intersection(incomings: list[Incoming]) -> str:
-    parts = [f'<intersection id="{INTERSECTION_ID}">']
+def _intersection(number: int, incomings: list[Incoming]) -> str:
+    parts = [f'<intersection id="{number}">']
     for index, incoming in enumerate(incomings, start=1):
-        parts.append(f'<incoming id="{INTERSECTION_ID + index}">')
+        parts.append(f'<incoming id="{number + index}">')
         for tag, numbers in (
             ("incomingLanelet", incoming.lanelets),
             ("successorsRight", incoming.right),
             ("successorsStraight", incoming.straight),
             ("successorsLeft", incoming.left),
         ):
-            parts += [f'<{tag} ref="{number}"/>' for number in numbers]
+            parts += [f'<{tag} ref="{lanelet}"/>' for lanelet in numbers]
         parts.append("</incoming>")
     return "\n".join([*parts, "</intersection>"])
 
@@ -133,9 +135,9 @@ def _state(vehicle: Vehicle, step: int) -> str:
     )
 
 
-def _planning_problem(ego: Vehicle, goal: Goal) -> str:
+def _planning_problem(number: int, ego: Vehicle, goal: Goal) -> str:
     if goal.rectangle is None:
-        area = "".join(f'<lanelet ref="{number}"/>' for number in goal.lanelets)
+        area = "".join(f'<lanelet ref="{lanelet}"/>' for lanelet in goal.lanelets)
     else:
         x, y, heading, length, width = goal.rectangle
         area = (
@@ -149,7 +151,7 @@ def _planning_problem(ego: Vehicle, goal: Goal) -> str:
         slow, fast = (_number(value) for value in goal.velocity)
         velocity = f"<velocity><intervalStart>{slow}</intervalStart><intervalEnd>{fast}</intervalEnd></velocity>"
     return (
-        f'<planningProblem id="{PLANNING_PROBLEM_ID}"><initialState>{_state(ego, 0)}'
+        f'<planningProblem id="{number}"><initialState>{_state(ego, 0)}'
         f"{_exact('yawRate', 0.0)}{_exact('slipAngle', 0.0)}</initialState>\n"
         f"<goalState><position>{area}</position>{time}{velocity}</goalState></planningProblem>"
     )

@@ -75,7 +75,7 @@ def make() -> Made:
         velocity=(float(ego.speed[-1]) - 3.0, float(ego.speed[-1]) + 3.0),
     )
     tags = ("highway", "multi_lane", "parallel_lanes", "no_oncoming_traffic", "lane_change")
-    return Made("ZAM_InterdriveHighway-1_1_T-1", tags, network(), vehicles, ego, goal)
+    return Made("ZAM_InterdriveHighway-1_1_T-1", tags, network(), vehicles, [(ego, goal)])
 
 
 def _placed(

@@ -77,13 +77,15 @@ def network() -> Network:
         roads.neighbours(entering(arm, 0), entering(arm, 1))
         roads.neighbours(entering(arm, 1), entering(arm, 2))
         roads.neighbours(leaving(arm, 1), leaving(arm, 2))
+    incomings = []
     for arm in range(4):
         for turn in ("left", "straight 1", "straight 2", "right"):
             _connect(roads, arm, turn)
         roads.neighbours(inside(arm, "straight 1"), inside(arm, "straight 2"), marking="no_marking")
         straights = [inside(arm, "straight 1"), inside(arm, "straight 2")]
         lanes = [entering(arm, lane) for lane in range(3)]
-        roads.incomings.append(Incoming(lanes, [inside(arm, "left")], straights, [inside(arm, "right")]))
+        incomings.append(Incoming(lanes, [inside(arm, "left")], straights, [inside(arm, "right")]))
+    roads.intersections.append(incomings)
     return roads
 
 
@@ -113,7 +115,7 @@ def make() -> Made:
     ego = vehicles.pop(movements.index(EGO))
     goal = Goal(time_step=(70, 150), lanelets=(target(*EGO),))
     tags = ("urban", "intersection", "multi_lane", "oncoming_traffic", "turn_left")
-    return Made("ZAM_InterdriveIntersection-1_1_T-1", tags, roads, vehicles, ego, goal)
+    return Made("ZAM_InterdriveIntersection-1_1_T-1", tags, roads, vehicles, [(ego, goal)])
 
 
 def _placed(

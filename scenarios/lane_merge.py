@@ -49,7 +49,7 @@ def make() -> Made:
     ego = vehicles.pop(EGO_PLACE)
     goal = Goal(time_step=(120, 150), lanelets=(MERGED,))
     tags = ("urban", "merging_lanes", "multi_lane", "no_oncoming_traffic")
-    return Made("ZAM_InterdriveMerge-1_1_T-1", tags, roads, vehicles, ego, goal)
+    return Made("ZAM_InterdriveMerge-1_1_T-1", tags, roads, vehicles, [(ego, goal)])
 
 
 def _routes() -> dict[str, list[int]]:

@@ -38,11 +38,11 @@ class Incoming:
 
 @dataclass
 class Network:
-    """All lanelets by id, the arms of the intersection if there is one, and the speed limit of all [m/s]."""
+    """All lanelets by id, the arms of each intersection, and the speed limit of all [m/s]."""
 
     speed_limit: float
     lanelets: dict[int, Lanelet] = field(default_factory=dict)
-    incomings: list[Incoming] = field(default_factory=list)
+    intersections: list[list[Incoming]] = field(default_factory=list)
 
     def add(
         self,

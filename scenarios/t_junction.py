@@ -47,11 +47,12 @@ def network() -> Network:
     for left, right in ((TO_WEST, FROM_WEST), (TO_EAST, FROM_EAST), (TO_SOUTH, FROM_SOUTH)):
         roads.neighbours(left, right, same_direction=False)
     roads.neighbours(EAST_WEST, WEST_EAST, same_direction=False, marking="no_marking")
-    roads.incomings = [
+    incomings = [
         Incoming([FROM_WEST], straight=[WEST_EAST], right=[WEST_SOUTH]),
         Incoming([FROM_EAST], left=[EAST_SOUTH], straight=[EAST_WEST]),
         Incoming([FROM_SOUTH], left=[SOUTH_WEST], right=[SOUTH_EAST]),
     ]
+    roads.intersections.append(incomings)
     return roads
 
 
@@ -87,7 +88,7 @@ def make() -> Made:
     ego = first_free([_ego(roads, go) for go in np.arange(5.0, 9.0, 0.25)], vehicles, along=5.0)
     goal = Goal(time_step=(90, 130), lanelets=(TO_WEST,))
     tags = ("urban", "intersection", "two_lane", "turn_left", "oncoming_traffic")
-    return Made("ZAM_InterdriveTJunction-1_1_T-1", tags, roads, vehicles, ego, goal)
+    return Made("ZAM_InterdriveTJunction-1_1_T-1", tags, roads, vehicles, [(ego, goal)])
 
 
 def _ego(roads: Network, go: float) -> Vehicle:
