@@ -256,7 +256,7 @@ def invented_run(**changes):
         )
         for number, s, offset in ((1, 95.0, 0.0), (2, 120.0, 3.5), (3, 110.0, 0.0), (4, 130.0, 3.5))
     )
-    seconds = np.tile([0.001, 0.0005, 0.015, 0.0, 0.0002, 0.0003], N_STEPS)
+    seconds = np.tile([0.001, 0.0005, 0.015, 0.0, 0.0002, 0.0001, 0.0002], N_STEPS)
     run = Run(
         scenario=scenario(recorded),
         settings={

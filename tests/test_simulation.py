@@ -118,6 +118,17 @@ def test_the_phases_of_a_step_are_all_timed():
     assert (run.timings.seconds >= 0).all()
 
 
+def test_the_time_that_the_core_works_is_part_of_the_time_of_the_phases():
+    simulation = Simulation(two_lanes(), threads=1)
+    assert simulation.world.native_seconds == 0.0
+    simulation.step()
+    first = simulation.world.native_seconds
+    run = simulation.run()
+    assert 0.0 < first < simulation.world.native_seconds < run.timings.seconds.sum()
+    collision = run.timings.seconds[[phase == "collision" for phase in run.timings.phase]]
+    assert (collision > 0.0).all()
+
+
 def test_a_plan_is_recorded_for_every_agent_and_step_and_is_what_was_driven():
     run = simulate(two_lanes(), agents=[100, 200], threads=1)
     own = run.plans.agent_id == 200

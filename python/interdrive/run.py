@@ -32,8 +32,9 @@ OUTCOMES = (
 #: How a plan came about; the position is the code in `Plans.status`.
 PLAN_STATUS = ("none", "planned", "emergency_braking", "infeasible", "error")
 
-#: Phases of a step, in their order; the timings of a step add up over them. "record" is what pictures ask for.
-PHASES = ("observe", "predict", "plan", "plan_python", "record", "advance")
+#: Phases of a step, in their order; the timings of a step add up over them. "record" is what pictures ask for,
+#: "collision" the search for contacts and road departures, "advance" all else of `World.step`.
+PHASES = ("observe", "predict", "plan", "plan_python", "record", "collision", "advance")
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import time
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
-
-import numpy as np
 
 from interdrive import _core
 from interdrive.agents import normalized, select
@@ -201,11 +200,12 @@ class Simulation:
         if self._considered is not None:
             self._considered.add(world, scene, predictions)
         marks.append(clock())
-        world.step(plans)
+        collision = world.step(plans)
         marks.append(clock())
         if world.is_done:
             self._dismiss()
-        self._timings.append((time_step, tuple(np.diff(marks).tolist())))
+        *before, advance = (end - begin for begin, end in pairwise(marks))
+        self._timings.append((time_step, (*before, collision, advance - collision)))
 
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
         horizon = max(1, round(self.settings.predictor.horizon / self.scenario.dt))

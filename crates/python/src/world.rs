@@ -1,7 +1,10 @@
 //! The world and the tables of a step as handles.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
+use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::predict::neural::Neural;
@@ -354,8 +357,28 @@ impl PyPlans {
     }
 }
 
+/// The world, and the time spent in its phases so far [ns].
 #[pyclass(name = "World", module = "interdrive._core")]
-pub struct PyWorld(World);
+pub struct PyWorld(World, AtomicU64);
+
+impl PyWorld {
+    /// Runs a phase with the interpreter released and adds its time to that of all phases.
+    fn timed<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&World) -> Result<T, Error> + Send) -> PyResult<T> {
+        let begin = now();
+        let done = detached(py, || work(&self.0));
+        self.1.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
+        done
+    }
+}
+
+#[allow(clippy::disallowed_methods, reason = "times are reported to Python; the core does not see them")]
+fn now() -> Instant {
+    Instant::now()
+}
+
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}
 
 #[pymethods]
 impl PyWorld {
@@ -376,7 +399,8 @@ impl PyWorld {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
         let settings = WorldSettings { grace_factor, replan_every, history_steps, threads, record_views };
         let scenario = Arc::clone(&scenario.0);
-        detached(py, || World::new(scenario, agents, settings)).map(Self)
+        let world = detached(py, || World::new(scenario, agents, settings))?;
+        Ok(Self(world, AtomicU64::new(0)))
     }
 
     #[getter]
@@ -403,10 +427,15 @@ impl PyWorld {
         self.0.entered_in_contact()
     }
 
-    fn scene(&self, py: Python<'_>) -> PyScene {
-        let world = &self.0;
-        let scene = py.detach(|| world.scene());
-        PyScene { scene: Arc::new(scene), road: Arc::clone(&world.scenario().road) }
+    /// Seconds that `scene`, `predict`, `plan` and `step` have worked so far without the interpreter.
+    #[getter]
+    fn native_seconds(&self) -> f64 {
+        1e-9 * self.1.load(Ordering::Relaxed) as f64
+    }
+
+    fn scene(&self, py: Python<'_>) -> PyResult<PyScene> {
+        let scene = self.timed(py, |world| Ok(Arc::new(world.scene())))?;
+        Ok(PyScene { scene, road: Arc::clone(&self.0.scenario().road) })
     }
 
     /// What an agent sees. `s` is the arc length of its rear axle on its reference path [m]; the world knows it, other
@@ -455,18 +484,27 @@ impl PyWorld {
         scene: &PyScene,
         n_steps: usize,
     ) -> PyResult<PyPredictions> {
-        let world = &self.0;
-        detached(py, || world.predict(&predictor.0, &scene.scene, n_steps)).map(PyPredictions::whole)
+        self.timed(py, |world| world.predict(&predictor.0, &scene.scene, n_steps)).map(PyPredictions::whole)
     }
 
     fn plan(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPlans> {
-        let (world, table) = (&self.0, predictions.table());
-        detached(py, || world.plan(&scene.scene, &table)).map(PyPlans)
+        let table = predictions.table();
+        self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
     }
 
-    fn step(&mut self, py: Python<'_>, plans: &PyPlans) -> PyResult<()> {
-        let world = &mut self.0;
-        detached(py, || world.step(&plans.0))
+    /// Moves everybody; returns the seconds that the search for contacts and road departures took.
+    fn step(&mut self, py: Python<'_>, plans: &PyPlans) -> PyResult<f64> {
+        let (world, begin) = (&mut self.0, now());
+        let mut marks = [begin; 2];
+        let mut n_marks = 0;
+        detached(py, || {
+            world.step_marked(&plans.0, || {
+                marks[n_marks.min(1)] = now();
+                n_marks += 1;
+            })
+        })?;
+        self.1.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
+        Ok(marks[1].duration_since(marks[0]).as_secs_f64())
     }
 
     /// All samples of an agent's planner as a dict of arrays; None if it has none.

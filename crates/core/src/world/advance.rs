@@ -23,6 +23,15 @@ impl World {
     /// # Errors
     /// `WrongTimeStep`; `InvalidInput` if the plans' rows are not exactly the agents that drive now.
     pub fn step(&mut self, plans: &Plans) -> Result<()> {
+        self.step_marked(plans, || ())
+    }
+
+    /// As [`World::step`]; `mark` is called right before and right after contacts and road departures are looked for, so
+    /// that whoever has a clock can time them.
+    ///
+    /// # Errors
+    /// As [`World::step`].
+    pub fn step_marked(&mut self, plans: &Plans, mut mark: impl FnMut()) -> Result<()> {
         self.check_time_step("plans", plans.time_step)?;
         if plans.ids != self.driving() {
             return Err(Error::invalid(format!(
@@ -36,8 +45,10 @@ impl World {
         }
         self.adopt(plans);
         let next = self.next_states();
+        mark();
         self.judge_contacts(&next);
         self.judge_road(&next);
+        mark();
         self.states = next;
         self.time_step += 1;
         self.judge_goals();
