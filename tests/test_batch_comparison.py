@@ -1,6 +1,7 @@
 """Planners compared: tables by category, paired differences with intervals, reservations; questions in SQL."""
 
 import hashlib
+import itertools
 import math
 import subprocess
 import sys
@@ -22,18 +23,20 @@ def invented(folder, runs):
 
     Args:
         folder: Where.
-        runs: (scenario, planner, agents) each; agents is a status, or a mapping from ids to what differs from an agent
-            that has reached its goal.
+        runs: (scenario, planner, agents) each, or with what differs in the run as a fourth; agents is a status, or a
+            mapping from ids to what differs from an agent that has reached its goal.
     """
     batch = BatchFolder.create(folder)
-    for scenario, planner, agents in runs:
-        key = hashlib.sha256(f"{scenario} {planner}".encode()).hexdigest()[:32]
+    for scenario, planner, agents, *other in runs:
+        key = hashlib.sha256(f"{scenario} {planner} {other}".encode()).hexdigest()[:32]
         sha = hashlib.sha256(scenario.encode()).hexdigest()
         run = {
             "key": key, "scenario": scenario, "category": scenario.partition("/")[0], "planner": planner,
-            "predictor": "lane_following", "traffic": "same", "agents": "all", "seed": 0, "status": "finished",
-            "error": "", "attempts": 1, "digest": key, "dt": 0.1, "n_steps": 100, "read_seconds": 0.1,
-            "run_seconds": 1.0, "kept": False, "path": f"/{scenario}.xml", "scenario_sha256": sha, "version": "0",
+            "predictor": "lane_following", "settings": "", "traffic": "same", "agents": "all", "seed": 0,
+            "status": "finished", "error": "", "attempts": 1, "digest": key, "dt": 0.1, "n_steps": 100,
+            "read_seconds": 0.1, "run_seconds": 1.0, "kept": False, "path": f"/{scenario}.xml",
+            "scenario_sha256": sha, "version": "0",
+            **(other[0] if other else {}),
         }  # fmt: skip
         if isinstance(agents, str):
             rows = [{**run, "status": agents, **dict.fromkeys(column.name for column in AGENT_COLUMNS)}]
@@ -112,6 +115,65 @@ def test_a_difference_is_between_the_same_agents(tmp_path):
     assert difference(compare(folder), "collisions")["difference"] == 0.0
 
 
+def test_a_planner_that_lacks_scenarios_is_compared_over_those_that_it_has(tmp_path):
+    folder = invented(
+        tmp_path / "batch",
+        [
+            ("urban/x", "a", {1: {}, 2: crash()}),
+            ("urban/x", "b", {1: {}, 2: {}}),
+            ("urban/x", "slow", {1: crash(), 2: {}}),
+            ("urban/y", "a", {1: crash()}),
+            ("urban/y", "b", {1: {}}),
+        ],
+    )
+    found = compare(folder)
+    assert [row(found, "all", name)["collisions"] for name in ("a", "b", "slow")] == [50.0, 0.0, 50.0]
+    assert {r["n_agents"] for r in found.table.to_pylist()} == {2}
+    assert found.sets[0].left_out == {"a": 1, "b": 1, "slow": 0}
+    assert found.sets[0].size == "2 agents in 1 scenario, those that all 3 planners drove; not counted: a 1, b 1"
+    assert "Only agents that all planners drove are compared" in " ".join(found.reservations)
+    whole = compare(folder, planners=["a", "b"])
+    assert (row(whole, "all", "a")["n_agents"], whole.sets[0].size) == (3, "3 agents in 2 scenarios")
+    assert "Only agents that" not in " ".join(whole.reservations)
+    with pytest.raises(idr.InputError, match="planner c: no run of this batch has it; there are a, b, slow"):
+        compare(folder, planners=["c"])
+
+
+def test_runs_with_other_settings_or_of_another_version_are_other_planners(tmp_path):
+    far = {"settings": "view.radius=90"}
+    runs = [("s/x", "a", {1: {}}), ("s/x", "a", {1: crash()}, far), ("s/x", "a", {1: {}}, {"version": "1"})]
+    found = compare(invented(tmp_path / "batch", runs))
+    assert found.sets[0].variants == ("a, version 0", "a, version 1", "a, view.radius=90, version 0")
+    assert row(found, "all", "a, view.radius=90, version 0")["collisions"] == 100.0
+
+
+def test_runs_that_nothing_tells_apart_are_not_compared(tmp_path):
+    runs = [("s/x", "own:Planner", {1: {}}), ("s/x", "own:Planner", {1: crash()}, {"n_steps": 3})]
+    with pytest.raises(idr.ResultsError, match=r"own:Planner drove agent 1 of s/x in several runs"):
+        compare(invented(tmp_path / "batch", runs))
+
+
+def test_runs_that_no_planner_could_do_are_no_set_of_their_own(tmp_path):
+    away = {"traffic": "recorded", "agents": "alone"}
+    runs = [("s/x", "a", {1: {}}), ("s/y", "a", "refused", away)]
+    found = compare(invented(tmp_path / "batch", runs))
+    assert [(one.traffic, one.agents) for one in found.sets] == [("same", "all")]
+    assert "Not among them: 1 scenario in which no vehicle could be under test." in found.reservations
+
+
+def test_an_interval_is_that_of_all_samples_that_can_be_drawn(tmp_path):
+    """By hand: three scenarios of 1, 2 and 4 agents with differences -3, 0 and 2 give 27 samples of equal chance."""
+    agents, apart = np.array([1, 2, 4]), np.array([-3.0, 0.0, 2.0])
+    runs = [(f"s/{k}", "a", {i: {"jerk_rms": 5.0 + apart[k]} for i in range(agents[k])}) for k in range(3)]
+    runs += [(f"s/{k}", "b", {i: {"jerk_rms": 5.0} for i in range(agents[k])}) for k in range(3)]
+    drawn = np.array(list(itertools.product(range(3), repeat=3)))
+    every = np.sort((agents * apart)[drawn].sum(axis=1) / agents[drawn].sum(axis=1))
+    found = difference(compare(invented(tmp_path / "batch", runs), samples=20_000, level=0.8), "jerk_rms")
+    assert found["difference"] == pytest.approx(5.0 / 7.0)
+    # Of 27 samples 10 % are 2.7: the third one from either end.
+    assert (found["low"], found["high"]) == (pytest.approx(every[2]), pytest.approx(every[24]))
+
+
 def test_an_interval_spans_what_other_choices_of_scenarios_would_have_given(two):
     # Per scenario: urban a 50 %, b 0 %; highway a 100 %, b 50 %. The difference is 50 % in both, whatever is drawn.
     found = difference(compare(two), "goal_reached")
@@ -181,17 +243,22 @@ def test_it_says_what_the_numbers_do_not_prove(tmp_path, two):
         tmp_path / "lost",
         [("s/x", "a", {1: {}}), ("s/x", "b", "crashed"), ("s/z", "a", "refused"), ("s/z", "b", "refused")],
     )
-    assert "Runs that did not finish are not in the rates (b 1)" in " ".join(compare(lost).reservations)
+    found = compare(lost)
+    assert "Runs that did not finish are not in the numbers (b 1)" in " ".join(found.reservations)
+    assert (row(found, "all", "b")["runs_lost"], row(found, "all", "b")["n_agents"]) == (1, 0)
 
 
 def test_a_comparison_is_a_folder_that_is_replaced_but_nothing_else(two, tmp_path):
     found = compare(two)
     target = save_comparison(found, tmp_path / "out")
     assert sorted(path.name for path in target.iterdir()) == [
-        "comparison.pdf", "comparison.png", "differences.csv", "differences.parquet", "reservations.txt", "table.csv",
-        "table.parquet",
+        "comparison.md", "comparison.pdf", "comparison.png", "differences.csv", "differences.parquet",
+        "reservations.txt", "table.csv", "table.parquet",
     ]  # fmt: skip
     assert (target / "comparison.pdf").read_bytes().startswith(b"%PDF")
+    text = (target / "comparison.md").read_text(encoding="utf-8")
+    assert "| **all** | **a** | **2** | **0** | **4** | **75.0** |" in text
+    assert "| collisions per 100 | 25.00 [0.00, 50.00] |" in text
     save_comparison(found, target, overwrite=True)
     (target / "mine.txt").write_text("mine")
     with pytest.raises(idr.ResultsError, match=r"holds other things \(mine.txt\)"):
@@ -247,11 +314,13 @@ def test_the_commands_print_tables(two):
         return done.stdout.splitlines()
 
     lines = said("compare", two)
-    assert lines[0].strip() == "agents all, traffic same"
+    assert lines[0] == "Every vehicle has the planner under test (traffic same, agents all)"
+    assert lines[1] == "4 agents in 2 scenarios"
     assert any(line.split()[:6] == ["all", "a", "2", "0", "4", "75.0"] for line in lines)
     assert any(line.startswith("collisions per 100") and "25.00 [0.00, 50.00]" in line for line in lines)
     assert "What these numbers do not prove:" in lines
     assert (two / "comparison" / "comparison.png").exists()
+    assert not any("b" in line.split()[:2] for line in said("compare", two, "--planner", "a"))
     question = "select planner, outcome, count(*) as n from agents group by all order by all"
     assert said("sql", two, question)[1].split() == ["a", "collision", "1"]
     assert said("sql", two, question, "--csv")[:2] == ["planner,outcome,n", "a,collision,1"]

@@ -2,16 +2,19 @@
 
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import interdrive as idr
-from interdrive.batches import COLUMNS, BatchFolder
+from interdrive.batches import COLUMNS, BatchFolder, query
 from interdrive.batches.runs import choices, planned, scenario_files
+from interdrive.files import shipped_scenario
 from interdrive.run_settings import SimulationSettings
 from interdrive.settings import bind
 
@@ -92,7 +95,6 @@ def test_comfort_is_that_of_the_driven_states(two_planners):
 def test_the_data_set_has_the_columns_it_says_and_other_tools_read_it(two_planners):
     import pandas as pd
     import polars as pl
-    import pyarrow.parquet as pq
 
     path = BatchFolder.open(two_planners.folder).results
     assert pq.read_schema(path).names == [column.name for column in COLUMNS]
@@ -352,8 +354,36 @@ def test_damaged_results_are_named(tmp_path, two_planners):
         idr.read_batch(tmp_path)
 
 
+def test_results_of_before_settings_were_a_column_are_read_and_grow(tmp_path):
+    done = idr.batch("lane_merge", tmp_path, planner="idm", workers=1)
+    old = done.table.drop_columns(["settings"])
+    pq.write_table(old, tmp_path / "results.parquet")
+    assert set(idr.read_batch(tmp_path)["settings"].to_pylist()) == {"settings not recorded"}
+    assert query(tmp_path, "select distinct settings from runs").rows == (("settings not recorded",),)
+    again = idr.batch("lane_merge", tmp_path, planner="idm,idm_mobil", workers=1)
+    assert again.found == 1
+    assert idr.read_batch(tmp_path).group_by("planner").aggregate([("settings", "count_distinct")]).num_rows == 2
+    found = dict(query(tmp_path, "select planner, settings from runs").rows)
+    assert found == {"idm": "settings not recorded", "idm_mobil": ""}
+
+
+def test_settings_that_are_not_the_defaults_are_a_column(tmp_path):
+    far = bind(SimulationSettings(), {"view.sensor_radius": 90.0})
+    done = idr.batch("lane_merge", tmp_path, planner="idm", settings=far, workers=1)
+    assert set(done.table["settings"].to_pylist()) == {"view.sensor_radius=90.0"}
+
+
+def test_a_scenario_without_agents_is_refused_in_the_set_it_was_asked_for(tmp_path):
+    empty = tmp_path / "empty.xml"
+    text = shipped_scenario("lane_merge").read_text()
+    empty.write_text(re.sub(r"<(dynamicObstacle|planningProblem)\b.*?</\1>", "", text, flags=re.DOTALL))
+    done = idr.batch(empty, tmp_path / "out", planner="idm", alone=True, workers=1)
+    (row,) = done.table.to_pylist()
+    assert (row["status"], row["agents"], row["traffic"]) == ("refused", "alone", "recorded")
+    assert idr.batch(empty, tmp_path / "out", planner="idm", alone=True, workers=1).found == 1
+
+
 def test_results_with_other_columns_are_refused(tmp_path, two_planners):
-    import pyarrow.parquet as pq
 
     (tmp_path / "batch.json").write_bytes((two_planners.folder / "batch.json").read_bytes())
     pq.write_table(two_planners.table.drop_columns(["harm"]), tmp_path / "results.parquet")

@@ -7,7 +7,8 @@ from interdrive.batches.execute import KEEP
 from interdrive.batches.folder import BatchFolder, read_batch
 from interdrive.batches.metrics import METRICS, Metric
 from interdrive.batches.query import Answer, query
-from interdrive.batches.runs import TRAFFIC
+from interdrive.batches.runs import TRAFFIC, labels_of
+from interdrive.batches.variants import ComparedSet
 
 __all__ = [
     "COLUMNS",
@@ -21,11 +22,13 @@ __all__ = [
     "Answer",
     "BatchFolder",
     "BatchSummary",
+    "ComparedSet",
     "Comparison",
     "Metric",
     "Progress",
     "batch",
     "compare",
+    "labels_of",
     "query",
     "read_batch",
     "save_comparison",

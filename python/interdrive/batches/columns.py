@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 #: How a run can end. Agents exist only in finished ones.
 STATUS = ("finished", "refused", "failed", "crashed", "timeout", "memory")
 
+#: What the column `settings` says of runs that were done before there was that column.
+NOT_RECORDED = "settings not recorded"
+
 #: A time to collision under this is critical [s]; Vogel, "A comparison of headway and time to collision", 2003.
 TTC_CRITICAL = 2.0
 
@@ -42,6 +45,7 @@ RUN_COLUMNS = (
     Column("category", "label", "folder of the scenario file"),
     Column("planner", "label", "planner under test, as given"),
     Column("predictor", "label", "predictor, as given"),
+    Column("settings", "label", "settings of the batch that are not the defaults, NAME=VALUE each; empty: none"),
     Column("traffic", "label", "what vehicles do that are not under test: recorded, velocity_adjusting or same"),
     Column("agents", "label", "who is under test: all, a number, or alone: one agent per run"),
     Column("seed", "integer", "chooses a number of agents"),
@@ -185,6 +189,7 @@ def _of_run(spec: RunSpec, about: Mapping[str, object], n: int) -> dict[str, Any
         "category": spec.category,
         "planner": spec.planner_label,
         "predictor": spec.predictor_label,
+        "settings": spec.settings_label,
         "traffic": spec.traffic,
         "agents": spec.agents_label,
         "seed": spec.seed,

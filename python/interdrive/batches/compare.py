@@ -11,6 +11,8 @@ import numpy as np
 from interdrive.batches.folder import BatchFolder
 from interdrive.batches.metrics import METRICS, together, weighted_medians
 from interdrive.batches.reservations import reservations
+from interdrive.batches.sheets import markdown
+from interdrive.batches.variants import arrays, by_category, chosen, compared_sets, variants_of
 from interdrive.errors import InputError, ResultsError
 from interdrive.results import Column, arrow_table, check_folder, labels, replacing, write_table
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.batches.metrics import Metric
+    from interdrive.batches.variants import ComparedSet
     from interdrive.results import ArrowTable
 
     Floats = NDArray[np.float64]
@@ -28,9 +31,6 @@ if TYPE_CHECKING:
 
 #: Numbers that are held at once for the medians of samples.
 _CELLS_MAX = 10_000_000
-
-#: Stands for all categories together.
-ALL = "all"
 
 _WHICH = (
     Column("traffic", "label", "what vehicles do that are not under test"),
@@ -41,17 +41,17 @@ _WHICH = (
 #: Files of a comparison on disk; the first one marks its folder.
 _MARK = "reservations.txt"
 _FILES = (
-    *(_MARK, "comparison.pdf", "comparison.png"),
+    *(_MARK, "comparison.md", "comparison.pdf", "comparison.png"),
     *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
 )
 
 #: One row per traffic, agents, category and variant.
 TABLE_COLUMNS = (
     *_WHICH,
-    Column("variant", "label", "planner, with its predictor if there are several"),
+    Column("variant", "label", "planner, with predictor, settings and version if there are several"),
     Column("runs", "integer", "runs that finished"),
     Column("runs_lost", "integer", "runs that failed, crashed or were ended; refused ones are not among them"),
-    Column("n_agents", "integer", "agents under test"),
+    Column("n_agents", "integer", "agents under test that all variants drove; all else is about them"),
     *(Column(metric.name, "number", metric.heading, nullable=True) for metric in METRICS),
 )
 
@@ -61,10 +61,10 @@ DIFFERENCE_COLUMNS = (
     Column("variant", "label", "the one"),
     Column("other", "label", "the other one"),
     Column("metric", "label", "one of interdrive.batches.METRICS"),
-    Column("difference", "number", "of the one minus the other, over agents that both drove", nullable=True),
+    Column("difference", "number", "of the one minus the other, over agents that all variants drove", nullable=True),
     Column("low", "number", "lower end of the interval", nullable=True),
     Column("high", "number", "upper end of the interval", nullable=True),
-    Column("n_agents", "integer", "agents that both drove"),
+    Column("n_agents", "integer", "agents for whom both have a value"),
     Column("n_scenarios", "integer", "scenarios of these agents"),
 )
 
@@ -76,78 +76,93 @@ class Comparison:
     Attributes:
         table: The columns are `TABLE_COLUMNS`.
         differences: The columns are `DIFFERENCE_COLUMNS`.
-        variants: What is compared, in order.
+        sets: What is compared, and over which agents; rows of both tables belong to one by traffic and agents.
         samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
         reservations: What the numbers do not prove, one line each.
     """
 
     table: ArrowTable
     differences: ArrowTable
-    variants: tuple[str, ...]
+    sets: tuple[ComparedSet, ...]
     samples: int
     level: float
     seed: int
     reservations: tuple[str, ...]
 
 
-def compare(folder: str | Path, *, samples: int = 2000, level: float = 0.95, seed: int = 0) -> Comparison:
-    """Compares the planners of a batch.
+def compare(
+    folder: str | Path,
+    *,
+    planners: Sequence[str] | None = None,
+    samples: int = 2000,
+    level: float = 0.95,
+    seed: int = 0,
+) -> Comparison:
+    """Compares the planners of a batch over the agents that all of them drove in the same traffic.
 
-    Differences are taken between the same agents in the same traffic. Intervals are percentiles of the differences in
-    samples of scenarios, drawn with replacement; all agents of a scenario go together (Efron and Tibshirani, "An
-    Introduction to the Bootstrap", 1993, chapters 8 and 13).
+    Intervals are percentiles of the differences in samples of scenarios, drawn with replacement; all agents of a
+    scenario go together (Efron and Tibshirani, "An Introduction to the Bootstrap", 1993, chapters 8 and 13).
 
     Args:
         folder: Of the batch.
+        planners: Labels of those that are compared; all of the batch by default.
         samples: Bootstrap samples.
         level: Coverage of the intervals.
         seed: Of the samples.
 
     Raises:
-        ResultsError: The folder is no batch, or holds no finished run.
-        InputError: A number out of range.
+        ResultsError: The folder is no batch, holds no finished run, or runs that cannot be told apart.
+        InputError: A number out of range, or a planner that the batch does not have.
     """
     if not 100 <= samples <= 1_000_000:
         raise InputError(f"samples: expected at least 100 and at most 1000000, not {samples}")
     if not 0.5 <= level < 1.0:
         raise InputError(f"level: expected at least 0.5 and below 1, not {level}")
-    rows = _columns(BatchFolder.open(folder).table())
+    rows = chosen(arrays(BatchFolder.open(folder).table()), planners)
     if not (rows["status"] == "finished").any():
         raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to compare")
-    several = len(set(rows["predictor"])) > 1
-    rows["variant"] = np.array(
-        [f"{a} + {b}" if several else a for a, b in zip(rows["planner"], rows["predictor"], strict=True)], dtype=object
-    )
-    variants = tuple(sorted(set(rows["variant"])))
-    measured = {metric.name: metric.values(rows) for metric in METRICS}
-    rows.update({f"value of {name}": values for name, values in measured.items()})
-    table, differences = [], []
-    for which, part in _parts(rows):
-        table += [{**which, **row} for row in _table(part, variants)]
-        driven = [v for v in variants if ((part["variant"] == v) & (part["under_test"] == 1)).any()]
-        for one, other in itertools.combinations(driven, 2):
-            differences += [
-                {**which, "variant": one, "other": other, **row}
-                for row in _differences(part, one, other, samples, level, seed)
-            ]
+    rows["variant"] = variants_of(rows)
+    rows.update({f"value of {metric.name}": metric.values(rows) for metric in METRICS})
+    sets, counted, table, differences = [], [], [], []
+    for compared, here in _compared(folder, rows):
+        sets.append(compared)
+        counted.append(here)
+        which = {"traffic": compared.traffic, "agents": compared.agents}
+        for category, part in by_category(here):
+            table += [{**which, "category": category, **row} for row in _table(part, compared.variants)]
+            for one, other in itertools.combinations(compared.drivers, 2):
+                differences += [
+                    {**which, "category": category, "variant": one, "other": other, **row}
+                    for row in _differences(part, one, other, samples, level, seed)
+                ]
     return Comparison(
         table=_arrow(TABLE_COLUMNS, table),
         differences=_arrow(DIFFERENCE_COLUMNS, differences),
-        variants=variants,
+        sets=tuple(sets),
         samples=samples,
         level=level,
         seed=seed,
-        reservations=reservations(rows, variants, table, differences, level),
+        reservations=reservations(rows, sets, counted, differences, level),
     )
 
 
+def _compared(folder: str | Path, rows: dict[str, Any]) -> Iterator[tuple[ComparedSet, dict[str, Any]]]:
+    try:
+        yield from compared_sets(rows)
+    except ResultsError as cause:
+        raise ResultsError(f"{folder}: {cause}") from None
+
+
 def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes table and differences (Parquet, CSV), reservations and figure (PDF, PNG); returns the folder.
+    """Writes table and differences (Parquet, CSV, together as Markdown), reservations, figure (PDF, PNG).
 
     Args:
         found: What to write.
         folder: New or empty folder, or one that holds another comparison.
         overwrite: Replace the other comparison. A folder with anything else in it is never touched.
+
+    Returns:
+        The folder.
 
     Raises:
         ResultsError: If the folder cannot be used or written.
@@ -162,36 +177,11 @@ def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = 
             for ending in ("parquet", "csv"):
                 write_table(table, partial / f"{name}.{ending}")
         (partial / _MARK).write_text("".join(f"{line}\n" for line in found.reservations), encoding="utf-8")
+        (partial / "comparison.md").write_text(markdown(found), encoding="utf-8")
         figure = draw_comparison(found)
         for ending in ("pdf", "png"):
             save_figure(figure, partial / f"comparison.{ending}")
     return target
-
-
-def _columns(table: ArrowTable) -> dict[str, Any]:
-    """The columns as numpy arrays; absent numbers are nan, texts are objects."""
-    found: dict[str, Any] = {}
-    for name in table.column_names:
-        found[name] = np.array(table[name].to_pylist())
-        if found[name].dtype == object and not any(isinstance(item, str) for item in found[name]):
-            found[name] = np.array([np.nan if item is None else item for item in found[name]], dtype=np.float64)
-        elif found[name].dtype.kind == "U":
-            found[name] = found[name].astype(object)
-    return found
-
-
-def _parts(rows: dict[str, Any]) -> Iterator[tuple[dict[str, str], dict[str, Any]]]:
-    """Rows by traffic, agents and category; all categories first."""
-    settings = sorted(set(zip(rows["traffic"], rows["agents"], strict=True)))
-    for traffic, agents in settings:
-        here = (rows["traffic"] == traffic) & (rows["agents"] == agents)
-        categories = sorted(set(rows["category"][here]))
-        for category in [ALL, *categories] if len(categories) > 1 else [ALL]:
-            chosen = here if category == ALL else here & (rows["category"] == category)
-            yield (
-                {"traffic": traffic, "agents": agents, "category": category},
-                {name: values[chosen] for name, values in rows.items()},
-            )
 
 
 def _table(part: dict[str, Any], variants: Sequence[str]) -> list[dict[str, Any]]:
@@ -201,7 +191,7 @@ def _table(part: dict[str, Any], variants: Sequence[str]) -> list[dict[str, Any]
         if not mine.any():
             continue
         status = dict(zip(part["key"][mine], part["status"][mine], strict=True))
-        tested = mine & (part["under_test"] == 1)
+        tested = mine & part["counts"]
         found.append(
             {
                 "variant": variant,
@@ -217,10 +207,10 @@ def _table(part: dict[str, Any], variants: Sequence[str]) -> list[dict[str, Any]
 def _differences(
     part: dict[str, Any], one: str, other: str, samples: int, level: float, seed: int
 ) -> list[dict[str, Any]]:
-    """All metrics of one variant minus those of another one, over the agents that both drove."""
+    """All metrics of one variant minus those of another one, over the agents that count."""
     who = []
     for variant in (one, other):
-        rows = np.flatnonzero((part["variant"] == variant) & (part["under_test"] == 1))
+        rows = np.flatnonzero((part["variant"] == variant) & part["counts"])
         agents = zip(part["scenario_sha256"][rows], part["seed"][rows], part["agent_id"][rows], strict=True)
         who.append(dict(zip(agents, rows.tolist(), strict=True)))
     both = sorted(who[0].keys() & who[1].keys())

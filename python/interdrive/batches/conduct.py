@@ -216,7 +216,7 @@ def _expanded(plan: BatchPlan, backend: Backend, *, send: bool) -> tuple[RunSpec
         answer = answers[about]
         for spec in specs:
             if isinstance(answer, str):
-                found.append(spec.refused(answer))
+                found.append(replace(spec.refused(answer), agents=()))
             else:
                 found += [spec.of_agents([number]) for number in answer]
     return tuple(found)

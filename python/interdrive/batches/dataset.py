@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from interdrive.batches.columns import COLUMNS
+from interdrive.batches.columns import COLUMNS, NOT_RECORDED
 from interdrive.errors import ResultsError
 from interdrive.results import arrow_table, replacing
 
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 #: Rows are read and written in portions of about this many.
 _PORTION = 32_768
+
+#: Labels that came after the first data sets, and what they are in older ones.
+_LATER = {"settings": NOT_RECORDED}
 
 #: So many files of single runs are held in memory at once.
 _FILES_AT_ONCE = 256
@@ -58,7 +61,7 @@ def merge(into: Path, parts: Sequence[Path]) -> None:
 def _portions(path: Path, without: set[str]) -> Iterator[pa.Table]:
     refused = pa.array(sorted(without), pa.string())
     for batch in _opened(path).iter_batches(batch_size=_PORTION):
-        table = pa.Table.from_batches([batch])
+        table = _migrated(pa.Table.from_batches([batch]), None)
         yield table.filter(pc.invert(pc.is_in(table["key"].cast(pa.string()), refused)))
 
 
@@ -79,11 +82,36 @@ def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
         FileNotFoundError: It is not there.
     """
     try:
-        return _opened(path).read(columns=columns)
+        file = _opened(path)
+        there = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
+        return _migrated(file.read(columns=there), columns)
     except (pa.ArrowException, OSError) as cause:
         if isinstance(cause, FileNotFoundError):
             raise
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
+
+
+def _migrated(table: pa.Table, columns: Sequence[str] | None) -> pa.Table:
+    """The table with columns that it lacks because it was written before there were any."""
+    wanted = [column.name for column in COLUMNS] if columns is None else list(columns)
+    for name in [name for name in wanted if name not in table.column_names]:
+        text = pa.array([_LATER[name]] * table.num_rows, pa.string()).dictionary_encode()
+        table = table.append_column(_field(name), text.cast(_field(name).type))
+    return table.select(wanted)
+
+
+def lacking(path: Path) -> dict[str, str]:
+    """Columns that a file lacks because it was written before there were any, and their value in all its rows.
+
+    Raises:
+        ResultsError: It is damaged or has other columns.
+    """
+    names = _opened(path).schema_arrow.names
+    return {name: value for name, value in _LATER.items() if name not in names}
+
+
+def _field(name: str) -> pa.Field:
+    return arrow_table(COLUMNS, {column.name: [] for column in COLUMNS}).schema.field(name)
 
 
 def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> pa.Table:
@@ -119,7 +147,8 @@ def _opened(path: Path) -> pq.ParquetFile:
     except (pa.ArrowException, OSError) as cause:
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
     expected = [column.name for column in COLUMNS]
-    if found.schema_arrow.names != expected:
-        other = next(iter(set(found.schema_arrow.names) ^ set(expected)), "their order")
+    names = found.schema_arrow.names
+    if names not in (expected, [name for name in expected if name not in _LATER]):
+        other = next(iter(set(names) ^ set(expected)), "their order")
         raise ResultsError(f"{path}: its columns are not those of this version ({other} differs)")
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,9 +10,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from interdrive.batches.metrics import METRICS
+from interdrive.batches.sheets import is_sure
+from interdrive.batches.variants import ALL
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.axes import Axes
 
@@ -20,7 +23,9 @@ if TYPE_CHECKING:
 _MM = 1.0 / 25.4
 _WIDTH = 180.0 * _MM
 _FONT = 7.5
-_ROW, _HEAD, _FOOT, _BETWEEN = 5.2 * _MM, 8.0 * _MM, 6.0 * _MM, 15.0 * _MM
+_BLUE = "#0072B2"
+#: Heights: a row, a heading above rows, the legend, between both halves, below the lower axes [inches].
+_ROW, _HEADING, _HEAD, _BETWEEN, _FOOT = 4.6 * _MM, 6.2 * _MM, 6.5 * _MM, 11.0 * _MM, 12.5 * _MM
 
 #: Outcomes with colours (Okabe and Ito) and hatches, so that they are told apart without colour, too.
 _OUTCOMES = (
@@ -29,93 +34,138 @@ _OUTCOMES = (
     ("time_limit", "time limit", "#F0E442", "...."),
     ("goal_missed", "missed", "#E69F00", "\\\\\\\\"),
     ("infeasible", "infeasible", "#CC79A7", "xxxx"),
+    ("planner_error", "broken", "#444444", ""),
     ("collisions", "collision", "#D55E00", ""),
-    ("planner_error", "broken", "#222222", ""),
 )
 
-#: Metrics whose differences are drawn.
-_DRAWN = ("goal_reached", "collisions", "ttc_critical", "jerk_rms")
+#: Metrics whose differences are drawn, and how they are called.
+_DRAWN = (
+    ("goal_reached", "goal reached [%]"),
+    ("collisions", "collisions per 100 agents"),
+    ("ttc_critical", "time with TTC < 2 s [%]"),
+    ("jerk_rms", "jerk, rms [m/s³]"),
+)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line of the figure: a heading, or a row of one of the tables with its name."""
+
+    text: str
+    key: tuple[str, ...] = ()
 
 
 def draw_comparison(comparison: Comparison) -> Figure:
     """A figure, 180 mm wide: shares of outcomes per planner, below them differences with their intervals.
 
-    Only what holds for all categories together is drawn.
+    Only what holds for all categories together is drawn. A filled dot says that the interval does not contain zero.
     """
-    rows = [row for row in comparison.table.to_pylist() if row["category"] == "all"]
-    differences = [row for row in comparison.differences.to_pylist() if row["category"] == "all"]
-    several = len({(row["traffic"], row["agents"]) for row in rows}) > 1
-    pairs = list(dict.fromkeys(_pair(row, several=several) for row in differences))
-    upper, lower = len(rows) * _ROW, len(pairs) * _ROW
-    height = _HEAD + upper + _FOOT + (_BETWEEN + lower if pairs else 4.0 * _MM)
+    rows = {_key(row): row for row in comparison.table.to_pylist() if row["category"] == ALL}
+    differences = {
+        (*_key(row), row["other"], row["metric"]): row
+        for row in comparison.differences.to_pylist()
+        if row["category"] == ALL
+    }
+    upper, lower = _lines(comparison, rows), _lines(comparison, dict.fromkeys(key[:4] for key in differences))
+    heights = [sum(_HEADING if not line.key else _ROW for line in lines) for lines in (upper, lower)]
+    height = _HEAD + heights[0] + _BETWEEN + (heights[1] + _FOOT if lower else 0.0)
     figure = Figure(figsize=(_WIDTH, height), dpi=300)
     FigureCanvasAgg(figure)
-    names = [_name(row, row["variant"], several=several) for row in rows]
-    longest = max(map(len, [*(f"{name}, n = 0000" for name in names), *pairs]))
-    left, right = min(0.45, (6.0 + 1.32 * longest) * _MM / _WIDTH), 1.0 - 3.0 * _MM / _WIDTH
-    top = 1.0 - _HEAD / height
-    shares = figure.add_axes((left, top - upper / height, right - left, upper / height))
-    _draw_shares(shares, rows, names)
-    if pairs:
-        bottom, gap = _FOOT / height, 0.02
+    longest = max(len(line.text) for line in (*upper, *lower) if line.key)
+    left, right = min(0.4, (5.0 + 1.32 * longest) * _MM / _WIDTH), 1.0 - 3.0 * _MM / _WIDTH
+    shares = figure.add_axes((left, 1.0 - (_HEAD + heights[0]) / height, right - left, heights[0] / height))
+    _draw_shares(shares, upper, rows)
+    _name_lines(figure, shares, upper, is_first=True)
+    if lower:
+        gap = 0.02
         width = (right - left - gap * (len(_DRAWN) - 1)) / len(_DRAWN)
-        for k, name in enumerate(_DRAWN):
-            panel = figure.add_axes((left + k * (width + gap), bottom, width, lower / height))
-            here = [row for row in differences if row["metric"] == name]
-            _draw_differences(panel, name, here, [pairs.index(_pair(row, several=several)) for row in here])
-            panel.set_yticks(range(len(pairs)), pairs if k == 0 else [])
-            panel.set_ylim(len(pairs) - 0.4, -0.6)
+        for k, (name, label) in enumerate(_DRAWN):
+            place = (left + k * (width + gap), _FOOT / height, width, heights[1] / height)
+            panel = figure.add_axes(place)
+            _draw_differences(panel, lower, {key[:4]: row for key, row in differences.items() if key[4] == name})
+            _name_lines(figure, panel, lower, is_first=k == 0)
+            better = next(metric.better for metric in METRICS if metric.name == name)
+            arrow = "better →" if better > 0 else "← better"
+            panel.set_xlabel(f"{label}\n{arrow}", fontsize=_FONT, labelpad=1.5, linespacing=1.3)
     return figure
 
 
-def _name(row: dict[str, Any], text: str, *, several: bool) -> str:
-    return f"{text} ({row['traffic']}, {row['agents']})" if several else text
+def _key(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return (row["traffic"], row["agents"], row["variant"])
 
 
-def _pair(row: dict[str, Any], *, several: bool) -> str:
-    return _name(row, f"{row['variant']} − {row['other']}", several=several)
+def _lines(comparison: Comparison, keys: Iterable[tuple[str, ...]]) -> list[_Line]:
+    """A heading per set, then its planners or pairs of planners."""
+    known, lines = list(keys), []
+    for one in comparison.sets:
+        inside = [key for key in known if key[:2] == (one.traffic, one.agents)]
+        if inside:
+            scenarios = f"{one.n_scenarios} scenario{'s' * (one.n_scenarios != 1)}"
+            title = f"{one.title} ({one.n_agents} agents, {scenarios})" if len(inside[0]) == 3 else one.title
+            lines.append(_Line(title))
+            lines += [_Line(" − ".join(key[2:]), key) for key in inside]
+    return lines
 
 
-def _draw_shares(panel: Axes, rows: Sequence[dict[str, Any]], names: Sequence[str]) -> None:
-    place = np.arange(len(rows))
-    before = np.zeros(len(rows))
+def _places(lines: Sequence[_Line]) -> list[float]:
+    """Heights of lines from the top [inches], their middles."""
+    places, at = [], 0.0
+    for line in lines:
+        step = _ROW if line.key else _HEADING
+        places.append(at + (0.5 if line.key else 0.6) * step)
+        at += step
+    return places
+
+
+def _name_lines(figure: Figure, panel: Axes, lines: Sequence[_Line], *, is_first: bool) -> None:
+    """Names left of the first panel, headings above their rows, and the extent that all panels share."""
+    places = _places(lines)
+    named = [(place, line.text) for place, line in zip(places, lines, strict=True) if line.key] if is_first else []
+    panel.set_yticks([place for place, _ in named], [text for _, text in named])
+    panel.set_ylim(sum(_ROW if line.key else _HEADING for line in lines), 0.0)
+    top = panel.get_position().y1
+    for place, line in zip(places, lines, strict=True):
+        if is_first and not line.key:
+            figure.text(
+                _MM / _WIDTH, top - place / figure.get_figheight(), line.text, va="center", ha="left",
+                fontsize=_FONT, fontweight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+            )  # fmt: skip
+    _plain(panel)
+
+
+def _draw_shares(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]]) -> None:
+    here = [(place, rows[line.key]) for place, line in zip(_places(lines), lines, strict=True) if line.key]
+    place = np.array([place for place, _ in here])
+    before = np.zeros(len(here))
     for name, label, colour, hatch in _OUTCOMES:
-        share = np.nan_to_num(np.array([row[name] for row in rows], dtype=np.float64))
-        panel.barh(
-            place, share, 0.72, left=before, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3, label=label
-        )
-        before += share
-    panel.set_yticks(place, [f"{name}, n = {row['n_agents']}" for name, row in zip(names, rows, strict=True)])
-    panel.set_ylim(len(rows) - 0.4, -0.6)
-    panel.set_xlim(0, 100)
-    panel.set_xlabel("agents under test [%]", fontsize=_FONT, labelpad=1.5)
-    panel.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(_OUTCOMES), fontsize=_FONT - 0.5, frameon=False,
-        handlelength=1.2, columnspacing=0.9, handletextpad=0.4, borderaxespad=0.2,
-    )  # fmt: skip
-    _plain(panel)
-
-
-def _draw_differences(panel: Axes, name: str, rows: Sequence[dict[str, Any]], places: Sequence[int]) -> None:
-    metric = next(item for item in METRICS if item.name == name)
-    panel.axvline(0.0, color="#888888", linewidth=0.7)
-    for row, place in zip(rows, places, strict=True):
-        if row["difference"] is None or not np.isfinite(row["difference"]):
+        share = np.nan_to_num(np.array([row[name] for _, row in here], dtype=np.float64))
+        if not share.any():
             continue
-        low, high = (row[end] if row[end] is not None else row["difference"] for end in ("low", "high"))
-        sure = row["low"] is not None and (low > 0 or high < 0)
-        panel.plot([low, high], [place, place], color="#0072B2", linewidth=1.1, solid_capstyle="butt")
-        panel.plot(
-            row["difference"],
-            place,
-            "o",
-            markersize=3.2,
-            color="#0072B2",
-            markerfacecolor="#0072B2" if sure else "white",
-        )
-    panel.set_title(metric.heading, fontsize=_FONT, pad=3)
-    panel.margins(x=0.12)
-    _plain(panel)
+        panel.barh(
+            place, share, 0.74 * _ROW, left=before, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3,
+            label=label,
+        )  # fmt: skip
+        before += share
+    panel.set_xlim(0, 100)
+    panel.set_xlabel("agents [%]", fontsize=_FONT, labelpad=1.5)
+    panel.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(_OUTCOMES), fontsize=_FONT, frameon=False,
+        handlelength=1.3, columnspacing=1.2, handletextpad=0.4, borderaxespad=0.2,
+    )  # fmt: skip
+
+
+def _draw_differences(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]]) -> None:
+    panel.axvline(0.0, color="#999999", linewidth=0.7, zorder=0)
+    for place, line in zip(_places(lines), lines, strict=True):
+        row = rows.get(line.key)
+        if row is None or row["difference"] is None or not np.isfinite(row["difference"]):
+            continue
+        if row["low"] is not None:
+            panel.plot([row["low"], row["high"]], [place, place], color=_BLUE, linewidth=1.2, solid_capstyle="butt")
+        face = _BLUE if is_sure(row) else "white"
+        panel.plot(row["difference"], place, "o", markersize=3.4, color=_BLUE, markerfacecolor=face)
+    panel.margins(x=0.1)
+    panel.locator_params(axis="x", nbins=5)
 
 
 def _plain(panel: Axes) -> None:

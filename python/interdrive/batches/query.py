@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.columns import RUN_COLUMNS
+from interdrive.batches.dataset import lacking
 from interdrive.batches.folder import BatchFolder
 from interdrive.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
 #: Tables that a question can name.
@@ -64,12 +65,23 @@ def _everything(batch: BatchFolder) -> str:
     selects = []
     if batch.results.exists():
         but = f" where key not in ({_texts(part.stem for part in fresh)})" if fresh else ""
-        selects.append(f"select * from read_parquet({_texts([str(batch.results)])}){but}")
-    if fresh:
-        selects.append(f"select * from read_parquet([{_texts(map(str, fresh))}])")
+        selects += [f"{select}{but}" for select in _selects([batch.results])]
+    selects += _selects(fresh)
     if not selects:
         raise InputError(f"{batch.path}: no run of this batch has ended yet, there is nothing to ask")
     return " union all by name ".join(selects)
+
+
+def _selects(files: Sequence[Path]) -> list[str]:
+    """A select per group of files that lack the same columns, which it adds."""
+    groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
+    for file in files:
+        groups.setdefault(tuple(lacking(file).items()), []).append(str(file))
+    return [
+        f"select *{''.join(f', {_texts([value])} as {name}' for name, value in added)} "
+        f"from read_parquet([{_texts(names)}])"
+        for added, names in groups.items()
+    ]
 
 
 def _texts(values: Iterable[str]) -> str:

@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.batches.variants import ALL
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from interdrive.batches.variants import ComparedSet
 
 #: Fewer scenarios than this make intervals that are too narrow.
 _SCENARIOS_MIN = 20
@@ -18,8 +22,8 @@ _EVENTS_MIN = 10
 
 def reservations(
     rows: Mapping[str, Any],
-    variants: Sequence[str],
-    table: Sequence[Mapping[str, Any]],
+    sets: Sequence[ComparedSet],
+    counted: Sequence[Mapping[str, Any]],
     differences: Sequence[Mapping[str, Any]],
     level: float,
 ) -> tuple[str, ...]:
@@ -27,45 +31,27 @@ def reservations(
 
     Args:
         rows: Columns of the data set as arrays, with `variant`.
-        variants: What is compared.
-        table: Rows of the table.
+        sets: What is compared.
+        counted: Per set its rows, with `counts`.
         differences: Rows of the differences.
         level: Coverage of the intervals.
     """
-    finished = rows["status"] == "finished"
-    n_scenarios = len(set(rows["scenario_sha256"][finished]))
+    n_scenarios = len(set(rows["scenario_sha256"][rows["status"] == "finished"]))
     said = [
         (
-            f"The {n_scenarios} scenarios are those that were given, not a sample of traffic: nothing here is a rate "
+            f"The scenarios ({n_scenarios}) are those that were given, not a sample of traffic: nothing here is a rate "
             "per kilometre or hour on the road."
-        )
+        ),
+        *_of_the_choice(rows, sets),
     ]
-    if len(variants) > 1:
-        percent = f"{100 * level:g} %"
-        said.append(
-            f"Intervals ({percent}) say how far a difference depends on which of these scenarios were drawn; not how "
-            "it depends on settings, predictor, vehicle model or goals that were derived from recordings."
-        )
-        whole = [row for row in differences if row["category"] == "all"]
-        if whole:
-            said.append(
-                f"{len(whole)} differences over all categories are shown, and {len(differences) - len(whole)} within "
-                f"categories: of {len(differences)} true zeros about {(1 - level) * len(differences):.0f} would have "
-                "an interval without zero by chance."
-            )
-    if n_scenarios < _SCENARIOS_MIN:
+    known = [row for row in differences if row["low"] is not None and row["low"] < row["high"]]
+    if known:
+        said += _of_intervals(known, level)
+    if known and min(one.n_scenarios for one in sets) < _SCENARIOS_MIN:
         said.append(f"With fewer than {_SCENARIOS_MIN} scenarios the intervals are too narrow.")
-    said += _of_failures(rows, variants)
-    few = [
-        f"{variant} {count}"
-        for variant in variants
-        if (count := int(((rows["variant"] == variant) & (rows["outcome"] == "collision")).sum())) < _EVENTS_MIN
-    ]
-    if few:
-        said.append(
-            f"Few collisions ({', '.join(few)}): a rate from so few events, and harm even more, hangs on single agents."
-        )
-    traffic = set(rows["traffic"])
+    for one, here in zip(sets, counted, strict=True):
+        said += _of_collisions(one, here, several=len(sets) > 1)
+    traffic = {one.traffic for one in sets}
     if "recorded" in traffic:
         said.append(
             "Recorded traffic does not react: it drives into an agent that is not where the recorded driver was, and "
@@ -73,46 +59,87 @@ def reservations(
         )
     if "same" in traffic:
         said.append(
-            "With traffic same, planners meet different traffic, namely themselves: a difference is one between "
-            "worlds, not between drivers in the same world."
+            "Where all vehicles have the planner under test, planners meet different traffic, namely themselves: a "
+            "difference is one between worlds, not between drivers in the same world."
         )
-    said += _of_measures(rows, table)
-    return tuple(said)
+    return (*said, *_of_measures(counted))
 
 
-def _of_failures(rows: Mapping[str, Any], variants: Sequence[str]) -> list[str]:
-    lost = {}
-    # What every planner was refused is no reservation about any of them.
+def _of_the_choice(rows: Mapping[str, Any], sets: Sequence[ComparedSet]) -> list[str]:
+    """Which scenarios and agents are not in the numbers."""
+    said = []
     driven = set(rows["scenario_sha256"][rows["status"] == "finished"])
+    refused = set(rows["scenario_sha256"][rows["status"] == "refused"]) - driven
+    if refused:
+        scenarios = f"{len(refused)} scenario{'s' * (len(refused) != 1)}"
+        said.append(f"Not among them: {scenarios} in which no vehicle could be under test.")
+    # What every planner was refused is no reservation about any of them.
     possible = np.array([scenario in driven for scenario in rows["scenario_sha256"]], dtype=np.bool_)
-    for variant in variants:
-        mine = (rows["variant"] == variant) & (rows["status"] != "finished") & possible
-        if mine.any():
-            lost[variant] = len(set(rows["key"][mine]))
-    if not lost:
-        return []
-    counts = ", ".join(f"{variant} {count}" for variant, count in lost.items())
+    lost = {
+        variant: len(set(rows["key"][mine]))
+        for variant in sorted(set(rows["variant"]))
+        if (mine := (rows["variant"] == variant) & (rows["status"] != "finished") & possible).any()
+    }
+    if lost:
+        counts = ", ".join(f"{variant} {count}" for variant, count in lost.items())
+        said.append(
+            f"Runs that did not finish are not in the numbers ({counts}), and the same agents are left out for all "
+            "planners. Planners that fail on hard scenarios look better than they are."
+        )
+    if any(any(one.left_out.values()) for one in sets):
+        said.append(
+            "Only agents that all planners drove are compared: as long as a planner lacks scenarios, the numbers of "
+            "all are about the scenarios that it has, which need not be typical. `--planner` leaves it out."
+        )
+    return said
+
+
+def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]:
+    n = len(known)
+    whole = sum(row["category"] == ALL for row in known)
     return [
         (
-            f"Runs that did not finish are not in the rates ({counts}); differences leave the same agents out for "
-            "both. Planners that fail on hard scenarios look better than they are."
+            f"Intervals ({100 * level:g} %) say how far a difference depends on which of these scenarios were drawn; "
+            "not how it depends on settings, predictor, vehicle model or goals that were derived from recordings."
+        ),
+        (
+            f"There are {n} differences with an interval ({whole} over all categories, {n - whole} within "
+            f"categories): of {n} true zeros about {(1 - level) * n:.0f} would have one without zero by chance."
+        ),
+    ]
+
+
+def _of_collisions(one: ComparedSet, here: Mapping[str, Any], *, several: bool) -> list[str]:
+    collided = here["counts"] & (here["outcome"] == "collision")
+    few = [
+        f"{variant} {count}"
+        for variant in one.drivers
+        if (count := int((collided & (here["variant"] == variant)).sum())) < _EVENTS_MIN
+    ]
+    if not few:
+        return []
+    where = f" with traffic {one.traffic}" if several else ""
+    return [
+        (
+            f"Few collisions{where} ({', '.join(few)}): a rate from so few events, and harm even more, hangs on "
+            "single agents."
         )
     ]
 
 
-def _of_measures(rows: Mapping[str, Any], table: Sequence[Mapping[str, Any]]) -> list[str]:
-    tested = rows["under_test"] == 1
-    never = float(np.mean(np.isinf(rows["ttc_min"][tested]))) if tested.any() else 0.0
+def _of_measures(counted: Sequence[Mapping[str, Any]]) -> list[str]:
+    ttc = np.concatenate([here["ttc_min"][here["counts"]] for here in counted])
+    never = float(np.mean(np.isinf(ttc))) if len(ttc) else 0.0
     said = [
         (
             f"The median of the smallest TTC counts agents without any conflict ({100 * never:.0f} %) as infinite. An "
             "agent that ends early, by a collision too, has less time for critical moments and jerk."
         ),
         (
-            "Plan times are wall times on this machine with one thread per run; native planners share the time of a "
-            "step equally."
+            "Plan times are wall times on this machine with one thread per run, whatever else it did; native planners "
+            "share the time of a step equally."
         ),
     ]
-    if any(row["planner_error"] > 0 for row in table):
+    if any((here["counts"] & (here["outcome"] == "planner_error")).any() for here in counted):
         said.append("Agents whose planner broke (broken) are counted as agents; they may hide other outcomes.")
     return said

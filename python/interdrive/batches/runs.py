@@ -100,6 +100,13 @@ class RunSpec:
         """Who is under test, as tables call it."""
         return ALONE if isinstance(self.agents, tuple) else str(self.agents)
 
+    @property
+    def settings_label(self) -> str:
+        """Settings that are not the defaults, as tables call them."""
+        usual = flatten(SimulationSettings())
+        own = {name: value for name, value in flatten(self.settings).items() if value != usual[name]}
+        return " ".join(f"{name}={value}" for name, value in own.items())
+
     def of_agents(self, ids: Sequence[int]) -> RunSpec:
         """The same run with the given agents under test."""
         return _keyed(replace(self, agents=tuple(ids)))
@@ -279,6 +286,15 @@ def choices(given: object, what: Literal["planner", "predictor"]) -> dict[str, o
     if not found:
         raise InputError(f"{what}: none is given")
     return found
+
+
+def labels_of(texts: Sequence[str], what: Literal["planner", "predictor"]) -> list[str]:
+    """What tables call planners or predictors that are written as for `batch`.
+
+    Raises:
+        InputError: A text that is not spelled like that.
+    """
+    return [label for text in texts for label in _separated(text, what)]
 
 
 def _separated(text: str, what: str) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -22,8 +21,9 @@ if TYPE_CHECKING:
 
     from rich.progress import Task
 
-    from interdrive.batches import Answer, BatchSummary, Comparison, Metric
+    from interdrive.batches import Answer, BatchSummary, Comparison
     from interdrive.batches import Progress as Reached
+    from interdrive.batches.sheets import Sheet
     from interdrive.results import ArrowTable
 
 #: Width of comparisons that are not printed to a terminal.
@@ -143,68 +143,28 @@ def _cell(value: object) -> str:
 
 def print_comparison(found: Comparison, folder: Path) -> None:
     """Planners by category, differences over all categories, and what the numbers do not prove."""
-    from interdrive.batches import METRICS  # noqa: PLC0415 - needs the simulation
+    from interdrive.batches.sheets import sheets_of  # noqa: PLC0415 - needs the simulation
 
     console = output()
     if not console.is_terminal:
         console.width = _COMPARISON_WIDTH
-    rows, differences = found.table.to_pylist(), found.differences.to_pylist()
-    for traffic, agents in dict.fromkeys((row["traffic"], row["agents"]) for row in rows):
-        here = [row for row in rows if (row["traffic"], row["agents"]) == (traffic, agents)]
-        # What happened to nobody needs no column.
-        metrics = [
-            metric for metric in METRICS if not metric.outcome or metric.better > 0 or any(r[metric.name] for r in here)
-        ]
-        table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
-        table.title = f"agents {agents}, traffic {traffic}"
-        table.add_column("category", no_wrap=True)
-        table.add_column("planner", no_wrap=True)
-        for name in ("runs", "lost", "agents", *(escape(metric.heading) for metric in metrics)):
-            table.add_column(name, justify="right")
-        last = None
-        for row in here:
-            table.add_row(
-                "" if row["category"] == last else escape(row["category"]),
-                escape(row["variant"]),
-                *(str(row[name]) for name in ("runs", "runs_lost", "n_agents")),
-                *(_value(metric, row[metric.name]) for metric in metrics),
-                style="bold" if row["category"] == "all" else "",
-            )
-            last = row["category"]
-        console.print(table)
-        pairs = [
-            row for row in differences if (row["traffic"], row["agents"], row["category"]) == (traffic, agents, "all")
-        ]
-        if pairs:
-            _print_differences(console, pairs, {metric.name: metric for metric in metrics}, found.level)
+    for one in found.sets:
+        console.print(f"[bold]{escape(one.title)}[/] (traffic {one.traffic}, agents {one.agents})", soft_wrap=True)
+        console.print(escape(one.size), soft_wrap=True)
+        for sheet in sheets_of(found, one):
+            console.print(f"\n{escape(sheet.title)}", style="italic")
+            console.print(_table_of(sheet))
         console.print()
     console.print("What these numbers do not prove:", style="bold")
     for line in found.reservations:
         console.print(f"- {escape(line)}")
-    console.print(f"tables and figure in {escape(str(folder))}", soft_wrap=True)
+    console.print(f"tables, text and figure in {escape(str(folder))}", soft_wrap=True)
 
 
-def _print_differences(console: Console, rows: list[dict[str, Any]], metrics: dict[str, Metric], level: float) -> None:
-    """One row per pair; intervals without zero are bold."""
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
-    console.print(f"differences with intervals ({100 * level:g} %) over scenarios, all categories", style="italic")
-    table.add_column("metric", no_wrap=True)
-    pairs = list(dict.fromkeys((row["variant"], row["other"]) for row in rows))
-    for one, other in pairs:
-        table.add_column(escape(f"{one} - {other}"), justify="right")
-    cells = {(row["metric"], row["variant"], row["other"]): row for row in rows}
-    for name, metric in metrics.items():
-        texts = []
-        for one, other in pairs:
-            row = cells[name, one, other]
-            text = f"{_value(metric, row['difference'])} [{_value(metric, row['low'])}, {_value(metric, row['high'])}]"
-            sure = row["low"] is not None and (row["low"] > 0 or row["high"] < 0)
-            texts.append(f"[bold]{escape(text)}[/]" if sure else escape(text))
-        table.add_row(escape(metric.heading), *texts)
-    console.print(table)
-
-
-def _value(metric: Metric, value: float | None) -> str:
-    if value is None or math.isnan(value):
-        return "-"
-    return f"{value:.{metric.digits}f}"
+def _table_of(sheet: Sheet) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+    for i, name in enumerate(sheet.head):
+        table.add_column(escape(name), justify="left" if i < sheet.texts else "right", no_wrap=i < sheet.texts)
+    for row in sheet.rows:
+        table.add_row(*(f"[bold]{escape(cell.text)}[/]" if cell.strong else escape(cell.text) for cell in row))
+    return table

@@ -9,6 +9,7 @@ import numpy as np
 
 from interdrive.batches import METRICS, compare
 from interdrive.batches.folder import BatchFolder
+from interdrive.batches.variants import arrays, compared_sets, variants_of
 from interdrive.errors import ResultsError
 from interdrive.report.contents import FORMAT, Contents
 from interdrive.report.packing import Packer
@@ -16,7 +17,7 @@ from interdrive.report.packing import Packer
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.results import ArrowTable
+    from interdrive.batches import ComparedSet
 
 #: Columns of the data set whose distributions are drawn, and the factor to their unit.
 _DRAWN = (
@@ -29,7 +30,10 @@ _DRAWN = (
 )
 
 #: What the list of runs says about each, besides counts of its agents.
-_ABOUT = ("key", "scenario", "category", "planner", "predictor", "traffic", "agents", "seed", "status", "error", "path")
+_ABOUT = (
+    *("key", "scenario", "category", "planner", "predictor", "settings"),
+    *("traffic", "agents", "seed", "status", "error", "path"),
+)
 
 
 def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
@@ -46,28 +50,25 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
     if not table.num_rows:
         raise ResultsError(f"{folder}: this batch holds no run yet")
     packer, missing = Packer(), []
-    column = {name: np.array(table[name].to_pylist()) for name in (*_ABOUT, "outcome", "under_test", "version")}
+    column = arrays(table)
+    column["variant"] = variants_of(column)
+    variants = sorted(set(column["variant"].tolist()))
+    counted = column["under_test"] == 1
     try:
         comparison = compare(folder)
+        counted = _counted(column)
     except ResultsError as cause:
         comparison = None
         missing.append({"what": "comparison", "text": f"No comparison: {cause}"})
     if not pages:
         text = "No run folder was kept; `interdrive batch --keep all` (or failed) keeps them, and runs get pages."
         missing.append({"what": "runs", "text": text})
-    several = len(set(column["predictor"].tolist())) > 1
-    variant = [
-        f"{a} + {b}" if several else a
-        for a, b in zip(column["planner"].tolist(), column["predictor"].tolist(), strict=True)
-    ]
-    variants = sorted(set(variant))
-    tested = np.flatnonzero(column["under_test"] == True)  # noqa: E712 - None where there is no agent
-    packer.add("variant", np.array([variants.index(variant[row]) for row in tested.tolist()], dtype=np.int64))
+    tested = np.flatnonzero(counted)
+    packer.add("variant", np.array([variants.index(column["variant"][row]) for row in tested.tolist()], dtype=np.int64))
     parts = _parts(column)
     packer.add("part", np.array([parts.index(_part(column, row)) for row in tested.tolist()], dtype=np.int64))
     for name, _, _, factor in _DRAWN:
-        values = table[name].to_numpy(zero_copy_only=False)[tested].astype(np.float64)
-        packer.add(name, factor * values)
+        packer.add(name, factor * column[name][tested].astype(np.float64))
     header = {
         "format": FORMAT,
         "kind": "batch",
@@ -75,13 +76,17 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
         "version": sorted(set(column["version"].tolist())),
         "variants": variants,
         "parts": [dict(zip(("traffic", "agents", "category"), part, strict=True)) for part in parts],
-        "metrics": [{"name": m.name, "heading": m.heading, "better": m.better, "digits": m.digits} for m in METRICS],
+        "sets": [] if comparison is None else [_set(one) for one in comparison.sets],
+        "metrics": [
+            {"name": m.name, "heading": m.heading, "better": m.better, "digits": m.digits, "outcome": m.outcome}
+            for m in METRICS
+        ],
         "table": [] if comparison is None else _plain(comparison.table.to_pylist()),
         "differences": [] if comparison is None else _plain(comparison.differences.to_pylist()),
         "level": None if comparison is None else comparison.level,
         "reservations": [] if comparison is None else list(comparison.reservations),
         "drawn": [{"name": name, "title": title, "unit": unit} for name, title, unit, _ in _DRAWN],
-        "runs": _runs(table, column, variant, pages),
+        "runs": _runs(column, pages),
         "missing": missing,
         "arrays": packer.header,
     }
@@ -96,21 +101,19 @@ def _parts(column: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return sorted({_part(column, row) for row in range(len(column["key"]))})
 
 
-def _runs(
-    table: ArrowTable, column: Mapping[str, Any], variant: Sequence[str], pages: Mapping[str, str]
-) -> list[dict[str, Any]]:
+def _runs(column: Mapping[str, Any], pages: Mapping[str, str]) -> list[dict[str, Any]]:
     """One entry per run, in the order of the data set."""
-    ttc = table["ttc_min"].to_numpy(zero_copy_only=False).astype(np.float64)
-    keys, first, number = np.unique(column["key"], return_index=True, return_inverse=True)
+    ttc = column["ttc_min"].astype(np.float64)
+    keys, first, number = np.unique(column["key"].astype(str), return_index=True, return_inverse=True)
     made = []
     for run in np.argsort(first).tolist():
         rows = np.flatnonzero(number == run)
-        mine = rows[column["under_test"][rows] == True]  # noqa: E712 - None where there is no agent
+        mine = rows[column["under_test"][rows] == 1]
         outcomes, least = column["outcome"][mine].tolist(), ttc[mine]
         at = int(rows[0])
-        entry = {name: column[name][at].item() for name in _ABOUT if name != "key"}
+        entry = {name: _plain_value(column[name][at]) for name in _ABOUT if name != "key"}
         entry |= {
-            "variant": variant[at],
+            "variant": column["variant"][at],
             "n_agents": len(mine),
             "outcomes": {name: outcomes.count(name) for name in sorted(set(outcomes))},
             "ttc_min": float(np.nanmin(least)) if np.isfinite(least).any() else None,
@@ -118,6 +121,23 @@ def _runs(
         }
         made.append(entry)
     return made
+
+
+def _counted(column: Mapping[str, Any]) -> Any:  # noqa: ANN401 - array of truths
+    """Rows of agents that the comparison is about."""
+    rows = {**column, "row": np.arange(len(column["key"]))}
+    found = np.zeros(len(rows["row"]), dtype=np.bool_)
+    for _, here in compared_sets(rows):
+        found[here["row"][here["counts"]]] = True
+    return found
+
+
+def _set(one: ComparedSet) -> dict[str, str]:
+    return {"traffic": one.traffic, "agents": one.agents, "title": one.title, "size": one.size}
+
+
+def _plain_value(value: Any) -> Any:  # noqa: ANN401 - a number or a text
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _plain(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -1,0 +1,125 @@
+"""A comparison as tables of text, for terminals and Markdown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from interdrive.batches.metrics import METRICS
+from interdrive.batches.variants import ALL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from interdrive.batches.compare import Comparison
+    from interdrive.batches.metrics import Metric
+    from interdrive.batches.variants import ComparedSet
+
+#: The first columns of the table about outcomes: a name, and the column of the comparison's table.
+_ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"))
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A text, strong or not."""
+
+    text: str
+    strong: bool = False
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of text.
+
+    Attributes:
+        title: What it says.
+        head: Names of the columns.
+        texts: So many columns at the left are texts, the others numbers.
+        rows: Cells.
+    """
+
+    title: str
+    head: tuple[str, ...]
+    texts: int
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
+    """How agents ended, how they drove, and how planners differ, of one set of a comparison."""
+    rows = [row for row in found.table.to_pylist() if (row["traffic"], row["agents"]) == (one.traffic, one.agents)]
+    differences = [
+        row
+        for row in found.differences.to_pylist()
+        if (row["traffic"], row["agents"], row["category"]) == (one.traffic, one.agents, ALL)
+    ]
+    # What happened to nobody needs no column.
+    metrics = [m for m in METRICS if not m.outcome or m.better > 0 or any(row[m.name] for row in rows)]
+    yield _by_category("How agents ended", rows, [m for m in metrics if m.outcome], _ABOUT)
+    yield _by_category("How they drove", rows, [m for m in metrics if not m.outcome], ())
+    if differences:
+        yield _of_differences(differences, metrics, found.level)
+
+
+def _by_category(
+    title: str, rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], about: Sequence[tuple[str, str]]
+) -> Sheet:
+    lines, last = [], None
+    for row in rows:
+        texts = ["" if row["category"] == last else row["category"], row["variant"]]
+        texts += [str(row[name]) for _, name in about]
+        texts += [shown(metric, row[metric.name]) for metric in metrics]
+        lines.append(tuple(Cell(text, row["category"] == ALL) for text in texts))
+        last = row["category"]
+    head = ("category", "planner", *(name for name, _ in about), *(metric.heading for metric in metrics))
+    return Sheet(title, head, 2, tuple(lines))
+
+
+def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], level: float) -> Sheet:
+    pairs = list(dict.fromkeys((row["variant"], row["other"]) for row in rows))
+    at = {(row["metric"], row["variant"], row["other"]): row for row in rows}
+    lines = []
+    for metric in metrics:
+        cells = [Cell(metric.heading)]
+        for one, other in pairs:
+            row = at[metric.name, one, other]
+            low, high = shown(metric, row["low"]), shown(metric, row["high"])
+            interval = f" [{low}, {high}]" if row["low"] is not None else ""
+            cells.append(Cell(shown(metric, row["difference"]) + interval, is_sure(row)))
+        lines.append(tuple(cells))
+    head = ("metric", *(f"{one} − {other}" for one, other in pairs))
+    title = f"Differences over all categories, with {100 * level:g} % intervals over scenarios"
+    return Sheet(title, head, 1, tuple(lines))
+
+
+def is_sure(row: Mapping[str, Any]) -> bool:
+    """The interval of a difference has a width and does not contain zero."""
+    return row["low"] is not None and (row["low"] > 0 or row["high"] < 0)
+
+
+def shown(metric: Metric, value: float | None) -> str:
+    """A value of a metric, as tables print it."""
+    if value is None or math.isnan(value):
+        return "-"
+    return "∞" if value == math.inf else "-∞" if value == -math.inf else f"{value:.{metric.digits}f}"
+
+
+def markdown(found: Comparison) -> str:
+    """Everything that a comparison says, as a Markdown text."""
+    lines = []
+    for one in found.sets:
+        lines += [f"### {one.title}", "", f"{one.size}.", ""]
+        for sheet in sheets_of(found, one):
+            lines += [f"{sheet.title}:", "", *_piped(sheet), ""]
+    lines += ["What these numbers do not prove:", "", *(f"- {line}" for line in found.reservations)]
+    return "\n".join(lines) + "\n"
+
+
+def _piped(sheet: Sheet) -> Iterator[str]:
+    def line(texts: Sequence[str]) -> str:
+        return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
+
+    yield line(sheet.head)
+    yield "|" + "|".join("---" if i < sheet.texts else "--:" for i in range(len(sheet.head))) + "|"
+    for row in sheet.rows:
+        yield line([f"**{cell.text}**" if cell.strong and cell.text else cell.text for cell in row])

@@ -1,0 +1,167 @@
+"""Who is compared with whom: planners with what tells them apart, and the agents that all of them drove."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.batches.runs import ALONE, TRAFFIC
+from interdrive.errors import InputError, ResultsError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from interdrive.results import ArrowTable
+
+    Rows = dict[str, Any]
+    Flags = NDArray[np.bool_]
+
+#: Stands for all categories together.
+ALL = "all"
+
+_OTHERS = {
+    "recorded": "all others replay their recording",
+    "velocity_adjusting": "all others keep to their path and adjust their speed",
+    "same": "all others have it, too",
+}
+
+
+@dataclass(frozen=True)
+class ComparedSet:
+    """Runs that can be compared with each other: same traffic, same choice of agents.
+
+    Attributes:
+        traffic: What vehicles do that are not under test.
+        agents: Who is under test.
+        variants: Planners, in order.
+        drivers: Those of them that finished a run.
+        n_scenarios: Scenarios of the agents that all of them drove.
+        n_agents: Agents that all of them drove; nobody else is in table and differences.
+        left_out: Per variant, agents that it drove and another one did not.
+    """
+
+    traffic: str
+    agents: str
+    variants: tuple[str, ...]
+    drivers: tuple[str, ...]
+    n_scenarios: int
+    n_agents: int
+    left_out: Mapping[str, int]
+
+    @property
+    def title(self) -> str:
+        """The set in words."""
+        if self.agents == ALL:
+            return "Every vehicle has the planner under test"
+        one = self.agents in (ALONE, "1")
+        who = "One vehicle at a time has" if one else f"At most {self.agents} vehicles per scenario have"
+        return f"{who} the planner under test, {_OTHERS[self.traffic]}"
+
+    @property
+    def size(self) -> str:
+        """How many agents are compared, and who is left out why."""
+        scenarios = f"{self.n_scenarios} scenario{'s' * (self.n_scenarios != 1)}"
+        text = f"{self.n_agents} agents in {scenarios}"
+        if any(self.left_out.values()):
+            counts = ", ".join(f"{variant} {count}" for variant, count in self.left_out.items() if count)
+            text += f", those that all {len(self.drivers)} planners drove; not counted: {counts}"
+        return text
+
+
+def arrays(table: ArrowTable) -> Rows:
+    """The columns as numpy arrays; absent numbers are nan, texts are objects."""
+    found: Rows = {}
+    for name in table.column_names:
+        found[name] = np.array(table[name].to_pylist())
+        if found[name].dtype == object and not any(isinstance(item, str) for item in found[name]):
+            found[name] = np.array([np.nan if item is None else item for item in found[name]], dtype=np.float64)
+        elif found[name].dtype.kind == "U":
+            found[name] = found[name].astype(object)
+    return found
+
+
+def chosen(rows: Rows, planners: Sequence[str] | None) -> Rows:
+    """The rows of these planners; of all if none are named.
+
+    Raises:
+        InputError: No run has such a planner.
+    """
+    if planners is None:
+        return rows
+    there = sorted(set(rows["planner"]))
+    for planner in planners:
+        if planner not in there:
+            raise InputError(f"planner {planner}: no run of this batch has it; there are {', '.join(there)}")
+    return _only(rows, np.isin(rows["planner"].astype(str), list(planners)))
+
+
+def variants_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
+    """What is compared, per row: the planner with whatever else is not the same in all rows.
+
+    That is the predictor, settings that are not the defaults, and the version of interdrive.
+    """
+    several = {name: len(set(rows[name])) > 1 for name in ("predictor", "settings", "version")}
+
+    def named(planner: str, predictor: str, settings: str, version: str) -> str:
+        name = f"{planner} + {predictor}" if several["predictor"] else planner
+        if several["settings"] and settings:
+            name += f", {settings}"
+        return f"{name}, version {version}" if several["version"] else name
+
+    columns = (rows[name] for name in ("planner", "predictor", "settings", "version"))
+    return np.array([named(*map(str, row)) for row in zip(*columns, strict=True)], dtype=object)
+
+
+def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
+    """Sets in which a run has finished, and their rows with `counts`: agents under test that all drivers drove.
+
+    Args:
+        rows: Columns of the data set as arrays, with `variant`.
+
+    Raises:
+        ResultsError: A variant drove the same agent in several runs, which nothing in the data tells apart.
+    """
+    settings = set(zip(rows["traffic"], rows["agents"], strict=True))
+    for traffic, agents in sorted(settings, key=lambda item: (-TRAFFIC.index(item[0]), item[1])):
+        here = _only(rows, (rows["traffic"] == traffic) & (rows["agents"] == agents))
+        tested = here["under_test"] == 1
+        variants, drivers = (tuple(sorted(set(here["variant"][who]))) for who in (here["status"] != "refused", tested))
+        if not drivers:
+            continue
+        driven = {variant: _agents(here, tested & (here["variant"] == variant), variant) for variant in drivers}
+        common = set.intersection(*map(set, driven.values()))
+        here["counts"] = np.zeros(len(tested), dtype=np.bool_)
+        for who in driven.values():
+            here["counts"][[row for agent, row in who.items() if agent in common]] = True
+        left_out = {variant: len(who) - len(common) for variant, who in driven.items()}
+        n_scenarios = len({agent[0] for agent in common})
+        yield ComparedSet(traffic, agents, variants, drivers, n_scenarios, len(common), left_out), here
+
+
+def by_category(rows: Rows) -> Iterator[tuple[str, Rows]]:
+    """All rows of a set, then those of every category with agents that count."""
+    categories = sorted(set(rows["category"][rows["counts"]]))
+    for category in [ALL, *categories] if len(categories) > 1 else [ALL]:
+        yield category, rows if category == ALL else _only(rows, rows["category"] == category)
+
+
+def _only(rows: Rows, which: Flags) -> Rows:
+    return {name: values[which] for name, values in rows.items()}
+
+
+def _agents(rows: Rows, which: Flags, variant: str) -> dict[tuple[str, int, int], int]:
+    """Row by scenario, seed and agent."""
+    found: dict[tuple[str, int, int], int] = {}
+    for row in np.flatnonzero(which).tolist():
+        agent = (rows["scenario_sha256"][row], int(rows["seed"][row]), int(rows["agent_id"][row]))
+        if agent in found:
+            raise ResultsError(
+                f"{variant} drove agent {agent[2]} of {rows['scenario'][row]} in several runs that cannot be told "
+                "apart (a planner's module was changed, or settings were not recorded); use a folder for each"
+            )
+        found[agent] = row
+    return found
