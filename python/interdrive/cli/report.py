@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from interdrive.prediction_evaluation import PredictionEvaluation
     from interdrive.run import Run
     from interdrive.studies import CaseStudy
+    from interdrive.studies.runtime import RuntimeStudy
 
 #: More rows than this are shown only if something went wrong in them.
 _ROWS_MAX, NOTES_MAX = 40, 12
@@ -324,6 +325,38 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
         console.print(escape(reading(study)), style="dim")
         console.print()
     print_notes(console, notes, "")
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+
+
+def print_runtime(study: RuntimeStudy, folder: Path) -> None:
+    """Milliseconds per step, growth, targets next to what was measured, notes, and where the tables are."""
+    from interdrive.studies.runtime import growth, measured_targets, target_rows  # noqa: PLC0415
+    from interdrive.studies.runtime.markdown import STEP_PARTS, step_rows  # noqa: PLC0415
+
+    console, several = output(), study.threads
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
+    table.title = f"milliseconds per step, median (quartiles); parts with {several} threads"
+    for name in ("scenario", "agents", "1 thread", f"{several} threads", "ratio", *STEP_PARTS, "Python"):
+        table.add_column(name, justify="left" if name == "scenario" else "right", no_wrap=True)
+    before = ""
+    for row in step_rows(study):
+        table.add_row(escape(row[0]) if row[0] != before else "", *row[1:])
+        before = row[0]
+    console.print(table)
+    grown = growth(study, several)
+    if grown is not None:
+        console.print(
+            f"\ntown, {several} threads: time grows with the number of agents to the power of {grown.exponent:.2f}; "
+            f"{grown.to_linear:.2f} times linear from {grown.agents[0]} to {grown.agents[-1]} agents"
+        )
+    aims = Table(box=None, header_style="bold", pad_edge=False, title="\ntargets", title_justify="left")
+    for name, side in (("what", "left"), ("target", "right"), ("measured", "right"), ("", "left")):
+        aims.add_column(name, justify="right" if side == "right" else "left")
+    for what, aim, value, verdict in target_rows(measured_targets(study)):
+        style = "green" if verdict == "reached" else "yellow" if verdict.startswith("missed") else "dim"
+        aims.add_row(escape(what), aim, value, f"[{style}]{verdict}[/]")
+    console.print(aims)
+    print_notes(console, study.notes, "runtime.json")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 

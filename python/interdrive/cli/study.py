@@ -1,9 +1,9 @@
-"""`interdrive study`: the same encounter in every degree of interaction."""
+"""`interdrive study`: the same encounter in every degree of interaction; how long steps take."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("what", metavar="merge|t_junction|FILE")
+@click.argument("what", metavar="merge|t_junction|runtime|FILE")
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
 @click.option("--planner", metavar="NAME", default="frenet", help="Of the agent and of the interactive other vehicle.")
@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Threads that plan (all cores); results do not depend on it.",
 )
+@click.option("--agents", metavar="N,N,...", help="runtime: numbers of agents (1,2,4,8,16,24 and all).")
+@click.option("--town", metavar="N,N,...", help="runtime: numbers of agents in the town (24,100,300,1000; 0: none).")
+@click.option("--steps", metavar="N", type=click.IntRange(min=1), help="runtime: time steps per run (50).")
+@click.option("--repetitions", metavar="N", type=click.IntRange(min=1), help="runtime: runs of each kind (3).")
+@click.option("--quick", is_flag=True, help="runtime: less of everything, to see that it works (a minute).")
 @click.option("--out", metavar="DIR", help="Folder of the study (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the study in that folder.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -41,6 +46,11 @@ def study(
     predictor: str,
     assignments: tuple[str, ...],
     threads: int | None,
+    agents: str | None,
+    town: str | None,
+    steps: int | None,
+    repetitions: int | None,
+    quick: bool,
     out: str | None,
     overwrite: bool,
     quiet: bool,
@@ -52,7 +62,20 @@ def study(
 
     merge and t_junction are the case studies of the paper, on the recorded scenarios below $INTERDRIVE_SCENARIOS and on
     a shipped one. Any other FILE, or name of a shipped scenario, needs --agent and --other.
+
+    runtime tells how long a step takes over the number of agents, with one thread and with all of them: four scenarios,
+    and the shipped town with up to 1000 agents; tables, figures, and how far it is to the targets.
     """
+    for_runtime = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions, "quick": quick or None}
+    given = [f"--{name}" for name, value in for_runtime.items() if value is not None]
+    if what == "runtime" and (agent is not None or other is not None):
+        raise InputError("study runtime: --agent and --other belong to an encounter; --agents gives numbers of agents")
+    if what != "runtime" and given:
+        raise InputError(f"study {what}: {given[0]} belongs to `interdrive study runtime`")
+    target = (out or new_folder(f"study_{Path(what).stem}"), overwrite and out is not None)
+    if what == "runtime":
+        asked = _Asked(agents, town, steps, repetitions, quick)
+        return _runtime(asked, planner, predictor, assignments, threads, target, quiet=quiet)
     cases, notes = _cases(what, agent, other)
 
     from interdrive.cli.report import print_study, progress  # noqa: PLC0415 - rich
@@ -61,9 +84,7 @@ def study(
     from interdrive.studies.folder import check_study_target  # noqa: PLC0415
 
     settings = bind(SimulationSettings(), assigned(assignments))
-    folder = check_study_target(
-        new_folder(f"study_{Path(what).stem}") if out is None else out, overwrite=overwrite and out is not None
-    )
+    folder = check_study_target(target[0], overwrite=target[1])
     with progress(quiet=quiet) as report:
         done = []
         for case in cases:
@@ -85,6 +106,78 @@ def study(
         print_study(done, notes, shown(folder))
     ended = [outcome for one in done for run in one.runs.values() for outcome in run.outcomes.outcome]
     return 1 if "planner_error" in ended else 0
+
+
+class _Asked(NamedTuple):
+    """What the command line says about the runtime study."""
+
+    agents: str | None
+    town: str | None
+    steps: int | None
+    repetitions: int | None
+    quick: bool
+
+
+def _runtime(
+    asked: _Asked,
+    planner: str,
+    predictor: str,
+    assignments: tuple[str, ...],
+    threads: int | None,
+    target: tuple[str | Path, bool],
+    *,
+    quiet: bool,
+) -> int:
+    from dataclasses import replace  # noqa: PLC0415
+
+    from interdrive.cli.report import print_runtime, progress  # noqa: PLC0415 - rich
+    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.studies.runtime import (  # noqa: PLC0415
+        COUNTS,
+        TOWN_COUNTS,
+        check_runtime_target,
+        runtime_cases,
+        runtime_study,
+        save_runtime,
+    )
+
+    quick = asked.quick
+    counts = _numbers("agents", asked.agents) or ((1, 8, 24) if quick else COUNTS)
+    town = _numbers("town", asked.town) or ((24, 100) if quick else TOWN_COUNTS)
+    settings = bind(SimulationSettings(), assigned(assignments))
+    folder = check_runtime_target(target[0], overwrite=target[1])
+    cases, notes = runtime_cases(counts, tuple(n for n in town if n), to_all=not quick and asked.agents is None)
+    cases = tuple(replace(case, predictor=predictor) if case.predictor != "neural" else case for case in cases)
+    with progress(quiet=quiet) as report:
+        report.say("reading")
+        done = runtime_study(
+            cases,
+            steps=asked.steps or (10 if quick else 50),
+            repetitions=asked.repetitions or (1 if quick else 3),
+            threads=threads,
+            planner=planner,
+            settings=settings,
+            memory=not quick and 1000 in town,
+            on_run=report.counted,
+            notes=notes,
+        )
+        report.say("drawing")
+        save_runtime(done, folder, overwrite=target[1])
+    if not quiet:
+        print_runtime(done, shown(folder))
+    return 0
+
+
+def _numbers(option: str, text: str | None) -> tuple[int, ...]:
+    if text is None:
+        return ()
+    try:
+        found = sorted({int(part) for part in text.split(",") if part.strip()})
+    except ValueError:
+        found = [-1]
+    if not found or found[0] < (0 if option == "town" else 1):
+        raise InputError(f"--{option} {text}: write numbers of agents, such as 1,8,24")
+    return tuple(found)
 
 
 def _cases(what: str, agent: int | None, other: int | None) -> tuple[tuple[Case, ...], tuple[str, ...]]:

@@ -1,0 +1,32 @@
+"""The runtime study: how long a step takes, over the number of agents, with one thread and with all of them.
+
+Kaufeld, Trauth, Betz, "Investigating Driving Interactions", IV 2024, section V: four scenarios with at least 24
+vehicles. Beyond it the town, with up to a thousand agents at constant density.
+"""
+
+from interdrive.studies.runtime.cases import COUNTS, TOWN_COUNTS, RuntimeCase, runtime_cases
+from interdrive.studies.runtime.figure import growth_figure, runtime_figure
+from interdrive.studies.runtime.folder import check_runtime_target, save_runtime
+from interdrive.studies.runtime.measure import RuntimeStudy, runtime_study
+from interdrive.studies.runtime.summary import Growth, growth, summary_table
+from interdrive.studies.runtime.targets import TARGETS, Target, measured_targets, target_rows
+
+__all__ = [
+    "COUNTS",
+    "TARGETS",
+    "TOWN_COUNTS",
+    "Growth",
+    "RuntimeCase",
+    "RuntimeStudy",
+    "Target",
+    "check_runtime_target",
+    "growth",
+    "growth_figure",
+    "measured_targets",
+    "runtime_cases",
+    "runtime_figure",
+    "runtime_study",
+    "save_runtime",
+    "summary_table",
+    "target_rows",
+]

@@ -1,0 +1,110 @@
+"""The figures of the runtime study. Loads matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from interdrive.studies.runtime.summary import growth, summary_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from interdrive.studies.runtime.measure import RuntimeStudy
+
+_MM = 1.0 / 25.4
+_WIDTH, _PANEL, _FONT = 180.0 * _MM, 52.0 * _MM, 7.5
+#: Duration of a step in real time [ms].
+_REAL_TIME = 100.0
+#: One thread and several (Okabe and Ito).
+_COLOURS = ("#0072B2", "#D55E00")
+_ALONE = "neural"
+
+
+def runtime_figure(study: RuntimeStudy) -> Figure:
+    """Time per step over the number of agents, 180 mm wide, one panel per scenario.
+
+    Medians with quartiles, with one thread and with several; dashed the time of planning alone, which is that of the
+    slowest batch, since every thread plans for a batch of the agents; the line of real time.
+    """
+    rows = [row for row in summary_table(study).to_pylist() if row["predictor"] != _ALONE]
+    scenarios = list(dict.fromkeys((row["kind"], row["scenario"]) for row in rows))
+    across = min(3, len(scenarios)) or 1
+    down = -(-len(scenarios) // across) or 1
+    figure = Figure(figsize=(_WIDTH, down * _PANEL + 6.0 * _MM), dpi=300, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    for panel, (kind, scenario) in zip(panels, scenarios, strict=False):
+        _draw_scenario(panel, [row for row in rows if row["scenario"] == scenario], study.threads)
+        panel.set_title(kind if kind == scenario else f"{kind}\n{scenario}", fontsize=_FONT)
+    for place, panel in enumerate(panels):
+        panel.set_visible(place < len(scenarios))
+        if place % across == 0:
+            panel.set_ylabel("time per step [ms]", fontsize=_FONT)
+        if place >= len(scenarios) - across:
+            panel.set_xlabel("agents", fontsize=_FONT)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=_FONT, frameon=False)
+    return figure
+
+
+def _draw_scenario(panel: Axes, rows: list[dict[str, Any]], several: int) -> None:
+    for threads, colour in zip(sorted({1, several}), _COLOURS, strict=False):
+        own = sorted((row for row in rows if row["threads"] == threads), key=lambda row: row["agents"])
+        if not own:
+            continue
+        agents = np.array([row["agents"] for row in own])
+        lower, median, upper, plan = (
+            1e3 * np.array([row[name] for row in own]) for name in ("lower", "median", "upper", "plan")
+        )
+        name = f"{threads} thread{'s' * (threads > 1)}"
+        panel.fill_between(agents, lower, upper, color=colour, alpha=0.2, linewidth=0)
+        panel.plot(agents, median, "o-", color=colour, linewidth=1.0, markersize=2.2, label=f"step, {name}")
+        panel.plot(agents, plan, "--", color=colour, linewidth=0.8, label=f"planning per batch, {name}")
+    panel.axhline(_REAL_TIME, color="#222222", linewidth=0.8, linestyle=":", label="real time")
+    panel.set_xscale("log", base=2)
+    panel.set_yscale("log")
+    shown = sorted({row["agents"] for row in rows})
+    panel.set_xticks(shown, [str(n) for n in shown])
+    panel.minorticks_off()
+    _plain(panel)
+
+
+def growth_figure(study: RuntimeStudy) -> Figure | None:
+    """Time per step over the number of agents at constant density, with the fitted power; None without a town."""
+    grown = {threads: growth(study, threads) for threads in sorted({1, study.threads})}
+    if not any(grown.values()):
+        return None
+    figure = Figure(figsize=(0.5 * _WIDTH, _PANEL + 10.0 * _MM), dpi=300, layout="constrained")
+    FigureCanvasAgg(figure)
+    panel = figure.subplots()
+    ticks: set[int] = set()
+    for (threads, found), colour in zip(grown.items(), _COLOURS, strict=False):
+        if found is None:
+            continue
+        agents = np.array(found.agents, dtype=np.float64)
+        ticks.update(found.agents)
+        panel.plot(agents, 1e3 * np.array(found.seconds), "o", color=colour, markersize=3.0)
+        label = f"{threads} thread{'s' * (threads > 1)}: agents$^{{{found.exponent:.2f}}}$"
+        panel.plot(agents, 1e3 * found.factor * agents**found.exponent, color=colour, linewidth=1.0, label=label)
+    panel.axhline(_REAL_TIME, color="#222222", linewidth=0.8, linestyle=":", label="real time")
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_xticks(sorted(ticks), [str(n) for n in sorted(ticks)])
+    panel.minorticks_off()
+    panel.set_xlabel("agents", fontsize=_FONT)
+    panel.set_ylabel("time per step [ms]", fontsize=_FONT)
+    panel.legend(fontsize=_FONT, frameon=False)
+    _plain(panel)
+    return figure
+
+
+def _plain(panel: Axes) -> None:
+    panel.tick_params(labelsize=_FONT - 0.5, length=2, width=0.5, pad=2)
+    for side in ("top", "right"):
+        panel.spines[side].set_visible(False)
+    for side in ("bottom", "left"):
+        panel.spines[side].set_linewidth(0.5)

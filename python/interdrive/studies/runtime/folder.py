@@ -1,0 +1,66 @@
+"""The folder of a runtime study: all steps, their summary, figures, and the tables of the documents."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from interdrive.plots import save_figure
+from interdrive.results import check_folder, replacing, write_json, write_table
+from interdrive.studies.runtime.figure import growth_figure, runtime_figure
+from interdrive.studies.runtime.markdown import document
+from interdrive.studies.runtime.summary import growth, summary_table
+from interdrive.studies.runtime.targets import measured_targets
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from interdrive.studies.runtime.measure import RuntimeStudy
+
+_MARK = "runtime.json"
+_FIGURES = tuple(f"{name}.{ending}" for name in ("runtime", "growth") for ending in ("pdf", "png"))
+_FILES = ("steps.parquet", "summary.parquet", "summary.csv", "runtime.md", _MARK, *_FIGURES)
+
+
+def check_runtime_target(folder: str | Path, *, overwrite: bool = False) -> Path:
+    """The folder a runtime study can be saved to, as an absolute path; useful before it runs.
+
+    Raises:
+        ResultsError: if something is there that must not be replaced.
+    """
+    return check_folder(folder, "runtime study", _MARK, lambda entry: entry.name in _FILES, overwrite=overwrite)
+
+
+def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Writes the folder, whole or not at all, and returns its path.
+
+    It holds steps.parquet (one row per step), summary.parquet and summary.csv, the figures runtime and growth as PDF
+    and PNG, runtime.md (tables for documents) and runtime.json (machine, settings, measured targets, growth).
+
+    Raises:
+        ResultsError: if the folder cannot be used or written; one line with path and cause.
+    """
+    target = check_runtime_target(folder, overwrite=overwrite)
+    with replacing(target) as partial:
+        partial.mkdir()
+        write_table(study.steps, partial / "steps.parquet")
+        summary = summary_table(study)
+        for name in ("summary.parquet", "summary.csv"):
+            write_table(summary, partial / name)
+        for name, figure in (("runtime", runtime_figure(study)), ("growth", growth_figure(study))):
+            if figure is not None:
+                for ending in ("pdf", "png"):
+                    save_figure(figure, partial / f"{name}.{ending}")
+        (partial / "runtime.md").write_text(document(study), encoding="utf-8")
+        grown = {threads: growth(study, threads) for threads in sorted({1, study.threads})}
+        write_json(
+            {
+                "machine": study.machine,
+                "settings": study.settings,
+                "threads": study.threads,
+                "notes": list(study.notes),
+                "targets": measured_targets(study),
+                "growth": {str(threads): vars(one) for threads, one in grown.items() if one is not None},
+            },
+            partial / _MARK,
+        )
+    return target

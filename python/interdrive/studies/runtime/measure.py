@@ -1,0 +1,232 @@
+"""Drives every case and takes the times of its steps."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import platform
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.files import read_scenario, shipped_scenario
+from interdrive.results import Column, arrow_table
+from interdrive.run import PHASES
+from interdrive.simulation import Simulation
+from interdrive.studies.runtime.cases import TOWN, RuntimeCase
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from interdrive.results import ArrowTable
+    from interdrive.run_settings import SimulationSettings
+    from interdrive.scenario import Scenario
+
+#: Columns of the table of all steps.
+STEP_COLUMNS = (
+    Column("kind", "label", "what the scenario shows"),
+    Column("scenario", "label", "name of the scenario"),
+    Column("predictor", "label", "who predicts"),
+    Column("agents", "integer", "number of agents"),
+    Column("participants", "integer", "agents and recorded vehicles present"),
+    Column("threads", "integer", "threads that plan"),
+    Column("repetition", "integer", "counted from 0"),
+    Column("time_step", "integer", "of the scenario"),
+    Column("driving", "integer", "agents that drive"),
+    Column("step", "number", "the whole step [s]"),
+    Column("observe", "number", "making the scene [s]"),
+    Column("predict", "number", "prediction [s]"),
+    Column("plan", "number", "planning of all agents, on all threads: the slowest batch [s]"),
+    Column("collision", "number", "search for contacts and road departures [s]"),
+    Column("update", "number", "everybody moves, goals are judged, states are recorded [s]"),
+    Column("python", "number", "what is not spent in the core, part of the phases [s]"),
+)
+
+#: The first step starts threads and grows memory; times of it are not counted.
+_WARM_UP = 1
+#: Peak memory is told for a run of so many agents and steps.
+MEMORY_AGENTS, MEMORY_STEPS = 1000, 300
+
+
+@dataclass(frozen=True)
+class RuntimeStudy:
+    """Times of steps.
+
+    Attributes:
+        steps: One row per step, as an Arrow table with `STEP_COLUMNS`.
+        threads: The larger number of threads.
+        peak_memory: Of a process that records 300 steps of 1000 agents [bytes]; nan if it was not measured.
+        machine: Processor, cores and software.
+        settings: What was asked for.
+        notes: One line per thing the user should know.
+    """
+
+    steps: ArrowTable
+    threads: int
+    peak_memory: float
+    machine: dict[str, Any]
+    settings: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def runtime_study(
+    cases: Sequence[RuntimeCase],
+    *,
+    steps: int = 50,
+    repetitions: int = 3,
+    threads: int | None = None,
+    planner: object = "frenet",
+    settings: SimulationSettings | None = None,
+    memory: bool = True,
+    on_run: Callable[[str, int, int], None] | None = None,
+    notes: tuple[str, ...] = (),
+) -> RuntimeStudy:
+    """Drives every case with every number of agents, with one thread and with several, and takes times.
+
+    Runs with one thread and with several take turns, so that both meet the same state of the machine.
+
+    Args:
+        cases: What to drive; see `runtime_cases`.
+        steps: Time steps per run that count, at most.
+        repetitions: Runs of each kind.
+        threads: The larger number of threads; the number of cores otherwise.
+        planner: Of all agents.
+        settings: Settings; the defaults otherwise.
+        memory: Also measure the peak memory of a large run, in a process of its own.
+        on_run: Called before every run with what it is, how many runs are done, and how many there are.
+        notes: Kept.
+
+    Returns:
+        All times.
+
+    Raises:
+        InputError: A scenario cannot be used, or a number is not positive.
+    """
+    for name, value in (("steps", steps), ("repetitions", repetitions)):
+        if value < 1:
+            raise InputError(f"{name} must be at least 1, not {value}")
+    several = threads or os.cpu_count() or 1
+    counts = sorted({1, several})
+    columns: dict[str, list[Any]] = {column.name: [] for column in STEP_COLUMNS}
+    # What cannot be driven is refused before anything is.
+    jobs = []
+    for case in cases:
+        scenario = read_scenario(case.path)
+        jobs += [(case, scenario, wanted) for wanted in _numbers(case, scenario, planner, settings)]
+    total = len(jobs) * repetitions * len(counts) + memory
+    done = 0
+    for case, scenario, wanted in jobs:
+        simulations = [
+            Simulation(scenario, agents=wanted, planner=planner, predictor=case.predictor, settings=settings, threads=n)
+            for n in counts
+        ]
+        for repetition in range(repetitions):
+            for simulation in simulations:
+                if on_run is not None:
+                    what = f"{scenario.name}, {wanted} agents, {simulation.threads} threads, {case.predictor}"
+                    on_run(what, done, total)
+                done += 1
+                simulation.reset()
+                _drive(simulation, steps, (case, scenario.name, repetition), columns)
+    peak = float("nan")
+    if memory:
+        if on_run is not None:
+            on_run(f"memory of {MEMORY_AGENTS} agents, {MEMORY_STEPS} steps", done, total)
+        peak = peak_memory(MEMORY_AGENTS, MEMORY_STEPS, several)
+    return RuntimeStudy(
+        steps=arrow_table(STEP_COLUMNS, columns),
+        threads=several,
+        peak_memory=peak,
+        machine=machine(),
+        settings={"steps": steps, "repetitions": repetitions, "planner": str(planner)},
+        notes=notes,
+    )
+
+
+def _numbers(case: RuntimeCase, scenario: Scenario, planner: object, settings: SimulationSettings | None) -> list[int]:
+    """The numbers of agents that the scenario has, ascending."""
+    wanted = [n for n in case.counts if n is not None]
+    most = len(Simulation(scenario, planner=planner, settings=settings, threads=1).agents)
+    if wanted and min(wanted) < 1:
+        raise InputError(f"the number of agents must be at least 1, not {min(wanted)}")
+    if wanted and min(wanted) > most:
+        raise InputError(f"{scenario.name}: {min(wanted)} agents asked for, but only {most} vehicles can be agents")
+    return sorted({n for n in wanted if n <= most} | ({most} if None in case.counts else set()))
+
+
+def _drive(
+    simulation: Simulation, steps: int, what: tuple[RuntimeCase, str, int], columns: dict[str, list[Any]]
+) -> None:
+    """Steps, and appends a row per step that counts."""
+    case, scenario, repetition = what
+    clock, world = time.perf_counter, simulation.world
+    rows = []
+    for _ in range(steps + _WARM_UP):
+        if simulation.is_done:
+            break
+        driving, native, begin = len(simulation.driving), world.native_seconds, clock()
+        simulation.step()
+        seconds = clock() - begin
+        rows.append((driving, seconds, seconds - (world.native_seconds - native)))
+    run = simulation.record()
+    phases = run.timings.seconds.reshape(-1, len(PHASES))
+    present = np.count_nonzero(run.states.valid, axis=0)
+    for index, (driving, seconds, python) in enumerate(rows[_WARM_UP:], start=_WARM_UP):
+        spent = dict(zip(PHASES, phases[index].tolist(), strict=True))
+        values = {
+            "kind": case.kind,
+            "scenario": scenario,
+            "predictor": case.predictor,
+            "agents": len(simulation.agents),
+            "participants": int(present[index]),
+            "threads": simulation.threads,
+            "repetition": repetition,
+            "time_step": int(run.timings.time_step[index * len(PHASES)]),
+            "driving": driving,
+            "step": seconds,
+            "observe": spent["observe"],
+            "predict": spent["predict"],
+            "plan": spent["plan"] + spent["plan_python"],
+            "collision": spent["collision"],
+            "update": spent["advance"],
+            "python": max(0.0, python),
+        }
+        for name, value in values.items():
+            columns[name].append(value)
+
+
+def peak_memory(agents: int, steps: int, threads: int) -> float:
+    """Peak memory of a process that drives the town and records it [bytes]."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return float(pool.apply(_recorded, (agents, steps, threads)))
+
+
+def _recorded(agents: int, steps: int, threads: int) -> float:
+    import resource  # noqa: PLC0415 - not on every system
+
+    simulation = Simulation(shipped_scenario(TOWN), agents=agents, threads=threads)
+    for _ in range(steps):
+        simulation.step()
+    simulation.record()
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, system and Python."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:  # noqa: PTH123 - no file of ours
+            return next(line.split(":", 1)[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()

@@ -1,0 +1,99 @@
+"""What is aimed at, next to what is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from interdrive.studies.runtime.cases import HIGHWAY, TOWN
+from interdrive.studies.runtime.summary import growth, summary_table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from interdrive.studies.runtime.measure import RuntimeStudy
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number to reach.
+
+    Attributes:
+        name: Key among measured numbers.
+        what: For people.
+        value: The number, in `unit` times `scale`.
+        unit: Written behind it.
+        scale: From the unit to SI.
+        at_most: The measured number should not be larger; else not smaller.
+        command: What measures it.
+    """
+
+    name: str
+    what: str
+    value: float
+    unit: str
+    scale: float = 1.0
+    at_most: bool = True
+    command: str = "interdrive study runtime"
+
+
+_BENCH, _PEERS = "make bench", "benchmarks/peers/"
+
+TARGETS = (
+    Target("step_24", f"24 agents, {HIGHWAY}, lane_following", 2.0, "ms", 1e-3),
+    Target("step_24_neural", "the same with neural", 5.0, "ms", 1e-3),
+    Target("plan_ratio", "one plan against the frenetix 0.4 binary", 100.0, "times", 1.0, False, _BENCH),
+    Target("peer_ratio", "step against the peer", 1000.0, "times", 1.0, False, _PEERS + "handler.py"),
+    Target("highway_env_ratio", "step against highway-env", 1.0, "times", 1.0, False, _PEERS + "highway_env.py"),
+    Target("step_1000", "1000 agents in the town", 100.0, "ms", 1e-3),
+    Target("growth", "growth from 24 to 1000 agents, to linear", 1.1, "times"),
+    Target("python_share", f"share of Python, 24 agents, {HIGHWAY}", 5.0, "%", 1e-2),
+    Target("second_thread", f"second thread, 24 agents, {HIGHWAY}", 1.8, "times", 1.0, False),
+    Target("start", f"command start to first step, {HIGHWAY}", 1.5, "s", 1.0, True, _BENCH),
+    Target("memory", "peak memory, 1000 agents, 300 steps", 1.5, "GB", 1e9),
+)
+
+
+def measured_targets(study: RuntimeStudy) -> dict[str, float]:
+    """Measured numbers by name of their target, in SI units; those that the study did not measure are missing."""
+    rows = summary_table(study).to_pylist()
+    by_run = {(row["scenario"], row["predictor"], row["agents"], row["threads"]): row for row in rows}
+    found: dict[str, float] = {}
+    name = "lane_following"
+    highway = by_run.get((HIGHWAY, name, 24, study.threads))
+    if highway is not None:
+        found["step_24"] = highway["median"]
+        found["python_share"] = highway["python"] / highway["median"]
+        alone = by_run.get((HIGHWAY, name, 24, 1))
+        if alone is not None and study.threads == 2:
+            found["second_thread"] = alone["median"] / highway["median"]
+    neural = by_run.get((HIGHWAY, "neural", 24, study.threads))
+    if neural is not None:
+        found["step_24_neural"] = neural["median"]
+    town = [row for row in rows if row["kind"] == TOWN and row["agents"] == 1000 and row["threads"] == study.threads]
+    if town:
+        found["step_1000"] = town[0]["median"]
+        grown = growth(study, study.threads)
+        if grown is not None and grown.agents[0] == 24:
+            found["growth"] = grown.to_linear
+    if study.peak_memory == study.peak_memory:
+        found["memory"] = study.peak_memory
+    return found
+
+
+def target_rows(found: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
+    """Per target: what, the target, what was measured, and whether it is reached (or who measures it)."""
+    rows = []
+    for target in TARGETS:
+        sign = "≤" if target.at_most else "≥"
+        aim = f"{sign} {target.value:g} {target.unit}"
+        if target.name not in found:
+            rows.append((target.what, aim, "–", f"measured by {target.command}"))
+            continue
+        value = found[target.name] / target.scale
+        reached = value <= target.value if target.at_most else value >= target.value
+        short = max(value / target.value, target.value / value)
+        rows.append(
+            (target.what, aim, f"{value:.3g} {target.unit}", "reached" if reached else f"missed by {short:.2g}")
+        )
+    return rows
