@@ -3,6 +3,7 @@
 
 mod lanes;
 pub mod neural;
+mod product;
 #[cfg(test)]
 mod tests;
 pub mod walenet;

@@ -3,10 +3,7 @@
 
 use std::ops::Range;
 
-/// Outputs are padded to a multiple of this.
-const PADDING: usize = 16;
-/// Rows that are computed at once.
-const ROWS: usize = 4;
+use crate::predict::product::{Matrix, add_product};
 
 /// Weights and bias of a linear layer.
 #[derive(Debug, Clone)]
@@ -15,8 +12,7 @@ pub(super) struct Linear {
     pub(super) n_in: usize,
     /// Number of outputs with padding: distance between rows of a table of outputs.
     pub(super) width: usize,
-    /// (inputs, width), row-major; padding is zero.
-    weights: Vec<f32>,
+    weights: Matrix,
     /// (width,).
     bias: Vec<f32>,
 }
@@ -24,16 +20,11 @@ pub(super) struct Linear {
 impl Linear {
     /// From some inputs of a layer with `n_in` inputs: weights (outputs, inputs), row-major, and bias (outputs,).
     pub(super) fn new(weights: &[f32], bias: &[f32], n_in: usize, inputs: Range<usize>) -> Self {
-        let width = bias.len().next_multiple_of(PADDING);
-        let mut padded = vec![0.0; inputs.len() * width];
-        for (row, k) in padded.chunks_exact_mut(width).zip(inputs.clone()) {
-            for (to, from) in row.iter_mut().zip(weights[k..].iter().step_by(n_in)) {
-                *to = *from;
-            }
-        }
+        let weights = Matrix::new(inputs.len(), bias.len(), |input, j| weights[j * n_in + inputs.start + input]);
+        let width = weights.columns();
         let mut padded_bias = bias.to_vec();
         padded_bias.resize(width, 0.0);
-        Self { n_in: inputs.len(), width, weights: padded, bias: padded_bias }
+        Self { n_in: inputs.len(), width, weights, bias: padded_bias }
     }
 
     /// Without bias.
@@ -53,60 +44,7 @@ impl Linear {
 
     /// The same without bias, added to a table of `width` columns.
     pub(super) fn add(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut [f32]) {
-        #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
-            #[expect(unsafe_code, reason = "the processor was asked whether it has what the function is compiled for")]
-            // SAFETY: AVX2 is there.
-            unsafe {
-                self.add_with_avx2(inputs, stride, n_rows, out);
-            }
-            return;
-        }
-        self.add_in_blocks::<8>(inputs, stride, n_rows, out);
-    }
-
-    /// Products are not fused with sums here either: the bits are those of any other processor.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn add_with_avx2(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut [f32]) {
-        self.add_in_blocks::<16>(inputs, stride, n_rows, out);
-    }
-
-    #[inline(always)]
-    fn add_in_blocks<const COLUMNS: usize>(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut [f32]) {
-        let mut row = 0;
-        while row + ROWS <= n_rows {
-            self.add_block::<ROWS, COLUMNS>(&inputs[row * stride..], stride, &mut out[row * self.width..]);
-            row += ROWS;
-        }
-        while row < n_rows {
-            self.add_block::<1, COLUMNS>(&inputs[row * stride..], stride, &mut out[row * self.width..]);
-            row += 1;
-        }
-    }
-
-    #[inline(always)]
-    fn add_block<const N: usize, const COLUMNS: usize>(&self, inputs: &[f32], stride: usize, out: &mut [f32]) {
-        let rows: [&[f32]; N] = std::array::from_fn(|r| &inputs[r * stride..r * stride + self.n_in]);
-        for column in (0..self.width).step_by(COLUMNS) {
-            let mut sums = [[0.0_f32; COLUMNS]; N];
-            for (r, sums) in sums.iter_mut().enumerate() {
-                sums.copy_from_slice(&out[r * self.width + column..][..COLUMNS]);
-            }
-            for (k, weights) in self.weights.chunks_exact(self.width).enumerate() {
-                let weights: &[f32; COLUMNS] =
-                    weights[column..column + COLUMNS].try_into().expect("as many as columns");
-                for (sums, row) in sums.iter_mut().zip(&rows) {
-                    let input = row[k];
-                    for (sum, weight) in sums.iter_mut().zip(weights) {
-                        *sum += input * weight;
-                    }
-                }
-            }
-            for (r, sums) in sums.iter().enumerate() {
-                out[r * self.width + column..][..COLUMNS].copy_from_slice(sums);
-            }
-        }
+        add_product(inputs, stride, n_rows, &self.weights, out);
     }
 }
 
@@ -147,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn outputs_have_the_bits_of_the_definition_in_any_batch_and_with_any_width() {
+    fn outputs_have_the_bits_of_the_definition_in_any_batch() {
         for (n_in, n_out) in [(1, 1), (7, 50), (54, 64), (33, 17)] {
             let (weights, bias) = (numbers(n_in * n_out, 1), numbers(n_out, 2));
             let layer = Linear::new(&weights, &bias, n_in, 0..n_in);
@@ -155,9 +93,6 @@ mod tests {
                 let inputs = numbers(n_rows * n_in, 3);
                 let mut out = Vec::new();
                 layer.apply(&inputs, n_in, n_rows, &mut out);
-                let mut narrow = layer.bias.repeat(n_rows);
-                layer.add_in_blocks::<8>(&inputs, n_in, n_rows, &mut narrow);
-                assert_eq!(out, narrow, "the same with and without wide registers");
                 for row in 0..n_rows {
                     let expected = by_hand(&weights, &bias, &inputs[row * n_in..(row + 1) * n_in]);
                     assert_eq!(out[row * layer.width..][..n_out], expected, "{n_in} to {n_out}, row {row} of {n_rows}");

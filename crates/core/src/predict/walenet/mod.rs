@@ -2,11 +2,13 @@
 //! a picture of the road (Geisslinger, Karle, Betz, Lienkamp, "Watch-and-Learn-Net", IEEE SMC 2021; after Deo and
 //! Trivedi, "Convolutional social pooling", CVPRW 2018). The published weights come from outside.
 
+mod activation;
 mod forecast;
 mod inputs;
+mod layer;
 mod network;
+mod patches;
 mod picture;
-mod product;
 mod recurrent;
 mod stack;
 #[cfg(test)]
@@ -68,7 +70,7 @@ pub struct Walenet {
     borders: Borders,
     /// What the network made of the pictures of the last call: (id, pose, vector), ascending ids. Who stands is not drawn
     /// again; nothing else comes out.
-    seen: Mutex<Vec<(i64, Pose, [f32; stack::CHANNELS])>>,
+    seen: Mutex<Vec<(i64, Pose, [f32; layer::CHANNELS])>>,
     /// Memory of threads that do not compute now.
     scratches: Mutex<Vec<Scratch>>,
 }
@@ -84,7 +86,7 @@ struct Scratch {
 /// What was found for a vehicle.
 struct Found {
     output: Output,
-    image: [f32; stack::CHANNELS],
+    image: [f32; layer::CHANNELS],
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -182,13 +184,13 @@ impl Walenet {
             .collect()
     }
 
-    fn image(&self, pose: Pose, scratch: &mut Scratch) -> [f32; stack::CHANNELS] {
+    fn image(&self, pose: Pose, scratch: &mut Scratch) -> [f32; layer::CHANNELS] {
         scratch.picture.clear();
         self.borders.draw(pose, &mut scratch.picture, &mut scratch.tracing);
         self.network.image(&scratch.picture, &mut scratch.network)
     }
 
-    fn ask_one(&self, own: usize, tracks: &[Track], image: &[f32; stack::CHANNELS], scratch: &mut Scratch) -> Output {
+    fn ask_one(&self, own: usize, tracks: &[Track], image: &[f32; layer::CHANNELS], scratch: &mut Scratch) -> Output {
         let pose = tracks[own].pose;
         let mut cells = occupied(own, tracks);
         let mut histories = vec![tracks[own].seen_from(pose)];

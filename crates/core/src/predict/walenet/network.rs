@@ -1,10 +1,12 @@
 //! The whole network: encoder, social pooling, image, decoder.
 
+use super::activation::{exp, leaky, tanh};
+use super::layer::CHANNELS;
 use super::picture::Picture;
-use super::product::{Matrix, exp, leaky, multiply, tanh};
 use super::recurrent::Gru;
 use super::stack::{self, Stack};
 use crate::error::{Error, Result};
+use crate::predict::product::{Matrix, multiply};
 
 /// Positions of a history, every 0.1 s, the last is now.
 pub const N_HISTORY: usize = 30;
@@ -30,7 +32,7 @@ const SOCIAL_ROWS: usize = CELLS_ALONG - 2;
 const NARROW: usize = 8;
 const NARROW_ROWS: usize = SOCIAL_ROWS - 2;
 const DECODED: usize = 64;
-const CONTEXT: usize = SOCIAL + DYNAMICS + stack::CHANNELS;
+const CONTEXT: usize = SOCIAL + DYNAMICS + CHANNELS;
 
 /// A named array as a weights file holds it.
 #[derive(Debug, Clone)]
@@ -114,7 +116,7 @@ impl<'a> Tensors<'a> {
     }
 
     fn stack(&self) -> Result<Stack> {
-        const C: usize = stack::CHANNELS;
+        const C: usize = CHANNELS;
         let (mut weights, mut biases) = ([&[][..]; 8], [&[][..]; 8]);
         for layer in 0..8 {
             let inputs = if layer == 0 { 1 } else { C };
@@ -193,7 +195,7 @@ impl Network {
     }
 
     /// The 32 numbers that stand for a picture.
-    pub(super) fn image(&self, picture: &Picture, scratch: &mut Scratch) -> [f32; stack::CHANNELS] {
+    pub(super) fn image(&self, picture: &Picture, scratch: &mut Scratch) -> [f32; CHANNELS] {
         self.stack.vector(picture, &mut scratch.stack)
     }
 
@@ -203,7 +205,7 @@ impl Network {
         &self,
         histories: &[History],
         cells: &[(usize, usize)],
-        image: &[f32; stack::CHANNELS],
+        image: &[f32; CHANNELS],
         scratch: &mut Scratch,
     ) -> Output {
         self.encode(histories, scratch);

@@ -147,9 +147,9 @@ fn trace(line: &[Point], ink: Ink, picture: &mut Picture) {
         let end = start + length;
         while count * SPACING < end.min(total) {
             let at = pair[0].lerp(pair[1], (count * SPACING - start) / length) * RESOLUTION;
-            let half = (SIDE / 2) as f64;
-            let (row, column) = ((at.y + half).floor(), (at.x + half).floor());
-            if row >= 0.0 && row < SIDE as f64 && column >= 0.0 && column < SIDE as f64 {
+            let (row, column) = (at.y + (SIDE / 2) as f64, at.x + (SIDE / 2) as f64);
+            let inside = 0.0..SIDE as f64;
+            if inside.contains(&row) && inside.contains(&column) {
                 picture.set(row as usize, column as usize, ink);
             }
             count += 1.0;

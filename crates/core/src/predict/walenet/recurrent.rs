@@ -1,7 +1,8 @@
 //! Gated recurrent units of one layer (Cho et al. 2014, with the reset gate behind the recurrent product, as torch has
 //! it): r = s(Wr x + br + Ur h + cr), z alike, n = tanh(Wn x + bn + r (Un h + cn)), h' = (1 - z) n + z h.
 
-use super::product::{Matrix, for_wide_machines, multiply, sigmoid, tanh};
+use super::activation::{sigmoid, tanh};
+use crate::predict::product::{Matrix, for_wide_machines, multiply};
 
 /// Parameters; rows r, z, n.
 #[derive(Debug, Clone)]
