@@ -3,7 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from interdrive import InputError, Scenario, read_scenario
+from interdrive import InputError, Scenario, _core, read_scenario
+from interdrive.predictors.models import WALENET
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -31,3 +32,17 @@ def recorded_scenarios(scenarios_folder) -> dict[str, Scenario | InputError]:
             found[str(path.relative_to(scenarios_folder))] = error
     assert found, f"{scenarios_folder} holds no scenarios"
     return found
+
+
+@pytest.fixture(scope="session")
+def published_walenet() -> _core.Walenet:
+    """The network WALENET with its published weights, which are installed if they are not; skipped offline."""
+    if not WALENET.is_installed():
+        try:
+            WALENET.install()
+        except InputError as error:
+            message = f"the weights of walenet are not on this machine and cannot be installed now: {error}"
+            if os.environ.get("CI") == "true" and "no connection" not in str(error):
+                pytest.fail(message)
+            pytest.skip(message)
+    return _core.Walenet(WALENET.weights().tensors)

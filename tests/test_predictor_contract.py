@@ -109,7 +109,7 @@ FINDINGS = [
     (elsewhere, r"the first position is 3\d\.\d m away from the present"),
     (of_strangers, "it predicts participant 5001, who is not present"),
     (random, "did not answer the same"),
-    (slow, r"predict took 0\.\d+ s, allowed are 0\.05 s"),
+    (slow, r"predict took 0\.\d+ s for 2 participants, allowed are 0\.05 s"),
     (writes, "it writes into its scene, which is read-only"),
     (raises, "RuntimeError: the battery is empty"),
 ]
@@ -124,6 +124,19 @@ def test_a_predictor_that_keeps_the_contract_passes_in_every_world():
 @pytest.mark.parametrize("name", ["constant_velocity", "lane_following", "ground_truth", "neural"])
 def test_native_predictors_keep_the_contract(name):
     check_predictor(name)
+
+
+def test_a_call_may_take_longer_in_proportion_to_the_participants_beyond_a_hundred():
+    def slow_in_crowds(_tables, scene):
+        time.sleep(0.6 if len(scene.ids) == 1000 and scene.time_step == 0 else 0.0)
+
+    check_predictor(changed(slow_in_crowds), seconds_max=0.3)
+    with pytest.raises(PredictorContractError, match=r"^a thousand cars, .* 1000 participants, allowed are 0\.5 s"):
+        check_predictor(changed(slow_in_crowds), seconds_max=0.05)
+
+
+def test_walenet_keeps_the_contract(published_walenet):
+    check_predictor("walenet")
 
 
 @pytest.mark.parametrize(("change", "words"), FINDINGS)

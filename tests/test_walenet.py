@@ -7,7 +7,6 @@ import pytest
 
 import published_network as plain
 from interdrive import InputError, _core
-from interdrive.predictors.models import WALENET
 from invented_walenet import invented_weights
 
 
@@ -19,14 +18,6 @@ def weights():
 @pytest.fixture(scope="module")
 def network(weights):
     return _core.Walenet(weights)
-
-
-@pytest.fixture(scope="module")
-def published():
-    """The network with its published weights."""
-    if not WALENET.path.is_file():
-        pytest.skip("the weights of walenet are not installed: interdrive models install walenet")
-    return _core.Walenet(WALENET.weights().tensors)
 
 
 def lines():
@@ -91,7 +82,7 @@ GOLDEN = {
 
 
 @pytest.mark.parametrize("case", GOLDEN)
-def test_the_published_weights_give_the_published_numbers(published, case):
+def test_the_published_weights_give_the_published_numbers(published_walenet, case):
     time = 0.1 * np.arange(-29, 1)
     history, neighbours = np.zeros((1, 30, 2), np.float32), np.zeros((1, 39, 30, 2), np.float32)
     pictures = np.zeros((1, 256, 256), np.uint8)
@@ -102,7 +93,7 @@ def test_the_published_weights_give_the_published_numbers(published, case):
     if "behind" in case:
         neighbours[0, 19] = history[0]
         neighbours[0, 17, :, 1] = 15 + 5 * time
-    found = published.answer(history, neighbours, pictures)[0, [0, 9, 29, 39]]
+    found = published_walenet.answer(history, neighbours, pictures)[0, [0, 9, 29, 39]]
     expected = np.array([[float(x) for x in step.split()] for step in GOLDEN[case].split("|")])
     assert found[:, :2] == pytest.approx(expected[:, :2], abs=2e-4)
     assert found[:, 2:] == pytest.approx(expected[:, 2:], abs=1e-5)

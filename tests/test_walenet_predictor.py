@@ -12,7 +12,6 @@ import published_network as plain
 from interdrive import InputError, Simulation, Walenet, _core
 from interdrive.cli import main
 from interdrive.handles import core_road, core_scenario
-from interdrive.predictors.models import WALENET
 from interdrive.testing import Car, straight_road, world
 from invented_walenet import invented_weights
 
@@ -253,26 +252,19 @@ def test_without_weights_one_line_says_what_to_do(monkeypatch, tmp_path):
     assert (result.exit_code, result.stderr) == (2, f"error: {MISSING}\n")
 
 
-@pytest.fixture
-def published():
-    if not WALENET.path.is_file():
-        pytest.skip("the weights of walenet are not installed: interdrive models install walenet")
-    return _core.Walenet(WALENET.weights().tensors)
-
-
-def test_the_published_weights_move_a_standing_car_by_many_metres_without_the_guard(published):
+def test_the_published_weights_move_a_standing_car_by_many_metres_without_the_guard(published_walenet):
     standing = world(ROAD, cars=[Car(1, 150.0)], steps=60)
-    found = Traffic(standing, network=published, standing_guard=False).after(10).predict()
+    found = Traffic(standing, network=published_walenet, standing_guard=False).after(10).predict()
     assert 5.0 < found.x[0, 0, -1] - 150.0 < 45.0
 
 
-def test_the_published_weights_drive_on_along_a_straight_road(published):
-    found = relative(alone(network=published).after(30))
+def test_the_published_weights_drive_on_along_a_straight_road(published_walenet):
+    found = relative(alone(network=published_walenet).after(30))
     assert found[0, -1] == pytest.approx(30.0, abs=6.0)
     assert abs(found[1, -1]) < 1.5
 
 
-def test_a_run_with_the_published_weights_can_be_repeated(published, tmp_path):
+def test_a_run_with_the_published_weights_can_be_repeated(published_walenet, tmp_path):
     arguments = ["run", "t_junction", "--agents", "all", "--predictor", "walenet,standing_guard=false", "--quiet"]
     result = CliRunner().invoke(main, [*arguments, "--out", str(tmp_path / "run")])
     assert result.exit_code == 0, result.stderr
