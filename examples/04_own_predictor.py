@@ -52,7 +52,7 @@ def main() -> None:
     check_predictor(Turning)
     found = idr.evaluate_predictors("t_junction", ["constant_velocity", Turning], with_timing=False)
     for row in measures_table(found).to_pylist():
-        if row["category"] == "junction":
+        if (row["category"], row["traffic"]) == ("junction", "all"):
             print(f"{row['predictor']}: {row['fde_3']:.2f} m after 3 s, best mode {row['fde_best_3']:.2f} m")
     run = idr.simulate("t_junction", predictor=Turning)
     in_time, late = (run.outcomes.outcome.count(name) for name in ("goal_reached", "goal_reached_late"))

@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
+
+from interdrive.prediction_evaluation.split import UNKNOWN, Place, read_split
+
+__all__ = ["CATEGORIES", "FOLDS", "PARTS", "SPLIT", "Place", "place_of", "read_places"]
 
 #: Parts that the shipped network is trained on; each is also held out once.
 FOLDS = ("a", "b", "c")
 PARTS = (*FOLDS, "validation", "none")
 CATEGORIES = ("highway", "intersection", "urban", "junction", "other")
-TRAFFIC = ("recorded", "simulated", "invented")
-
-
-@dataclass(frozen=True)
-class Place:
-    """One place and the files that show it; see `split.toml` for the values."""
-
-    name: str
-    files: tuple[str, ...]
-    part: str
-    category: str
-    traffic: str
-
 
 #: The split.
 SPLIT = Path(__file__).with_name("split.toml")
@@ -33,14 +21,16 @@ def read_places(path: Path = SPLIT) -> tuple[Place, ...]:
     """All places.
 
     Raises:
-        ValueError: A part, category or kind of traffic that does not exist, or a name that stands twice.
+        InputError: It cannot be read, or a kind of traffic does not exist.
+        ValueError: A part or category that does not exist, traffic that is not stated, or a name that stands twice.
     """
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
-    places = tuple(Place(**{**entry, "files": tuple(entry["files"])}) for entry in table["place"])
+    places = read_split(path).places
     for place in places:
-        for value, allowed in ((place.part, PARTS), (place.category, CATEGORIES), (place.traffic, TRAFFIC)):
+        for value, allowed in ((place.part, PARTS), (place.category, CATEGORIES)):
             if value not in allowed:
                 raise ValueError(f"{path.name}, place {place.name}: {value!r} is none of {', '.join(allowed)}")
+        if place.traffic == UNKNOWN:
+            raise ValueError(f"{path.name}, place {place.name}: traffic is not stated")
     if len({place.name for place in places}) < len(places):
         raise ValueError(f"{path.name}: a place stands there twice")
     return places
@@ -56,7 +46,7 @@ def place_of(file: str, places: tuple[Place, ...]) -> Place:
     Raises:
         ValueError: No place or several claim the file.
     """
-    found = [place for place in places if any(fnmatchcase(file, pattern) for pattern in place.files)]
+    found = [place for place in places if place.has(file)]
     if len(found) != 1:
         claims = " and ".join(place.name for place in found) or "no place"
         raise ValueError(f"split.toml: {file} belongs to {claims}; it must be exactly one")

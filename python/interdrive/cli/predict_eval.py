@@ -51,14 +51,16 @@ def predict_eval(
     FILE is a CommonRoad file or the name of a shipped scenario; of a FOLDER all files are taken. Recordings are
     replayed, nobody plans. Distances, likelihood, calibration, standing vehicles, points off the road and time per
     call, by category (the name of a file's folder: highway, intersection, urban, junction ...) and overall, as tables,
-    Parquet files and figures.
+    Parquet files and figures. With --split, recorded, simulated and invented traffic are also told apart. A drive that
+    several files show counts once.
     """
     if not files:
         raise InputError("predict-eval: which recordings? Give files, folders or names of shipped scenarios")
     choices = named_predictors(predictors)
     settings_given = assigned(assignments)
 
-    from interdrive.cli.report import print_prediction_evaluation, progress  # noqa: PLC0415 - rich
+    from interdrive.cli.prediction_report import print_prediction_evaluation  # noqa: PLC0415 - rich
+    from interdrive.cli.report import progress  # noqa: PLC0415
     from interdrive.prediction_evaluation import evaluate_predictors  # noqa: PLC0415
     from interdrive.prediction_evaluation.folder import check_evaluation_target, save_evaluation  # noqa: PLC0415
     from interdrive.run_settings import SimulationSettings  # noqa: PLC0415

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from interdrive.check import Inspection
     from interdrive.criticality import Criticality
     from interdrive.plugins import Listed
-    from interdrive.prediction_evaluation import PredictionEvaluation
     from interdrive.run import Run
     from interdrive.studies import CaseStudy
     from interdrive.studies.runtime import RuntimeStudy
@@ -358,90 +357,3 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
     console.print(aims)
     print_notes(console, study.notes, "runtime.json")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
-
-
-def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> None:
-    """Tables of at most 110 columns: distances, likelihood and calibration, standing vehicles and road, time."""
-    from interdrive.prediction_evaluation.tables import measures_table  # noqa: PLC0415 - needs the simulation
-
-    console = output()
-    rows = measures_table(found).to_pylist()
-    order = list(dict.fromkeys(row["category"] for row in rows))
-    rows.sort(key=lambda row: order.index(row["category"]))
-    meters = {f"{name} {h} s": (f"{name.lower()}{{}}_{h}", "{:.2f}") for name in ("ADE", "FDE") for h in (1, 2, 3)}
-    for best, title in (("", "most probable mode [m]"), ("_best", "best mode [m]")):
-        columns = {text: (name.format(best), form) for text, (name, form) in meters.items()}
-        _print_measures(console, rows, title, columns | {"missed": (f"miss_rate{best}", "{:.1%}")}, count="samples_3")
-    likelihood = {"1 s": "nll_1", "2 s": "nll_2", "3 s": "nll_3", "mean": "nll", "3 s, median": "nll_median_3"}
-    _print_measures(
-        console,
-        rows,
-        "negative log-likelihood [nats]",
-        {text: (name, "{:.2f}") for text, name in likelihood.items()},
-        count="samples_3",
-    )
-    kinds = (("", "region"), (" m", "moving"), (" e", "ellipse"))
-    inside = {f"{mass} %{mark}": (f"{name}_{mass}_3", "{:.1%}") for mark, name in kinds for mass in (50, 90, 99)}
-    title = "positions at 3 s inside regions of highest density, of those that move (m), inside ellipses (e)"
-    _print_measures(console, rows, title, inside)
-    _print_measures(
-        console,
-        rows,
-        "displacement predicted for 3 s of vehicles that stay, and of all that stand [m]; predicted off the road",
-        {
-            "stay": ("stays_samples", "{}"),
-            "median": ("stays_median", "{:.2f}"),
-            "95 %": ("stays_p95", "{:.2f}"),
-            "stand": ("stands_samples", "{}"),
-            "median ": ("stands_median", "{:.2f}"),
-            "95 % ": ("stands_p95", "{:.2f}"),
-            "off road": ("off_road", "{:.1%}"),
-        },
-    )
-    _print_timings(console, found)
-    counts = f"{len(found.samples)} samples from {len(found.files)} file{'s' * (len(found.files) != 1)}"
-    console.print(f"{counts}, every {found.settings['every']} time steps")
-    print_notes(console, found.notes, "evaluation.json")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
-
-
-def _print_measures(
-    console: Console,
-    rows: Sequence[Mapping[str, Any]],
-    title: str,
-    columns: Mapping[str, tuple[str, str]],
-    count: str = "",
-) -> None:
-    """A row per category and predictor; `columns` are heading -> name of the measure and how it is written."""
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title=escape(title), title_justify="left"
-    )
-    table.add_column("category", no_wrap=True)
-    table.add_column("predictor", overflow="fold", max_width=26)
-    for heading in (*(["samples"] if count else []), *columns):
-        table.add_column(heading, justify="right", no_wrap=True)
-    before = None
-    for row in rows:
-        is_first, before = row["category"] != before, row["category"]
-        cells = [row["category"] if is_first else "", escape(row["predictor"]), *([str(row[count])] if count else [])]
-        cells += ["" if row[name] is None else form.format(row[name]) for name, form in columns.values()]
-        table.add_row(*cells, style="bold" if row["category"] in ("all samples", "mean of categories") else "")
-    console.print(table)
-    console.print()
-
-
-def _print_timings(console: Console, found: PredictionEvaluation) -> None:
-    if not found.timings:
-        return
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, title="milliseconds per call, by vehicles", title_justify="left"
-    )
-    table.add_column("predictor", overflow="fold", max_width=40)
-    numbers = sorted({timing.vehicles for timing in found.timings})
-    for number in numbers:
-        table.add_column(str(number), justify="right")
-    for name in found.predictors:
-        by_number = {t.vehicles: t.milliseconds for t in found.timings if t.predictor == name}
-        table.add_row(escape(name), *(f"{by_number[number]:.3g}" for number in numbers))
-    console.print(table)
-    console.print()

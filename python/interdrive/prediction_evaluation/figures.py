@@ -11,9 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
 from interdrive.plots.participants import AGENTS, INK
+from interdrive.prediction_evaluation.curves import MOVING, STAYING, calibration_table, error_table
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import CATEGORIES
-from interdrive.prediction_evaluation.tables import ALL, calibration_table, error_table
+from interdrive.prediction_evaluation.tables import ALL, ANY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,7 +32,7 @@ _BEST = (0, (3.0, 1.5))
 
 def error_figure(found: PredictionEvaluation) -> Figure:
     """Mean distance over time, 180 mm wide, a panel per category: most probable mode solid, best mode dashed."""
-    rows = error_table(found).to_pylist()
+    rows = [row for row in error_table(found).to_pylist() if row["traffic"] == ANY]
     there = {row["category"] for row in rows}
     shown = [name for name in (*CATEGORIES, ALL) if name in there]
     figure, panels = _panels(len(shown), found, [("most probable mode", "-"), ("best mode", _BEST)])
@@ -53,16 +54,24 @@ def error_figure(found: PredictionEvaluation) -> Figure:
 
 
 def calibration_figure(found: PredictionEvaluation) -> Figure:
-    """Observed over nominal share of positions inside regions, all samples, 180 mm wide, a panel per horizon."""
-    rows = [row for row in calibration_table(found).to_pylist() if row["category"] == ALL]
+    """Observed over nominal share of positions inside regions, all files, 180 mm wide.
+
+    A panel per horizon for vehicles that move, and below for those that stand and stay, if there are any.
+    """
+    table = [row for row in calibration_table(found).to_pylist() if (row["category"], row["traffic"]) == (ALL, ANY)]
+    shown = [name for name in (MOVING, STAYING) if any(row["samples"] for row in table if row["vehicles"] == name)]
     figure, panels = _panels(
-        len(HORIZONS), found, [("region of highest density", "-"), ("ellipse of the most probable mode", _BEST)]
+        len(HORIZONS) * len(shown),
+        found,
+        [("region of highest density", "-"), ("ellipse of the most probable mode", _BEST)],
     )
-    for index, (axes, h) in enumerate(zip(panels, HORIZONS, strict=True)):
+    for index, axes in enumerate(panels):
+        vehicles, h = shown[index // len(HORIZONS)], HORIZONS[index % len(HORIZONS)]
+        rows = [row for row in table if row["vehicles"] == vehicles and row["horizon"] == h]
         axes.plot([0, 1], [0, 1], color="#b0b0b0", linewidth=0.8)
-        axes.set_title(f"after {h} s", fontsize=_FONT, pad=3, loc="left")
+        axes.set_title(f"{vehicles}, after {h} s ({rows[0]['samples']} samples)", fontsize=_FONT, pad=3, loc="left")
         for name, color in _colors(found).items():
-            curve = [row for row in rows if row["predictor"] == name and row["horizon"] == h]
+            curve = [row for row in rows if row["predictor"] == name]
             nominal = [row["nominal"] for row in curve]
             for measure, dashes in (("region", "-"), ("ellipse", _BEST)):
                 values = [np.nan if row[measure] is None else row[measure] for row in curve]
@@ -71,7 +80,7 @@ def calibration_figure(found: PredictionEvaluation) -> Figure:
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.set_xlabel("nominal", fontsize=_FONT)
-        if index == 0:
+        if h == HORIZONS[0]:
             axes.set_ylabel("observed", fontsize=_FONT)
     return figure
 

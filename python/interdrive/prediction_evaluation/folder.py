@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from interdrive.prediction_evaluation import tables
+from interdrive.prediction_evaluation import curves, tables
 from interdrive.results import check_folder, replacing, software, write_json, write_table
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _MARK = "evaluation.json"
 _TABLES = {
     "measures": tables.measures_table,
-    "calibration": tables.calibration_table,
-    "error_over_time": tables.error_table,
+    "calibration": curves.calibration_table,
+    "error_over_time": curves.error_table,
     "timing": tables.timing_table,
     "samples": tables.samples_table,
 }

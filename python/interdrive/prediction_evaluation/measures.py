@@ -19,6 +19,8 @@ from interdrive.prediction_evaluation.mixtures import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from interdrive._core import RoadNetwork
@@ -50,6 +52,20 @@ class Predicted:
     mean: Floats
     covariance: Floats
     valid: Bools
+
+
+def joined(parts: Sequence[Predicted]) -> Predicted:
+    """One after the other; modes and steps that only some have are not valid in the others."""
+    n_modes = max(part.valid.shape[1] for part in parts)
+    n_steps = max(part.valid.shape[2] for part in parts)
+
+    def grown(values: Any) -> Any:  # noqa: ANN401 - array
+        shape = (n_modes, n_steps)[: 1 if values.ndim == 2 else 2]
+        missing = [(0, 0), *((0, wanted - given) for wanted, given in zip(shape, values.shape[1:], strict=False))]
+        return np.pad(values, missing + [(0, 0)] * (values.ndim - len(missing)))
+
+    names = ("probability", "mean", "covariance", "valid")
+    return Predicted(*(np.concatenate([grown(getattr(part, name)) for part in parts]) for name in names))
 
 
 def step_of(time: float, dt: float) -> int:

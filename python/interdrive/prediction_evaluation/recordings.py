@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,6 +59,11 @@ class Moment:
     truth: Floats
     stands: Bools
     stays: Bools
+
+    def of(self, which: Bools) -> Moment:
+        """The same with only some of the judged vehicles; shape of the mask (n,)."""
+        kept = {name: getattr(self, name)[which] for name in ("row", "known", "truth", "stands", "stays")}
+        return replace(self, **kept)
 
 
 class Recording:

@@ -18,9 +18,9 @@ from interdrive.plots.participants import INK, RECORDED, RECORDED_EDGE, outlines
 from interdrive.plots.predictions import PREDICTION, ellipse_rings, strength
 from interdrive.plots.road import road_artists
 from interdrive.plots.view import View, view_around
-from interdrive.prediction_evaluation.evaluation import answered
 from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, step_of
 from interdrive.prediction_evaluation.recordings import Recording
+from interdrive.prediction_evaluation.samples import answered
 from interdrive.predictors.calls import called, name_of
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation, Samples
+    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
     from interdrive.prediction_evaluation.recordings import Moment
+    from interdrive.prediction_evaluation.samples import Samples
 
 _MM = 1.0 / 25.4
 _WIDTH, _GAP, _PAD, _TITLE, _STRIP = 180.0 * _MM, 2.5 * _MM, 0.5 * _MM, 5.0 * _MM, 6.0 * _MM

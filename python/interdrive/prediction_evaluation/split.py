@@ -1,7 +1,7 @@
 """A split of recordings by place: which files are for validation, and which category they have.
 
 The file is TOML with a table `[[place]]` per place: `files` (patterns of file names without ending), `part` (such as
-"validation"), `category`. training/split.toml is one.
+"validation"), `category`, and if one likes `name` and `traffic` (one of `TRAFFIC`). training/split.toml is one.
 """
 
 from __future__ import annotations
@@ -14,14 +14,32 @@ from typing import Any
 
 from interdrive.errors import InputError
 
+#: Where traffic comes from: cameras; a simulation (SUMO); somebody made it up, by hand or by synthesis; it is not said.
+UNKNOWN = "unknown"
+TRAFFIC = ("recorded", "simulated", "invented", UNKNOWN)
+
 
 @dataclass(frozen=True)
 class Place:
-    """A place: patterns of the names of its files, what they are for, and their category."""
+    """A place: one stretch of road, whatever was recorded there and when.
 
+    Attributes:
+        name: For messages.
+        files: Patterns of the names of its files.
+        part: What they are for.
+        category: As the evaluation counts them.
+        traffic: One of `TRAFFIC`.
+    """
+
+    name: str
     files: tuple[str, ...]
     part: str
     category: str
+    traffic: str = UNKNOWN
+
+    def has(self, stem: str) -> bool:
+        """Whether a file shows it, by its name without ending."""
+        return any(fnmatchcase(stem, pattern) for pattern in self.files)
 
 
 @dataclass(frozen=True)
@@ -43,7 +61,7 @@ class Split:
 
     def place_of(self, file: Path) -> Place | None:
         """The first place whose patterns the name of the file matches; None: it is of no place."""
-        return next((p for p in self.places if any(fnmatchcase(file.stem, pattern) for pattern in p.files)), None)
+        return next((place for place in self.places if place.has(file.stem)), None)
 
 
 def read_split(path: str | Path) -> Split:
@@ -67,10 +85,13 @@ def read_split(path: str | Path) -> Split:
 
 def _place(path: Path, number: int, entry: Any) -> Place:  # noqa: ANN401 - whatever TOML holds
     given = entry if isinstance(entry, dict) else {}
-    name = given.get("name", f"number {number}")
+    name = str(given.get("name", f"number {number}"))
     files, part, category = (given.get(key) for key in ("files", "part", "category"))
     if not isinstance(files, list) or not all(isinstance(pattern, str) for pattern in files):
         raise InputError(f"{path}: place {name}: files must be a list of patterns")
     if not isinstance(part, str) or not isinstance(category, str):
         raise InputError(f"{path}: place {name}: part and category must be texts")
-    return Place(tuple(files), part, category)
+    traffic = given.get("traffic", UNKNOWN)
+    if traffic not in TRAFFIC:
+        raise InputError(f"{path}: place {name}: traffic is {traffic!r}, but must be one of {', '.join(TRAFFIC)}")
+    return Place(name, tuple(files), part, category, traffic)

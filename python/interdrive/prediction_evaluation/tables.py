@@ -1,4 +1,4 @@
-"""The evaluation summed up as Arrow tables: measures, calibration, error over time, time per call, samples."""
+"""The evaluation summed up as Arrow tables: measures, time per call, samples; `curves` has calibration and error."""
 
 from __future__ import annotations
 
@@ -6,21 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.prediction_evaluation.measures import HORIZONS, MISS, TIMES
+from interdrive.prediction_evaluation.measures import HORIZONS, MISS
 from interdrive.prediction_evaluation.recordings import CATEGORIES
+from interdrive.prediction_evaluation.split import TRAFFIC, UNKNOWN
 from interdrive.results import Column, arrow_table, labels
 from interdrive.scenario import KINDS
 
 if TYPE_CHECKING:
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation, Samples
+    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
+    from interdrive.prediction_evaluation.samples import Samples
     from interdrive.results import ArrowTable
 
 #: Names of the two rows for everything: every sample weighs the same, or every category of `CATEGORIES` does.
 ALL, MEAN = "all samples", "mean of categories"
+#: Traffic of the rows that are about all of it.
+ANY = "all"
 #: Probability masses of the regions in the table of measures.
 MASSES = (50, 90, 99)
-#: Those of the calibration curve [%].
-NOMINAL = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 99)
 
 _OF_MODE = {"": "of the most probable mode", "_best": "of the best mode"}
 
@@ -32,6 +34,7 @@ def _measure_columns() -> tuple[Column, ...]:
     columns = [
         Column("predictor", "label", "name, with its settings"),
         Column("category", "label", "of the files; or all samples, or the mean of the categories"),
+        Column("traffic", "label", "recorded, simulated, invented or unknown; or all"),
         Column("files", "integer", "files with samples"),
         Column("vehicles", "integer", "vehicles with samples"),
         Column("samples", "integer", "vehicles at time steps"),
@@ -80,23 +83,6 @@ def _measure_columns() -> tuple[Column, ...]:
 
 MEASURE_COLUMNS = _measure_columns()
 
-CALIBRATION_COLUMNS = (
-    Column("predictor", "label", ""),
-    Column("category", "label", ""),
-    Column("horizon", "number", "time from now [s]"),
-    Column("nominal", "number", "probability mass of the region"),
-    Column("region", "number", "share of positions inside the mixture's region of highest density", nullable=True),
-    Column("ellipse", "number", "share of positions inside the most probable mode's ellipse", nullable=True),
-)
-
-ERROR_COLUMNS = (
-    Column("predictor", "label", ""),
-    Column("category", "label", ""),
-    Column("time", "number", "from now [s]"),
-    Column("error", "number", "mean distance of the most probable mode [m]", nullable=True),
-    Column("error_best", "number", "mean distance of the best mode [m]", nullable=True),
-)
-
 TIMING_COLUMNS = (
     Column("predictor", "label", ""),
     Column("vehicles", "integer", "vehicles in the scene"),
@@ -114,6 +100,7 @@ SAMPLE_COLUMNS = (
     Column("predictor", "label", ""),
     Column("file", "label", "name of the file"),
     Column("category", "label", ""),
+    Column("traffic", "label", "recorded, simulated, invented or unknown"),
     Column("time_step", "integer", "when"),
     Column("participant_id", "integer", "who"),
     Column("kind", "label", "car, truck, ..."),
@@ -126,10 +113,21 @@ SAMPLE_COLUMNS = (
 )
 
 
-def groups(samples: Samples) -> dict[str, Any]:
-    """Category -> mask of its samples; those of `CATEGORIES` first, the others by name, then all."""
-    there = sorted(set(samples.category.tolist()), key=lambda name: (name not in CATEGORIES, _place(name), name))
-    return {name: samples.category == name for name in there} | {ALL: np.ones(len(samples), dtype=np.bool_)}
+def groups(samples: Samples) -> dict[tuple[str, str], Any]:
+    """(category, traffic) -> mask of its samples.
+
+    First come all traffic (`ANY`) and then, unless it is all unknown, every kind of it that is there; of each its
+    categories, those of `CATEGORIES` first, the others by name, then `ALL`.
+    """
+    kinds = [name for name in TRAFFIC if (samples.traffic == name).any()]
+    found = {}
+    for traffic in (ANY, *(kinds if kinds != [UNKNOWN] else [])):
+        of_traffic = np.ones(len(samples), dtype=np.bool_) if traffic == ANY else samples.traffic == traffic
+        there = set(samples.category[of_traffic].tolist())
+        for name in sorted(there, key=lambda name: (name not in CATEGORIES, _place(name), name)):
+            found[name, traffic] = of_traffic & (samples.category == name)
+        found[ALL, traffic] = of_traffic
+    return found
 
 
 def _place(name: str) -> int:
@@ -137,27 +135,30 @@ def _place(name: str) -> int:
 
 
 def measures_table(found: PredictionEvaluation) -> ArrowTable:
-    """One row per predictor and category, then one for all samples and one for the mean of the categories.
+    """One row per predictor, traffic and category, then one for all samples and one for the mean of the categories.
 
     That mean is taken over those of `CATEGORIES` that are there, over all others if none is; its numbers of samples are
     those of the categories it is about.
     """
     rows = []
+    masks = groups(found.samples)
     for predictor in found.predictors:
-        by_category = {
-            name: _summed(found.samples, mask, found.samples.values[predictor])
-            for name, mask in groups(found.samples).items()
-        }
-        whole = by_category.pop(ALL)
-        counted = {name: row for name, row in by_category.items() if name in CATEGORIES} or by_category
-        for name, row in (*by_category.items(), (ALL, whole), (MEAN, _mean(list(counted.values())))):
-            rows.append({"predictor": predictor, "category": name, **row})
-    return _from_rows(MEASURE_COLUMNS, rows)
+        for traffic in dict.fromkeys(traffic for _, traffic in masks):
+            by_category = {
+                category: _summed(found.samples, mask, found.samples.values[predictor])
+                for (category, of_traffic), mask in masks.items()
+                if of_traffic == traffic
+            }
+            whole = by_category.pop(ALL)
+            counted = {name: row for name, row in by_category.items() if name in CATEGORIES} or by_category
+            for name, row in (*by_category.items(), (ALL, whole), (MEAN, _mean(list(counted.values())))):
+                rows.append({"predictor": predictor, "category": name, "traffic": traffic, **row})
+    return table_of(MEASURE_COLUMNS, rows)
 
 
 def _summed(samples: Samples, mask: Any, values: dict[str, Any]) -> dict[str, Any]:  # noqa: ANN401 - array
     def mean(name: str) -> float:
-        return _mean_of(values[name][mask])
+        return mean_of(values[name][mask])
 
     row: dict[str, Any] = {
         "files": len(np.unique(samples.file[mask])),
@@ -177,10 +178,10 @@ def _summed(samples: Samples, mask: Any, values: dict[str, Any]) -> dict[str, An
             ("moving", "region", mask & ~samples.stays),
         ):
             for mass in MASSES:
-                row[f"{name}_{mass}_{h}"] = _share(values[f"{measure}_{h}"][part], mass)
+                row[f"{name}_{mass}_{h}"] = share_of(values[f"{measure}_{h}"][part], mass)
     for best in _OF_MODE:
         ends = values[f"fde{best}_{HORIZONS[-1]}"][mask]
-        row[f"miss_rate{best}"] = _mean_of(np.where(np.isfinite(ends), ends > MISS, np.nan))
+        row[f"miss_rate{best}"] = mean_of(np.where(np.isfinite(ends), ends > MISS, np.nan))
     for name in ("stays", "stands"):
         moved = values["displacement"][mask & getattr(samples, name)]
         row |= {
@@ -195,12 +196,13 @@ def _mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Counts added, everything else as the mean over the rows that have it."""
     counts = {column.name for column in MEASURE_COLUMNS if column.kind == "integer"}
     return {
-        name: sum(row[name] for row in rows) if name in counts else _mean_of(np.array([row[name] for row in rows]))
+        name: sum(row[name] for row in rows) if name in counts else mean_of(np.array([row[name] for row in rows]))
         for name in rows[0]
     }
 
 
-def _mean_of(values: Any) -> float:  # noqa: ANN401 - array
+def mean_of(values: Any) -> float:  # noqa: ANN401 - array
+    """Mean of those that are numbers; nan if none is."""
     known = values[np.isfinite(values)] if values.dtype != np.bool_ else values
     return float(known.mean()) if known.size else float("nan")
 
@@ -210,50 +212,16 @@ def _quantile(values: Any, share: float) -> float:  # noqa: ANN401 - array
     return float(np.quantile(known, share)) if known.size else float("nan")
 
 
-def _share(levels: Any, percent: float) -> float:  # noqa: ANN401 - array
+def share_of(levels: Any, percent: float) -> float:  # noqa: ANN401 - array
+    """Share of the known levels that are at most so many per cent; nan if none is known."""
     known = levels[np.isfinite(levels)]
     return float((known <= percent / 100.0).mean()) if known.size else float("nan")
-
-
-def calibration_table(found: PredictionEvaluation) -> ArrowTable:
-    """Observed shares for every nominal one of `NOMINAL`, by predictor, category and horizon."""
-    rows = [
-        {
-            "predictor": predictor,
-            "category": category,
-            "horizon": float(h),
-            "nominal": nominal / 100.0,
-            "region": _share(found.samples.values[predictor][f"region_{h}"][mask], nominal),
-            "ellipse": _share(found.samples.values[predictor][f"ellipse_{h}"][mask], nominal),
-        }
-        for predictor in found.predictors
-        for category, mask in groups(found.samples).items()
-        for h in HORIZONS
-        for nominal in NOMINAL
-    ]
-    return _from_rows(CALIBRATION_COLUMNS, rows)
-
-
-def error_table(found: PredictionEvaluation) -> ArrowTable:
-    """Mean distance at `TIMES`, by predictor and category."""
-    rows = [
-        {
-            "predictor": predictor,
-            "category": category,
-            "time": time,
-            **{name: _mean_of(found.samples.values[predictor][name][mask, column]) for name in ("error", "error_best")},
-        }
-        for predictor in found.predictors
-        for category, mask in groups(found.samples).items()
-        for column, time in enumerate(TIMES)
-    ]
-    return _from_rows(ERROR_COLUMNS, rows)
 
 
 def timing_table(found: PredictionEvaluation) -> ArrowTable:
     """Time per call, by predictor and number of vehicles."""
     names = [column.name for column in TIMING_COLUMNS]
-    return _from_rows(TIMING_COLUMNS, [{name: getattr(row, name) for name in names} for row in found.timings])
+    return table_of(TIMING_COLUMNS, [{name: getattr(row, name) for name in names} for row in found.timings])
 
 
 def samples_table(found: PredictionEvaluation) -> ArrowTable:
@@ -263,12 +231,15 @@ def samples_table(found: PredictionEvaluation) -> ArrowTable:
     def tiled(values: Any) -> Any:  # noqa: ANN401 - array
         return np.tile(values, n)
 
-    categories = tuple(dict.fromkeys(samples.category.tolist()))
-    place = np.array([categories.index(name) for name in samples.category.tolist()], dtype=np.int64)
+    def label(values: Any) -> Any:  # noqa: ANN401 - array
+        names, place = np.unique(values.astype(str), return_inverse=True)
+        return labels(tuple(names.tolist()), tiled(place))
+
     columns = {
         "predictor": labels(found.predictors, np.repeat(np.arange(n), len(samples))),
         "file": labels(tuple(path.name for path in found.files), tiled(samples.file)),
-        "category": labels(categories, tiled(place)),
+        "category": label(samples.category),
+        "traffic": label(samples.traffic),
         "kind": labels(KINDS, tiled(samples.kind)),
     }
     for name in ("time_step", "participant_id", "speed", "known", "stands", "stays", "departure"):
@@ -278,7 +249,8 @@ def samples_table(found: PredictionEvaluation) -> ArrowTable:
     return arrow_table(SAMPLE_COLUMNS, columns)
 
 
-def _from_rows(columns: tuple[Column, ...], rows: list[dict[str, Any]]) -> ArrowTable:
+def table_of(columns: tuple[Column, ...], rows: list[dict[str, Any]]) -> ArrowTable:
+    """A table from rows of plain values."""
     values: dict[str, Any] = {}
     for column in columns:
         entries = [row[column.name] for row in rows]
