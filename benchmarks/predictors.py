@@ -3,8 +3,9 @@
     python benchmarks/predictors.py ../shared/scenarios --out out/closed_loop.parquet
 
 Prints Markdown: agents that reach their goal and collisions per 100 agents by category and predictor, and agent by
-agent against the first predictor. The Parquet file has a row per predictor and agent; it is written anew whenever a
-predictor is through. Results do not depend on the number of workers.
+agent against the first predictor; agents at places whose recordings the shipped weights of `neural` were trained on,
+and at others, apart. The Parquet file has a row per predictor and agent; it is written anew whenever a predictor is
+through. Results do not depend on the number of workers. Exit code 1 says that a predictor failed somewhere.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
-from interdrive.errors import InterdriveError
+from interdrive.errors import InterdriveError, PredictorError
 from interdrive.prediction_evaluation.evaluation import chosen_predictors
 from interdrive.prediction_evaluation.recordings import CATEGORIES, Recording, category_of, found_files
+from interdrive.prediction_evaluation.split import Split, read_split
 from interdrive.predictors.calls import name_of
 from interdrive.results import Column, arrow_table, labels, replacing, write_table
 from interdrive.run_settings import SimulationSettings
@@ -33,6 +35,7 @@ COLUMNS = (
     Column("predictor", "label", ""),
     Column("category", "label", ""),
     Column("file", "label", "name of the scenario file"),
+    Column("trained_on", "truth", "the shipped weights of neural were trained on recordings of this place"),
     Column("agent_id", "integer", ""),
     Column("outcome", "label", "how it ended"),
     Column("time_step", "integer", "when"),
@@ -41,6 +44,9 @@ COLUMNS = (
     Column("off_road", "truth", "the collision was with the edge of the road"),
 )
 REACHED = ("goal_reached", "goal_reached_late")
+#: The split that the shipped weights were trained with, and its parts that were not trained on.
+SPLIT = Path(__file__).resolve().parent.parent / "training" / "split.toml"
+NOT_TRAINED_ON = ("validation", "none")
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,7 @@ class Ended:
     predictor: str
     category: str
     file: str
+    trained_on: bool
     agent_id: int
     outcome: str
     time_step: int
@@ -58,12 +65,20 @@ class Ended:
     off_road: bool
 
 
-def drive(path: Path, predictor: object, planner: str) -> list[Ended] | str:
-    """Every agent of a scenario; or why it cannot be driven."""
+@dataclass(frozen=True)
+class Refused:
+    """Why a scenario was not driven to its end: it cannot be, or the predictor failed in it."""
+
+    why: str
+    is_failure: bool
+
+
+def drive(path: Path, trained_on: bool, predictor: object, planner: str) -> list[Ended] | Refused:
+    """Every agent of a scenario."""
     try:
         run = simulate(path, planner=planner, predictor=predictor, threads=1)
     except InterdriveError as error:
-        return str(error).removeprefix(f"{path}: ")
+        return Refused(str(error).removeprefix(f"{path}: "), isinstance(error, PredictorError))
     ended = run.outcomes
     agents = set(ended.agent_id.tolist())
     return [
@@ -71,6 +86,7 @@ def drive(path: Path, predictor: object, planner: str) -> list[Ended] | str:
             name_of(predictor),
             category_of(path),
             path.name,
+            trained_on,
             int(ended.agent_id[i]),
             ended.outcome[i],
             int(ended.time_step[i]),
@@ -82,12 +98,18 @@ def drive(path: Path, predictor: object, planner: str) -> list[Ended] | str:
     ]
 
 
+def is_trained_on(path: Path, split: Split) -> bool:
+    """Whether the shipped weights were trained on recordings of the place that a file shows."""
+    place = split.place_of(path)
+    return place is not None and place.part not in NOT_TRAINED_ON
+
+
 def drive_all(
-    paths: Sequence[Path], predictor: object, planner: str, pool: ProcessPoolExecutor
-) -> Iterator[tuple[Path, list[Ended] | str]]:
+    paths: Sequence[Path], split: Split, predictor: object, planner: str, pool: ProcessPoolExecutor
+) -> Iterator[tuple[Path, list[Ended] | Refused]]:
     """All scenarios in their order; the large files are begun first."""
     begun = sorted(paths, key=lambda path: (-path.stat().st_size, path))
-    futures = {path: pool.submit(drive, path, predictor, planner) for path in begun}
+    futures = {path: pool.submit(drive, path, is_trained_on(path, split), predictor, planner) for path in begun}
     for path in paths:
         yield path, futures[path].result()
 
@@ -103,14 +125,19 @@ def write(rows: Sequence[Ended], path: Path) -> None:
 
 
 def summary(rows: Sequence[Ended], names: Sequence[str]) -> Iterator[str]:
-    """Markdown: a line per category and predictor."""
+    """Markdown: a line per category and predictor, then for all places, those that `neural` was trained on, others."""
     yield "| category | predictor | scenarios | agents | reach their goal | in time | collisions per 100 agents |"
     yield "|---|---|--:|--:|--:|--:|--:|"
     there = {row.category for row in rows}
-    order = [*(name for name in CATEGORIES if name in there), *sorted(there - set(CATEGORIES)), "all"]
-    for category in order:
+    order = [*(name for name in CATEGORIES if name in there), *sorted(there - set(CATEGORIES))]
+    parts = {name: [row for row in rows if row.category == name] for name in order} | {
+        "all": rows,
+        "all, neural was trained there": [row for row in rows if row.trained_on],
+        "all, neural was not trained there": [row for row in rows if not row.trained_on],
+    }
+    for category, those in parts.items():
         for name in names:
-            part = [row for row in rows if row.predictor == name and category in (row.category, "all")]
+            part = [row for row in those if row.predictor == name]
             if not part:
                 continue
             reached = sum(row.outcome in REACHED for row in part)
@@ -151,16 +178,31 @@ def pairs(rows: Sequence[Ended], names: Sequence[str]) -> Iterator[str]:
         yield f"| {name} | {gained} | {lost} | {hits} | {spared} |"
 
 
+def notes_of(paths: Sequence[Path], split: Split, refused: dict[tuple[str, str], Refused]) -> Iterator[str]:
+    """Markdown: what `neural` was trained on, where predictors failed, which files cannot be driven."""
+    known = [path.stem for path in paths if is_trained_on(path, split)]
+    yield f"neural was trained at the places of {len(known)} of the {len(paths)} files: {', '.join(known) or 'none'}."
+    failures = {key: found for key, found in refused.items() if found.is_failure}
+    if failures:
+        yield f"\nA predictor failed in {len(failures)} runs, whose agents are not counted:\n"
+        yield from (f"- {file}: {found.why}" for (file, _), found in failures.items())
+    others = {file: found.why for (file, _), found in refused.items() if not found.is_failure}
+    yield f"\n{len(others)} files cannot be driven.\n"
+    yield from (f"- {file}: {why}" for file, why in others.items())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sources", nargs="+", help="files, folders, shipped scenarios")
     parser.add_argument("--predictors", default="lane_following all", help="names with settings, separated by blanks")
     parser.add_argument("--planner", default="frenet")
+    parser.add_argument("--split", type=Path, default=SPLIT, help="what the weights of neural were trained with")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/closed_loop.parquet"))
     arguments = parser.parse_args()
     try:
         paths = [path for path, _ in found_files(arguments.sources)]
+        split = read_split(arguments.split)
         settings = SimulationSettings()
         nowhere = Recording(world(straight_road()), settings)
         choices, notes = chosen_predictors(arguments.predictors.split(), settings, nowhere)
@@ -168,21 +210,23 @@ def main() -> None:
         sys.exit(f"error: {error}")
     names = [name_of(choice) for choice in choices]
     rows: list[Ended] = []
-    refused: dict[str, str] = {}
+    refused: dict[tuple[str, str], Refused] = {}
     with ProcessPoolExecutor(arguments.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
         for choice in choices:
             start = time.perf_counter()
-            for path, found in drive_all(paths, choice, arguments.planner, pool):
-                if isinstance(found, str):
-                    refused[path.name] = found
+            for path, found in drive_all(paths, split, choice, arguments.planner, pool):
+                if isinstance(found, Refused):
+                    refused[path.name, name_of(choice)] = found
                 else:
                     rows += found
             write(rows, arguments.out)
             print(f"{name_of(choice)}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     for table in (summary, kinds, pairs):
         print("\n".join(table(rows, names)), end="\n\n")
-    print(f"Planner {arguments.planner}, all agents. {len(refused)} files cannot be driven.")
-    print("\n".join([f"- {name}: {why}" for name, why in refused.items()] + [f"- {note}" for note in notes]))
+    print(f"Planner {arguments.planner}, all agents.")
+    print("\n".join([*notes_of(paths, split, refused), *(f"- {note}" for note in notes)]))
+    if any(found.is_failure for found in refused.values()):
+        sys.exit(1)
 
 
 if __name__ == "__main__":
