@@ -232,7 +232,7 @@ def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     (folder / "plans.parquet").unlink()
     with pytest.raises(ResultsError, match=r"plans.parquet: this file of the run is missing"):
         load(folder)
-    results._write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
+    results.write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
     with pytest.raises(ResultsError, match=r"plans.parquet: the columns are not those of a run \(a\)"):
         load(folder)
     for text, message in (

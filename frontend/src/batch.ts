@@ -21,10 +21,30 @@ export interface BatchRun {
   path: string;
   planner: string;
   predictor: string;
+  settings: string;
   n_agents: number;
+  /** Who is under test alone. */
+  agent: number | null;
   outcomes: Record<string, number>;
   ttc_min: number | null;
   page: string | null;
+}
+
+interface Metric {
+  name: string;
+  heading: string;
+  better: number;
+  digits: number;
+  outcome: boolean;
+}
+
+/** What is shown: runs with this traffic and agents, of one category or all. */
+interface Choice {
+  traffic: string;
+  agents: string;
+  category: string;
+  title: string;
+  size: string;
 }
 
 export interface BatchHeader {
@@ -34,7 +54,8 @@ export interface BatchHeader {
   version: string[];
   variants: string[];
   parts: { traffic: string; agents: string; category: string }[];
-  metrics: { name: string; heading: string; better: number; digits: number }[];
+  sets: { traffic: string; agents: string; title: string; size: string }[];
+  metrics: Metric[];
   table: Row[];
   differences: Row[];
   level: number | null;
@@ -61,7 +82,13 @@ export async function showBatch(root: HTMLElement, header: BatchHeader, arrays: 
   const distributions = new Distributions(header, tables);
   const choice = element("select", { "aria-label": "Traffic, agents and category" });
   const options = choices(header);
-  options.forEach((option, i) => choice.append(element("option", { value: String(i) }, option.label)));
+  for (const title of new Set(options.map((option) => option.title))) {
+    const group = element("optgroup", { label: title });
+    options.forEach((option, i) => {
+      if (option.title === title) group.append(element("option", { value: String(i) }, CATEGORY(option.category)));
+    });
+    choice.append(group);
+  }
   const show = () => {
     document.documentElement.dataset.theme = theme;
     document.documentElement.style.setProperty("--zoom", String(zoom));
@@ -70,7 +97,10 @@ export async function showBatch(root: HTMLElement, header: BatchHeader, arrays: 
       row.traffic === option.traffic && row.agents === option.agents && row.category === option.category;
     const inside = (part: { traffic: string; agents: string; category: string }) =>
       part.traffic === option.traffic && part.agents === option.agents && (option.category === "all" || part.category === option.category);
+    const whole = option.category === "all";
+    const [title, said] = [whole ? option.title : `${option.title}: ${option.category}`, whole ? option.size : ""];
     compared.replaceChildren(
+      element("section", {}, element("h2", {}, title), element("p", { class: "hint" }, said)),
       comparison(header, header.table.filter((row) => within(row as never))),
       differences(header, header.differences.filter((row) => within(row as never))),
     );
@@ -104,17 +134,27 @@ export async function showBatch(root: HTMLElement, header: BatchHeader, arrays: 
   new ResizeObserver(() => distributions.resize()).observe(main);
 }
 
-function choices(header: BatchHeader): { traffic: string; agents: string; category: string; label: string }[] {
-  const rows = header.table.length ? (header.table as unknown as BatchHeader["parts"]) : header.parts;
-  const found = new Map<string, { traffic: string; agents: string; category: string; label: string }>();
-  for (const { traffic, agents, category } of rows)
-    found.set([traffic, agents, category].join("|"), {
-      traffic,
-      agents,
-      category,
-      label: `traffic ${traffic}, agents ${agents}, ${category === "all" ? "all categories" : category}`,
-    });
+const CATEGORY = (name: string) => (name === "all" ? "all categories" : name);
+
+/** Sets that are compared with their categories; then those of runs of which none has finished. */
+function choices(header: BatchHeader): Choice[] {
+  const found = new Map<string, Choice>();
+  const add = (traffic: string, agents: string, category: string, title: string, size: string) =>
+    found.set([traffic, agents, category].join("|"), { traffic, agents, category, title, size });
+  for (const { traffic, agents, title, size } of header.sets) {
+    add(traffic, agents, "all", title, size);
+    for (const row of header.table)
+      if (row.traffic === traffic && row.agents === agents) add(traffic, agents, String(row.category), title, size);
+  }
+  for (const { traffic, agents } of header.runs)
+    if (!found.has([traffic, agents, "all"].join("|")))
+      add(traffic, agents, "all", `Traffic ${traffic}, agents ${agents}`, "None of these runs has finished.");
   return [...found.values()];
+}
+
+/** A cell as a number: JSON knows no infinity, "inf" stands for it. */
+function size(value: Cell): number {
+  return value === "inf" ? Infinity : value === "-inf" ? -Infinity : typeof value === "number" ? value : NaN;
 }
 
 function number(value: Cell, digits: number): string {
@@ -122,12 +162,13 @@ function number(value: Cell, digits: number): string {
 }
 
 function comparison(header: BatchHeader, rows: Row[]): HTMLElement {
-  if (!rows.length) return element("p", { class: "hint" }, "Nothing to compare.");
-  const head = element("tr", {}, ...["planner", "outcomes", "runs", "agents"].map((name) => element("th", {}, name)));
-  head.append(...header.metrics.map((metric) => element("th", { class: "number" }, metric.heading)));
+  if (!rows.length) return element("section");
+  const head = element("tr", {}, ...["planner", "outcomes", "runs", "agents"].map((name, i) => element("th", i > 1 ? NUMBER : {}, name)));
+  const metrics = header.metrics.filter((metric) => happened(metric, rows));
+  head.append(...metrics.map((metric) => element("th", { class: "number" }, metric.heading)));
   const best = new Map(
     header.metrics.map((metric) => {
-      const values = rows.map((row) => row[metric.name]).filter((v): v is number => typeof v === "number");
+      const values = rows.map((row) => size(row[metric.name])).filter((v) => !Number.isNaN(v));
       return [metric.name, metric.better > 0 ? Math.max(...values) : metric.better < 0 ? Math.min(...values) : NaN];
     }),
   );
@@ -141,18 +182,23 @@ function comparison(header: BatchHeader, rows: Row[]): HTMLElement {
       element("td", { class: "number" }, `${row.runs}${lost}`),
       element("td", { class: "number" }, String(row.n_agents)),
     );
-    for (const metric of header.metrics) {
+    for (const metric of metrics) {
       const differ = rows.some((other) => other[metric.name] !== row[metric.name]);
-      const chosen = differ && row[metric.name] === best.get(metric.name);
+      const chosen = differ && size(row[metric.name]) === best.get(metric.name);
       const title: Record<string, string> = chosen ? { class: "number best", title: "the best of these" } : { class: "number" };
       line.append(element("td", title, number(row[metric.name], metric.digits)));
     }
     return line;
   });
   const legend = element("div", { class: "chips legend" });
-  for (const outcome of ORDER) legend.append(element("span", {}, markIcon(outcome), mark(outcome).text));
+  for (const outcome of ORDER.filter((name) => rows.some((row) => Number(row[SHARES[name] ?? name]) > 0))) legend.append(element("span", {}, markIcon(outcome), mark(outcome).text));
   const table = element("table", { class: "wide" }, element("thead", {}, head), element("tbody", {}, ...body));
-  return element("section", {}, element("h2", {}, "Planners"), element("div", { class: "scroll" }, table), legend);
+  return element("section", {}, element("div", { class: "scroll" }, table), legend);
+}
+
+/** What happened to nobody needs no column. */
+function happened(metric: Metric, rows: Row[]): boolean {
+  return !metric.outcome || metric.better > 0 || rows.some((row) => Number(row[metric.name]) > 0);
 }
 
 /** Shares of outcomes as a bar. */
@@ -172,36 +218,73 @@ function bar(row: Row): HTMLElement {
 function differences(header: BatchHeader, rows: Row[]): HTMLElement {
   const known = rows.filter((row) => typeof row.difference === "number" && Number(row.n_agents) > 0);
   if (!known.length) return element("section");
+  const extents = new Map(header.metrics.map((metric) => [metric.name, extent(known.filter((row) => row.metric === metric.name))]));
   const pairs = new Map<string, Row[]>();
   for (const row of known) {
-    const name = `${row.variant} minus ${row.other}`;
+    if (!extents.get(String(row.metric))) continue;
+    const name = `${row.variant} − ${row.other}`;
     pairs.set(name, [...(pairs.get(name) ?? []), row]);
   }
   const section = element("section", {}, element("h2", {}, "Differences"));
   const percent = Math.round(100 * (header.level ?? 0));
-  section.append(element("p", { class: "hint" }, `Over agents that both drove; intervals of ${percent} % over scenarios. Those in bold do not contain 0.`));
+  const said = `Over the same agents; intervals of ${percent} % over scenarios. Those in bold, with filled dots, do not contain 0.`;
+  section.append(element("p", { class: "hint" }, said));
+  const grid = element("div", { class: "pairs" });
   for (const [name, found] of pairs) {
-    const body = found.map((row) => {
-      const metric = header.metrics.find((m) => m.name === row.metric)!;
-      const [low, high] = [row.low, row.high];
-      const sure = typeof low === "number" && typeof high === "number" && (low > 0 || high < 0);
-      const interval = typeof low === "number" ? `${number(low, metric.digits)} to ${number(high, metric.digits)}` : "–";
-      const better = sure && metric.better !== 0 ? (metric.better * Number(row.difference) > 0 ? "better" : "worse") : "";
-      return element(
-        "tr",
-        { class: sure ? "sure" : "" },
-        element("td", {}, metric.heading),
-        element("td", { class: "number" }, number(row.difference, metric.digits)),
-        element("td", { class: "number" }, interval),
-        element("td", {}, better),
-        element("td", { class: "number" }, String(row.n_agents)),
-      );
-    });
-    const head = element("tr", {}, ...["metric", "difference", "interval", "", "agents"].map((h) => element("th", {}, h)));
-    section.append(element("details", { open: "" }, element("summary", {}, name), element("table", {}, element("thead", {}, head), element("tbody", {}, ...body))));
+    const body = found.map((row) => difference(header.metrics.find((m) => m.name === row.metric)!, row, extents.get(String(row.metric))!));
+    const head = element("tr", {}, ...["metric", "difference", "interval", "", ""].map((h, i) => element("th", i === 1 || i === 2 ? NUMBER : {}, h)));
+    grid.append(element("details", { open: "" }, element("summary", {}, name), element("table", {}, element("thead", {}, head), element("tbody", {}, ...body))));
   }
+  section.append(grid);
   return section;
 }
+
+function difference(metric: Metric, row: Row, most: number): HTMLElement {
+  const [low, high] = [row.low, row.high];
+  const sure = typeof low === "number" && typeof high === "number" && (low > 0 || high < 0);
+  const interval = low === null ? "–" : `${number(low, metric.digits)} to ${number(high, metric.digits)}`;
+  const better = sure && metric.better !== 0 ? (metric.better * Number(row.difference) > 0 ? "better" : "worse") : "";
+  return element(
+    "tr",
+    { class: sure ? "sure" : "" },
+    element("td", {}, metric.heading),
+    element("td", { class: "number" }, number(row.difference, metric.digits)),
+    element("td", { class: "number" }, interval),
+    element("td", {}, whisker(row, most, sure)),
+    element("td", {}, better),
+  );
+}
+
+/** How far from zero differences of a metric and their intervals reach. */
+function extent(rows: Row[]): number {
+  const ends = rows.flatMap((row) => [row.low, row.difference, row.high]).filter((v): v is number => typeof v === "number");
+  return Math.max(0, ...ends.map(Math.abs));
+}
+
+const NUMBER = { class: "number" };
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/** A difference as a dot, its interval as a line, zero in the middle; equal scales for equal metrics. */
+function whisker(row: Row, most: number, sure: boolean): SVGElement {
+  const made = document.createElementNS(SVG, "svg");
+  const at = (value: number) => 60 + (54 * value) / most;
+  const add = (name: string, attributes: Record<string, number | string>) => {
+    const part = document.createElementNS(SVG, name);
+    for (const [key, value] of Object.entries(attributes)) part.setAttribute(key, String(value));
+    made.append(part);
+  };
+  made.setAttribute("class", "whisker");
+  made.setAttribute("viewBox", "0 0 120 16");
+  made.setAttribute("aria-hidden", "true");
+  add("line", { x1: 60, x2: 60, y1: 0, y2: 16, class: "zero" });
+  if (typeof row.low === "number" && typeof row.high === "number") add("line", { x1: at(row.low), x2: at(row.high), y1: 8, y2: 8 });
+  add("circle", { cx: at(Number(row.difference)), cy: 8, r: 3.5, class: sure ? "sure" : "" });
+  return made;
+}
+
+/** Headings of columns of numbers in the list of runs. */
+const NUMBERS = new Set(["seed", "agents", "reached %", "collisions", "min TTC [s]"]);
 
 /** All runs; a word in the field keeps those that contain it, a click on a heading sorts. */
 class RunList {
@@ -213,7 +296,7 @@ class RunList {
 
   constructor(header: BatchHeader) {
     const keys: [string, (run: BatchRun) => number | string][] = [
-      ["scenario", (run) => run.scenario],
+      ["scenario", (run) => `${run.scenario} ${String(run.agent ?? "").padStart(12)}`],
       ["category", (run) => run.category],
       ["planner", (run) => run.variant],
       ["seed", (run) => run.seed],
@@ -234,11 +317,12 @@ class RunList {
         this.lines.sort(({ run: a }, { run: b }) => (key(a) < key(b) ? -1 : key(a) > key(b) ? 1 : 0) * (up ? 1 : -1));
         body.append(...this.lines.map(({ line: l }) => l));
       };
-      head.append(element("th", {}, name ? button(name, `Sort by ${name}`, sort) : ""));
+      head.append(element("th", NUMBERS.has(name) ? NUMBER : {}, name ? button(name, `Sort by ${name}`, sort) : ""));
     }
     body.append(...this.lines.map(({ line: l }) => l));
     this.filter.addEventListener("input", () => this.show());
-    this.root.append(this.filter, this.count, element("table", { class: "runs" }, element("thead", {}, head), body));
+    const table = element("table", { class: "runs" }, element("thead", {}, head), body);
+    this.root.append(this.filter, this.count, element("div", { class: "scroll" }, table));
   }
 
   restrict(inside: (part: BatchRun) => boolean): void {
@@ -250,7 +334,7 @@ class RunList {
     const words = this.filter.value.toLowerCase().split(/\s+/).filter(Boolean);
     let shown = 0;
     for (const { run, line: l } of this.lines) {
-      const said = [run.scenario, run.category, run.variant, run.status, ...Object.keys(run.outcomes)].join(" ").toLowerCase();
+      const said = [run.scenario, run.agent ?? "", run.category, run.variant, run.status, ...Object.keys(run.outcomes)].join(" ").toLowerCase();
       l.hidden = !this.inside(run) || !words.every((word) => said.includes(word));
       shown += Number(!l.hidden);
     }
@@ -260,7 +344,8 @@ class RunList {
 
 function line(run: BatchRun): HTMLElement {
   const link = run.page === null ? element("span", { class: "hint", title: command(run) }, "not kept") : element("a", { href: encodeURI(run.page) }, "look");
-  const name = run.page === null ? run.scenario : element("a", { href: encodeURI(run.page) }, run.scenario);
+  const title = run.agent === null ? run.scenario : `${run.scenario}, agent ${run.agent}`;
+  const name = run.page === null ? title : element("a", { href: encodeURI(run.page) }, title);
   const finished = run.status === "finished";
   const status = element("td", {}, run.status);
   if (run.error) status.append(element("small", {}, run.error));
@@ -282,5 +367,7 @@ function line(run: BatchRun): HTMLElement {
 
 /** How to see a run whose folder was not kept. */
 function command(run: BatchRun): string {
-  return `interdrive run ${run.path} --planner ${run.planner} --predictor ${run.predictor} --report (with the batch's settings)`;
+  const settings = run.settings.includes("=") ? run.settings.split(" ").map((item) => ` --set ${item}`).join("") : "";
+  const agents = run.agents === "all" ? " --agents all" : "";
+  return `interdrive run ${run.path} --planner ${run.planner} --predictor ${run.predictor}${settings}${agents} --report`;
 }

@@ -30,14 +30,18 @@ export class Distributions {
     for (const { u } of this.plots) u.destroy();
     this.plots = [];
     const legend = element("div", { class: "chips legend" });
+    const wanted = this.header.parts.map(inside);
+    const { variant: variants, part: parts } = this.tables;
+    const there = new Set(Array.from(variants).filter((_, i) => wanted[parts[i]]));
     this.header.variants.forEach((name, i) => {
+      if (!there.has(i)) return;
       const swatch = element("span", { class: "line" });
       swatch.style.borderTop = `3px ${DASHES[i % 4].length ? "dashed" : "solid"} ${agentColor(COLORS[i % 6], theme)}`;
       legend.append(element("span", {}, swatch, name));
     });
     const grid = element("div", { class: "grid" });
     this.root.replaceChildren(legend, grid);
-    const wanted = this.header.parts.map(inside);
+    this.root.hidden = there.size === 0;
     for (const { name, title, unit } of this.header.drawn) {
       const curves = this.header.variants.map((_, variant) => this.curve(name, variant, wanted));
       if (curves.every((curve) => curve.values.length === 0)) continue;

@@ -112,5 +112,10 @@ function nextAgent(run: Run, state: State, way: 1 | -1): void {
   const agents = run.header.participants.map((p, row) => (p.agent >= 0 ? row : -1)).filter((row) => row >= 0);
   if (!agents.length) return;
   const at = agents.indexOf(state.selected);
+  const there = agents.filter((row) => run.present(row, state.step));
+  if (at < 0 && there.length) {
+    state.select(way > 0 ? there[0] : there[there.length - 1]);
+    return;
+  }
   state.select(agents[at < 0 ? (way > 0 ? 0 : agents.length - 1) : (at + way + agents.length) % agents.length]);
 }

@@ -8,6 +8,9 @@ import type { Run } from "./run";
 import type { State } from "./state";
 import { Traffic } from "./traffic";
 
+/** The map shows at most so much of the road when it begins to follow a vehicle [m]. */
+const FOLLOWED_WIDTH = 180;
+
 export class RoadMap {
   readonly root = element("div", { class: "map", tabindex: "0", role: "img" });
   readonly camera: Camera;
@@ -18,6 +21,7 @@ export class RoadMap {
   private readonly road: Road;
   private readonly traffic: Traffic;
   private groundKey = "";
+  private followed = false;
 
   constructor(
     private readonly run: Run,
@@ -56,7 +60,11 @@ export class RoadMap {
   draw(): void {
     const { camera, state } = this;
     const ratio = this.ratio;
-    if (state.follow && state.selected >= 0) {
+    const follows = state.follow && state.selected >= 0;
+    // Who begins to follow a vehicle wants to see what it does.
+    if (follows && !this.followed) camera.scale = Math.max(camera.scale, camera.width / FOLLOWED_WIDTH);
+    this.followed = follows;
+    if (follows) {
       const pose = this.run.pose(state.selected, state.time) ?? this.run.lastPose(state.selected, state.time);
       if (pose !== undefined) [camera.x, camera.y] = [pose.x, pose.y];
     }

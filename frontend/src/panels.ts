@@ -1,5 +1,6 @@
 // The tables beside the map: agents, events, and what the run was made with.
 
+import { agentColor } from "./colors";
 import { button, element, text, toggle } from "./elements";
 import { mark, markIcon } from "./marks";
 import type { Participant, Run, RunEvent } from "./run";
@@ -11,7 +12,9 @@ export class Panels {
   readonly root = element("aside", { class: "side" });
   private readonly agentRows = new Map<number, HTMLElement>();
   private readonly eventRows: HTMLElement[] = [];
+  private readonly swatches: [HTMLElement, string | undefined][] = [];
   private marked = "";
+  private theme = "";
 
   constructor(
     private readonly run: Run,
@@ -38,6 +41,10 @@ export class Panels {
 
   draw(): void {
     const { state } = this;
+    if (state.theme !== this.theme) {
+      this.theme = state.theme;
+      for (const [swatch, color] of this.swatches) swatch.style.background = agentColor(color, state.theme);
+    }
     const key = `${state.selected} ${state.step}`;
     if (key === this.marked) return;
     this.marked = key;
@@ -84,7 +91,7 @@ export class Panels {
       const outcome = element("td", {}, markIcon(p.outcome ?? ""), mark(p.outcome ?? "").text);
       if (more) outcome.append(element("small", {}, more));
       const swatch = element("span", { class: "swatch" });
-      swatch.style.background = p.color ?? "";
+      this.swatches.push([swatch, p.color]);
       line.append(
         element("td", {}, button(String(p.id), `Select agent ${p.id}`, () => this.choose(row)), swatch),
         outcome,

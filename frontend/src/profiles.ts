@@ -19,6 +19,8 @@ interface Chart {
   levels: () => number[];
   /** As far up as matters. */
   cap?: () => number;
+  /** Half of the least range of the axis. */
+  least?: number;
   u?: uPlot;
   line?: HTMLElement;
 }
@@ -52,6 +54,8 @@ export class Profiles {
       this.chart(element("span", {}, "velocity"), "m/s", 1, () => run.series("velocity", state.selected)),
       this.chart(element("span", {}, "acceleration"), "m/s²", 1, () => run.series("acceleration", state.selected)),
     ];
+    this.charts[0].least = 2;
+    this.charts[1].least = 1;
     if (run.header.measures.length) {
       const chart = this.chart(this.measures, "", 2, () => this.criticality());
       chart.levels = () => LEVELS[this.measure.name] ?? [];
@@ -176,11 +180,12 @@ export class Profiles {
   private range(chart: Chart, low: number | null, high: number | null): [number, number] {
     const values = chart.series().filter((v): v is number => v !== null);
     const levels = chart.levels();
+    if (!values.length && levels.length) return [0, 2 * Math.max(...levels)];
     let [bottom, top] = [Math.min(...values, ...levels), Math.max(...values, ...levels)];
     if (!Number.isFinite(bottom)) return [low ?? 0, high ?? 1];
     top = Math.min(top, Math.max(chart.cap?.() ?? Infinity, bottom));
     // What hardly changes is no drama.
-    const half = Math.max(0.55 * (top - bottom), 0.5);
+    const half = Math.max(0.55 * (top - bottom), chart.least ?? 0.5);
     const middle = 0.5 * (top + bottom);
     return bottom >= 0 ? [Math.max(middle - half, -0.05 * (middle + half)), middle + half] : [middle - half, middle + half];
   }

@@ -131,7 +131,6 @@ def test_every_layer_can_be_switched_off_and_on(page, demo, key):
     page.locator('button[aria-label="Select agent 1003"]').click()
     page.keyboard.press("Shift+ArrowRight")
     page.keyboard.press("f")
-    page.keyboard.press("+")
     ready(page)
     shown = settled(page)
     page.keyboard.press(key)
@@ -173,6 +172,19 @@ def test_a_click_into_a_profile_moves_the_player(page, demo):
     assert abs(int(said(root, "step")) - 66) <= 2
 
 
+def test_following_a_vehicle_comes_near_enough_to_see_what_it_does(page, crowd):
+    opened(page, crowd)
+    for _ in range(4):
+        page.keyboard.press("Shift+ArrowRight")
+    page.keyboard.press("]")
+    page.keyboard.press("f")
+    ready(page)
+    assert page.locator(".now-line").inner_text().startswith("plan: planned")  # one that is there at this time
+    length = float(page.locator(".scale span").inner_text().removesuffix(" m"))
+    width = page.locator(".map").bounding_box()["width"]
+    assert width * length / page.locator(".scale").bounding_box()["width"] <= 185.0
+
+
 def test_light_and_dark_differ_and_larger_text_stays(page, demo):
     opened(page, demo)
     before = settled(page)
@@ -186,7 +198,10 @@ def test_light_and_dark_differ_and_larger_text_stays(page, demo):
 
 def test_a_batch_opens_with_its_comparison_and_every_run_a_click_away(page, batch):
     opened(page, batch)
+    assert page.locator("h2").first.inner_text() == "Every vehicle has the planner under test"
     assert page.locator("table.wide tbody tr").count() == 2
+    assert page.locator(".whisker").count() >= 6
+    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
     assert page.locator(".distributions .uplot").count() >= 4
     rows = page.locator("table.runs tbody tr:visible")
     assert rows.count() == 4

@@ -7,6 +7,7 @@ node or process is lost.
 from __future__ import annotations
 
 import socket
+import time
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.pool import End, Pool, Task
@@ -15,8 +16,11 @@ from interdrive.errors import InputError, MissingExtraError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-#: A task whose node or process is lost is done again so often.
+#: A task whose node or process is lost is done again by Ray so often, at once: perhaps on the same lost node.
 _RETRIES = 3
+#: When Ray gives it up, it gets it again so often, after this pause [s]: Ray may need half a minute to know that a
+#: node is lost.
+_AGAIN, _PAUSE = 5, 10.0
 #: Tasks that are handed to Ray at once, per CPU of the cluster: nobody waits for the next one.
 _AHEAD = 2
 #: A cluster has this long to accept a connection [s].
@@ -49,7 +53,7 @@ class Cluster:
             raise MissingExtraError("ray is not installed; pip install interdrive[ray]") from None
         self._ray: Any = ray
         self._workers, self._limits = workers, (timeout_s, memory)
-        self._waiting: dict[Any, Task[Any]] = {}
+        self._waiting: dict[Any, tuple[Task[Any], int]] = {}
         self._is_ours = not ray.is_initialized()
         if self._is_ours:
             _check_that_somebody_answers(address)
@@ -68,23 +72,33 @@ class Cluster:
         ray = self._ray
         remote = ray.remote(num_cpus=1, max_retries=_RETRIES)(_in_process)
         exhausted = False
+        again: list[tuple[float, Task[Any], int]] = []  # when, what, how often Ray has had it
         while True:
-            while not exhausted and len(self._waiting) < self._at_once():
-                task = take("")
-                if task is None:
+            while not (exhausted and not again) and len(self._waiting) < self._at_once():
+                if again and again[0][0] <= time.monotonic():
+                    _, task, times = again.pop(0)
+                elif exhausted or (fresh := take("")) is None:
                     exhausted = True
+                    break
                 else:
-                    self._waiting[remote.remote(function, task.payload, *self._limits)] = task
+                    task, times = fresh, 0
+                self._waiting[remote.remote(function, task.payload, *self._limits)] = task, times + 1
             if not self._waiting:
-                return
+                if not again:
+                    return
+                time.sleep(max(0.0, again[0][0] - time.monotonic()))
+                continue
             ready, _ = ray.wait(list(self._waiting), num_returns=1, timeout=_LOOK_EVERY)
             for reference in ready:
-                task = self._waiting.pop(reference)
+                task, times = self._waiting.pop(reference)
                 try:
                     value, lost, why, attempts = ray.get(reference)
                 except ray.exceptions.RayError as cause:
+                    if times <= _AGAIN and not isinstance(cause, ray.exceptions.RayTaskError):
+                        again.append((time.monotonic() + _PAUSE, task, times))
+                        continue
                     reason = str(cause).strip().partition("\n")[0]
-                    yield End(task, None, "crashed", f"Ray gave it up: {reason}", 1 + _RETRIES)
+                    yield End(task, None, "crashed", f"Ray gave it up: {reason}", times)
                 else:
                     yield End(task, value, lost, why, attempts)
 

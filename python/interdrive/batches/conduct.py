@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from interdrive.batches.execute import KEEP, Finished, Job, agents_of, content_of, execute, failed
 from interdrive.batches.folder import BatchFolder
-from interdrive.batches.pool import ATTEMPTS_MAX, Pool, Task
+from interdrive.batches.pool import Pool, Task
 from interdrive.batches.runs import planned
 from interdrive.errors import InputError
 from interdrive.run_settings import SimulationSettings
@@ -302,7 +302,8 @@ def _conduct(
 
 
 def _twice(end: End[Any]) -> str:
-    return f"{end.why}, {'twice' if end.attempts >= ATTEMPTS_MAX else 'once'}"
+    times = {1: "once", 2: "twice"}.get(end.attempts, f"{end.attempts} times")
+    return f"{end.why}, {times}"
 
 
 def _job(spec: RunSpec, keep: str, *, send: bool) -> Job:

@@ -9,6 +9,7 @@ import numpy as np
 
 from interdrive.batches import METRICS, compare
 from interdrive.batches.folder import BatchFolder
+from interdrive.batches.runs import ALONE
 from interdrive.batches.variants import arrays, compared_sets, variants_of
 from interdrive.errors import ResultsError
 from interdrive.report.contents import FORMAT, Contents
@@ -115,6 +116,7 @@ def _runs(column: Mapping[str, Any], pages: Mapping[str, str]) -> list[dict[str,
         entry |= {
             "variant": column["variant"][at],
             "n_agents": len(mine),
+            "agent": int(column["agent_id"][mine[0]]) if entry["agents"] == ALONE and len(mine) else None,
             "outcomes": {name: outcomes.count(name) for name in sorted(set(outcomes))},
             "ttc_min": float(np.nanmin(least)) if np.isfinite(least).any() else None,
             "page": pages.get(str(keys[run])),

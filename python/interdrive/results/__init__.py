@@ -1,0 +1,57 @@
+"""The run folder: its Parquet columns, its one writer and its one reader. pyarrow is loaded on first use.
+
+A run folder holds outcomes.parquet, states.parquet, plans.parquet, timing.parquet, run.json and scenario.xml; and
+views.parquet, predictions.parquet and candidates.parquet if the settings `record.*` asked for them. The same run gives
+the same bytes. Absent numbers are null.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from interdrive.results.columns import COLUMNS
+from interdrive.results.folder import Results, check_target, holds_run, load, save
+from interdrive.results.information import FORMAT, information, software
+from interdrive.results.tables import (
+    candidates_table,
+    outcome_table,
+    plans_table,
+    predictions_table,
+    states_table,
+    timing_table,
+    views_table,
+)
+from interdrive.results.tabular import Column, arrow_table, labels, read_table, write_parquet, write_table
+from interdrive.results.writing import check_folder, replacing, write_json
+
+if TYPE_CHECKING:
+    from interdrive.results.tabular import ArrowTable
+
+__all__ = [
+    "COLUMNS",
+    "FORMAT",
+    "ArrowTable",
+    "Column",
+    "Results",
+    "arrow_table",
+    "candidates_table",
+    "check_folder",
+    "check_target",
+    "holds_run",
+    "information",
+    "labels",
+    "load",
+    "outcome_table",
+    "plans_table",
+    "predictions_table",
+    "read_table",
+    "replacing",
+    "save",
+    "software",
+    "states_table",
+    "timing_table",
+    "views_table",
+    "write_json",
+    "write_parquet",
+    "write_table",
+]

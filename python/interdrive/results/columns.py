@@ -1,0 +1,97 @@
+"""The tables of a run folder and their columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from interdrive.results.tabular import Column
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+#: Columns of every table. A "label" is a text from a short list and stored as such (dictionary encoded).
+COLUMNS: Mapping[str, tuple[Column, ...]] = {
+    "outcomes": (
+        Column("agent_id", "integer", "participant id of the agent"),
+        Column("planner", "label", "name of its planner"),
+        Column("outcome", "label", "how it ended, one of interdrive.run.OUTCOMES, or running"),
+        Column("time_step", "integer", "when it ended"),
+        Column("partner_id", "integer", "the other participant of a collision", nullable=True),
+        Column("off_road", "truth", "the collision was with the edge of the road"),
+        Column("impact_speed", "number", "size of the relative velocity at a collision [m/s]", nullable=True),
+        Column(
+            "harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True
+        ),
+        Column("partner_harm", "number", "the same in the other participant", nullable=True),
+        Column(
+            "impact_angle", "number", "direction to the other participant, seen from the agent [rad]", nullable=True
+        ),
+        Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
+        Column("message", "text", "why, in words"),
+    ),
+    "states": (
+        Column("time_step", "integer", ""),
+        Column("participant_id", "integer", ""),
+        Column("kind", "label", "car, truck, ... (interdrive.scenario.KINDS)"),
+        Column("is_agent", "truth", "driven by a planner, otherwise replayed"),
+        Column("x", "number", "centre of the footprint [m]"),
+        Column("y", "number", "centre of the footprint [m]"),
+        Column("orientation", "number", "heading [rad]"),
+        Column("velocity", "number", "speed along the heading [m/s]"),
+        Column("acceleration", "number", "[m/s²]", nullable=True),
+        Column("yaw_rate", "number", "[rad/s]", nullable=True),
+        Column("length", "number", "of the footprint [m]"),
+        Column("width", "number", "of the footprint [m]"),
+    ),
+    "plans": (
+        Column("time_step", "integer", "when the plan was made"),
+        Column("agent_id", "integer", "whose plan it is"),
+        Column("status", "label", "how it came about, one of interdrive.run.PLAN_STATUS"),
+        Column("cost", "number", "cost of the chosen trajectory", nullable=True),
+        Column("point", "integer", "point i is i * dt after time_step; a plan without points keeps one row, point 0"),
+        Column("x", "number", "centre of the footprint [m]", nullable=True),
+        Column("y", "number", "centre of the footprint [m]", nullable=True),
+        Column("orientation", "number", "heading [rad]", nullable=True),
+        Column("velocity", "number", "[m/s]", nullable=True),
+        Column("acceleration", "number", "[m/s²]", nullable=True),
+    ),
+    "views": (
+        Column("observer_id", "integer", "the agent that saw"),
+        Column("seen_id", "integer", "the participant that it saw"),
+        Column("first_time_step", "integer", "first time step of a stretch without a break"),
+        Column("last_time_step", "integer", "last time step of the stretch, included"),
+    ),
+    "predictions": (
+        Column("time_step", "integer", "when it was predicted"),
+        Column("participant_id", "integer", "whose future"),
+        Column("mode", "integer", "number of the mode"),
+        Column("probability", "number", "of the mode"),
+        Column("point", "integer", "the point is point * dt after time_step"),
+        Column("x", "number", "mean of the footprint's centre [m]", nullable=True),
+        Column("y", "number", "mean of the footprint's centre [m]", nullable=True),
+        Column("variance_x", "number", "of the position in world axes [m²]", nullable=True),
+        Column("covariance_xy", "number", "of the position in world axes [m²]", nullable=True),
+        Column("variance_y", "number", "of the position in world axes [m²]", nullable=True),
+    ),
+    "candidates": (
+        Column("time_step", "integer", "when it was considered"),
+        Column("agent_id", "integer", "who considered it"),
+        Column("candidate", "integer", "number of the candidate among those that were kept of this plan"),
+        Column("cost", "number", "total cost; null where it was not needed", nullable=True),
+        Column("rejection", "label", "why it was rejected; empty where it was not"),
+        Column("chosen", "truth", "it became the plan"),
+        Column("point", "integer", "the point is point * dt after time_step"),
+        Column("x", "number", "centre of the footprint [m]", nullable=True),
+        Column("y", "number", "centre of the footprint [m]", nullable=True),
+    ),
+    "timing": (
+        Column("time_step", "integer", ""),
+        Column("phase", "label", "one of interdrive.run.PHASES; the phases of a time step add up to the step"),
+        Column("seconds", "number", "wall time [s]"),
+    ),
+}
+
+
+#: Tables that a run has only if its settings asked for them; run.json says under their names whether it does.
+ON_DEMAND = ("views", "predictions", "candidates")

@@ -1,0 +1,144 @@
+"""The run folder: its one writer and its one reader."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from interdrive.results.columns import COLUMNS, ON_DEMAND
+from interdrive.results.information import information, read_information
+from interdrive.results.tables import (
+    candidates_table,
+    outcome_table,
+    plans_table,
+    predictions_table,
+    states_table,
+    timing_table,
+    views_table,
+)
+from interdrive.results.tabular import read_table, schema_of, write_parquet
+from interdrive.results.writing import check_folder, replacing, write_bytes, write_json
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from interdrive.run import Run
+
+
+#: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
+_OTHER_FILES = (
+    *(
+        "run.json",
+        "scenario.xml",
+        "run.png",
+        "run.pdf",
+        "run.svg",
+        "run.gif",
+        "run.mp4",
+        "agent_view.png",
+        "report.html",
+    ),
+    *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
+)
+
+
+#: Everything a run folder may contain.
+_RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a run folder says: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
+
+    `views`, `predictions` and `candidates` are None unless the settings `record.*` asked for them. `missing` names the
+    tables that are not there although they should be; `load` returns them only if it is told to.
+    """
+
+    outcomes: pa.Table
+    states: pa.Table
+    plans: pa.Table
+    timing: pa.Table
+    info: dict[str, Any]
+    views: pa.Table | None = None
+    predictions: pa.Table | None = None
+    candidates: pa.Table | None = None
+    missing: tuple[str, ...] = ()
+
+
+def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Writes the run folder, whole or not at all, and returns its path.
+
+    Everything goes into a hidden folder beside the target, reaches the disk, and is then renamed. Nothing is left
+    behind if that fails.
+
+    Args:
+        run: What to write.
+        folder: New or empty folder, or one that holds another run.
+        overwrite: Replace the other run. A folder with anything else in it is never touched.
+
+    Raises:
+        ResultsError: if the folder cannot be used or written; one line with path and cause.
+    """
+    from interdrive.files import write_scenario  # noqa: PLC0415 - commonroad-io takes a second to load
+
+    target = check_target(folder, overwrite=overwrite)
+    with replacing(target) as partial:
+        partial.mkdir()
+        for name, table in (
+            ("outcomes", outcome_table(run)),
+            ("states", states_table(run)),
+            ("plans", plans_table(run)),
+            ("timing", timing_table(run)),
+            ("views", views_table(run)),
+            ("predictions", predictions_table(run)),
+            ("candidates", candidates_table(run)),
+        ):
+            if table is None:
+                continue
+            write_parquet(table, partial / f"{name}.parquet")
+        write_json(information(run), partial / "run.json")
+        write_bytes(write_scenario(run), partial / "scenario.xml")
+    return target
+
+
+def load(folder: str | Path, *, in_part: bool = False) -> Results:
+    """Reads a run folder.
+
+    Args:
+        folder: As `save` wrote it.
+        in_part: Tables besides outcomes and states may be missing; plans and timing are empty then.
+
+    Raises:
+        ResultsError: if the folder or one of its files is missing, damaged or of another format; one line.
+    """
+    folder = Path(folder)
+    info = read_information(folder)
+    tables: dict[str, Any] = {}
+    missing = []
+    for name in COLUMNS:
+        if name in ON_DEMAND and info.get(name) is None:
+            continue
+        path = folder / f"{name}.parquet"
+        if in_part and name not in ("outcomes", "states") and not path.exists():
+            missing.append(name)
+            if name not in ON_DEMAND:
+                tables[name] = schema_of(COLUMNS[name]).empty_table()
+            continue
+        tables[name] = read_table(path, COLUMNS[name])
+    return Results(**tables, info=info, missing=tuple(missing))
+
+
+def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
+    """The folder a run can be saved to, as an absolute path; useful before a long simulation.
+
+    Raises:
+        ResultsError: if something is there that must not be replaced.
+    """
+    return check_folder(folder, "run", "run.json", lambda entry: entry.name in _RUN_FILES, overwrite=overwrite)
+
+
+def holds_run(folder: Path) -> bool:
+    """The folder is a run folder and nothing else."""
+    inside = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+    return "run.json" in inside and inside <= _RUN_FILES

@@ -1,0 +1,115 @@
+"""What run.json says: everything that is needed to know and to repeat a run."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import platform
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import ResultsError
+from interdrive.results.writing import one_line
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from interdrive.run import AgentRecord, Run
+    from interdrive.scenario import Shape
+
+#: Version of the folder's layout, written to run.json; raised when a column comes, goes, or changes name or meaning.
+#: 2: outcomes with harm, partner_harm, impact_angle and impact_area.
+FORMAT = 2
+
+
+def information(run: Run) -> dict[str, Any]:
+    """What run.json says: everything that is needed to know and to repeat the run, as plain values."""
+    scenario = run.scenario
+    return {
+        "format": FORMAT,
+        "scenario": {
+            "name": scenario.name,
+            "benchmark_id": scenario.benchmark_id,
+            "path": None if scenario.path is None else str(scenario.path.resolve()),
+            "sha256": scenario.sha256,
+            "dt": scenario.dt,
+            "notes": list(scenario.notes),
+        },
+        "settings": run.settings,
+        "seed": run.settings.get("seed"),
+        "digest": run.digest,
+        "finished": run.finished,
+        "views": None if run.views is None else "views.parquet",
+        "predictions": None if run.predicted is None else "predictions.parquet",
+        "candidates": None if run.considered is None else "candidates.parquet",
+        "agents": [_facts(agent) for agent in run.agents],
+        "notes": list(run.notes),
+        **software(),
+    }
+
+
+def software() -> dict[str, Any]:
+    """Versions and platform, for the files that say how results came about."""
+    return {
+        "versions": {
+            "interdrive": _version("interdrive"),
+            "python": platform.python_version(),
+            "numpy": _version("numpy"),
+            "commonroad-io": _version("commonroad-io"),
+        },
+        "platform": {"system": platform.platform(), "machine": platform.machine(), "cpus": os.cpu_count()},
+    }
+
+
+def read_information(folder: Path) -> dict[str, Any]:
+    """What the run.json of a folder says.
+
+    Raises:
+        ResultsError: The folder is no run folder, or one of another format; one line.
+    """
+    path = folder / "run.json"
+    try:
+        info = json.loads(path.read_bytes())
+    except (FileNotFoundError, NotADirectoryError):
+        raise ResultsError(f"{folder}: this is not a run folder, it has no run.json") from None
+    except (OSError, ValueError) as cause:
+        raise ResultsError(f"{path}: cannot be read: {one_line(cause)}") from cause
+    if not isinstance(info, dict) or not isinstance(found := info.get("format"), int):
+        raise ResultsError(f"{path}: it states no format, so this is not a run folder")
+    if found == FORMAT:
+        return info
+    if found > FORMAT:
+        raise ResultsError(f"{path}: format {found} is newer than what this interdrive reads ({FORMAT}); update it")
+    raise ResultsError(
+        f"{path}: format {found} is that of an older interdrive, this one reads {FORMAT}; simulate again "
+        "(scenario and settings are in run.json)"
+    )
+
+
+def _facts(agent: AgentRecord) -> dict[str, Any]:
+    """What run.json says about an agent besides its outcome."""
+    return {
+        "id": agent.id,
+        "origin": agent.origin,
+        "start_time_step": agent.start_time_step,
+        "goal_time_step": list(agent.goal_time_step),
+        "goal_areas": [_shape(area) for area in agent.goal_areas],
+        "route_lanelet_ids": list(agent.route_lanelet_ids),
+    }
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    """Kind and fields of a shape that are not empty."""
+    said = {name: getattr(shape, name) for name in ("length", "width", "radius", "center", "orientation", "vertices")}
+    plain = {name: value for name, value in said.items() if np.any(value)}
+    members = [_shape(member) for member in shape.members]
+    return {"kind": shape.kind, **plain, **({"members": members} if members else {})}
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,143 @@
+"""A run as Arrow tables, one per file of its folder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.criticality import IMPACT_AREAS, agent_harm
+from interdrive.results.columns import COLUMNS
+from interdrive.results.tabular import arrow_table, labels
+from interdrive.run import PHASES, PLAN_STATUS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from interdrive.run import Run
+
+
+def outcome_table(run: Run) -> pa.Table:
+    """How every agent ended, one row each, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
+    ended, harm = run.outcomes, agent_harm(run)
+    return _table(
+        "outcomes",
+        agent_id=ended.agent_id,
+        planner=labels(ended.planner),
+        outcome=labels(ended.outcome),
+        time_step=ended.time_step,
+        partner_id=np.ma.masked_equal(ended.partner_id, -1),
+        off_road=ended.off_road,
+        impact_speed=ended.impact_speed,
+        harm=harm.harm,
+        partner_harm=harm.partner_harm,
+        impact_angle=harm.impact_angle,
+        impact_area=labels(
+            IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area], dtype=np.int64)
+        ),
+        message=ended.message,
+    )
+
+
+def states_table(run: Run) -> pa.Table:
+    """One row per time step and participant that is present then, in that order, as an Arrow table."""
+    states = run.states
+    step, row = np.nonzero(states.valid.T)
+    moving = {
+        name: getattr(states, name)[row, step]
+        for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+    }
+    return _table(
+        "states",
+        time_step=states.first_time_step + step,
+        participant_id=states.ids[row],
+        kind=labels(states.kinds, row),
+        is_agent=states.is_agent[row],
+        length=states.length[row],
+        width=states.width[row],
+        **moving,
+    )
+
+
+def plans_table(run: Run) -> pa.Table:
+    """One row per plan and point, sorted by time step, agent and point, as an Arrow table."""
+    plans = run.plans
+    present = np.isfinite(plans.x)
+    if present.shape[1]:
+        present[:, 0] = True
+        row, point = np.nonzero(present)
+        along = {
+            name: getattr(plans, name)[row, point] for name in ("x", "y", "orientation", "velocity", "acceleration")
+        }
+    else:
+        row, point = np.arange(len(plans.time_step)), np.zeros(len(plans.time_step), dtype=np.int64)
+        along = dict.fromkeys(("x", "y", "orientation", "velocity", "acceleration"), np.full(len(row), np.nan))
+    return _table(
+        "plans",
+        time_step=plans.time_step[row],
+        agent_id=plans.agent_id[row],
+        status=labels(PLAN_STATUS, plans.status[row]),
+        cost=plans.cost[row],
+        point=point,
+        **along,
+    )
+
+
+def timing_table(run: Run) -> pa.Table:
+    """Wall time per time step and phase, as an Arrow table."""
+    names = (*PHASES, *sorted(set(run.timings.phase) - set(PHASES)))
+    order = {phase: index for index, phase in enumerate(names)}
+    index = np.array([order[phase] for phase in run.timings.phase], dtype=np.int64)
+    return _table("timing", time_step=run.timings.time_step, phase=labels(names, index), seconds=run.timings.seconds)
+
+
+def views_table(run: Run) -> pa.Table | None:
+    """Who saw whom, one row per stretch of time steps, as an Arrow table; None if that was not recorded."""
+    seen = run.views
+    if seen is None:
+        return None
+    names = [column.name for column in COLUMNS["views"]]
+    return _table("views", **{name: getattr(seen, name) for name in names})
+
+
+def predictions_table(run: Run) -> pa.Table | None:
+    """One row per time step, participant, mode and point, as an Arrow table; None if that was not recorded."""
+    found = run.predicted
+    if found is None:
+        return None
+    points = len(found.point)
+    names = ("time_step", "participant_id", "mode", "probability")
+    return _table(
+        "predictions",
+        **{name: np.repeat(getattr(found, name), points) for name in names},
+        point=np.tile(found.point, len(found.time_step)),
+        x=found.x.ravel(),
+        y=found.y.ravel(),
+        variance_x=found.covariance[..., 0, 0].ravel(),
+        covariance_xy=found.covariance[..., 0, 1].ravel(),
+        variance_y=found.covariance[..., 1, 1].ravel(),
+    )
+
+
+def candidates_table(run: Run) -> pa.Table | None:
+    """One row per kept candidate and point, as an Arrow table; None if that was not recorded."""
+    found = run.considered
+    if found is None:
+        return None
+    points, reasons = len(found.point), tuple(sorted(set(found.rejection)))
+    change = np.flatnonzero((np.diff(found.time_step) != 0) | (np.diff(found.agent_id) != 0)) + 1
+    first = np.repeat(np.append(0, change), np.diff(np.concatenate([[0], change, [len(found.time_step)]])))
+    reason = np.array([reasons.index(text) for text in found.rejection], dtype=np.int64)
+    return _table(
+        "candidates",
+        **{name: np.repeat(getattr(found, name), points) for name in ("time_step", "agent_id", "cost", "chosen")},
+        candidate=np.repeat(np.arange(len(first)) - first, points),
+        rejection=labels(reasons, np.repeat(reason, points)),
+        point=np.tile(found.point, len(found.time_step)),
+        x=found.x.ravel(),
+        y=found.y.ravel(),
+    )
+
+
+def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike
+    return arrow_table(COLUMNS[name], columns)

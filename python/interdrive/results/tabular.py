@@ -1,0 +1,125 @@
+"""Arrow tables with columns that are described, as Parquet and CSV. pyarrow is loaded on first use."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from interdrive.errors import ResultsError
+from interdrive.results.writing import one_line, write_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pyarrow as pa
+
+    #: For signatures elsewhere: only `interdrive.results` knows pyarrow.
+    ArrowTable: TypeAlias = pa.Table
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and what it says, with unit."""
+
+    name: str
+    kind: str
+    text: str
+    nullable: bool = False
+
+
+def arrow_table(columns: Sequence[Column], values: Mapping[str, Any]) -> pa.Table:
+    """A table with the given columns, whose values are arrays, sequences or Arrow arrays; nan becomes null."""
+    import pyarrow as pa  # noqa: PLC0415
+
+    schema = schema_of(columns)
+    # from_pandas: nan and masked entries become null.
+    arrays = [
+        pa.array(values[field.name], type=field.type, from_pandas=field.nullable)
+        if not isinstance(values[field.name], pa.Array)
+        else values[field.name]
+        for field in schema
+    ]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array
+    """Texts from a short list; `index` picks from `names` (null where negative), without it each name is one row."""
+    import pyarrow as pa  # noqa: PLC0415
+
+    places: dict[str, int] = {}
+    place = np.array([places.setdefault(name, len(places)) for name in names], dtype=np.int32)
+    picked = place if index is None else np.append(place, np.int32(-1))[index]
+    indices = pa.array(picked, pa.int32(), mask=picked < 0)
+    return pa.DictionaryArray.from_arrays(indices, pa.array(list(places), pa.string()))
+
+
+def schema_of(columns: Sequence[Column]) -> pa.Schema:
+    """The columns as an Arrow schema, with what they say as metadata."""
+    import pyarrow as pa  # noqa: PLC0415
+
+    types = {
+        "integer": pa.int64(),
+        "number": pa.float64(),
+        "truth": pa.bool_(),
+        "text": pa.string(),
+        "label": pa.dictionary(pa.int32(), pa.string()),
+    }
+    return pa.schema(
+        pa.field(
+            column.name, types[column.kind], column.nullable, {"description": column.text} if column.text else None
+        )
+        for column in columns
+    )
+
+
+def read_table(path: Path, columns: Sequence[Column]) -> pa.Table:
+    """A Parquet file of a run, as an Arrow table.
+
+    Raises:
+        ResultsError: if it is missing, damaged or has other columns; one line.
+    """
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    try:
+        table = pq.read_table(path, partitioning=None)
+    except FileNotFoundError:
+        raise ResultsError(f"{path}: this file of the run is missing") from None
+    except (OSError, pa.ArrowException) as cause:
+        raise ResultsError(f"{path}: cannot be read: {one_line(cause)}") from cause
+    if not table.schema.equals(schema_of(columns), check_metadata=False):
+        raise ResultsError(f"{path}: the columns are not those of a run ({', '.join(table.column_names)})")
+    return table
+
+
+def write_table(table: pa.Table, path: Path) -> None:
+    """Writes a table as Parquet or, if the path ends so, as CSV."""
+    if path.suffix != ".csv":
+        write_parquet(table, path)
+        return
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.csv  # noqa: PLC0415
+
+    sink = pa.BufferOutputStream()
+    pa.csv.write_csv(table, sink, pa.csv.WriteOptions(quoting_style="needed"))
+    write_bytes(sink.getvalue().to_pybytes(), path)
+
+
+def write_parquet(table: pa.Table, path: Path) -> None:
+    """Writes a table as Parquet, to the disk and not only to its cache."""
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
+    named = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
+    with path.open("wb") as file:
+        # Numbers hardly repeat: splitting their bytes compresses better than looking for repetitions.
+        pq.write_table(
+            table, file, compression="zstd", compression_level=1, use_dictionary=named, use_byte_stream_split=numbers
+        )
+        file.flush()
+        os.fsync(file.fileno())

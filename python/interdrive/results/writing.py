@@ -1,0 +1,164 @@
+"""Files and folders that appear whole or not at all. pyarrow is loaded on first use."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import ResultsError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+
+def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Path], bool], *, overwrite: bool) -> Path:
+    """A folder that can be written whole, as an absolute path.
+
+    Args:
+        folder: New or empty, or one that holds the same kind of thing.
+        what: The kind of thing, for the reader.
+        mark: File without which a folder is not of that kind.
+        belongs: Whether an entry of the folder is part of such a thing.
+        overwrite: It may be replaced.
+
+    Raises:
+        ResultsError: if something is there that must not be replaced.
+    """
+    target = Path(folder).resolve()
+    try:
+        if not target.exists():
+            nearest = next(parent for parent in target.parents if parent.exists())
+            if not nearest.is_dir():
+                raise ResultsError(f"{folder}: {nearest} is not a folder")
+            if not os.access(nearest, os.W_OK | os.X_OK):
+                raise ResultsError(f"{folder}: there is no permission to write in {nearest}")
+            return target
+        if not target.is_dir():
+            raise ResultsError(f"{folder}: a file of that name is in the way")
+        entries = sorted(target.iterdir())
+        foreign = [entry.name for entry in entries if not belongs(entry)]
+    except OSError as cause:
+        raise ResultsError(f"{folder}: cannot be used as a {what} folder: {one_line(cause)}") from cause
+    inside = [entry.name for entry in entries]
+    if inside and (mark not in inside or foreign):
+        example = (foreign or inside)[0]
+        raise ResultsError(
+            f"{folder}: this folder holds other things ({example}) and is left alone; choose another one"
+        )
+    if inside and not overwrite:
+        raise ResultsError(f"{folder}: a {what} is there already; ask for overwriting or choose another folder")
+    return target
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A path to write one file or folder to, which takes the place of `path` if all goes well and vanishes if not.
+
+    Raises:
+        ResultsError: if it cannot be written; one line with path and cause.
+    """
+    with _replacing(Path(path).resolve()) as partial:
+        yield partial
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    # Keeps the ending: writers of pictures choose the format by it.
+    partial = target.with_name(f".{target.name}.{os.getpid()}.partial{target.suffix}")
+    created: list[Path] = []
+    try:
+        for parent in reversed([parent for parent in target.parents if not parent.exists()]):
+            parent.mkdir(exist_ok=True)
+            created.append(parent)
+        _remove(partial)
+        yield partial
+        _move(partial, target)
+    except BaseException as cause:
+        _remove(partial)
+        for parent in reversed(created):
+            if parent.exists() and not any(parent.iterdir()):
+                parent.rmdir()
+        if isinstance(cause, (OSError, _arrow_exception())):
+            raise ResultsError(f"{target}: cannot be written: {one_line(cause)}") from cause
+        raise
+
+
+def _move(partial: Path, target: Path) -> None:
+    if partial.is_dir():
+        _sync(partial)
+    old = target.with_name(f".{target.name}.{os.getpid()}.old")
+    if not target.is_dir():
+        partial.replace(target)
+    else:
+        target.rename(old)
+        try:
+            partial.rename(target)
+        except BaseException:
+            old.rename(target)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+    _sync(target.parent)
+
+
+def _remove(path: Path) -> None:
+    """Removes what can be removed: the reason why the writing failed is the one to report."""
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
+
+
+def _sync(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_bytes(data: bytes, path: Path) -> None:
+    """Writes a file, to the disk and not only to its cache."""
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_json(values: Mapping[str, Any], path: Path) -> None:
+    """Writes plain values as JSON; infinities and nan as texts."""
+    text = json.dumps(_finite(values), indent=2, ensure_ascii=False, allow_nan=False)
+    write_bytes(text.encode() + b"\n", path)
+
+
+def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """The same value with infinities and nan as texts, which JSON can hold; arrays and paths become plain values."""
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _finite(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return str(value) if isinstance(value, Path) else value
+
+
+def _arrow_exception() -> type[Exception]:
+    import pyarrow as pa  # noqa: PLC0415
+
+    exception: type[Exception] = pa.ArrowException
+    return exception
+
+
+def one_line(cause: BaseException) -> str:
+    """The cause on one line; for errors of the operating system without their number."""
+    text = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause)
+    return " ".join(text.split()) or type(cause).__name__
