@@ -196,9 +196,9 @@ function comparison(header: BatchHeader, rows: Row[]): HTMLElement {
   return element("section", {}, element("div", { class: "scroll" }, table), legend);
 }
 
-/** What happened to nobody needs no column. */
+/** What happened to nobody needs no column, but that nobody collided is worth one. */
 function happened(metric: Metric, rows: Row[]): boolean {
-  return !metric.outcome || metric.better > 0 || rows.some((row) => Number(row[metric.name]) > 0);
+  return !metric.outcome || metric.better > 0 || metric.name === "collisions" || rows.some((row) => Number(row[metric.name]) > 0);
 }
 
 /** Shares of outcomes as a bar. */

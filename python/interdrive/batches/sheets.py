@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 _ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"))
 
 
+#: Other outcomes that happened to nobody need no column.
+_ALWAYS = ("goal_reached", "collisions")
+
+
 @dataclass(frozen=True)
 class Cell:
     """A text, strong or not."""
@@ -53,8 +57,7 @@ def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
         for row in found.differences.to_pylist()
         if (row["traffic"], row["agents"], row["category"]) == (one.traffic, one.agents, ALL)
     ]
-    # What happened to nobody needs no column.
-    metrics = [m for m in METRICS if not m.outcome or m.better > 0 or any(row[m.name] for row in rows)]
+    metrics = [m for m in METRICS if not m.outcome or m.name in _ALWAYS or any(row[m.name] for row in rows)]
     yield _by_category("How agents ended", rows, [m for m in metrics if m.outcome], _ABOUT)
     yield _by_category("How they drove", rows, [m for m in metrics if not m.outcome], ())
     if differences:
