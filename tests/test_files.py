@@ -101,6 +101,13 @@ def test_an_initial_state_repeated_in_the_trajectory_counts_once(read):
     assert driven(read(document(car(30, initial(0.0), states))))["x"].tolist() == [0.0, 1.0, 2.0]
 
 
+def test_of_two_different_states_at_a_time_step_the_first_counts_and_that_is_noted(read):
+    states = [state(t, x, orientation=0.0, velocity=10.0) for t, x in ((1, 1.0), (2, 2.0), (2, 50.0), (3, 3.0))]
+    scenario = read(document(car(30, initial(0.0), states)))
+    assert driven(scenario)["x"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert "a time step stated twice at different places, the first counts, obstacles: 30" in scenario.notes
+
+
 def test_velocity_is_derived_along_the_heading(read):
     """Backwards along -x with the nose to +x: speed -20 m/s."""
     states = [state(t, -2.0 * t, orientation=0.0) for t in (1, 2, 3)]

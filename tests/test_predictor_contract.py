@@ -63,6 +63,10 @@ def flat(tables, _scene):
     tables["x"] = tables["x"][:, 0]
 
 
+def half_precise(tables, _scene):
+    tables["x"] = tables["x"].astype(np.float32)
+
+
 def not_a_number(tables, _scene):
     tables["x"] = tables["x"] + np.nan
 
@@ -103,6 +107,7 @@ FINDINGS = [
     (later, "it returned predictions of time step 1"),
     (short, r"it predicts 5 steps of 0\.1 s, 30 are needed"),
     (flat, r"\(participants, modes, steps\) expected"),
+    (half_precise, "TypeError: type mismatch: from=float32, to=float64 while processing 'x'"),
     (not_a_number, "has a valid step that is not a number"),
     (singular, "has a covariance that is not positive definite"),
     (improbable, "mode probabilities of participant"),

@@ -243,6 +243,7 @@ def test_a_model_is_installed_from_a_wheel_once(invented, tmp_path, cache):
     assert invented.weights().metadata["source"] == "wale-net 3.0.3, net.tar"
     assert "installed, " in invoke("models", "list").stdout
     assert "already installed" in invoke("models", "install", "walenet").stdout
+    assert invoke("models", "install", "walenet", "--from", "nothing.whl").exit_code == 2, "what is named is used"
 
 
 def test_a_wheel_whose_contents_are_damaged_is_refused(invented, tmp_path):

@@ -46,7 +46,7 @@ def install(name: str, wheel: Path | None) -> None:
     from interdrive.predictors.models import model_named  # noqa: PLC0415
 
     model = model_named(name)
-    if model.is_installed():
+    if wheel is None and model.is_installed():
         print_text(f"{name} is already installed: {model.path}")
         return
     path = model.install(wheel)

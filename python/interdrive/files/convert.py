@@ -294,6 +294,8 @@ def _track(
     _require_finite(recorded.values[:, :2], f"obstacle {number}", file)
     given = recorded.values[:, 2:]
     _require_finite(given[~np.isnan(given)], f"obstacle {number}", file)
+    if recorded.contradicts:
+        notes.add("a time step stated twice at different places, the first counts, obstacles", number)
     if is_static:
         recorded.values[:, 3:] = 0.0
     result = completed(recorded, dt)

@@ -11,6 +11,8 @@ Floats = NDArray[np.float64]
 
 #: Below this speed [m/s] the direction of motion says nothing about the heading.
 STANDING_SPEED = 0.1
+#: Two states of one time step that are closer than this [m] are one.
+SAME_PLACE = 0.01
 COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
 
 
@@ -22,11 +24,13 @@ class Track:
         time_steps: Shape (states,).
         values: Columns as in `COLUMNS`, nan where not stated, shape (states, 6).
         derived: Names of the columns of which something was derived.
+        contradicts: A time step came twice, at places more than `SAME_PLACE` apart.
     """
 
     time_steps: NDArray[np.int64]
     values: Floats
     derived: tuple[str, ...] = field(default=())
+    contradicts: bool = False
 
 
 def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
@@ -36,13 +40,16 @@ def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
     it lacks are taken from the later one.
     """
     by_step: dict[int, list[float]] = {}
+    contradicts = False
     for time_step, values in rows:
         known = by_step.setdefault(time_step, list(values))
+        contradicts |= np.hypot(values[0] - known[0], values[1] - known[1]) > SAME_PLACE
         for column, value in enumerate(values):
             if np.isnan(known[column]):
                 known[column] = value
     steps = sorted(by_step)
-    return Track(np.array(steps, dtype=np.int64), np.array([by_step[step] for step in steps], dtype=np.float64))
+    table = np.array([by_step[step] for step in steps], dtype=np.float64)
+    return Track(np.array(steps, dtype=np.int64), table, contradicts=bool(contradicts))
 
 
 def completed(recorded: Track, dt: float) -> Track:

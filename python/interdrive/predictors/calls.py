@@ -84,7 +84,8 @@ def called(choice: Choice | object, settings: PredictorSettings, recorded: _core
 
 def failure(error: BaseException) -> str:
     """One line for whatever a predictor raised."""
-    text = " ".join(str(error).split())
+    # The notes say which argument was of a wrong type.
+    text = " ".join(" ".join([str(error), *getattr(error, "__notes__", ())]).split())
     if isinstance(error, InterdriveError):
         return text
     if isinstance(error, ValueError) and "read-only" in text:
