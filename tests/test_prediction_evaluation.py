@@ -126,6 +126,13 @@ def test_a_file_in_a_folder_that_cannot_be_used_is_a_note_and_one_that_was_named
         idr.evaluate_predictors([tmp_path / "broken.xml", tmp_path], "constant_velocity")
 
 
+def test_a_predictor_need_not_be_in_a_list():
+    found = idr.evaluate_predictors("lane_merge", idr.LaneFollowing(modes_max=1), every=100, with_timing=False)
+    assert found.predictors == ("lane_following",)
+    with pytest.raises(idr.InputError, match="None is no predictor"):
+        idr.evaluate_predictors("lane_merge", None)
+
+
 def test_all_are_the_native_predictors_without_the_one_for_studies():
     found = idr.evaluate_predictors("lane_merge", every=100, with_timing=False)
     left_out = {note.split(maxsplit=1)[0] for note in found.notes if "is left out" in note}

@@ -54,12 +54,12 @@ class PredictionEvaluation:
 
 
 def chosen_predictors(
-    predictors: str | Sequence[object], settings: SimulationSettings, recording: Recording
+    predictors: object, settings: SimulationSettings, recording: Recording
 ) -> tuple[list[Choice], list[str]]:
     """Predictors by choice; "all" are the native ones that can be used here, without `ground_truth`.
 
     Args:
-        predictors: "all", or choices, among which "all" stands for the others.
+        predictors: "all", a choice, or a list of choices, among which "all" stands for the others.
         settings: Of the run.
         recording: Where they are tried.
 
@@ -71,7 +71,7 @@ def chosen_predictors(
     """
     notes: list[str] = []
     choices: list[Choice] = []
-    for one in [predictors] if isinstance(predictors, str) else predictors:
+    for one in predictors if isinstance(predictors, list | tuple) else [predictors]:
         if one != "all":
             choices.append(read_choice(one, "predictor"))
             called(choices[-1], settings.predictor, recording.core_scenario)
@@ -96,7 +96,7 @@ def chosen_predictors(
 
 def evaluate_predictors(
     files: str | Path | Sequence[str | Path],
-    predictors: str | Sequence[object] = "all",
+    predictors: object = "all",
     *,
     every: int = 5,
     settings: SimulationSettings | None = None,
@@ -113,7 +113,7 @@ def evaluate_predictors(
 
     Args:
         files: CommonRoad files, folders of them, and names of shipped scenarios.
-        predictors: "all", or choices as `simulate` takes them; "all" may be among them.
+        predictors: "all", a choice as `simulate` takes it, or a list of choices; "all" may be among them.
         every: Time steps between two questions.
         settings: Settings of the predictors, and of what counts as road; predictor.horizon is 3 s here.
         split: File that says which recordings are for what (`interdrive.prediction_evaluation.split`), and which

@@ -14,7 +14,7 @@ from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.plugins import find, made, named_error, read_choice
 from interdrive.predictors.neural import network
-from interdrive.settings import bind
+from interdrive.settings import bind, flatten
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -234,11 +234,12 @@ def resolve(predictor: object, settings: PredictorSettings) -> object:
         if isinstance(chosen, str) and chosen in NATIVE:
             chosen = getattr(settings, chosen, None) or RECORDS[chosen]()
         if native_name(chosen) is not None:
-            return bind(chosen, choice.settings)
+            # Records made in Python are not checked for types by themselves.
+            return bind(chosen, {**flatten(chosen), **choice.settings})
         found = find(chosen, tuple(NATIVE), "predictor") if isinstance(chosen, str) else chosen
         found = made(found, "predict", "predictor", choice.settings)
     except InputError as error:
-        raise named_error(error, f"predictor {choice.chosen}") from error
+        raise named_error(error, f"predictor {native_name(chosen) or choice.chosen}") from error
     if native_name(found) is not None or isinstance(found, Predictor):
         return found
     raise InputError(f"{found!r} is no predictor: it has no method predict(scene)")
