@@ -336,7 +336,8 @@ def _finish(figure: Figure, panels: Sequence[Axes], shown: Sequence[int], ends: 
     figure.legend(
         handles=handles,
         loc="lower center",
-        ncols=_legend_columns(columns),
+        # Rows of about equal length: a legend is filled column by column.
+        ncols=-(-len(handles) // -(-len(handles) // _legend_columns(columns))),
         fontsize=_FONT - 0.5,
         frameon=False,
         handlelength=1.8,
