@@ -18,7 +18,7 @@ import torch
 
 from interdrive.predictors import Neural
 from training.calibration import Calibration, calibrated, fitted, rescaled
-from training.dataset import gather, scenario_files
+from training.dataset import RIVALS, gather, scenario_files
 from training.evaluate import NOMINAL, errors, groups, levels, modes_of, rival_modes, table
 from training.export import digest_of, write_fixture, write_weights
 from training.fit import Course, answer_to, fit, shares
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from training.dataset import Rows
-    from training.network import Network
+    from training.evaluate import Modes
+    from training.network import Answer, Network
     from training.split import Place
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -152,7 +153,7 @@ def _trained(
     say: _Clock,
 ) -> Network:
     """A network trained on chosen rows, looked at now and then where it was not trained."""
-    aside = _only(rows, unseen & ~rows["steady"]) if unseen is not None else None
+    aside = _only(rows, unseen & (rows["made"] == "")) if unseen is not None else None
 
     def after(epoch: int, value: float, network: Network) -> None:
         line: dict[str, object] = {"network": name, "epoch": epoch, "loss": round(value, 4), "ratio": ""}
@@ -182,12 +183,13 @@ def _calibration(
     networks: Mapping[str, Network], rows: Rows, part: NDArray[np.str_], places: tuple[Place, ...]
 ) -> Calibration:
     """From what each network says of moving vehicles in the third that it was not trained on."""
-    answers, targets, weights, looked_at = [], [], [], []
-    share = shares(rows, places) * ~rows["standing"] * ~rows["steady"]
+    answers, agents, targets, weights, looked_at = [], [], [], [], []
+    share = shares(rows, places) * ~rows["standing"] * (rows["made"] != "steady")
     generator = np.random.default_rng(0)
     for fold, network in networks.items():
         here, weight = _only(rows, part == fold), share[part == fold]
         answers.append(answer_to(network, here))
+        agents.append(torch.from_numpy(here["agent"]))
         targets.append(torch.from_numpy(here["target"]))
         weights.append(torch.from_numpy(weight.astype(np.float32)))
         drawn = np.sort(generator.choice(len(weight), size=CALIBRATION_ROWS, p=weight / weight.sum()))
@@ -197,13 +199,13 @@ def _calibration(
     def inside(calibration: Calibration) -> list[float]:
         found = []
         for answer, few in looked_at:
-            modes = modes_of(calibrated(answer, calibration, torch.from_numpy(few["standing"])), few, MODES_MAX)
+            modes = _said(answer, calibration, few)
             found += [levels(modes, few, knot) for knot in (1, 3, 5)]
         level = np.concatenate(found)
         level = level[np.isfinite(level)]
         return [float((level <= q).mean()) for q in NOMINAL]
 
-    return rescaled(fitted(answers, targets, weights), inside, NOMINAL)
+    return rescaled(fitted(answers, agents, targets, weights), inside, NOMINAL)
 
 
 def _evaluation(
@@ -215,17 +217,32 @@ def _evaluation(
 ) -> list[dict[str, object]]:
     """Every network on the part of its name, none of which it was trained on, beside the rivals."""
     lines: list[dict[str, object]] = []
+    traffic = {place.name: place.traffic for place in places}
     for name, network in networks.items():
-        here = _only(rows, (part == name) & ~rows["steady"])
-        own = modes_of(
-            calibrated(answer_to(network, here), calibration, torch.from_numpy(here["standing"])), here, MODES_MAX
-        )
-        rivals = {rival: rival_modes(here, rival) for rival in ("constant_velocity", "lane_following")}
-        said = {"neural": own, **rivals}
-        found = table(said, here, _categories(places))
-        found += [line for line in table(said, here, {p.name: p.traffic for p in places}) if line["category"] != "all"]
-        lines += [{"part": name, **line} for line in found]
+        here = _only(rows, (part == name) & (rows["made"] == ""))
+        said = _beside_rivals(network, calibration, here)
+        found = table(said, here, _categories(places)) + _without_all(table(said, here, traffic))
+        driven = _only(rows, (part == name) & (rows["made"] == "driven"))
+        if len(driven["id"]):
+            ours = dict.fromkeys(traffic, "driven")
+            found += _without_all(table(_beside_rivals(network, calibration, driven), driven, ours))
+        lines.extend({"part": name, **line} for line in found)
     return lines
+
+
+def _beside_rivals(network: Network, calibration: Calibration, rows: Rows) -> dict[str, Modes]:
+    rivals = {rival: rival_modes(rows, rival) for rival in RIVALS}
+    return {"neural": _said(answer_to(network, rows), calibration, rows), **rivals}
+
+
+def _said(answer: Answer, calibration: Calibration, rows: Rows) -> Modes:
+    """What the predictor says."""
+    agent, standing = torch.from_numpy(rows["agent"]), torch.from_numpy(rows["standing"])
+    return modes_of(calibrated(answer, calibration, agent, standing), rows, MODES_MAX)
+
+
+def _without_all(lines: Sequence[dict[str, str | float]]) -> list[dict[str, str | float]]:
+    return [line for line in lines if line["category"] != "all"]
 
 
 def _data_list(files: Sequence[Path], places: tuple[Place, ...]) -> list[dict[str, object]]:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     Batch = dict[str, Tensor]
 
 _N_INSTANTS, _INSTANT = 10, 0.2
+#: Instants of the windows of roughness and of unsteadiness, their units [m, m/s], what is added before the logarithm.
+_ROUGH, _STEADY = (4, 6, 10), (5, 10)
+_ROUGHNESS, _UNSTEADINESS, _LEAST = 0.01, 0.1, 0.1
 _COLUMN = {
     group: {entry[0]: i for i, entry in enumerate(_core.NEURAL[group])} for group in ("agent", "neighbours", "paths")
 }
@@ -85,7 +88,35 @@ def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
     if how.speed_noise:
         noise = torch.randn(n, generator=generator) * how.speed_noise * batch["velocity"]
         batch = with_speed(batch, torch.where(batch["velocity"] > 1.0, noise, torch.zeros(n)))
-    return batch
+    return {**batch, "agent": with_evenness(batch["agent"])}
+
+
+def with_evenness(agent: Tensor) -> Tensor:
+    """Features of vehicles with those that tell how even the past was made anew from the past, as the core does."""
+    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    is_known = past[..., 3] > 0
+    n_known = is_known.cumprod(dim=1).sum(dim=1)
+    scale = [_SCALE["agent"][f"{name}_0.2"] for name in ("past_x", "past_y", "past_velocity")]
+    values = torch.cat([torch.zeros(len(agent), 1, 3), past[..., :3] * torch.tensor(scale)], dim=1)
+    third = values[:, :-3] - 3 * values[:, 1:-2] + 3 * values[:, 2:-1] - values[:, 3:]
+    found = []
+    for axis in (0, 1):
+        for window in _ROUGH:
+            n = n_known.clamp(max=window)
+            counted = torch.arange(third.shape[1]) <= n[:, None] - 3
+            mean = (third[..., axis] ** 2 * counted).sum(dim=1) / (n - 2).clamp(min=1)
+            found.append(torch.where(n >= 3, torch.log(mean.sqrt() / _ROUGHNESS + _LEAST), 0.0))
+    for window in _STEADY:
+        n = n_known.clamp(max=window)
+        counted = torch.arange(_N_INSTANTS) < n[:, None]
+        largest = (values[:, 1:, 2].abs() * counted).amax(dim=1)
+        found.append(torch.where(n >= 1, torch.log(largest / _UNSTEADINESS + _LEAST), 0.0))
+    names = [f"roughness_{axis}_{end}" for axis in ("along", "across") for end in ("0.8", "1.2", "2.0")]
+    names += ["unsteadiness_1.0", "unsteadiness_2.0"]
+    agent = agent.clone()
+    for name, values_of in zip(names, found, strict=True):
+        agent[:, _COLUMN["agent"][name]] = values_of / _SCALE["agent"][name]
+    return agent
 
 
 def _mixed(batch: Batch, other: Batch, where: Tensor) -> Batch:

@@ -18,10 +18,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Factors of the standard deviations per knot, and the divisor of the logits."""
+    """Factors of the standard deviations, and the divisor of the logits.
+
+    Attributes:
+        s: Factors of those along the path, per knot.
+        d: The same across the path.
+        evenness_s: Logarithm of a further factor of those along the path, of a vehicle: a constant, and what is
+            multiplied with each feature of how even its past was.
+        evenness_d: The same across the path.
+        temperature: Divisor of the logits.
+    """
 
     s: tuple[float, ...]
     d: tuple[float, ...]
+    evenness_s: tuple[float, ...]
+    evenness_d: tuple[float, ...]
     temperature: float
 
 
@@ -29,20 +40,40 @@ class Calibration:
 _TEMPERATURE_MAX = 1.5
 
 
-def calibrated(answer: Answer, calibration: Calibration, standing: Tensor) -> Answer:
+#: Features of how even the past was, the last ones of a vehicle.
+N_EVENNESS = 8
+#: Bound of the logarithm of the factor of a vehicle.
+_LOG_SPREAD = 1.5
+#: Those of `fitted` are kept small.
+_PENALTY = 0.01
+
+
+def _of_vehicle(agent: Tensor, weights: Tensor) -> Tensor:
+    """Factor of each vehicle, shape (b,)."""
+    return (weights[0] + agent[:, -N_EVENNESS:] @ weights[1:]).clamp(-_LOG_SPREAD, _LOG_SPREAD).exp()
+
+
+def calibrated(answer: Answer, calibration: Calibration, agent: Tensor, standing: Tensor) -> Answer:
     """The answer with factors applied; the temperature is for those who do not stand, shape (b,)."""
     temperature = torch.where(standing, 1.0, calibration.temperature)[:, None, None]
     tempered = torch.log_softmax((answer.log_probability / temperature).flatten(1), dim=1)
+    of_s, of_d = (
+        _of_vehicle(agent, torch.tensor(weights)) for weights in (calibration.evenness_s, calibration.evenness_d)
+    )
     return replace(
         answer,
         log_probability=tempered.view_as(answer.log_probability),
-        sigma_s=answer.sigma_s * torch.tensor(calibration.s),
-        sigma_d=answer.sigma_d * torch.tensor(calibration.d),
+        sigma_s=answer.sigma_s * torch.tensor(calibration.s) * of_s[:, None, None, None],
+        sigma_d=answer.sigma_d * torch.tensor(calibration.d) * of_d[:, None, None, None],
     )
 
 
-def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) -> Tensor:
-    """Mean logarithm of the density at the knots; factors: logarithms of those of s, of d, and of the temperature."""
+def _likelihood(answer: Answer, agent: Tensor, target: Tensor, share: Tensor, factors: Tensor) -> Tensor:
+    """Mean logarithm of the density at the knots.
+
+    The factors are logarithms of those of s, of d and of the temperature, then the parts of the features of vehicles
+    along and across.
+    """
     n = target.shape[2]
     s, d, log_temperature = (
         factors[:n].exp(),
@@ -53,7 +84,9 @@ def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) 
     log_p = torch.log_softmax((logits / log_temperature.exp()).flatten(1), dim=1)
     on_path = torch.isfinite(target).all(dim=-1)
     true = target.nan_to_num(0.0)
-    sigma_s, sigma_d = answer.sigma_s * s, answer.sigma_d * d
+    of_s, of_d = (_of_vehicle(agent, weights) for weights in _with_constant(factors[2 * n + 1 :]))
+    sigma_s = answer.sigma_s * s * of_s[:, None, None, None]
+    sigma_d = answer.sigma_d * d * of_d[:, None, None, None]
     x = (true[:, :, None, :, 0] - answer.s) / sigma_s
     y = (true[:, :, None, :, 1] - answer.d) / sigma_d
     density = -0.5 * (x**2 + y**2) - torch.log(sigma_s) - torch.log(sigma_d)
@@ -63,31 +96,43 @@ def _likelihood(answer: Answer, target: Tensor, share: Tensor, factors: Tensor) 
     return (share[:, None] * knot * known).sum() / (share[:, None] * known).sum()
 
 
-def fitted(answers: Sequence[Answer], targets: Sequence[Tensor], shares: Sequence[Tensor]) -> Calibration:
+def _with_constant(parts: Tensor) -> Tensor:
+    """Two rows, along and across; the constant is in the factors per knot."""
+    return torch.cat([parts.new_zeros(2, 1), parts.view(2, -1)], dim=1)
+
+
+def fitted(
+    answers: Sequence[Answer], agents: Sequence[Tensor], targets: Sequence[Tensor], shares: Sequence[Tensor]
+) -> Calibration:
     """The factors under which the true positions are most likely.
 
     Args:
         answers: What networks say at places that they were not trained on.
+        agents: Features of the vehicles there.
         targets: True (s, d) there, shape (rows, P, knots, 2) each.
         shares: Weight of every row; 0 for those that stand, whose spread is fixed.
     """
     n = targets[0].shape[2]
-    factors = torch.zeros(2 * n + 1, requires_grad=True)
-    optimizer = torch.optim.LBFGS([factors], lr=0.5, max_iter=30, line_search_fn="strong_wolfe")
+    factors = torch.zeros(2 * n + 1 + 2 * N_EVENNESS, requires_grad=True)
+    optimizer = torch.optim.LBFGS([factors], lr=0.5, max_iter=40, line_search_fn="strong_wolfe")
 
     def closure() -> Tensor:
         optimizer.zero_grad()
-        parts = zip(answers, targets, shares, strict=True)
-        value = -torch.stack([_likelihood(a, t, w, factors) * w.sum() for a, t, w in parts]).sum()
+        parts = zip(answers, agents, targets, shares, strict=True)
+        value = -torch.stack([_likelihood(a, f, t, w, factors) * w.sum() for a, f, t, w in parts]).sum()
+        value = value + _PENALTY * (factors[2 * n + 1 :] ** 2).sum()
         value.backward()
         return value
 
     optimizer.step(closure)
-    found = [round(value, 4) for value in factors.detach().exp().tolist()]
+    found = [round(value, 4) for value in factors.detach()[: 2 * n + 1].exp().tolist()]
     found[-1] = min(found[-1], _TEMPERATURE_MAX)
     if not all(0.2 < value < 5.0 for value in found):
         raise ValueError(f"the calibration did not converge: {found}")
-    return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), found[-1])
+    evenness = [
+        tuple(round(value, 4) for value in row) for row in _with_constant(factors.detach()[2 * n + 1 :]).tolist()
+    ]
+    return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), evenness[0], evenness[1], found[-1])
 
 
 def rescaled(
@@ -107,7 +152,7 @@ def rescaled(
     for temperature in (1.0, 1.25, _TEMPERATURE_MAX):
         for scale in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3):
             s, d = (tuple(round(scale * factor, 4) for factor in factors) for factors in (calibration.s, calibration.d))
-            tried = Calibration(s, d, temperature)
+            tried = replace(calibration, s=s, d=d, temperature=temperature)
             misfit = sum((share - q) ** 2 for share, q in zip(inside(tried), nominal, strict=True))
             if misfit < least:
                 best, least = tried, misfit

@@ -18,6 +18,7 @@ from interdrive.handles import core_road, core_scenario
 from interdrive.predictors import PredictorSettings, native
 from interdrive.predictors import resolve as resolve_predictor
 from interdrive.run_settings import RoadSettings
+from training.driven import driven_traffic, files_to_drive
 from training.split import FOLDS, place_of
 from training.steady import steady_traffic
 
@@ -36,12 +37,16 @@ if TYPE_CHECKING:
 REVISION = 1
 #: Every so many seconds a scene of a recording becomes rows.
 INTERVAL = 0.2
+#: The same for runs of our own simulation.
+DRIVEN_INTERVAL = 0.4
 #: Predictors whose answers are kept beside the truth, and the modes that each has at most.
 RIVALS = {"constant_velocity": 1, "lane_following": 3}
 #: Largest speed of invented steady traffic [m/s], by category of the place.
 _STEADY_SPEED = {"highway": 38.0, "other": 38.0, "urban": 17.0, "intersection": 17.0}
 #: Points of each path that are kept, evenly spread over what can be reached.
 PATH_POINTS = 64
+#: What rows are: of the file itself, of steady traffic on its map, of agents on its map that our own planners drive.
+MADE = ("", "steady", "driven")
 KNOTS = np.asarray(_core.NEURAL["knots"])
 
 
@@ -71,15 +76,21 @@ def future_of(obstacles: Obstacles, ids: NDArray[np.int64], time_step: int, dt: 
     return np.where(exists[..., None], future, np.nan)
 
 
-def rows_of(scenario: Scenario) -> Rows:
-    """All rows of one scenario, with what other predictors say; empty where nothing moves."""
+def rows_of(scenario: Scenario, interval: float = INTERVAL, only: NDArray[np.int64] | None = None) -> Rows:
+    """All rows of one scenario, with what other predictors say; empty where nothing moves.
+
+    Args:
+        scenario: The recording.
+        interval: Time between scenes that become rows [s].
+        only: Vehicles that become rows; all otherwise.
+    """
     road_settings = RoadSettings()
     road = core_road(scenario, road_settings.gap_tolerance, road_settings.open_end_length)
     core = core_scenario(scenario, road)
     world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
     settings = PredictorSettings()
     rivals = {name: native(resolve_predictor(name, settings), settings, core) for name in RIVALS}
-    stride = max(1, round(INTERVAL / scenario.dt))
+    stride = max(1, round(interval / scenario.dt))
     parts = []
     for time_step in range(0, scenario.obstacles.n_steps - 1, stride):
         scene = core.scene(time_step, max(1, round(2.5 / scenario.dt)))
@@ -96,7 +107,7 @@ def rows_of(scenario: Scenario) -> Rows:
             points = np.stack([said.x, said.y], axis=-1)[:, :, at_knots] - rows["pose"][:, None, None, :2]
             modes[:, : points.shape[1]] = points
             rows[f"{name}_xy"], rows[f"{name}_probability"] = modes, share
-        keep = np.isfinite(future[:, 0, 0])
+        keep = np.isfinite(future[:, 0, 0]) & (np.isin(inputs.ids, only) if only is not None else True)
         parts.append({name: value[keep] for name, value in rows.items()})
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]} if parts else {}
 
@@ -142,16 +153,28 @@ def scenario_files(folders: Sequence[Path]) -> list[Path]:
     return [found[name] for name in sorted(found)]
 
 
-def cached_rows(path: Path, cache: Path, steady_speed: float | None = None) -> Rows:
-    """Rows of a file, or of steady traffic on its map if a speed is given; made once and kept in the cache."""
+def cached_rows(path: Path, cache: Path, steady_speed: float | None = None, planner: str | None = None) -> Rows:
+    """Rows of a file, made once and kept in the cache.
+
+    Args:
+        path: The file.
+        cache: Where rows are kept.
+        steady_speed: If given, of steady traffic on the file's map, at most this fast [m/s], instead of its recording.
+        planner: If given, of agents that this planner drives instead.
+    """
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     kind = "" if steady_speed is None else f"-steady{steady_speed:g}"
+    kind += "" if planner is None else f"-{planner}"
     kept = cache / f"{path.stem}-{digest[:12]}{kind}-{_core.NEURAL['version']}.{REVISION}.npz"
     if not kept.exists():
         scenario = read_scenario(path)
         if steady_speed is not None:
-            scenario = steady_traffic(scenario, steady_speed, int(digest[:8], 16))
-        rows = rows_of(scenario)
+            rows = rows_of(steady_traffic(scenario, steady_speed, int(digest[:8], 16)))
+        elif planner is not None:
+            driven = driven_traffic(scenario, planner)
+            rows = rows_of(driven[0], DRIVEN_INTERVAL, driven[1]) if driven else {}
+        else:
+            rows = rows_of(scenario)
         unfinished = kept.with_suffix(".part.npz")
         np.savez(unfinished, **rows)
         unfinished.rename(kept)
@@ -159,27 +182,30 @@ def cached_rows(path: Path, cache: Path, steady_speed: float | None = None) -> R
         return {name: stored[name] for name in stored.files}
 
 
-def load(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Iterator[tuple[str, Place, bool, Rows]]:
+def load(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Iterator[tuple[str, Place, str, Rows]]:
     """Rows of every file that has traffic to learn from, in order of the names.
 
     Yields:
-        Name, place, whether the traffic is invented and steady (at places for training, once per map), rows.
+        Name, place, what the rows are (one of `MADE`; steady and driven traffic is made at places for training only,
+        steady once per map), rows.
     """
     cache.mkdir(parents=True, exist_ok=True)
+    planners = files_to_drive(files, places)
     drawn: set[str] = set()
     for path in files:
         place = place_of(path.stem, places)
         if place.part == "none":
             continue
-        rows = cached_rows(path, cache)
-        if rows and len(rows["id"]):
-            yield path.stem, place, False, rows
+        ways = {"": cached_rows(path, cache)}
         map_name = path.stem.split("_T-")[0].rpartition("_")[0]
         if place.part in FOLDS and map_name not in drawn:
             drawn.add(map_name)
-            rows = cached_rows(path, cache, _STEADY_SPEED.get(place.category, _STEADY_SPEED["other"]))
+            ways["steady"] = cached_rows(path, cache, _STEADY_SPEED.get(place.category, _STEADY_SPEED["other"]))
+        if path.stem in planners:
+            ways["driven"] = cached_rows(path, cache, planner=planners[path.stem])
+        for made, rows in ways.items():
             if rows and len(rows["id"]):
-                yield path.stem, place, True, rows
+                yield path.stem, place, made, rows
 
 
 def keys_of(rows: Rows, place: str) -> list[bytes]:
@@ -197,13 +223,13 @@ def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Row
     """All rows of all files, each once, with their file and place.
 
     Returns:
-        The arrays of `rows_of`, `file` and `place`: their names, and `steady`: invented, shape (rows,).
+        The arrays of `rows_of`, `file` and `place`: their names, and `made`: one of `MADE`, shape (rows,).
     """
     seen: set[bytes] = set()
     parts: list[Rows] = []
     # The fullest recording first: of two rows that agree, the one with more traffic around it is kept.
     loaded = sorted(load(files, places, cache), key=lambda entry: (-len(entry[3]["id"]), entry[0], entry[2]))
-    for name, place, is_steady, rows in loaded:
+    for name, place, made, rows in loaded:
         keys = keys_of(rows, place.name)
         # Somebody who waits has the same row again and again; only what earlier files have shown is left out.
         keep = np.array([key not in seen for key in keys], dtype=bool)
@@ -211,6 +237,6 @@ def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Row
         part = {field: values[keep] for field, values in rows.items()}
         part["file"] = np.full(int(keep.sum()), name)
         part["place"] = np.full(int(keep.sum()), place.name)
-        part["steady"] = np.full(int(keep.sum()), is_steady)
+        part["made"] = np.full(int(keep.sum()), made, dtype="U6")
         parts.append(part)
     return {field: np.concatenate([part[field] for part in parts]) for field in parts[0]}

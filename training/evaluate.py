@@ -23,14 +23,33 @@ if TYPE_CHECKING:
 STAY_VARIANCE = 0.02
 #: A standing vehicle that is expected to get less far than this in 3 s [m] is expected to stay.
 STAY_DISTANCE = 1.0
-#: Modes whose positions at all knots are nearer than this [m] are one.
-SAME = 0.4
+#: No standard deviation is smaller [m].
+SIGMA_MIN = 0.02
 #: Shares of true positions that regions are to hold.
 NOMINAL = (0.5, 0.9, 0.99)
 #: Draws per row from which the size of a region is found.
 DRAWS = 200
 #: Farther off than this at the end is a miss [m].
 MISS = 2.0
+
+
+@dataclass(frozen=True)
+class Merging:
+    """When modes are one; the core reads it from the weights.
+
+    Attributes:
+        distance: Modes nearer to each other than this at every knot [m] ...
+        share: ... or than this share of their standard deviations.
+        moment: The spread is that of the second moments (1), the geometric mean (0), or between.
+    """
+
+    distance: float = 0.4
+    share: float = 0.75
+    moment: float = 0.5
+
+
+#: How the predictor merges.
+MERGING = Merging()
 
 
 @dataclass(frozen=True)
@@ -48,63 +67,126 @@ class Modes:
     covariance: Floats | None = None
 
 
-def modes_of(answer: Answer, rows: Rows, modes_max: int) -> Modes:
+@dataclass
+class _Drives:
+    """Modes in path coordinates while they are merged; n rows, m modes, the last one stands exactly."""
+
+    p: Floats
+    slot: NDArray[np.int64]
+    s: Floats
+    d: Floats
+    sigma: Floats
+    xy: Floats
+    axis: Floats
+
+
+def modes_of(answer: Answer, rows: Rows, modes_max: int, merging: Merging | None = None) -> Modes:
     """Modes in the world as the predictor makes them: who stands stays exactly, the most probable modes are kept."""
-    n = len(rows["velocity"])
-    p = answer.log_probability.double().exp().numpy()
-    s, d, sigma_s, sigma_d = (getattr(answer, name).double().numpy() for name in ("s", "d", "sigma_s", "sigma_d"))
-    shape = np.nan_to_num(rows["path_shape"].astype(np.float64))
-    reach = rows["reach"].astype(np.float64)[:, None, None, None]
+    n, n_slots, n_modes = answer.log_probability.shape
+    p = answer.log_probability.double().exp().numpy().reshape(n, -1)
+    s, d, sigma_s, sigma_d = (
+        getattr(answer, name).double().numpy().reshape(n, -1, len(KNOTS)) for name in ("s", "d", "sigma_s", "sigma_d")
+    )
+    slot = np.broadcast_to(np.repeat(np.arange(n_slots), n_modes), p.shape)
+    stays = rows["standing"][:, None] & (s[..., -1] < STAY_DISTANCE)
+    p = np.concatenate([np.where(stays, 0.0, p), np.where(stays, p, 0.0).sum(axis=1, keepdims=True)], axis=1)
+    slot = np.concatenate([slot, np.full((n, 1), -1)], axis=1)
+    s, d = (np.concatenate([values, np.zeros((n, 1, len(KNOTS)))], axis=1) for values in (s, d))
+    sigma = np.concatenate(
+        [np.stack([sigma_s, sigma_d], axis=-1), np.full((n, 1, len(KNOTS), 2), np.sqrt(STAY_VARIANCE))], axis=1
+    )
+    xy, axis = _placed(rows, np.arange(n)[:, None], slot, s, d)
+    drives = _Drives(p, slot, s, d, np.maximum(sigma, SIGMA_MIN), xy, axis)
+    order = np.argsort(-p, axis=1, kind="stable")
+    _merge(drives, order, rows, merging or MERGING)
+    order = np.argsort(-drives.p, axis=1, kind="stable")[:, :modes_max]
+    p = np.take_along_axis(drives.p, order, axis=1)
+    axis, sigma, xy = (
+        np.take_along_axis(values, order[:, :, None, None], axis=1) for values in (drives.axis, drives.sigma, drives.xy)
+    )
+    left = np.stack([-axis[..., 1], axis[..., 0]], axis=-1)
+    covariance = (
+        axis[..., :, None] * axis[..., None, :] * (sigma[..., 0] ** 2)[..., None, None]
+        + left[..., :, None] * left[..., None, :] * (sigma[..., 1] ** 2)[..., None, None]
+    )
+    return Modes(p / p.sum(axis=1, keepdims=True), xy, covariance)
+
+
+def _placed(rows: Rows, row: NDArray[np.int64], slot: NDArray[np.int64], s: Floats, d: Floats) -> tuple[Floats, Floats]:
+    """Positions relative to the vehicle, and directions of the path, at path coordinates; slot -1 is where it is now.
+
+    Args:
+        rows: For `path_shape` and `reach`.
+        row: Row of each mode, shape (n, 1) or (n,).
+        slot: Its path, shape (n, m) or (n,).
+        s: Arc length [m], the shape of `slot` and knots.
+        d: Offset [m], the same shape.
+    """
+    reach = rows["reach"].astype(np.float64)[row][..., None]
     at = np.clip(s / reach * (PATH_POINTS - 1), 0.0, PATH_POINTS - 1 - 1e-9)
     i = at.astype(int)
-    flat = i.reshape(n, s.shape[1], -1)
-    low = np.take_along_axis(shape, flat[..., None], axis=2).reshape(*s.shape, 3)
-    high = np.take_along_axis(shape, flat[..., None] + 1, axis=2).reshape(*s.shape, 3)
+    shape = rows["path_shape"]
+    low = np.nan_to_num(shape[row[..., None], slot[..., None], i].astype(np.float64))
+    high = np.nan_to_num(shape[row[..., None], slot[..., None], i + 1].astype(np.float64))
     place = low + (at - i)[..., None] * (high - low)
     axis = np.stack([np.cos(place[..., 2]), np.sin(place[..., 2])], axis=-1)
     left = np.stack([-axis[..., 1], axis[..., 0]], axis=-1)
     xy = place[..., :2] + axis * np.maximum(s - reach, 0.0)[..., None] + left * d[..., None]
-    covariance = (
-        axis[..., :, None] * axis[..., None, :] * (sigma_s**2)[..., None, None]
-        + left[..., :, None] * left[..., None, :] * (sigma_d**2)[..., None, None]
-    )
-    p, xy, covariance = p.reshape(n, -1), xy.reshape(n, -1, len(KNOTS), 2), covariance.reshape(n, -1, len(KNOTS), 2, 2)
-    stays = rows["standing"][:, None] & (s[..., -1].reshape(n, -1) < STAY_DISTANCE)
-    stay = np.where(stays, p, 0.0).sum(axis=1)
-    p = np.concatenate([np.where(stays, 0.0, p), stay[:, None]], axis=1)
-    xy = np.concatenate([xy, np.zeros((n, 1, len(KNOTS), 2))], axis=1)
-    still = np.broadcast_to(np.eye(2) * STAY_VARIANCE, (n, 1, len(KNOTS), 2, 2))
-    covariance = np.concatenate([covariance, still], axis=1)
-    p, covariance = _merged(p, xy, covariance)
-    order = np.argsort(-p, axis=1, kind="stable")[:, :modes_max]
-    p = np.take_along_axis(p, order, axis=1)
-    xy = np.take_along_axis(xy, order[:, :, None, None], axis=1)
-    covariance = np.take_along_axis(covariance, order[:, :, None, None, None], axis=1)
-    return Modes(p / p.sum(axis=1, keepdims=True), xy, covariance)
+    return np.where(slot[..., None, None] < 0, 0.0, xy), axis
 
 
-def _merged(p: Floats, xy: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+def _merge(drives: _Drives, order: NDArray[np.int64], rows: Rows, merging: Merging) -> None:
     """Modes that are the same drive become one, as in the core: the most probable of them takes over the others."""
-    n, m = p.shape
-    order, pick = np.argsort(-p, axis=1, kind="stable"), np.arange(n)
-    p, covariance = p.copy(), covariance.copy()
+    n, m = drives.p.shape
+    pick = np.arange(n)
     for b in range(1, m):
         later = order[:, b]
         for a in range(b):
             into = order[:, a]
-            apart = xy[pick, later] - xy[pick, into]
-            same = (np.linalg.norm(apart, axis=-1) < SAME).all(axis=1) & (p[pick, into] > 0) & (p[pick, later] > 0)
-            if not same.any():
-                continue
-            rows, i, j = pick[same], into[same], later[same]
-            share = (p[rows, j] / (p[rows, i] + p[rows, j]))[:, None, None, None]
-            beside = apart[same][..., :, None] * apart[same][..., None, :]
-            mixed = (1 - share) * covariance[rows, i] + share * (covariance[rows, j] + beside)
-            is_stay = ((i == m - 1) | (j == m - 1))[:, None, None, None]
-            covariance[rows, i] = np.where(is_stay, covariance[rows, i], mixed)
-            p[rows, i] += p[rows, j]
-            p[rows, j] = 0.0
-    return p, covariance
+            both = np.flatnonzero((drives.p[pick, into] > 0) & (drives.p[pick, later] > 0))
+            i, j = into[both], later[both]
+            apart = drives.xy[both, j] - drives.xy[both, i]
+            axis = drives.axis[both, i]
+            along = (apart * axis).sum(axis=-1)
+            across = axis[..., 0] * apart[..., 1] - axis[..., 1] * apart[..., 0]
+            offset = np.stack([along, across], axis=-1)
+            middle = np.sqrt(drives.sigma[both, i] * drives.sigma[both, j])
+            is_stay = (i == m - 1) | (j == m - 1)
+            near = (np.abs(offset) < np.maximum(merging.distance, merging.share * middle)).all(axis=(1, 2))
+            still = (np.linalg.norm(apart, axis=-1) < merging.distance).all(axis=1)
+            same = np.where(is_stay, still, near)
+            if same.any():
+                _absorb(drives, both[same], i[same], j[same], offset[same], is_stay[same], rows, merging)
+
+
+def _absorb(
+    drives: _Drives,
+    row: NDArray[np.int64],
+    i: NDArray[np.int64],
+    j: NDArray[np.int64],
+    offset: Floats,
+    is_stay: NDArray[np.bool_],
+    rows: Rows,
+    merging: Merging,
+) -> None:
+    """Modes i of rows take over modes j, which are `offset` along and across the path away."""
+    share = (drives.p[row, j] / (drives.p[row, i] + drives.p[row, j]))[:, None, None]
+    mine, theirs = drives.sigma[row, i], drives.sigma[row, j]
+    on_one = (drives.slot[row, i] == drives.slot[row, j])[:, None, None]
+    weight = np.where(on_one, share / theirs / (share / theirs + (1 - share) / mine), 0.0)
+    beside = (share * (1 - weight) ** 2 + (1 - share) * weight**2) * offset**2
+    moment = (1 - share) * mine**2 + share * theirs**2 + beside
+    geometric = mine ** (2 - 2 * share) * theirs ** (2 * share) + beside
+    sigma = np.sqrt(moment**merging.moment * geometric ** (1 - merging.moment))
+    moves = ~is_stay[:, None]
+    s = drives.s[row, i] + weight[..., 0] * (drives.s[row, j] - drives.s[row, i])
+    d = drives.d[row, i] + weight[..., 1] * (drives.d[row, j] - drives.d[row, i])
+    drives.s[row, i] = np.where(moves, np.maximum.accumulate(s, axis=1), drives.s[row, i])
+    drives.d[row, i] = np.where(moves, d, drives.d[row, i])
+    drives.sigma[row, i] = np.where(moves[..., None], sigma, mine)
+    drives.p[row, i] += drives.p[row, j]
+    drives.p[row, j] = 0.0
+    drives.xy[row, i], drives.axis[row, i] = _placed(rows, row, drives.slot[row, i], drives.s[row, i], drives.d[row, i])
 
 
 def rival_modes(rows: Rows, name: str) -> Modes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import struct
+from dataclasses import astuple
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ import torch
 
 from interdrive import _core
 from interdrive.predictors.weights import digest
+from training.evaluate import MERGING
 from training.network import DEAD_ZONE
 
 if TYPE_CHECKING:
@@ -58,8 +60,11 @@ def write_weights(path: Path, network: Network, calibration: Calibration, metada
     tensors |= {
         "calibration.s": np.asarray(calibration.s, np.float32),
         "calibration.d": np.asarray(calibration.d, np.float32),
+        "calibration.evenness_s": np.asarray(calibration.evenness_s, np.float32),
+        "calibration.evenness_d": np.asarray(calibration.evenness_d, np.float32),
         "calibration.temperature": np.asarray([calibration.temperature], np.float32),
         "decode.dead_zone": np.asarray(DEAD_ZONE, np.float32),
+        "decode.merging": np.asarray(astuple(MERGING), np.float32),
     }
     sizes = network.sizes
     described = {

@@ -44,7 +44,7 @@ class Course:
         augmentation: Variation of the rows.
     """
 
-    epochs: int = 15
+    epochs: int = 20
     rows: int = 40_000
     batch: int = 256
     rate: float = 2e-3
@@ -65,9 +65,9 @@ def shares(rows: Rows, places: tuple[Place, ...]) -> NDArray[np.float64]:
         Probabilities, shape (rows,).
     """
     traffic = {place.name: place.traffic for place in places}
-    of_traffic = {"recorded": 0.40, "simulated": 0.44, "invented": 0.04, "steady": 0.12}
+    of_traffic = {"recorded": 0.36, "simulated": 0.38, "invented": 0.03, "steady": 0.09, "driven": 0.14}
     share = np.where(rows["standing"], 0.2, 1.0)
-    kind = np.where(rows["steady"], "steady", [traffic[name] for name in rows["place"]])
+    kind = np.where(rows["made"] == "", [traffic[name] for name in rows["place"]], rows["made"])
     mass = dict.fromkeys(of_traffic, 0.0)
     for name in sorted(set(rows["place"])):
         for of_kind in of_traffic:
@@ -113,8 +113,8 @@ def fit(
     network = Network(course.sizes)
     data = tensors(rows)
     simulated = [place.name for place in places if place.traffic == "simulated"]
-    data["steady"] = torch.from_numpy(rows["steady"])
-    data["simulated"] = torch.from_numpy(np.isin(rows["place"], simulated) & ~rows["steady"])
+    data["steady"] = torch.from_numpy(rows["made"] == "steady")
+    data["simulated"] = torch.from_numpy(np.isin(rows["place"], simulated) & (rows["made"] == ""))
     share = torch.from_numpy(shares(rows, places))
     mean = AveragedModel(network, multi_avg_fn=get_ema_multi_avg_fn(course.averaging))
     optimizer = torch.optim.AdamW(network.parameters(), lr=course.rate, weight_decay=course.decay)

@@ -33,7 +33,7 @@ class Weights:
     whole: float = 0.5
     each: float = 1.0
     nearest: float = 0.05
-    expected: float = 0.6
+    expected: float = 1.0
 
 
 def loss(answer: Answer, target: Tensor, weights: Weights) -> Tensor:

@@ -38,7 +38,8 @@ class StepSettings:
     Attributes:
         replan_every: A new plan every so many time steps; in between the last one is followed.
         grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
-        history_steps: Number of past time steps that a scene shows.
+        history_steps: Number of past time steps that a scene shows; where they are shorter than 0.1 s, as many as last
+            as long as this number of steps of 0.1 s.
         planner_timeout_s: A planner written in Python may take this long per plan [s]; inf: as long as it likes. With a
             limit, outcomes depend on the speed of the machine.
     """
@@ -56,6 +57,10 @@ class StepSettings:
                 raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
         if not self.planner_timeout_s > 0:
             raise InputError(f"step.planner_timeout_s must be positive (inf: no limit), not {self.planner_timeout_s}")
+
+    def history_at(self, dt: float) -> int:
+        """Number of past time steps that a scene shows, for steps of `dt` [s]."""
+        return math.ceil(self.history_steps * max(1.0, 0.1 / dt) - 1e-6)
 
 
 @dataclass(frozen=True)

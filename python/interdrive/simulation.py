@@ -142,7 +142,7 @@ class Simulation:
             handles,
             grace_factor=step.grace_factor,
             replan_every=step.replan_every,
-            history_steps=step.history_steps,
+            history_steps=step.history_at(self.scenario.dt),
             threads=self.threads,
             record_views=self.settings.record.views,
         )

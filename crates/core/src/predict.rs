@@ -4,6 +4,7 @@
 mod lanes;
 pub mod neural;
 mod product;
+mod standing;
 #[cfg(test)]
 mod tests;
 pub mod walenet;
@@ -34,6 +35,9 @@ pub struct Spread {
     /// Growth of the standard deviation across the heading [m/s].
     pub lateral_rate: f64,
 }
+
+/// Of who goes straight on because no other predictor answers: that of `constant_velocity`.
+const STRAIGHT: Spread = Spread { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.25 };
 
 impl Default for Spread {
     fn default() -> Self {
@@ -153,7 +157,7 @@ pub fn completed(predictions: &Predictions, scene: &Scene) -> Predictions {
         if scene.participants.is_static[row] || state.velocity.abs() < STANDING {
             stand(&mut out, i, &state);
         } else {
-            go_straight(&mut out, i, &state, &Spread::default(), scene.dt);
+            go_straight(&mut out, i, &state, &STRAIGHT, scene.dt);
         }
     }
     out

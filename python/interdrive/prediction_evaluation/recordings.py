@@ -85,7 +85,12 @@ class Recording:
         """Back to the first time step."""
         step = self._settings.step
         self.world = _core.World(
-            self.core_scenario, [], grace_factor=1.0, replan_every=1, history_steps=step.history_steps, threads=1
+            self.core_scenario,
+            [],
+            grace_factor=1.0,
+            replan_every=1,
+            history_steps=step.history_at(self.scenario.dt),
+            threads=1,
         )
 
     def advance(self) -> None:

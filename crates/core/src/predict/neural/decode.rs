@@ -1,8 +1,9 @@
 //! From the network's outputs to positions: profiles of arc length and offset over time, modes, covariances.
 
+use super::candidate_path::CandidatePath;
+use super::features::N_AGENT;
 use super::inputs::{Inputs, KNOT_TIME, N_KNOTS, Settling};
-use super::network::{MODE_OUTPUTS, Network};
-use super::paths::CandidatePath;
+use super::network::{MODE_OUTPUTS, Merging, Network};
 use crate::geometry::{Point, Pose, wrap_angle};
 use crate::predict::{STANDING_VARIANCE, write};
 use crate::scene::Scene;
@@ -16,8 +17,6 @@ const SIGMA_MIN: f64 = 0.02;
 const LOG_RATE: (f64, f64) = (-5.0, 2.0);
 /// A mode that moves less than this within the knots [m] is one of standing for somebody who stands.
 const STAYS: f64 = 1.0;
-/// Modes whose positions at all knots are nearer than this [m] are one.
-const SAME: f64 = 0.4;
 /// From this speed on [m/s] a vehicle turns with its motion; slower, it turns less the slower it is.
 const TURNING_SPEED: f64 = 1.5;
 
@@ -44,8 +43,24 @@ struct Knot {
 }
 
 impl Mode {
-    /// Takes over probability and spread of a mode that is the same drive.
-    fn absorb(&mut self, other: &Self, at: &[Knot; N_KNOTS], of: &[Knot; N_KNOTS]) {
+    /// It is the same drive as another mode: along and across the path the positions at all knots are nearer to each other
+    /// than a distance, or than a share of their standard deviations (geometric mean).
+    fn is_same(&self, other: &Self, at: &[Knot; N_KNOTS], of: &[Knot; N_KNOTS], merging: &Merging) -> bool {
+        if self.stays || other.stays {
+            return of.iter().zip(at).all(|(of, at)| of.position.distance(at.position) < merging.distance);
+        }
+        at.iter().zip(of).enumerate().all(|(j, (at, of))| {
+            let offset = of.position - at.position;
+            [offset.dot(at.axis), at.axis.cross(offset)].into_iter().enumerate().all(|(axis, apart)| {
+                let sigma = (self.sigma[axis][j + 1] * other.sigma[axis][j + 1]).sqrt();
+                apart.abs() < merging.distance.max(merging.share * sigma)
+            })
+        })
+    }
+
+    /// Takes over probability and spread of a mode that is the same drive. On one path the positions become means, with
+    /// the heights of both densities as weights: what is certain keeps its place.
+    fn absorb(&mut self, other: &Self, at: &[Knot; N_KNOTS], of: &[Knot; N_KNOTS], merging: &Merging) {
         let share = other.probability / (self.probability + other.probability);
         self.probability += other.probability;
         if self.stays || other.stays {
@@ -53,11 +68,23 @@ impl Mode {
         }
         for (j, (at, of)) in at.iter().zip(of).enumerate() {
             let offset = of.position - at.position;
-            for (axis, beside) in [offset.dot(at.axis), at.axis.cross(offset)].into_iter().enumerate() {
+            for (axis, apart) in [offset.dot(at.axis), at.axis.cross(offset)].into_iter().enumerate() {
                 let (mine, theirs) = (self.sigma[axis][j + 1], other.sigma[axis][j + 1]);
-                let variance = (1.0 - share) * mine * mine + share * (theirs * theirs + beside * beside);
-                self.sigma[axis][j + 1] = variance.sqrt();
+                let mut beside = share * apart * apart;
+                if self.slot == other.slot {
+                    let weight = share / theirs / (share / theirs + (1.0 - share) / mine);
+                    let (values, others) =
+                        if axis == 0 { (&mut self.s, &other.s) } else { (&mut self.beside, &other.beside) };
+                    values[j + 1] += weight * (others[j + 1] - values[j + 1]);
+                    beside = (share * (1.0 - weight).powi(2) + (1.0 - share) * weight * weight) * apart * apart;
+                }
+                let moment = (1.0 - share) * mine * mine + share * theirs * theirs + beside;
+                let geometric = mine.powf(2.0 - 2.0 * share) * theirs.powf(2.0 * share) + beside;
+                self.sigma[axis][j + 1] = (moment.powf(merging.moment) * geometric.powf(1.0 - merging.moment)).sqrt();
             }
+        }
+        for j in 0..N_KNOTS {
+            self.s[j + 1] = self.s[j + 1].max(self.s[j]);
         }
     }
 }
@@ -100,7 +127,7 @@ impl<'a> Vehicle<'a> {
         }
         // Most probable first; the sort keeps the order of equal ones.
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        modes = self.merged(&modes);
+        modes = self.merged(&modes, &network.merging);
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         modes.truncate(out.n_modes);
         let total: f64 = modes.iter().map(|mode| mode.probability).sum();
@@ -113,11 +140,12 @@ impl<'a> Vehicle<'a> {
 
     fn modes(&self, network: &Network, outputs: &[f32]) -> Vec<Mode> {
         let valid = &self.inputs.candidates[self.i];
+        let spread = network.spread_of(&self.inputs.agent[self.i * N_AGENT..][..N_AGENT]);
         let mut modes: Vec<Mode> = outputs
             .chunks_exact(MODE_OUTPUTS)
             .enumerate()
             .filter(|(k, _)| valid[k / network.n_modes].is_some())
-            .map(|(k, values)| self.mode(network, k / network.n_modes, values))
+            .map(|(k, values)| self.mode(network, &spread, k / network.n_modes, values))
             .collect();
         let most = modes.iter().map(|mode| mode.probability).fold(f64::NEG_INFINITY, f64::max);
         for mode in &mut modes {
@@ -129,9 +157,9 @@ impl<'a> Vehicle<'a> {
     }
 
     /// A mode whose probability is still its logit.
-    fn mode(&self, network: &Network, slot: usize, values: &[f32]) -> Mode {
+    fn mode(&self, network: &Network, spread: &[f64; 2], slot: usize, values: &[f32]) -> Mode {
         let velocity = self.inputs.velocity[self.i];
-        let [first_s, first_d] = [0, 1].map(|axis| network.calibration[axis][0] * SIGMA_NOW);
+        let [first_s, first_d] = [0, 1].map(|axis| spread[axis] * network.calibration[axis][0] * SIGMA_NOW);
         let mut mode = Mode {
             // The temperature is fitted to those who drive.
             probability: f64::from(values[0]) / if self.inputs.standing[self.i] { 1.0 } else { network.temperature },
@@ -152,22 +180,23 @@ impl<'a> Vehicle<'a> {
             mode.beside[j + 1] = time * lateral;
             for (axis, log) in [log_s, log_d].into_iter().enumerate() {
                 let grown = SIGMA_NOW + time * log.clamp(LOG_RATE.0, LOG_RATE.1).exp();
-                mode.sigma[axis][j + 1] = network.calibration[axis][j] * grown;
+                mode.sigma[axis][j + 1] = spread[axis] * network.calibration[axis][j] * grown;
             }
         }
         mode
     }
 
-    /// Modes that are the same drive (on a straight road, a lane and the free path lead to the same places) become one: the
-    /// most probable of them, with the probability of all and their second moments around it.
-    fn merged(&self, modes: &[Mode]) -> Vec<Mode> {
+    /// Modes that are the same drive become one: on a straight road a lane and the free path lead to the same places,
+    /// and two ways to drive a path can differ by less than is known of each.
+    fn merged(&self, modes: &[Mode], merging: &Merging) -> Vec<Mode> {
         let mut kept: Vec<(Mode, [Knot; N_KNOTS])> = Vec::with_capacity(modes.len());
         for mode in modes {
             let knots = self.knots(mode);
-            let is_same =
-                |of: &[Knot; N_KNOTS]| of.iter().zip(&knots).all(|(a, b)| a.position.distance(b.position) < SAME);
-            match kept.iter_mut().find(|(_, of)| is_same(of)) {
-                Some((into, of)) => into.absorb(mode, of, &knots),
+            match kept.iter_mut().find(|(into, of)| into.is_same(mode, of, &knots, merging)) {
+                Some((into, of)) => {
+                    into.absorb(mode, of, &knots, merging);
+                    *of = self.knots(into);
+                }
                 None => kept.push((*mode, knots)),
             }
         }

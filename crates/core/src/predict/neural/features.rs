@@ -1,18 +1,21 @@
 //! What the network is told about a vehicle: its past, its neighbours, its paths.
 
+use super::candidate_path::CandidatePath;
+use super::evenness::{N_EVENNESS, evenness};
 use super::history::{History, INSTANT, N_INSTANTS};
-use super::paths::{CandidatePath, FREE, LEFT, N_OWN, N_PATHS, RIGHT};
+use super::paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT};
 use super::surroundings::{Body, Surroundings};
+use super::traffic::{GAP_MAX, Traffic};
 use crate::geometry::Point;
 use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
 
 /// Meaning and order of the features; files of weights made for another one are refused.
-pub const VERSION: i64 = 1;
+pub const VERSION: i64 = 2;
 /// Neighbours that are told.
 pub const N_NEIGHBOURS: usize = 8;
 /// Features of a vehicle.
-pub const N_AGENT: usize = N_INSTANTS * PAST.len() + NOW.len();
+pub const N_AGENT: usize = N_INSTANTS * PAST.len() + NOW.len() + EVENNESS.len();
 /// Features of a neighbour.
 pub const N_NEIGHBOUR: usize = NEIGHBOUR.len();
 /// Features of a path.
@@ -22,14 +25,6 @@ pub const N_PATH: usize = PATH.len();
 const NEIGHBOUR_DISTANCE: f64 = 60.0;
 /// Who is farther away [m] in x or y of the world is not looked at, up to the size of a cell.
 const SIGHT: f64 = 100.0;
-/// Gaps are capped at this length [m].
-const GAP_MAX: f64 = 80.0;
-/// Crossing traffic counts if it reaches the path within this time [s].
-const CROSSING_TIME: f64 = 4.0;
-/// Slower ones [m/s] cross nothing.
-const CROSSING_SPEED: f64 = 0.5;
-/// Footprints pass each other on a path if this much room [m] is left.
-const ROOM: f64 = 0.2;
 /// Curves are driven with this lateral acceleration [m/s²].
 const LATERAL_ACCELERATION: f64 = 3.0;
 /// No curve allows more [m/s].
@@ -82,6 +77,19 @@ const NOW: [Feature; 14] = [
     feature("is_other", 1.0),
     feature("seconds_known", 1.0),
     feature("seconds_unmoved", 1.0),
+];
+
+/// How even the past was: logarithms of its roughness along and across the heading over 0.8, 1.2 and 2 s, and of how far the
+/// speed was from that now over 1 and 2 s. They tell exact simulated motion from what cameras measured.
+const EVENNESS: [Feature; N_EVENNESS] = [
+    feature("roughness_along_0.8", 2.0),
+    feature("roughness_along_1.2", 2.0),
+    feature("roughness_along_2.0", 2.0),
+    feature("roughness_across_0.8", 2.0),
+    feature("roughness_across_1.2", 2.0),
+    feature("roughness_across_2.0", 2.0),
+    feature("unsteadiness_1.0", 2.0),
+    feature("unsteadiness_2.0", 2.0),
 ];
 
 /// Of a neighbour, in the frame of the vehicle's pose now.
@@ -153,7 +161,7 @@ pub fn agent_features() -> Vec<(String, Feature)> {
     let past = (0..N_INSTANTS).flat_map(|k| {
         PAST.map(|feature| (format!("{}_{:.1}", feature.name, (k + 1) as f64 * INSTANT), feature)).into_iter()
     });
-    past.chain(NOW.map(|feature| (feature.name.to_string(), feature))).collect()
+    past.chain(NOW.iter().chain(&EVENNESS).map(|feature| (feature.name.to_string(), *feature))).collect()
 }
 
 /// Features of a neighbour, in order.
@@ -180,15 +188,19 @@ fn flag(value: bool) -> f64 {
 /// Writes the features of a vehicle, `N_AGENT` of them.
 pub fn write_agent(out: &mut [f32], scene: &Scene, body: &Body, history: &History) {
     let (past, now) = out.split_at_mut(N_INSTANTS * PAST.len());
+    let (now, even) = now.split_at_mut(NOW.len());
+    let mut known = [None; N_INSTANTS];
     for (k, (out, instant)) in past.chunks_exact_mut(PAST.len()).zip(&history.instants).enumerate() {
-        let values = instant.map_or([0.0; PAST.len()], |then| {
+        known[k] = instant.map(|then| {
             let delta = then.position - body.position;
             let expected = -history.velocity * (k + 1) as f64 * INSTANT;
             let ahead = delta.dot(body.axis) - expected;
-            [ahead, body.axis.cross(delta), then.velocity - history.velocity, 1.0]
+            [ahead, body.axis.cross(delta), then.velocity - history.velocity]
         });
-        write(out, &PAST, &values);
+        write(out, &PAST, &known[k].map_or([0.0; PAST.len()], |[ahead, left, change]| [ahead, left, change, 1.0]));
     }
+    let n_exact = history.instants.iter().take_while(|instant| instant.is_some_and(|then| then.is_exact)).count();
+    write(even, &EVENNESS, &evenness(&known, n_exact));
     let kind = scene.participants.kind[body.row];
     let is_car = matches!(kind, ParticipantKind::Car | ParticipantKind::PriorityVehicle | ParticipantKind::Taxi);
     let named = [ParticipantKind::Truck, ParticipantKind::Bus, ParticipantKind::Motorcycle, ParticipantKind::Bicycle];
@@ -209,89 +221,10 @@ pub fn write_agent(out: &mut [f32], scene: &Scene, body: &Body, history: &Histor
             is_motorcycle,
             is_bicycle,
             flag(!is_car && !named.contains(&kind)),
-            history.known,
-            history.unmoved,
+            history.stillness.known,
+            history.stillness.unmoved,
         ],
     );
-}
-
-/// Somebody on a path: bumper gap [m], row for ties, velocity along the path [m/s], offset [m], body.
-#[derive(Clone, Copy)]
-struct OnPath<'a> {
-    gap: f64,
-    velocity: f64,
-    offset: f64,
-    body: &'a Body,
-}
-
-impl OnPath<'_> {
-    fn is_before(&self, other: Option<&Self>) -> bool {
-        other.is_none_or(|other| self.gap.total_cmp(&other.gap).then(self.body.row.cmp(&other.body.row)).is_lt())
-    }
-}
-
-/// Somebody whose way crosses a path.
-#[derive(Clone, Copy)]
-struct Crossing {
-    s: f64,
-    row: usize,
-    time: f64,
-    speed: f64,
-    cos: f64,
-    sin: f64,
-}
-
-/// Who matters on a path.
-#[derive(Clone, Copy, Default)]
-struct Traffic<'a> {
-    leader: Option<OnPath<'a>>,
-    second: Option<OnPath<'a>>,
-    follower: Option<OnPath<'a>>,
-    crossing: Option<Crossing>,
-}
-
-impl<'a> Traffic<'a> {
-    fn meet(&mut self, path: &CandidatePath, own: &Body, other: &'a Body) {
-        if let Some((s, offset, segment)) = path.near(other.position, own.half_width + other.half_length + ROOM) {
-            let along = path.axis_of(segment);
-            let (half_along, half_across) = other.half_extent(along);
-            if offset.abs() <= own.half_width + half_across + ROOM {
-                let gap = s.abs() - half_along - own.half_length;
-                let velocity = other.velocity * other.axis.dot(along);
-                self.on_path(OnPath { gap, velocity, offset, body: other }, s >= 0.0);
-                return;
-            }
-        }
-        if other.velocity.abs() < CROSSING_SPEED {
-            return;
-        }
-        let way = other.axis * (other.velocity * CROSSING_TIME);
-        if let Some((fraction, s, segment)) = path.crossing(other.position, way)
-            && (0.0..=GAP_MAX).contains(&s)
-            && self.crossing.is_none_or(|found| s.total_cmp(&found.s).then(other.row.cmp(&found.row)).is_lt())
-        {
-            let (along, direction) = (path.axis_of(segment), other.axis * other.velocity.signum());
-            let (cos, sin) = (direction.dot(along), along.cross(direction));
-            let (time, speed) = (fraction * CROSSING_TIME, other.velocity.abs());
-            self.crossing = Some(Crossing { s, row: other.row, time, speed, cos, sin });
-        }
-    }
-
-    fn on_path(&mut self, found: OnPath<'a>, is_ahead: bool) {
-        if found.gap > GAP_MAX {
-            return;
-        }
-        if !is_ahead {
-            if found.is_before(self.follower.as_ref()) {
-                self.follower = Some(found);
-            }
-        } else if found.is_before(self.leader.as_ref()) {
-            self.second = self.leader;
-            self.leader = Some(found);
-        } else if found.is_before(self.second.as_ref()) {
-            self.second = Some(found);
-        }
-    }
 }
 
 /// Writes the features of the neighbours (`N_NEIGHBOURS` times `N_NEIGHBOUR`) and of the paths (`N_PATHS` times

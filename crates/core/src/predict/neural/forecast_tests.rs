@@ -153,16 +153,49 @@ fn every_branch_has_its_modes_and_the_most_probable_are_kept() {
 }
 
 #[test]
-fn the_same_drive_twice_is_one_mode_with_the_spread_of_both() {
+fn the_same_drive_twice_is_one_mode_between_with_the_spread_of_both() {
     let now = scene(&[car(20.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);
     let drives = [(0.0, NOTHING, NOTHING), (0.0, [0.1; N_KNOTS], NOTHING)];
     let one = predicted(constant_network(&drives[..1]), 8, &now, &straight_road(1), N_STEPS);
     let both = predicted(constant_network(&drives), 8, &now, &straight_road(1), N_STEPS);
-    assert_eq!(&both.probability[..2], &[1.0, 0.0]);
-    assert_eq!(both.x[..N_STEPS], one.x[..N_STEPS], "the first of equally probable ones");
-    // 0.1 m/s are 0.3 m after 3 s: half of the weight is there.
+    assert!((both.probability[0] - 1.0).abs() < 1e-9 && both.probability[1] == 0.0);
+    // 0.1 m/s are 0.3 m after 3 s.
+    let ahead = both.x[N_STEPS - 1] - one.x[N_STEPS - 1];
+    assert!((ahead - 0.15).abs() < 1e-6, "equally probable, equally certain: {ahead} m");
     let wider = both.covariance_xx[N_STEPS - 1] - one.covariance_xx[N_STEPS - 1];
-    assert!((wider - 0.5 * 0.3 * 0.3).abs() < 1e-4, "{wider} m²");
+    assert!((wider - 0.15 * 0.15).abs() < 1e-6, "{wider} m²");
+}
+
+#[test]
+fn drives_that_differ_by_less_than_is_known_of_them_are_one() {
+    let now = scene(&[car(20.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);
+    let modes = |share: f64| {
+        let mut network = constant_network(&[(0.0, NOTHING, NOTHING), (1.0, [0.5; N_KNOTS], NOTHING)]);
+        network.merging.share = share;
+        predicted(network, 8, &now, &straight_road(1), N_STEPS).probability.iter().filter(|p| **p > 0.0).count()
+    };
+    // 1.5 m apart after 3 s, where the standard deviation is 3 m.
+    assert_eq!((modes(0.0), modes(0.4), modes(0.6)), (2, 2, 1));
+}
+
+#[test]
+fn an_uneven_past_widens_the_spread_as_the_weights_say() {
+    let states = |rough: f64| {
+        let Track(kind, mut states) = car(60.0, 0.0, 0.0, 10.0, 30, 0.1);
+        for (k, state) in states.iter_mut().enumerate() {
+            state.as_mut().expect("present").y += rough * f64::from(u8::from(k % 4 < 2));
+        }
+        scene(&[Track(kind, states)], 0.1)
+    };
+    let spread = |rough: f64| {
+        let mut network = constant_network(&[(0.0, NOTHING, NOTHING)]);
+        network.evenness[1] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0];
+        let found = predicted(network, 1, &states(rough), &straight_road(1), N_STEPS);
+        (found.covariance_xx[9], found.covariance_yy[9])
+    };
+    let (exact, rough) = (spread(0.0), spread(0.05));
+    assert!(rough.1 > 1.5 * exact.1, "across: {} and {} m²", exact.1, rough.1);
+    assert!((rough.0 - exact.0).abs() < 0.1 * exact.0, "not along");
 }
 
 #[test]
@@ -283,13 +316,18 @@ fn weights_that_overflow_leave_vehicles_to_constant_velocity() {
 #[test]
 fn tensors_that_do_not_fit_are_refused_by_their_name() {
     type Change = fn(&mut Vec<Tensor>);
-    let cases: [(Change, &str); 8] = [
+    let cases: [(Change, &str); 10] = [
+        (
+            |t| t.push(tensor("calibration.temperature", &[1], vec![f32::INFINITY])),
+            "tensor calibration.temperature has values that are not finite numbers",
+        ),
+        (|t| t.push(tensor("decode.merging", &[3], vec![0.4, -1.0, 0.5])), "tensor decode.merging has negative values"),
         (
             |t| t.push(tensor("decode.dead_zone", &[3], vec![0.1; 3])),
             "tensor decode.dead_zone has shape [3], (2) is expected",
         ),
         (|t| drop(t.remove(2)), "tensor agent.0.weight is missing"),
-        (|t| t[2].shape = vec![12, 53], "tensor agent.0.weight has shape [12, 53], (1 to 4096, 54) is expected"),
+        (|t| t[2].shape = vec![12, 53], "tensor agent.0.weight has shape [12, 53], (1 to 4096, 62) is expected"),
         (|t| t[3].shape = vec![13], "tensor agent.0.bias has shape [13], (12) is expected"),
         (|t| t[4].values[0] = f32::NAN, "tensor agent.1.weight has values that are not finite numbers"),
         (|t| t[0].values[2] = 0.0, "tensor calibration.s has values that are not positive"),

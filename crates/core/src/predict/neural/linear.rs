@@ -48,10 +48,10 @@ impl Linear {
     }
 }
 
-/// Negative numbers become zero.
+/// Negative numbers become zero; what is not a number stays so.
 pub(super) fn relu(values: &mut [f32]) {
     for value in values {
-        *value = value.max(0.0);
+        *value = if *value < 0.0 { 0.0 } else { *value };
     }
 }
 

@@ -1,7 +1,9 @@
 //! A neural predictor that answers in path coordinates: the network learns speeds, lateral settling and which path is
 //! taken, while the geometry of the road stays exact.
 
+mod candidate_path;
 mod decode;
+mod evenness;
 mod features;
 #[cfg(test)]
 mod forecast_tests;
@@ -11,22 +13,24 @@ mod linear;
 mod network;
 mod paths;
 mod surroundings;
+mod traffic;
 #[cfg(test)]
 mod tests;
 
+pub use candidate_path::CandidatePath;
 pub use features::{
     Feature, MIRRORED_COLUMNS, N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, VERSION, agent_features, neighbour_features,
     path_features,
 };
 pub use inputs::{Inputs, KNOT_TIME, N_KNOTS, Settling};
 pub use network::{MODE_OUTPUTS, Network, Tensor};
-pub use paths::{CandidatePath, FREE, LEFT, N_OWN, N_PATHS, RIGHT, SLOTS};
+pub use paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT, SLOTS};
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{STANDING, Spread, go_straight, stand};
+use super::{STANDING, STRAIGHT, go_straight, stand};
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
@@ -94,7 +98,7 @@ fn without_network(out: &mut Predictions, i: usize, row: usize, scene: &Scene) {
     if is_static || state.velocity.abs() < STANDING {
         return stand(out, i, &state);
     }
-    go_straight(out, i, &state, &Spread::default(), scene.dt);
+    go_straight(out, i, &state, &STRAIGHT, scene.dt);
     if scene.participants.kind[row] == ParticipantKind::Pedestrian {
         let start = out.offset(i, 0);
         for step in 0..out.n_steps {

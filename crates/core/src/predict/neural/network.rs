@@ -4,6 +4,7 @@
 //! kept. With these, each path goes through two layers; the largest values of all paths are kept. With these, each path
 //! goes through two more layers that give its modes. All but the last are followed by a rectifier.
 
+use super::evenness::N_EVENNESS;
 use super::features::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::inputs::N_KNOTS;
 use super::linear::{Linear, relu};
@@ -17,6 +18,20 @@ pub const MODE_OUTPUTS: usize = 1 + 4 * N_KNOTS;
 const PATH_MODES_MAX: usize = 8;
 /// Widest layer.
 const WIDTH_MAX: usize = 4096;
+
+/// Bound of the logarithm of the factor on the spread of a vehicle.
+const LOG_SPREAD: f64 = 1.5;
+
+/// When two modes of a vehicle are one, and what its spread is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Merging {
+    /// Modes nearer to each other than this at every knot [m] are one ...
+    pub distance: f64,
+    /// ... and those nearer than this share of their standard deviations.
+    pub share: f64,
+    /// The spread is that of the second moments (1), the geometric mean (0), or between.
+    pub moment: f64,
+}
 
 /// A tensor of a file of weights.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,11 +61,15 @@ pub struct Network {
     pub n_modes: usize,
     /// Factors on the standard deviations along and across the path at every knot.
     pub calibration: [[f64; N_KNOTS]; 2],
+    /// Logarithm of a further factor, of a vehicle: a constant and a part of each feature of how even its past was.
+    pub evenness: [[f64; 1 + N_EVENNESS]; 2],
     /// Logits are divided by it.
     pub temperature: f64,
     /// Outputs for speed and lateral speed [m/s] are this much nearer to zero than the last layer says, or zero: a vehicle
     /// can go on exactly as expected.
     pub dead_zone: [f64; 2],
+    /// When modes are one.
+    pub merging: Merging,
 }
 
 /// Tensors that have not been taken yet.
@@ -61,6 +80,15 @@ struct Tensors {
 impl Tensors {
     fn optional(&mut self, name: &str) -> Option<Tensor> {
         self.left.iter().position(|tensor| tensor.name == name).map(|i| self.left.swap_remove(i))
+    }
+
+    /// Values of a tensor of one dimension, or those that stand for a missing one.
+    fn optional_values<const N: usize>(&mut self, name: &str, missing: [f64; N]) -> Result<[f64; N]> {
+        if !self.left.iter().any(|tensor| tensor.name == name) {
+            return Ok(missing);
+        }
+        let found = self.take(name, &[N])?;
+        Ok(std::array::from_fn(|k| f64::from(found.values[k])))
     }
 
     /// A tensor whose shape must be as given, where 0 means any length up to 4096.
@@ -107,7 +135,8 @@ impl Tensors {
 
 impl Network {
     /// From the tensors of a file: `agent`, `neighbour`, `path` and `head`, each with layers 0 and 1 with `weight` and
-    /// `bias`; `calibration.s` and `calibration.d`; `calibration.temperature` and `decode.dead_zone` if the file has them.
+    /// `bias`; `calibration.s` and `calibration.d`; `calibration.temperature`, `calibration.evenness_s`, `calibration.evenness_d`,
+    /// `decode.dead_zone` and `decode.merging` if the file has them.
     /// The widths of the layers are those of the tensors.
     ///
     /// # Errors
@@ -133,21 +162,22 @@ impl Network {
             )));
         }
         let calibration = [tensors.factors("calibration.s")?, tensors.factors("calibration.d")?];
-        let mut temperature = 1.0;
-        if let Some(found) = tensors.optional("calibration.temperature") {
-            temperature = f64::from(found.values.first().copied().unwrap_or(f32::NAN));
-            if found.values.len() != 1 || temperature.is_nan() || temperature <= 0.0 {
-                return Err(Error::invalid("tensor calibration.temperature must be one positive number"));
+        let [temperature] = tensors.optional_values("calibration.temperature", [1.0])?;
+        if temperature <= 0.0 {
+            return Err(Error::invalid("tensor calibration.temperature must be one positive number"));
+        }
+        let evenness = [
+            tensors.optional_values("calibration.evenness_s", [0.0; 1 + N_EVENNESS])?,
+            tensors.optional_values("calibration.evenness_d", [0.0; 1 + N_EVENNESS])?,
+        ];
+        let dead_zone = tensors.optional_values("decode.dead_zone", [0.0; 2])?;
+        let [distance, share, moment] = tensors.optional_values("decode.merging", [0.4, 0.0, 1.0])?;
+        for (name, values) in [("dead_zone", &dead_zone[..]), ("merging", &[distance, share, moment])] {
+            if values.iter().any(|value| *value < 0.0) {
+                return Err(Error::invalid(format!("tensor decode.{name} has negative values")));
             }
         }
-        let mut dead_zone = [0.0; 2];
-        if tensors.left.iter().any(|tensor| tensor.name == "decode.dead_zone") {
-            let found = tensors.take("decode.dead_zone", &[2])?;
-            dead_zone = [0, 1].map(|axis| f64::from(found.values[axis]));
-            if dead_zone.iter().any(|zone| *zone < 0.0) {
-                return Err(Error::invalid("tensor decode.dead_zone has negative values"));
-            }
-        }
+        let merging = Merging { distance, share, moment };
         if let Some(unknown) = tensors.left.first() {
             return Err(Error::invalid(format!("nothing is known of the tensor {}", unknown.name)));
         }
@@ -161,8 +191,20 @@ impl Network {
             head_context,
             n_modes,
             calibration,
+            evenness,
             temperature,
             dead_zone,
+            merging,
+        })
+    }
+
+    /// Factors on the standard deviations along and across the path of a vehicle with these features.
+    pub fn spread_of(&self, agent: &[f32]) -> [f64; 2] {
+        let features = &agent[N_AGENT - N_EVENNESS..];
+        self.evenness.map(|weights| {
+            let of_features: f64 =
+                weights[1..].iter().zip(features).map(|(weight, value)| weight * f64::from(*value)).sum();
+            (weights[0] + of_features).clamp(-LOG_SPREAD, LOG_SPREAD).exp()
         })
     }
 
@@ -261,6 +303,9 @@ fn keep_largest(
 ) {
     for (k, values) in index.iter().zip(rows.chunks_exact(width)) {
         let to = &mut out[k / per_vehicle * out_width..][column..out_width];
-        to.iter_mut().zip(values).for_each(|(most, value)| *most = most.max(*value));
+        // What is not a number is kept: such a vehicle is left to constant velocity.
+        for (most, value) in to.iter_mut().zip(values) {
+            *most = if *value > *most || value.is_nan() { *value } else { *most };
+        }
     }
 }

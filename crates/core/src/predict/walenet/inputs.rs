@@ -3,16 +3,11 @@
 use super::network::{CELLS_ACROSS, CELLS_ALONG, History, N_CELLS, N_HISTORY};
 use super::{Anchor, STEP, WalenetSettings};
 use crate::geometry::{Point, Pose};
+use crate::predict::standing::Stillness;
 use crate::scene::Scene;
 
 /// Half the size of the field of cells, across and along [m].
 const FIELD: (f64, f64) = (9.0, 39.0);
-/// Somebody of whom so much is known [s] ...
-const STANDING_TIME: f64 = 0.5;
-/// ... and who moved less than this in that time [m], stands.
-const STANDING_DISTANCE: f64 = 0.1;
-/// Below this speed [m/s] somebody of whom less is known stands, as for the other predictors.
-const STANDING_SPEED: f64 = super::super::STANDING;
 /// Instants closer than this [s] are the same.
 const SAME_TIME: f64 = 1e-6;
 
@@ -136,20 +131,8 @@ pub(super) fn occupied(own: usize, tracks: &[Track]) -> Vec<(usize, usize)> {
         .collect()
 }
 
-/// Whether somebody stands: did not move for half a second; if less is known, is slow.
+/// Whether somebody stands.
 pub(super) fn stands(scene: &Scene, row: usize) -> bool {
-    let here = scene.state(row).pose().position;
-    let mut longest = 0.0_f64;
-    for back in 1..scene.past.n_steps {
-        let age = back as f64 * scene.dt;
-        let Some(state) = scene.past.get(row, scene.time_step - back as i64) else { continue };
-        if state.pose().position.distance(here) >= STANDING_DISTANCE {
-            return false;
-        }
-        longest = age;
-        if age >= STANDING_TIME - SAME_TIME {
-            return true;
-        }
-    }
-    longest < STANDING_TIME && scene.observed_velocity(row).abs() < STANDING_SPEED
+    const SPAN: f64 = 1.0;
+    Stillness::of(scene, row, SPAN).is_standing(scene.observed_velocity(row))
 }

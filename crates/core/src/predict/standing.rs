@@ -1,0 +1,38 @@
+//! Who stands: one rule for every predictor that looks at the past.
+
+use super::STANDING;
+use crate::scene::Scene;
+
+/// Who moved less than this [m] has not moved.
+const UNMOVED: f64 = 0.1;
+/// Who has not moved for this long [s] stands, whatever speed is stated.
+const STANDING_TIME: f64 = 0.5;
+
+/// How long somebody's past is known without a gap, and how long it has not moved until now [s].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stillness {
+    pub(super) known: f64,
+    pub(super) unmoved: f64,
+}
+
+impl Stillness {
+    /// Of a row of the participants that has a finite state now; the past is looked at `span` [s] far back.
+    pub(super) fn of(scene: &Scene, row: usize, span: f64) -> Self {
+        let here = scene.state(row).pose().position;
+        let (mut known, mut unmoved, mut is_unmoved) = (0.0, 0.0, true);
+        for steps in 1..=(span / scene.dt + 1e-9).floor() as i64 {
+            let Some(state) = scene.past.get(row, scene.time_step - steps).filter(|s| s.is_finite()) else { break };
+            known = steps as f64 * scene.dt;
+            is_unmoved = is_unmoved && state.pose().position.distance(here) < UNMOVED;
+            if is_unmoved {
+                unmoved = known;
+            }
+        }
+        Self { known, unmoved }
+    }
+
+    /// It stands: its positions say so for half a second, or all that is known of it does and it is slow.
+    pub(super) fn is_standing(&self, velocity: f64) -> bool {
+        self.unmoved >= STANDING_TIME - 1e-9 || (self.unmoved >= self.known && velocity.abs() < STANDING)
+    }
+}

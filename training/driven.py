@@ -1,0 +1,78 @@
+"""Traffic as it occurs in our own simulation: agents that interdrive's planners drive, as if they had been recorded.
+
+An agent that is driven by a planner moves unlike people and unlike other simulators' drivers, and it is what the
+predictor meets most in a run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.errors import InterdriveError
+from interdrive.scenario import Obstacles, Shape
+from interdrive.simulation import simulate
+from training.split import FOLDS, place_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from interdrive.scenario import Scenario
+    from training.split import Place
+
+#: Planners that drive, in turns; two files of three have the default one.
+_PLANNERS = ("frenet", "idm_mobil", "frenet")
+#: What they expect of each other; not the predictor that is trained, so that rows do not depend on earlier weights.
+_PREDICTOR = "lane_following"
+#: So many files of a place are driven at most.
+_FILES_PER_PLACE = 8
+
+
+def files_to_drive(files: Sequence[Path], places: tuple[Place, ...]) -> dict[str, str]:
+    """Which files are driven, all of places for training, and the planner of each: name of the file to planner."""
+    of_place: dict[str, list[str]] = {}
+    for path in files:
+        place = place_of(path.stem, places)
+        if place.part in FOLDS:
+            of_place.setdefault(place.name, []).append(path.stem)
+    chosen: dict[str, str] = {}
+    for name in sorted(of_place):
+        there = sorted(of_place[name])
+        take = np.unique(np.linspace(0, len(there) - 1, min(_FILES_PER_PLACE, len(there))).astype(int))
+        for k in take:
+            chosen[there[k]] = _PLANNERS[len(chosen) % len(_PLANNERS)]
+    return chosen
+
+
+def driven_traffic(scenario: Scenario, planner: str) -> tuple[Scenario, NDArray[np.int64]] | None:
+    """The scenario as it went when all its vehicles that can be agents were driven by a planner.
+
+    Returns:
+        The scenario with everybody's motion in place of the recording, and the ids of the agents, ascending; None where
+        nobody can be an agent.
+    """
+    try:
+        run = simulate(scenario, planner=planner, predictor=_PREDICTOR, threads=1)
+    except InterdriveError:
+        return None
+    states = run.states
+    sizes = zip(states.length.tolist(), states.width.tolist(), strict=True)
+    obstacles = Obstacles(
+        ids=states.ids,
+        kinds=states.kinds,
+        shapes=tuple(Shape("rectangle", length=length, width=width) for length, width in sizes),
+        is_static=states.is_static,
+        x=states.x,
+        y=states.y,
+        orientation=states.orientation,
+        velocity=states.velocity,
+        acceleration=states.acceleration,
+        yaw_rate=states.yaw_rate,
+        valid=states.valid,
+    )
+    return replace(scenario, obstacles=obstacles), states.ids[states.is_agent]
