@@ -196,14 +196,18 @@ def _calibration(
         few = {name: values[drawn] for name, values in here.items()}
         looked_at.append((answer_to(network, few), few))
 
-    def inside(calibration: Calibration) -> list[float]:
-        found = []
+    traffic = {place.name: place.traffic for place in places}
+
+    def inside(calibration: Calibration) -> list[list[float]]:
+        found: dict[str, list[NDArray[np.float64]]] = {}
         for answer, few in looked_at:
             modes = _said(answer, calibration, few)
-            found += [levels(modes, few, knot) for knot in (1, 3, 5)]
-        level = np.concatenate(found)
-        level = level[np.isfinite(level)]
-        return [float((level <= q).mean()) for q in NOMINAL]
+            kind = np.where(few["made"] == "", [traffic[name] for name in few["place"]], few["made"])
+            for knot in (1, 3, 5):
+                level = levels(modes, few, knot)
+                for name in sorted(set(kind) - {"invented"}):
+                    found.setdefault(name, []).append(level[(kind == name) & np.isfinite(level)])
+        return [[float((np.concatenate(parts) <= q).mean()) for q in NOMINAL] for parts in found.values()]
 
     return rescaled(fitted(answers, agents, targets, weights), inside, NOMINAL)
 

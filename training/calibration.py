@@ -36,8 +36,9 @@ class Calibration:
     temperature: float
 
 
-#: Larger temperatures would buy likelihood of a few rows with probability for ways that nobody takes.
-_TEMPERATURE_MAX = 1.5
+#: A larger temperature would buy likelihood of a few rows with probability for ways that nobody takes, and planners
+#: would keep clear of those.
+_TEMPERATURE_MAX = 1.0
 
 
 #: Features of how even the past was, the last ones of a vehicle.
@@ -135,25 +136,44 @@ def fitted(
     return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), evenness[0], evenness[1], found[-1])
 
 
+#: Of how even the past was, the feature that tells recorded from simulated vehicles, and a middling value of it.
+_ROUGHNESS, _ROUGHNESS_MIDDLE = 2, 0.4
+
+
 def rescaled(
-    calibration: Calibration, inside: Callable[[Calibration], Sequence[float]], nominal: Sequence[float]
+    calibration: Calibration, inside: Callable[[Calibration], Sequence[Sequence[float]]], nominal: Sequence[float]
 ) -> Calibration:
-    """With all spreads scaled alike, and another temperature, so that regions hold what they promise.
+    """With all spreads scaled alike, and those of rough tracks more, so that regions hold what they promise.
 
     Args:
         calibration: Where to start.
-        inside: Shares of true positions in the nominal regions, after what the predictor does to the modes.
+        inside: For every kind of traffic shares of true positions in the nominal regions, after what the predictor does
+            to the modes.
         nominal: The shares that these regions promise.
 
     Returns:
         The one of a grid with the smallest sum of squared differences.
     """
-    best, least = calibration, math.inf
-    for temperature in (1.0, 1.25, _TEMPERATURE_MAX):
-        for scale in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3):
-            s, d = (tuple(round(scale * factor, 4) for factor in factors) for factors in (calibration.s, calibration.d))
-            tried = replace(calibration, s=s, d=d, temperature=temperature)
-            misfit = sum((share - q) ** 2 for share, q in zip(inside(tried), nominal, strict=True))
-            if misfit < least:
-                best, least = tried, misfit
-    return best
+
+    def misfit(tried: Calibration) -> float:
+        return sum((share - q) ** 2 for shares in inside(tried) for share, q in zip(shares, nominal, strict=True))
+
+    grid = [
+        _changed(calibration, scale, slope) for slope in (0.0, 0.25, 0.5) for scale in (0.6, 0.75, 0.9, 1.0, 1.15, 1.3)
+    ]
+    return min(grid, key=misfit)
+
+
+def _changed(calibration: Calibration, scale: float, slope: float) -> Calibration:
+    def rough(parts: tuple[float, ...]) -> tuple[float, ...]:
+        parts = (round(parts[0] - slope * _ROUGHNESS_MIDDLE, 4), *parts[1:])
+        at = 1 + _ROUGHNESS
+        return (*parts[:at], round(parts[at] + slope, 4), *parts[at + 1 :])
+
+    return Calibration(
+        s=tuple(round(scale * factor, 4) for factor in calibration.s),
+        d=tuple(round(scale * factor, 4) for factor in calibration.d),
+        evenness_s=rough(calibration.evenness_s),
+        evenness_d=rough(calibration.evenness_d),
+        temperature=calibration.temperature,
+    )

@@ -44,8 +44,8 @@ class Merging:
     """
 
     distance: float = 0.4
-    share: float = 0.75
-    moment: float = 0.5
+    share: float = 0.0
+    moment: float = 1.0
 
 
 #: How the predictor merges.
