@@ -24,7 +24,7 @@ FAST = "idm"
 def plan(paths=("t_junction",), **changes):
     given = {
         "planner": FAST,
-        "predictor": "lane_following",
+        "predictor": "neural",
         "agents": "all",
         "traffic": None,
         "alone": False,

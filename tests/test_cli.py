@@ -105,7 +105,7 @@ def test_without_choices_everybody_plans_with_the_defaults(simulated, here):
         "scenario": "bend.xml",
         "agents": "all",
         "planner": "frenet",
-        "predictor": "lane_following",
+        "predictor": "neural",
         "settings": simulation.SimulationSettings(),
         "seed": 0,
         "threads": None,

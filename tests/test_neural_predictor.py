@@ -80,7 +80,7 @@ def test_the_forward_pass_is_the_network_as_defined():
 def test_features_of_wrong_shapes_are_refused():
     with pytest.raises(InputError, match="paths: shape"):
         _core.NeuralNetwork(weights()).forward(
-            np.zeros((1, 54), np.float32),
+            np.zeros((1, len(_core.NEURAL["agent"])), np.float32),
             np.zeros((1, 8, 11), np.float32),
             np.zeros((1, 6, 42), np.float32),
             np.ones((1, 7), bool),

@@ -50,7 +50,7 @@ def with_another_future(scenario, after, ids):
     return replace(scenario, obstacles=replace(o, **changed))
 
 
-@pytest.mark.parametrize("predictor", ["lane_following", "constant_velocity", "ground_truth"])
+@pytest.mark.parametrize("predictor", ["lane_following", "constant_velocity", "neural", "ground_truth"])
 def test_nobody_knows_the_recorded_future(scenarios_folder, predictor):
     """Up to the step at which the futures part, nothing differs: neither what is driven nor what is planned."""
     scenario = read_scenario(scenarios_folder / "highway" / "USA_US101-3_3_T-1.xml")

@@ -5,6 +5,7 @@ import pytest
 
 from drivers import Straight
 from interdrive import Frenet, InputError, Simulation, SimulationSettings, simulate
+from interdrive.predictors import Neural
 from interdrive.recording import digest
 from interdrive.run import PHASES
 from interdrive.settings import bind
@@ -66,7 +67,7 @@ def test_predictions_are_of_now_and_for_those_in_sight_and_oneself():
     view, predictions = views[5]
     assert predictions.time_step == 5
     assert predictions.ids.tolist() == sorted([*view.ids.tolist(), 100])
-    assert predictions.covariance.shape == (len(predictions.ids), 3, 30, 2, 2)
+    assert predictions.covariance.shape == (len(predictions.ids), Neural().modes_max, 30, 2, 2)
 
 
 def test_a_plan_that_ends_before_the_next_is_due_is_replaced_in_time():

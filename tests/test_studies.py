@@ -315,7 +315,7 @@ def test_the_folder_holds_tables_runs_and_figures(studies, tmp_path):
         assert (inside / "scenes.pdf").read_bytes().startswith(b"%PDF")
     cases = json.loads((folder / "study.json").read_text())["cases"]
     assert [case["folder"] for case in cases] == [study.name for study in studies.values()]
-    assert {(case["planner"], case["predictor"]) for case in cases} == {("frenet", "lane_following")}
+    assert {(case["planner"], case["predictor"]) for case in cases} == {("frenet", "neural")}
 
 
 def test_a_saved_run_of_a_study_can_be_verified(studies, tmp_path):

@@ -17,9 +17,9 @@ import numpy as np
 import torch
 
 from interdrive.predictors import Neural
-from training.calibration import Calibration, calibrated, fitted, rescaled
+from training.calibration import Calibration, calibrated, fitted
 from training.dataset import RIVALS, gather, scenario_files
-from training.evaluate import NOMINAL, errors, groups, levels, modes_of, rival_modes, table
+from training.evaluate import errors, groups, modes_of, rival_modes, table
 from training.export import digest_of, write_fixture, write_weights
 from training.fit import Course, answer_to, fit, shares
 from training.split import FOLDS, place_of, read_places
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 #: Modes that are looked at, as many as the predictor keeps by default.
 MODES_MAX = Neural().modes_max
-#: Rows of each third on which regions are looked at for the calibration.
-CALIBRATION_ROWS = 1500
 #: How often a network in training is looked at [epochs].
 LOOK = 5
 
@@ -183,33 +181,15 @@ def _calibration(
     networks: Mapping[str, Network], rows: Rows, part: NDArray[np.str_], places: tuple[Place, ...]
 ) -> Calibration:
     """From what each network says of moving vehicles in the third that it was not trained on."""
-    answers, agents, targets, weights, looked_at = [], [], [], [], []
+    answers, agents, targets, weights = [], [], [], []
     share = shares(rows, places) * ~rows["standing"] * (rows["made"] != "steady")
-    generator = np.random.default_rng(0)
     for fold, network in networks.items():
         here, weight = _only(rows, part == fold), share[part == fold]
         answers.append(answer_to(network, here))
         agents.append(torch.from_numpy(here["agent"]))
         targets.append(torch.from_numpy(here["target"]))
         weights.append(torch.from_numpy(weight.astype(np.float32)))
-        drawn = np.sort(generator.choice(len(weight), size=CALIBRATION_ROWS, p=weight / weight.sum()))
-        few = {name: values[drawn] for name, values in here.items()}
-        looked_at.append((answer_to(network, few), few))
-
-    traffic = {place.name: place.traffic for place in places}
-
-    def inside(calibration: Calibration) -> list[list[float]]:
-        found: dict[str, list[NDArray[np.float64]]] = {}
-        for answer, few in looked_at:
-            modes = _said(answer, calibration, few)
-            kind = np.where(few["made"] == "", [traffic[name] for name in few["place"]], few["made"])
-            for knot in (1, 3, 5):
-                level = levels(modes, few, knot)
-                for name in sorted(set(kind) - {"invented"}):
-                    found.setdefault(name, []).append(level[(kind == name) & np.isfinite(level)])
-        return [[float((np.concatenate(parts) <= q).mean()) for q in NOMINAL] for parts in found.values()]
-
-    return rescaled(fitted(answers, agents, targets, weights), inside, NOMINAL)
+    return fitted(answers, agents, targets, weights)
 
 
 def _evaluation(

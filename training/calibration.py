@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import torch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from torch import Tensor
 
@@ -36,9 +36,8 @@ class Calibration:
     temperature: float
 
 
-#: A larger temperature would buy likelihood of a few rows with probability for ways that nobody takes, and planners
-#: would keep clear of those.
-_TEMPERATURE_MAX = 1.0
+#: Larger temperatures would buy likelihood of a few rows with probability for ways that nobody takes.
+_TEMPERATURE_MAX = 1.5
 
 
 #: Features of how even the past was, the last ones of a vehicle.
@@ -107,6 +106,9 @@ def fitted(
 ) -> Calibration:
     """The factors under which the true positions are most likely.
 
+    A temperature is fitted with them, so that spreads do not stand in for wrong probabilities, and left out of the
+    result: planners keep clear of improbable modes, and made more probable these keep agents from their goals.
+
     Args:
         answers: What networks say at places that they were not trained on.
         agents: Features of the vehicles there.
@@ -127,53 +129,9 @@ def fitted(
 
     optimizer.step(closure)
     found = [round(value, 4) for value in factors.detach()[: 2 * n + 1].exp().tolist()]
-    found[-1] = min(found[-1], _TEMPERATURE_MAX)
     if not all(0.2 < value < 5.0 for value in found):
         raise ValueError(f"the calibration did not converge: {found}")
     evenness = [
         tuple(round(value, 4) for value in row) for row in _with_constant(factors.detach()[2 * n + 1 :]).tolist()
     ]
-    return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), evenness[0], evenness[1], found[-1])
-
-
-#: Of how even the past was, the feature that tells recorded from simulated vehicles, and a middling value of it.
-_ROUGHNESS, _ROUGHNESS_MIDDLE = 2, 0.4
-
-
-def rescaled(
-    calibration: Calibration, inside: Callable[[Calibration], Sequence[Sequence[float]]], nominal: Sequence[float]
-) -> Calibration:
-    """With all spreads scaled alike, and those of rough tracks more, so that regions hold what they promise.
-
-    Args:
-        calibration: Where to start.
-        inside: For every kind of traffic shares of true positions in the nominal regions, after what the predictor does
-            to the modes.
-        nominal: The shares that these regions promise.
-
-    Returns:
-        The one of a grid with the smallest sum of squared differences.
-    """
-
-    def misfit(tried: Calibration) -> float:
-        return sum((share - q) ** 2 for shares in inside(tried) for share, q in zip(shares, nominal, strict=True))
-
-    grid = [
-        _changed(calibration, scale, slope) for slope in (0.0, 0.25, 0.5) for scale in (0.6, 0.75, 0.9, 1.0, 1.15, 1.3)
-    ]
-    return min(grid, key=misfit)
-
-
-def _changed(calibration: Calibration, scale: float, slope: float) -> Calibration:
-    def rough(parts: tuple[float, ...]) -> tuple[float, ...]:
-        parts = (round(parts[0] - slope * _ROUGHNESS_MIDDLE, 4), *parts[1:])
-        at = 1 + _ROUGHNESS
-        return (*parts[:at], round(parts[at] + slope, 4), *parts[at + 1 :])
-
-    return Calibration(
-        s=tuple(round(scale * factor, 4) for factor in calibration.s),
-        d=tuple(round(scale * factor, 4) for factor in calibration.d),
-        evenness_s=rough(calibration.evenness_s),
-        evenness_d=rough(calibration.evenness_d),
-        temperature=calibration.temperature,
-    )
+    return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), evenness[0], evenness[1], 1.0)

@@ -6,7 +6,7 @@ import pytest
 from interdrive import simulate
 from interdrive.testing import Car, problem, straight_road, world
 
-PREDICTORS = ["constant_velocity", "lane_following", "ground_truth"]
+PREDICTORS = ["constant_velocity", "lane_following", "neural", "ground_truth"]
 
 
 def track(run, agent_id):

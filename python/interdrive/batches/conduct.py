@@ -88,7 +88,7 @@ def batch(
     out: str | Path,
     *,
     planner: object = "frenet",
-    predictor: object = "lane_following",
+    predictor: object = "neural",
     agents: str | int = "all",
     traffic: str | None = None,
     alone: bool = False,

@@ -30,7 +30,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     multiple=True,
     help="Planners under test (frenet); each is run on every scenario.",
 )
-@click.option("--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (lane_following), likewise.")
+@click.option("--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (neural), likewise.")
 @click.option("--agents", metavar="all|N", help="Who is under test: all (default), or at most N vehicles per scenario.")
 @click.option(
     "--traffic",

@@ -41,7 +41,7 @@ class RunChoices:
     scenario: str = ""
     agents: int | tuple[int, ...] | str = "all"
     planner: str = "frenet"
-    predictor: str = "lane_following"
+    predictor: str = "neural"
     seed: int = 0
     threads: int | None = None
     out: str | None = None
@@ -76,7 +76,7 @@ class BatchChoices:
 
     paths: tuple[str, ...] = ()
     planner: tuple[str, ...] = ("frenet",)
-    predictor: tuple[str, ...] = ("lane_following",)
+    predictor: tuple[str, ...] = ("neural",)
     agents: int | str = "all"
     traffic: str | None = None
     alone: bool = False

@@ -47,7 +47,7 @@ _RECORDED_FOR_REPORT = {"record.views": True, "record.predictions": True, "recor
 @click.option(
     "--predictor",
     metavar="PREDICTOR[,NAME=VALUE...]",
-    help="Who predicts: lane_following (default), another one that `interdrive predictors` lists, or module:object.",
+    help="Who predicts: neural (default), another one that `interdrive predictors` lists, or module:object.",
 )
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."

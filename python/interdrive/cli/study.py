@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
 @click.option("--planner", metavar="NAME", default="frenet", help="Of the agent and of the interactive other vehicle.")
-@click.option("--predictor", metavar="NAME", default="lane_following", help="Of both.")
+@click.option("--predictor", metavar="NAME", default="neural", help="Of both.")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )

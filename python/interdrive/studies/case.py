@@ -60,7 +60,7 @@ def case_study(
     agent: int,
     other: int,
     planner: object = "frenet",
-    predictor: object = "lane_following",
+    predictor: object = "neural",
     settings: SimulationSettings | None = None,
     threads: int | None = None,
     on_step: Callable[[int, int, int, int], None] | None = None,
