@@ -8,6 +8,9 @@ from interdrive.predictors import Neural, native
 from interdrive.predictors.weights import digest, write_weights
 from interdrive.testing import Car, problem, straight_road, world
 
+#: Of the features that this interdrive computes.
+VERSION = str(_core.NEURAL["version"])
+
 
 def weights(seed=0, **changes):
     """Tensors of a small network with two modes per path."""
@@ -32,7 +35,7 @@ def weights(seed=0, **changes):
 @pytest.fixture
 def file(tmp_path):
     path = tmp_path / "small.safetensors"
-    write_weights(path, weights(), {"feature_version": str(_core.NEURAL["version"])})
+    write_weights(path, weights(), {"feature_version": VERSION})
     return path
 
 
@@ -124,10 +127,10 @@ def test_a_truncated_file_is_named(file):
     [
         ({}, "0", r"made for features of version 0, this interdrive computes version \d+; use weights"),
         ({}, None, r"made for features of version none"),
-        ({"agent.0.bias": np.zeros(25)}, "1", r"small.safetensors: tensor agent.0.bias has shape \[25\], \(24\)"),
-        ({"more": np.zeros(1)}, "1", "nothing is known of the tensor more"),
-        ({"calibration.s": np.zeros(6)}, "1", "tensor calibration.s has values that are not positive"),
-        ({"agent.0.bias": np.full(24, np.nan)}, "1", "tensor agent.0.bias has values that are not finite numbers"),
+        ({"agent.0.bias": np.zeros(25)}, VERSION, r"small.safetensors: tensor agent.0.bias has shape \[25\], \(24\)"),
+        ({"more": np.zeros(1)}, VERSION, "nothing is known of the tensor more"),
+        ({"calibration.s": np.zeros(6)}, VERSION, "tensor calibration.s has values that are not positive"),
+        ({"agent.0.bias": np.full(24, np.nan)}, VERSION, "tensor agent.0.bias has values that are not finite numbers"),
     ],
 )
 def test_weights_that_do_not_fit_are_refused_in_one_line(file, changes, version, words):
@@ -144,12 +147,12 @@ def test_a_file_that_changes_is_read_again(file):
 
     first = ends()
     changed = weights(seed=1, **{"decode.dead_zone": np.zeros(2)})
-    write_weights(file, changed, {"feature_version": str(_core.NEURAL["version"]), "more": "text"})
+    write_weights(file, changed, {"feature_version": VERSION, "more": "text"})
     assert (ends() != first).any()
 
 
 def test_values_that_were_changed_after_training_are_refused(file):
-    metadata = {"feature_version": str(_core.NEURAL["version"]), "sha256": digest(weights())}
+    metadata = {"feature_version": VERSION, "sha256": digest(weights())}
     write_weights(file, weights(), metadata)
     Simulation(scenario(), predictor=Neural(weights=str(file)))
     write_weights(file, weights(seed=1), metadata)

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 #: Modes that are looked at, as many as the predictor keeps by default.
 MODES_MAX = Neural().modes_max
+#: Rows of each third that the calibration is fitted to.
+CALIBRATION_ROWS = 6000
 #: How often a network in training is looked at [epochs].
 LOOK = 5
 
@@ -182,13 +184,16 @@ def _calibration(
 ) -> Calibration:
     """From what each network says of moving vehicles in the third that it was not trained on."""
     answers, agents, targets, weights = [], [], [], []
-    share = shares(rows, places) * ~rows["standing"] * (rows["made"] != "steady")
+    share = shares(rows, places) * (rows["made"] != "steady") * np.isfinite(rows["future"][:, -1, 0])
+    generator = np.random.default_rng(0)
     for fold, network in networks.items():
-        here, weight = _only(rows, part == fold), share[part == fold]
+        there = np.flatnonzero((part == fold) & (share > 0))
+        drawn = generator.choice(there, CALIBRATION_ROWS, p=share[there] / share[there].sum())
+        here = {name: values[drawn] for name, values in rows.items()}
         answers.append(answer_to(network, here))
         agents.append(torch.from_numpy(here["agent"]))
         targets.append(torch.from_numpy(here["target"]))
-        weights.append(torch.from_numpy(weight.astype(np.float32)))
+        weights.append(torch.from_numpy((~here["standing"]).astype(np.float32) / CALIBRATION_ROWS))
     return fitted(answers, agents, targets, weights)
 
 
