@@ -210,6 +210,21 @@ def test_a_changed_planner_is_another_planner(tmp_path, monkeypatch):
     assert plan(planner="mine_for_keys:Mine").specs[0].key != key
 
 
+def test_a_file_that_a_setting_names_is_part_of_the_key(tmp_path):
+    from interdrive.batches import runs
+    from interdrive.predictors.neural import SHIPPED
+
+    weights = tmp_path / "own.safetensors"
+    weights.write_bytes(SHIPPED.read_bytes())
+    chosen = f"neural,weights={weights}"
+    key = plan(predictor=chosen).specs[0].key
+    runs._PLAIN.clear()
+    assert plan(predictor=chosen).specs[0].key == key
+    runs._PLAIN.clear()
+    weights.write_bytes(SHIPPED.read_bytes() + b" ")
+    assert plan(predictor=chosen).specs[0].key != key
+
+
 @pytest.mark.parametrize(
     ("text", "labels"),
     [

@@ -18,6 +18,7 @@ from interdrive.files import scenario_parts, shipped_scenario, shipped_scenarios
 from interdrive.planners import name_of
 from interdrive.planners.workers import can_be_sent
 from interdrive.plugins import Choice, read_choice
+from interdrive.predictors.neural import SHIPPED
 from interdrive.run_settings import SimulationSettings
 from interdrive.settings import flatten
 
@@ -333,7 +334,7 @@ _PLAIN: dict[tuple[int, int, int], tuple[object, dict[str, Any]]] = {}
 
 
 def _plain(planner: object, predictor: object, settings: SimulationSettings) -> dict[str, Any]:
-    """Planner, predictor and settings as plain values, with the content of the modules of the user.
+    """Planner, predictor and settings as plain values, with the content of the user's modules and of files they name.
 
     Raises:
         InputError: One that cannot be used, or that other processes would not find by its name.
@@ -358,6 +359,12 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
         "settings": flatten(own),
         "modules": {name: _source(name) for name in sorted(modules)},
     }
+    given = [*flatten(own).values(), *chosen.settings.values(), *expected.settings.values()]
+    files = {value: _hash(Path(value).expanduser()) for value in given if _names_a_file(value)}
+    if name_of(expected) == "neural":
+        files["neural"] = _hash(SHIPPED)
+    if files:
+        plain["files"] = files
     _PLAIN[at_hand] = ((planner, predictor, settings), plain)  # keeps them alive: their ids stay theirs
     return plain
 
@@ -367,4 +374,15 @@ def _source(module: str) -> str:
     found = importlib.util.find_spec(module)
     if found is None or found.origin is None or not Path(found.origin).is_file():
         return ""
-    return hashlib.sha256(Path(found.origin).read_bytes()).hexdigest()
+    return _hash(Path(found.origin))
+
+
+def _names_a_file(value: object) -> bool:
+    return isinstance(value, str) and value != "" and Path(value).expanduser().is_file()
+
+
+def _hash(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as cause:
+        raise InputError(f"{path}: cannot be read ({cause.strerror}); check its permissions") from cause
