@@ -40,7 +40,10 @@ DRIVERS = {
 def times_per_plan(scenario: Path, agents: str | int, steps: int, every: int) -> dict[str, np.ndarray]:
     """Seconds per plan of each planner, in every so many of the first steps."""
     records = {"frenet": GRID, "frenet, all samples evaluated": replace(GRID, lazy=False)}
-    runs = {name: Simulation(scenario, agents=agents, planner=record, threads=1) for name, record in records.items()}
+    runs = {
+        name: Simulation(scenario, agents=agents, planner=record, predictor="lane_following", threads=1)
+        for name, record in records.items()
+    }
     others = {agent.id: Frenetix(replan_every=1, carry_state=False) for agent in runs["frenet"].agents}
     seconds: dict[str, list[float]] = {name: [] for name in (*runs, "frenetix")}
     for step in range(steps):
@@ -91,7 +94,7 @@ def main() -> None:
             continue
         for name, planner in list(DRIVERS.items())[: 2 if scenario == HIGHWAY else None]:
             start = time.perf_counter()
-            run = simulate(folder / scenario, agents=agents, planner=planner, threads=1)
+            run = simulate(folder / scenario, agents=agents, planner=planner, predictor="lane_following", threads=1)
             share = (time.perf_counter() - start) / (run.states.x.shape[1] * run.scenario.dt)
             counts = Counter(run.outcomes.outcome)
             row = " | ".join(str(counts[outcome]) for outcome in OUTCOMES)

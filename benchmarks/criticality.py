@@ -46,7 +46,7 @@ def runs(folder: Path, repeat: int) -> None:
     if (folder / HIGHWAY).exists():
         cases = [(str(folder / HIGHWAY), 24), (str(folder / JUNCTION), "all"), *cases]
     for scenario, agents in cases:
-        run = simulate(scenario, agents=agents, threads=2)
+        run = simulate(scenario, agents=agents, predictor="lane_following", threads=2)
         areas = "stated" if run.scenario.incomings else "crossing"
         settings = CriticalitySettings(conflict_areas=areas)
         one, two = (seconds(partial(run.criticality, settings=settings, threads=n), repeat) for n in (1, 2))

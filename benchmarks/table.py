@@ -28,7 +28,9 @@ def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 
-    simulation = Simulation(scenario, agents=agents if agents == "all" else int(agents), threads=threads)
+    simulation = Simulation(
+        scenario, agents=agents if agents == "all" else int(agents), threads=threads, predictor="lane_following"
+    )
     simulation.step()
     first_step = time.perf_counter() - start
     run = simulation.run()
@@ -77,10 +79,10 @@ def measure_kind(scenario: str, kind: str) -> dict[str, float]:
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 
-    everybody = Simulation(scenario, agents="all", threads=2)
+    everybody = Simulation(scenario, agents="all", predictor="lane_following", threads=2)
     recorded = [agent.id for agent in everybody.agents if agent.origin == "recorded"][:24]
     planner = KeepsSpeed if kind == "python" else kind
-    run = Simulation(scenario, agents=recorded, planner=planner, threads=2).run()
+    run = Simulation(scenario, agents=recorded, planner=planner, predictor="lane_following", threads=2).run()
     seconds = run.timings.seconds.reshape(-1, len(PHASES))
     driving = np.array([np.count_nonzero(run.plans.time_step == t) for t in np.unique(run.plans.time_step)])
     result = {"step": float(np.median(seconds[driving >= 0.9 * driving.max()].sum(axis=1)))}

@@ -93,7 +93,7 @@ def drive(scenario: str, agents: list[int], threads: int, replan_every: int, sta
     from interdrive.simulation import Simulation
 
     settings = bind(SimulationSettings(), {"step.replan_every": replan_every})
-    simulation = Simulation(scenario, agents=agents, threads=threads, settings=settings)
+    simulation = Simulation(scenario, agents=agents, predictor="lane_following", threads=threads, settings=settings)
     seconds: list[float] = []
     first_step = 0.0
     while not simulation.is_done:
