@@ -70,6 +70,15 @@ def test_predictions_are_of_now_and_for_those_in_sight_and_oneself():
     assert predictions.covariance.shape == (len(predictions.ids), Neural().modes_max, 30, 2, 2)
 
 
+@pytest.mark.parametrize(("dt", "steps"), [(0.1, 30), (0.2, 30), (0.04, 75), (0.05, 60)])
+def test_the_past_that_is_shown_lasts_three_seconds_however_short_the_steps_are(dt, steps):
+    assert SimulationSettings().step.history_at(dt) == steps
+    scenario = world(
+        straight_road(), problems=[problem(100, 20.0, velocity=5.0, goal=(110.0, 0.0), time_step=(80, 400))], dt=dt
+    )
+    assert Simulation(scenario, threads=1).world.scene().x.shape[1] == steps + 1
+
+
 def test_a_plan_that_ends_before_the_next_is_due_is_replaced_in_time():
     run = simulate(two_lanes(), settings=bind(SimulationSettings(), {"step.replan_every": 500}), threads=1)
     row = run.states.ids.tolist().index(200)

@@ -1,12 +1,14 @@
 """The split of the training data, and the shipped weights against what torch computed with them."""
 
 import csv
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from interdrive import _core
+from interdrive import _core, simulate
+from interdrive.files import read_scenario, shipped_scenario
 from interdrive.predictors.weights import read_weights
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,6 +39,27 @@ def test_the_weights_were_made_with_the_split_that_is_stated(places, data_list):
     for line in data_list:
         place = split.place_of(line["file"], places)
         assert (place.name, place.part) == (line["place"], line["part"]), line["file"]
+
+
+def test_no_file_of_a_validation_place_is_driven_and_no_place_often(places, data_list):
+    driven = pytest.importorskip("training.driven").files_to_drive(
+        [Path(f"{x['file']}.xml") for x in data_list], places
+    )
+    of_place = Counter(split.place_of(name, places).name for name in driven)
+    assert {split.place_of(name, places).part for name in driven} == set(split.FOLDS)
+    assert max(of_place.values()) == 8
+    assert set(driven.values()) == {"frenet", "idm_mobil"}
+
+
+def test_driven_traffic_is_what_the_planner_made_of_the_scenario():
+    driven = pytest.importorskip("training.driven")
+    scenario = read_scenario(shipped_scenario("lane_merge"))
+    found, agents = driven.driven_traffic(scenario, "idm_mobil")
+    run = simulate(scenario, planner="idm_mobil", predictor="lane_following", threads=1)
+    assert agents.tolist() == sorted(run.outcomes.agent_id.tolist())
+    assert np.array_equal(found.obstacles.x, run.states.x, equal_nan=True)
+    there = np.isin(found.obstacles.ids, agents)
+    assert found.obstacles.valid[there].any(axis=1).all()
 
 
 def test_every_category_has_places_for_validation(places, data_list):
