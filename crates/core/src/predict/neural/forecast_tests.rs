@@ -1,6 +1,6 @@
 //! What comes out for networks whose answer is known, and for any network.
 
-use super::features::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
+use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::network::{MODE_OUTPUTS, Network, Tensor};
 use super::paths::N_PATHS;
 use super::tests::{Track, car, scene};

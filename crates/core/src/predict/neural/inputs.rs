@@ -1,7 +1,8 @@
 //! The input of the network for all vehicles of a scene, and what turns path coordinates into positions and back.
 
 use super::candidate_path::CandidatePath;
-use super::features::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, write_agent, write_surroundings};
+use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
+use super::features::{write_agent, write_surroundings};
 use super::history::History;
 use super::paths::{N_PATHS, candidates};
 use super::surroundings::{Body, Surroundings};

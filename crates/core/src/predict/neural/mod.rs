@@ -4,6 +4,7 @@
 mod candidate_path;
 mod decode;
 mod evenness;
+mod feature_table;
 mod features;
 #[cfg(test)]
 mod forecast_tests;
@@ -12,13 +13,14 @@ mod inputs;
 mod linear;
 mod network;
 mod paths;
+mod profile;
 mod surroundings;
 mod traffic;
 #[cfg(test)]
 mod tests;
 
 pub use candidate_path::CandidatePath;
-pub use features::{
+pub use feature_table::{
     Feature, MIRRORED_COLUMNS, N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, VERSION, agent_features, neighbour_features,
     path_features,
 };

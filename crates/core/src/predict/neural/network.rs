@@ -5,7 +5,7 @@
 //! goes through two more layers that give its modes. All but the last are followed by a rectifier.
 
 use super::evenness::N_EVENNESS;
-use super::features::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
+use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::inputs::N_KNOTS;
 use super::linear::{Linear, relu};
 use super::paths::N_PATHS;

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-use super::features::{MIRRORED_COLUMNS, N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
+use super::feature_table::{MIRRORED_COLUMNS, N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT};
 use super::{Feature, Inputs, agent_features, neighbour_features, path_features};
 use crate::geometry::shape::Shape;
