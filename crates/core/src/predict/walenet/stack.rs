@@ -171,3 +171,58 @@ fn collect_pixels(picture: &Picture, pixels: &mut [u32], outputs: &mut Vec<u16>)
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::picture::Ink;
+    use super::*;
+
+    /// Between -1 and 1 (xorshift64*, Vigna 2016).
+    fn numbers(n: usize, seed: u64) -> Vec<f32> {
+        let mut state = (seed + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        (0..n)
+            .map(|_| {
+                state ^= state >> 12;
+                state ^= state << 25;
+                state ^= state >> 27;
+                (state.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 40) as f32 / 8_388_608.0 - 1.0
+            })
+            .collect()
+    }
+
+    /// Specks at random places.
+    fn specks(seed: u64) -> Picture {
+        let mut picture = Picture::default();
+        for drawn in numbers(12_000, seed).chunks_exact(3) {
+            let place = |value: f32| ((value + 1.0) * 128.0) as usize % SIDE;
+            picture.set(place(drawn[0]), place(drawn[1]), if drawn[2] < 0.0 { Ink::Edge } else { Ink::Marking });
+        }
+        picture
+    }
+
+    #[test]
+    fn tables_that_are_full_are_emptied_and_change_no_bit() {
+        let weights: Vec<Vec<f32>> =
+            (0..8).map(|layer| numbers(if layer == 0 { 288 } else { 9216 }, layer + 1)).collect();
+        let biases: Vec<Vec<f32>> = (0..8).map(|layer| numbers(CHANNELS, layer + 20)).collect();
+        let weights: [&[f32]; 8] = std::array::from_fn(|layer| &weights[layer][..]);
+        let biases: [&[f32]; 8] = std::array::from_fn(|layer| &biases[layer][..]);
+        let stack = Stack::new(&weights, &biases);
+        let mut used = Scratch::default();
+        // (tables became smaller, how often)
+        let (mut emptied, mut before) = ([0, 0], [0, 0]);
+        for seed in 0..24 {
+            let picture = specks(seed);
+            let found = stack.vector(&picture, &mut used);
+            let now = [used.first.len(), used.second.len()];
+            for (table, count) in emptied.iter_mut().enumerate() {
+                *count += usize::from(now[table] < before[table]);
+            }
+            before = now;
+            if seed % 8 == 7 {
+                assert_eq!(found, stack.vector(&picture, &mut Scratch::default()), "picture {seed}");
+            }
+        }
+        assert!(emptied.iter().all(|count| *count > 0), "{emptied:?} times");
+    }
+}
