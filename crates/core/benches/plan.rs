@@ -6,7 +6,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::frenet::{FrenetSettings, Scratch, plan};
-use interdrive_core::plan::{Other, PlanRequest};
+use interdrive_core::plan::{Other, Outlook, PlanRequest};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::scenario::{Goal, GoalState};
@@ -41,6 +41,7 @@ struct Bench {
     goal: Goal,
     poses: Vec<(Pose, f64)>,
     predictions: Predictions,
+    outlook: Outlook,
     shape: Shape,
 }
 
@@ -68,7 +69,9 @@ impl Bench {
         let goal =
             Goal { states: vec![GoalState { areas: vec![], time_step: (0, 500), velocity: None, orientation: None }] };
         let shape = Shape::rectangle(4.5, 1.8);
-        Self { predictions: predictions(&poses), road, route, state, goal, poses, shape }
+        let predictions = predictions(&poses);
+        let outlook = Outlook::of(&predictions);
+        Self { predictions, outlook, road, route, state, goal, poses, shape }
     }
 
     fn run(&self, settings: &FrenetSettings, scratch: &mut Scratch) -> f64 {
@@ -97,6 +100,7 @@ impl Bench {
             road: &self.road,
             others: &others,
             predictions: &self.predictions,
+            outlook: &self.outlook,
             previous: None,
             previous_age: 0,
         };

@@ -9,7 +9,10 @@ mod standing;
 mod tests;
 pub mod walenet;
 
+use std::borrow::Cow;
 use std::sync::Arc;
+
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Point, Pose};
@@ -93,6 +96,8 @@ pub enum Predictor {
     Neural(neural::Neural),
 }
 
+/// Participants that one thread answers for before it looks for more work.
+const CHUNK: usize = 4;
 /// Most modes that a predictor may have.
 const MODES_LIMIT: usize = 8;
 
@@ -114,41 +119,62 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
     if let Predictor::Neural(settings) = predictor {
         return Ok(neural::predict(settings, scene, road, n_steps));
     }
-    let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
-    let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
+    let empty = |rows: &[usize]| {
+        let ids = rows.iter().map(|row| scene.participants.ids[*row]).collect();
+        Predictions::empty(scene.time_step, ids, n_modes, n_steps)
+    };
     if let Predictor::Walenet(walenet) = predictor {
+        let mut out = empty(&scene.present);
         walenet.predict(scene, road, &mut out)?;
         return Ok(out);
     }
-    for (i, row) in scene.present.iter().copied().enumerate() {
-        let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
-        match predictor {
-            Predictor::GroundTruth(scenario, _)
-                if !scene.participants.is_agent[row] && !scene.participants.is_static[row] =>
-            {
-                replay(&mut out, i, scenario, scene.participants.ids[row]);
-            }
-            _ if scene.participants.is_static[row] || state.velocity.abs() < STANDING => stand(&mut out, i, &state),
-            Predictor::ConstantVelocity(spread) => go_straight(&mut out, i, &state, spread, scene.dt),
-            Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("answered above"),
-            Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
-                lanes::follow_lanes(&mut out, i, row, &state, settings, scene, road);
-            }
+    let part = |rows: &[usize]| {
+        let mut out = empty(rows);
+        for (i, row) in rows.iter().copied().enumerate() {
+            predict_one(predictor, scene, road, row, &mut out, i);
+        }
+        out
+    };
+    // Threads of nobody in particular are left alone.
+    if scene.present.len() <= CHUNK || rayon::current_thread_index().is_none() {
+        return Ok(part(&scene.present));
+    }
+    let parts: Vec<Predictions> = scene.present.par_chunks(CHUNK).map(part).collect();
+    Ok(Predictions::joined(parts))
+}
+
+/// For the participant in a row of the scene, into row `i` of the table.
+fn predict_one(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, row: usize, out: &mut Predictions, i: usize) {
+    let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
+    match predictor {
+        Predictor::GroundTruth(scenario, _)
+            if !scene.participants.is_agent[row] && !scene.participants.is_static[row] =>
+        {
+            replay(out, i, scenario, scene.participants.ids[row]);
+        }
+        _ if scene.participants.is_static[row] || state.velocity.abs() < STANDING => stand(out, i, &state),
+        Predictor::ConstantVelocity(spread) => go_straight(out, i, &state, spread, scene.dt),
+        Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("networks answer for everybody at once"),
+        Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
+            lanes::follow_lanes(out, i, row, &state, settings, scene, road);
         }
     }
-    Ok(out)
 }
 
 /// Completes a table so that it has a row for everybody who is present: who is missing or has no valid mode goes
 /// straight on, or stays if standing.
-pub fn completed(predictions: &Predictions, scene: &Scene) -> Predictions {
-    let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
-    let mut out = Predictions::empty(predictions.time_step, ids, predictions.n_modes, predictions.n_steps);
+pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Predictions> {
+    let ids = || scene.present.iter().map(|row| scene.participants.ids[*row]);
+    let is_known = |row: usize| {
+        let start = predictions.offset(row, 0);
+        predictions.valid[start..start + predictions.n_modes * predictions.n_steps].iter().any(|v| *v)
+    };
+    if ids().eq(predictions.ids.iter().copied()) && (0..predictions.ids.len()).all(is_known) {
+        return Cow::Borrowed(predictions);
+    }
+    let mut out = Predictions::empty(predictions.time_step, ids().collect(), predictions.n_modes, predictions.n_steps);
     for (i, row) in scene.present.iter().copied().enumerate() {
-        let from = predictions.row(scene.participants.ids[row]).filter(|r| {
-            let start = predictions.offset(*r, 0);
-            predictions.valid[start..start + predictions.n_modes * predictions.n_steps].iter().any(|v| *v)
-        });
+        let from = predictions.row(scene.participants.ids[row]).filter(|row| is_known(*row));
         if let Some(from) = from {
             out.copy_row(i, predictions, from);
             continue;
@@ -160,7 +186,7 @@ pub fn completed(predictions: &Predictions, scene: &Scene) -> Predictions {
             go_straight(&mut out, i, &state, &STRAIGHT, scene.dt);
         }
     }
-    out
+    Cow::Owned(out)
 }
 
 fn write(out: &mut Predictions, i: usize, pose: Pose, velocity: f64, covariance: (f64, f64, f64)) {

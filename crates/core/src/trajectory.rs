@@ -167,6 +167,25 @@ impl Predictions {
         }
     }
 
+    /// The rows of tables of one time step, with as many modes and steps, in a row.
+    pub(crate) fn joined(parts: Vec<Self>) -> Self {
+        let mut parts = parts.into_iter();
+        let mut out = parts.next().unwrap_or_default();
+        for mut part in parts {
+            out.ids.append(&mut part.ids);
+            out.probability.append(&mut part.probability);
+            out.x.append(&mut part.x);
+            out.y.append(&mut part.y);
+            out.orientation.append(&mut part.orientation);
+            out.velocity.append(&mut part.velocity);
+            out.covariance_xx.append(&mut part.covariance_xx);
+            out.covariance_xy.append(&mut part.covariance_xy);
+            out.covariance_yy.append(&mut part.covariance_yy);
+            out.valid.append(&mut part.valid);
+        }
+        out
+    }
+
     /// Row of a participant.
     pub fn row(&self, id: i64) -> Option<usize> {
         self.ids.binary_search(&id).ok()

@@ -161,7 +161,7 @@ impl Vehicle {
     }
 
     /// Largest forward acceleration at a speed [m/s²].
-    #[inline]
+    #[inline(always)]
     pub fn forward_acceleration_max(&self, velocity: f64) -> f64 {
         if velocity > self.velocity_switch {
             self.acceleration_max * self.velocity_switch / velocity

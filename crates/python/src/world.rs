@@ -227,7 +227,7 @@ impl PyPredictions {
     /// With a row for everybody who is present in the scene: who is missing or has no valid mode goes straight on. This
     /// is what planners work with.
     fn completed(&self, scene: &PyScene) -> Self {
-        Self::whole(completed(&self.table(), &scene.scene))
+        Self::whole(completed(&self.table(), &scene.scene).into_owned())
     }
 
     /// For other processes.

@@ -18,68 +18,68 @@ pub struct Point {
 
 impl Point {
     /// From its coordinates [m].
-    #[inline]
+    #[inline(always)]
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y }
     }
 
     /// Unit vector in the direction of an angle [rad].
-    #[inline]
+    #[inline(always)]
     pub fn from_angle(angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
         Self { x: cos, y: sin }
     }
 
     /// Scalar product.
-    #[inline]
+    #[inline(always)]
     pub fn dot(self, other: Self) -> f64 {
         self.x * other.x + self.y * other.y
     }
 
     /// z component of the cross product: positive if `other` lies to the left of `self`.
-    #[inline]
+    #[inline(always)]
     pub fn cross(self, other: Self) -> f64 {
         self.x * other.y - self.y * other.x
     }
 
     /// Length squared [m²].
-    #[inline]
+    #[inline(always)]
     pub fn norm_squared(self) -> f64 {
         self.dot(self)
     }
 
     /// Length [m].
-    #[inline]
+    #[inline(always)]
     pub fn norm(self) -> f64 {
         self.norm_squared().sqrt()
     }
 
     /// Distance to another point [m].
-    #[inline]
+    #[inline(always)]
     pub fn distance(self, other: Self) -> f64 {
         (self - other).norm()
     }
 
     /// Left normal: rotated by +90 degrees.
-    #[inline]
+    #[inline(always)]
     pub fn left(self) -> Self {
         Self { x: -self.y, y: self.x }
     }
 
     /// Angle from the x axis [rad], in (-pi, pi].
-    #[inline]
+    #[inline(always)]
     pub fn angle(self) -> f64 {
         self.y.atan2(self.x)
     }
 
     /// Point between `self` (fraction 0) and `other` (fraction 1).
-    #[inline]
+    #[inline(always)]
     pub fn lerp(self, other: Self, fraction: f64) -> Self {
         self + (other - self) * fraction
     }
 
     /// Both coordinates are numbers.
-    #[inline]
+    #[inline(always)]
     pub fn is_finite(self) -> bool {
         self.x.is_finite() && self.y.is_finite()
     }
@@ -87,7 +87,7 @@ impl Point {
 
 impl Add for Point {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         Self { x: self.x + other.x, y: self.y + other.y }
     }
@@ -95,7 +95,7 @@ impl Add for Point {
 
 impl Sub for Point {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y }
     }
@@ -103,7 +103,7 @@ impl Sub for Point {
 
 impl Mul<f64> for Point {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn mul(self, factor: f64) -> Self {
         Self { x: self.x * factor, y: self.y * factor }
     }
@@ -111,7 +111,7 @@ impl Mul<f64> for Point {
 
 impl Neg for Point {
     type Output = Self;
-    #[inline]
+    #[inline(always)]
     fn neg(self) -> Self {
         Self { x: -self.x, y: -self.y }
     }

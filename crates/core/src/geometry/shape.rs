@@ -131,7 +131,13 @@ impl Shape {
 
     /// Box along the body axes around the shape at a pose; exact for a rectangle along the body axes.
     pub fn oriented_box(&self, pose: Pose) -> OrientedBox {
-        let placement = Placement::new(pose);
+        self.oriented_box_along(pose.position, Point::from_angle(pose.orientation))
+    }
+
+    /// The same at a position, with a unit vector along the body's x axis.
+    #[inline]
+    pub fn oriented_box_along(&self, position: Point, axis: Point) -> OrientedBox {
+        let placement = Placement { axis, position };
         let (length, width) = self.extent();
         OrientedBox {
             center: placement.apply(self.bounding_box.min.lerp(self.bounding_box.max, 0.5)),

@@ -149,11 +149,14 @@ impl Waypoint {
     /// World point of a Frenet point, with exact derivatives; `None` near the centre of the path's curvature.
     #[inline]
     pub(super) fn new(at: &PathPoint, frenet: &FrenetPoint, rear_axle_to_center: f64) -> Option<Self> {
+        (at.stretch(frenet.d) >= STRETCH_MIN).then(|| Self::beside(at, frenet, rear_axle_to_center))
+    }
+
+    /// The same where it is known not to be near the centre of the path's curvature.
+    #[inline(always)]
+    pub(super) fn beside(at: &PathPoint, frenet: &FrenetPoint, rear_axle_to_center: f64) -> Self {
         let FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 } = *frenet;
-        let stretch = 1.0 - at.curvature * d;
-        if stretch < STRETCH_MIN {
-            return None;
-        }
+        let stretch = at.stretch(d);
         let hypotenuse = (stretch * stretch + d_prime * d_prime).sqrt();
         let cos = stretch / hypotenuse;
         let sin = d_prime / hypotenuse;
@@ -162,7 +165,7 @@ impl Waypoint {
         let curvature = ((d_prime2 + turn * tan) * cos * cos / stretch + at.curvature) / hypotenuse;
         let swing = curvature * hypotenuse - at.curvature;
         let axis = Point::new(at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin);
-        Some(Self {
+        Self {
             center: at.offset(d) + axis * rear_axle_to_center,
             axis,
             path_theta: at.theta,
@@ -171,7 +174,7 @@ impl Waypoint {
             velocity: s_dot * hypotenuse,
             acceleration: s_ddot * hypotenuse + s_dot * s_dot / cos * (d_prime * swing - turn),
             d,
-        })
+        }
     }
 
     /// Heading [rad], continuous along a trajectory.

@@ -8,6 +8,7 @@ pub mod frenet;
 mod idm;
 mod lanes;
 mod mobil;
+mod outlook;
 pub mod outside;
 mod pace;
 mod path_motion;
@@ -19,6 +20,7 @@ mod velocity_adjusting;
 pub use car_following::CarFollowing;
 pub use idm::IdmSettings;
 pub use mobil::IdmMobilSettings;
+pub use outlook::Outlook;
 
 use crate::error::Result;
 use crate::geometry::Pose;
@@ -89,6 +91,8 @@ pub struct PlanRequest<'a> {
     pub others: &'a [Other<'a>],
     /// Expectations for everybody; only the rows of `others` may be looked at.
     pub predictions: &'a Predictions,
+    /// What all plans share about them.
+    pub outlook: &'a Outlook,
     /// The plan of the step before, still starting at its own time; `None` at first.
     pub previous: Option<&'a Trajectory>,
     /// How many steps ago `previous` was made.

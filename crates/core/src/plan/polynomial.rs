@@ -42,7 +42,7 @@ impl Polynomial {
     }
 
     /// Value and first three derivatives.
-    #[inline]
+    #[inline(always)]
     pub(super) fn at(&self, x: f64) -> [f64; 4] {
         let [c0, c1, c2, c3, c4, c5] = self.c;
         [

@@ -153,7 +153,7 @@ impl SpeedCaps {
         let spacing = (reach.max(10.0)) / (Self::COUNT - 1) as f64;
         let mut values = [f64::INFINITY; Self::COUNT];
         for (j, value) in values.iter_mut().enumerate() {
-            let (_, curvature) = road.chain_pose(&lane.chain, lane.s, j as f64 * spacing, 0.0);
+            let curvature = road.chain_curvature(&lane.chain, lane.s, j as f64 * spacing);
             *value = (settings.lateral_acceleration / curvature.abs().max(1e-6)).sqrt();
         }
         for j in (0..Self::COUNT - 1).rev() {

@@ -1,6 +1,8 @@
 //! Matrix products in single precision, for all networks. Every sum is taken in the order of the columns, whatever the
 //! machine and however rows are grouped, so results are the same bits everywhere.
 
+use crate::wide::for_wide_machines;
+
 /// Columns that are computed together.
 const PANEL: usize = 16;
 
@@ -32,30 +34,6 @@ impl Matrix {
         self.panels.len() / self.rows
     }
 }
-
-/// Compiles a function twice: for every machine, and for those with AVX2, which compute twice as many numbers at once.
-/// The operations and their order are the same (the compiler never fuses products and sums), so the bits are, too.
-macro_rules! for_wide_machines {
-    ($(#[$about:meta])* $visible:vis fn $name:ident = $body:path, ($($argument:ident: $kind:ty),*)) => {
-        $(#[$about])*
-        $visible fn $name($($argument: $kind),*) {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn with_avx2($($argument: $kind),*) {
-                    $body($($argument),*);
-                }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    #[expect(unsafe_code, reason = "the one way to call what needs AVX2; the line above has asked for it")]
-                    // SAFETY: this machine has AVX2.
-                    return unsafe { with_avx2($($argument),*) };
-                }
-            }
-            $body($($argument),*);
-        }
-    };
-}
-pub(super) use for_wide_machines;
 
 for_wide_machines! {
     /// `left` (any number of rows, `right.rows()` columns) times `right` into `out` (`right.columns()` columns).

@@ -220,14 +220,7 @@ impl RoadNetwork {
     /// # Panics
     /// If the chain is empty or an index is no lanelet's.
     pub fn chain_pose(&self, chain: &[usize], start_s: f64, distance: f64, d: f64) -> (Pose, f64) {
-        let mut s = start_s + distance;
-        let mut at = 0;
-        while at + 1 < chain.len() && s > self.lanelets[chain[at]].length {
-            s -= self.lanelets[chain[at]].length;
-            at += 1;
-        }
-        let curve = &self.curves[chain[at]];
-        let overshoot = if s < 0.0 { s } else { (s - self.lanelets[chain[at]].length).max(0.0) };
+        let (curve, s, overshoot) = self.along_chain(chain, start_s + distance);
         let heading = curve.heading_at(s);
         let axis = Point::from_angle(heading);
         let position = curve.position_at(s) + axis * overshoot + axis.left() * d;
@@ -235,6 +228,27 @@ impl RoadNetwork {
         // A parallel curve; inside the centre of curvature there is none, so the factor is bounded.
         let curvature = curvature / (1.0 - curvature * d).max(0.2);
         (Pose { position, orientation: heading }, curvature)
+    }
+
+    /// Curvature [1/m] of the middle of the lane, as of `chain_pose`.
+    ///
+    /// # Panics
+    /// As `chain_pose`.
+    pub fn chain_curvature(&self, chain: &[usize], start_s: f64, distance: f64) -> f64 {
+        let (curve, s, overshoot) = self.along_chain(chain, start_s + distance);
+        if overshoot == 0.0 { curve.curvature_at(s) } else { 0.0 }
+    }
+
+    /// The lane of a chain at an arc length [m] from its start, the arc length there, and what lies beyond its ends.
+    #[inline]
+    fn along_chain(&self, chain: &[usize], mut s: f64) -> (&LaneCurve, f64, f64) {
+        let mut at = 0;
+        while at + 1 < chain.len() && s > self.lanelets[chain[at]].length {
+            s -= self.lanelets[chain[at]].length;
+            at += 1;
+        }
+        let overshoot = if s < 0.0 { s } else { (s - self.lanelets[chain[at]].length).max(0.0) };
+        (&self.curves[chain[at]], s, overshoot)
     }
 
     /// Outlines of the stretch of lane from `before` [m] behind to `after` [m] ahead of arc length `s` of a lanelet,

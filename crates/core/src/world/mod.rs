@@ -5,11 +5,11 @@ mod advance;
 mod planning;
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
-use crate::plan::{Planner, Prepared};
+use crate::plan::{Planner, Prepared, Scratch};
 use crate::predict::{Predictor, predict};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
@@ -111,6 +111,8 @@ pub struct World {
     entered_in_contact: BTreeSet<(usize, usize)>,
     recording: Recording,
     pool: Arc<rayon::ThreadPool>,
+    /// Memory of the planners, one per thread of the pool.
+    scratches: Vec<Mutex<Scratch>>,
 }
 
 impl World {
@@ -161,6 +163,7 @@ impl World {
             scenario,
             settings,
             pool: Arc::new(pool),
+            scratches: (0..settings.threads).map(|_| Mutex::default()).collect(),
         };
         world.enter(first_time_step);
         world.recording.push(&world.states);
@@ -252,8 +255,10 @@ impl World {
     /// As [`predict`].
     pub fn predict(&self, predictor: &Predictor, scene: &Scene, n_steps: usize) -> Result<Predictions> {
         let work = || predict(predictor, scene, &self.scenario.road, n_steps);
-        // Waking a thread takes longer than what the others have to do.
-        if matches!(predictor, Predictor::Walenet(_) | Predictor::Neural(_)) { self.pool.install(work) } else { work() }
+        // Waking a thread takes longer than what the others have to do for a few.
+        let is_much = scene.present.len() > 12 && self.settings.threads > 1;
+        let is_network = matches!(predictor, Predictor::Walenet(_) | Predictor::Neural(_));
+        if is_network || is_much { self.pool.install(work) } else { work() }
     }
 
     /// The time step of what was handed over must be now.

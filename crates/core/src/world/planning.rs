@@ -1,11 +1,13 @@
 //! All agents with native planners in one call, on all cores.
 
+use std::sync::{MutexGuard, PoisonError};
+
 use rayon::prelude::*;
 
 use super::{Drive, World};
 use crate::error::Result;
 use crate::plan::frenet::{self, Candidates};
-use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, Scratch};
+use crate::plan::{self, Other, Outlook, PlanRequest, PlanResult, Planner, Scratch};
 use crate::predict::completed;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, Trajectory};
@@ -22,12 +24,14 @@ impl World {
         self.check_time_step("scene", scene.time_step)?;
         self.check_time_step("predictions", predictions.time_step)?;
         let predictions = completed(predictions, scene);
+        let outlook = Outlook::of(&predictions);
+        let expected = (&*predictions, &outlook);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<Option<PlanResult>> = self.pool.install(|| {
             drives
                 .par_iter()
                 .with_max_len(1)
-                .map_init(Scratch::default, |scratch, drive| self.plan_one(drive, scene, &predictions, scratch))
+                .map(|drive| self.plan_one(drive, scene, expected, &mut self.scratch()))
                 .collect()
         });
         let n_points = results.iter().flatten().map(|result| result.trajectory.points.len()).max().unwrap_or(0);
@@ -57,14 +61,22 @@ impl World {
         }
         let predictions = completed(predictions, scene);
         let others = self.others(drive, scene);
-        Ok(Some(frenet::candidates(&self.request(drive, &others, &predictions), settings)))
+        let outlook = Outlook::of(&predictions);
+        Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &outlook)), settings)))
+    }
+
+    /// The memory of this thread. No plan is made within another one, so nobody waits for it.
+    fn scratch(&self) -> MutexGuard<'_, Scratch> {
+        let memory = &self.scratches[rayon::current_thread_index().unwrap_or(0)];
+        // Plans do not depend on what is left in it, so a panic in between spoils nothing.
+        memory.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn plan_one(
         &self,
         drive: &Drive,
         scene: &Scene,
-        predictions: &Predictions,
+        expected: (&Predictions, &Outlook),
         scratch: &mut Scratch,
     ) -> Option<PlanResult> {
         if let Some(kept) = self.kept_plan(drive) {
@@ -74,7 +86,7 @@ impl World {
             return None;
         }
         let others = self.others(drive, scene);
-        plan::plan(&drive.agent.planner, &drive.prepared, &self.request(drive, &others, predictions), scratch)
+        plan::plan(&drive.agent.planner, &drive.prepared, &self.request(drive, &others, expected), scratch)
     }
 
     /// The rest of the last plan, if it is not yet time for a new one.
@@ -113,7 +125,7 @@ impl World {
         &'a self,
         drive: &'a Drive,
         others: &'a [Other<'a>],
-        predictions: &'a Predictions,
+        (predictions, outlook): (&'a Predictions, &'a Outlook),
     ) -> PlanRequest<'a> {
         PlanRequest {
             time_step: self.time_step,
@@ -127,6 +139,7 @@ impl World {
             road: &self.scenario.road,
             others,
             predictions,
+            outlook,
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
         }

@@ -43,8 +43,14 @@ impl PathPoint {
         Point::new(self.cos, self.sin)
     }
 
+    /// Arc length at lateral offset `d` [m] by arc length of the path: 1 - curvature d.
+    #[inline(always)]
+    pub fn stretch(&self, d: f64) -> f64 {
+        1.0 - self.curvature * d
+    }
+
     /// World position of a point at lateral offset `d` [m], left positive.
-    #[inline]
+    #[inline(always)]
     pub fn offset(&self, d: f64) -> Point {
         self.position + Point::new(-self.sin, self.cos) * d
     }
@@ -182,19 +188,45 @@ impl ReferencePath {
         self.project_between(point, from as usize, to as usize)
     }
 
+    /// The knot of the range that is nearest to a point (relative to the origin); the first one of equals.
+    ///
+    /// No knot is further from the next one than the spacing, so after a far one those can be skipped that cannot be
+    /// nearer than the best. The best so far is that of a few, evenly spread, at first.
+    fn nearest_knot(&self, p: Point, from: usize, to: usize) -> usize {
+        /// Rounding.
+        const SAFETY: f64 = 0.999;
+        const SPREAD: usize = 8;
+        let squared = |i: usize| (p - self.knots[i].position).norm_squared();
+        let (mut least, mut nearest) = (f64::INFINITY, from);
+        for i in (from..=to).step_by(SPREAD) {
+            let here = squared(i);
+            if here < least {
+                (least, nearest) = (here, i);
+            }
+        }
+        let mut distance = least.sqrt();
+        let mut i = from;
+        while i <= to {
+            let here = squared(i);
+            if here < least || (here == least && i < nearest) {
+                (least, nearest) = (here, i);
+                distance = least.sqrt();
+                i += 1;
+            } else {
+                // Not a number becomes 0.
+                i += 1 + ((here.sqrt() - distance) * self.inverse_spacing * SAFETY) as usize;
+            }
+        }
+        nearest
+    }
+
     /// Nearest knot of the range, then the zero of (point - position) . tangent beside it.
     fn project_between(&self, point: Point, from: usize, to: usize) -> Option<(f64, f64)> {
         let p = point - self.origin;
         if from >= to || !p.is_finite() {
             return None;
         }
-        let mut nearest = (f64::INFINITY, from);
-        for (i, knot) in self.knots[from..=to].iter().enumerate() {
-            let distance = (p - knot.position).norm_squared();
-            if distance < nearest.0 {
-                nearest = (distance, from + i);
-            }
-        }
+        let nearest = self.nearest_knot(p, from, to);
         let ahead = |s: f64| {
             let at = self.local_at(s);
             let offset = p - at.position;
@@ -202,12 +234,12 @@ impl ReferencePath {
         };
         // The point is ahead of the lower end and behind the upper end of the interval with the foot, and the nearest
         // knot is one of both.
-        let knot_s = nearest.1 as f64 * self.spacing;
+        let knot_s = nearest as f64 * self.spacing;
         let (ahead_knot, d_knot, _) = ahead(knot_s);
         let is_ahead = ahead_knot > 0.0;
-        let other = if is_ahead { (nearest.1 + 1).min(to) } else { nearest.1.saturating_sub(1).max(from) };
+        let other = if is_ahead { (nearest + 1).min(to) } else { nearest.saturating_sub(1).max(from) };
         let other_s = other as f64 * self.spacing;
-        if other == nearest.1 {
+        if other == nearest {
             return (ahead_knot.abs() < END_TOLERANCE && d_knot.abs() <= PROJECTION_REACH).then_some((knot_s, d_knot));
         }
         let (mut low, mut high) = if is_ahead { (knot_s, other_s) } else { (other_s, knot_s) };

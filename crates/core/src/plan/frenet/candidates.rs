@@ -66,7 +66,7 @@ impl Candidates {
     }
 
     fn push(&mut self, evaluation: &mut Evaluation, sample: usize) {
-        let mut rejection = evaluation.write_points(sample, false);
+        let mut rejection = evaluation.write_points(sample);
         let mut collision_id = -1;
         let can_be_driven = rejection == Rejection::Admissible;
         if can_be_driven {

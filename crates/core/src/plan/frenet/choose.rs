@@ -26,12 +26,14 @@ impl Entry {
 impl Eq for Entry {}
 
 impl PartialOrd for Entry {
+    #[inline]
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
 impl Ord for Entry {
+    #[inline]
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.bound.total_cmp(&other.bound).then(self.index.cmp(&other.index)).then(self.group.cmp(&other.group))
     }
@@ -50,6 +52,9 @@ pub(super) enum Refined {
 
 /// Who knows the samples.
 pub(super) trait Search {
+    /// A better bound of a group than the one before, if there is one; not below it.
+    fn tighten(&mut self, group: usize) -> Option<f64>;
+
     /// Bounds of the samples of a group, in order; none is below that of the group, infinite ones are rejected already.
     fn open(&mut self, group: usize) -> impl Iterator<Item = f64>;
 
@@ -77,6 +82,13 @@ pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(u
     while let Some(Reverse(mut entry)) = heap.pop() {
         let index = entry.index as usize;
         if let Some(group) = entry.group {
+            if let Some(bound) = search.tighten(group as usize) {
+                entry.bound = bound;
+                if heap.peek().is_some_and(|Reverse(next)| *next < entry) {
+                    heap.push(Reverse(entry));
+                    continue;
+                }
+            }
             let samples = search.open(group as usize).enumerate().filter(|(_, bound)| bound.is_finite());
             heap.extend(samples.map(|(i, bound)| Reverse(Entry::sample(bound, index + i))));
             continue;
@@ -142,6 +154,10 @@ mod tests {
     }
 
     impl Search for Sums<'_> {
+        fn tighten(&mut self, _group: usize) -> Option<f64> {
+            None
+        }
+
         fn open(&mut self, group: usize) -> impl Iterator<Item = f64> {
             self.work += 1;
             self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0])

@@ -4,13 +4,15 @@
 
 use super::super::PlanRequest;
 use super::super::frame::Waypoint;
+use super::lateral::LateralPoints;
 use super::obstacles::Obstacles;
-use super::sample::{LateralTables, Motion, Samples};
+use super::sample::{Motion, Samples};
 use super::settings::{CostWeights, N_TERMS};
 use crate::geometry::polyline::ReferencePath;
+use crate::wide::for_wide_machines;
 
-/// Terms that follow from the tables. Of all rows there is a lower bound; the samples of a row are worked out when
-/// somebody asks for them.
+/// Terms that follow from the tables. Of all rows there is a lower bound at first; a better one and then the samples of
+/// a row are worked out when somebody asks for them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TableCosts {
     /// One entry per sample, valid once `compute_row` has seen its row.
@@ -19,35 +21,94 @@ pub(super) struct TableCosts {
     pub(super) total: Vec<f64>,
     /// No sample of the row has a smaller total; infinite for rejected rows.
     pub(super) bounds: Vec<f64>,
+    /// The bound is as good as it gets.
+    is_tight: Vec<bool>,
     desired_velocity: f64,
-    /// Of the row at hand, by point.
-    speeds: Vec<LaneSpeed>,
-    /// The smallest weighted sum of the lateral terms, by lateral table.
+    speeds: LaneSpeeds,
+    /// The smallest weighted sum of the lateral terms, by lateral table of time.
     lateral: Vec<f64>,
+    /// What samples with lateral polynomials of time have at each point: largest offset, squares of the smallest and
+    /// the largest lateral speed; (tables, three, points with padding).
+    spreads: Vec<f64>,
+    /// 1 for points, 0 for padding.
+    counts: Vec<f64>,
+    /// Largest curvature of the path from the start up to each of its knots [1/m], absolute, and the first of them.
+    curvature_up_to: Vec<f64>,
+    first_knot: usize,
 }
 
 /// Lanes that are worked on at once.
 const LANES: usize = 4;
+/// Bounds are lowered by this fraction: the sums that they bound are rounded.
+const ROUNDING: f64 = 1e-9;
 
-/// Both components of the velocity, along the path and sideways; they are linear in the lane.
-#[derive(Debug, Clone, Copy)]
-struct LaneSpeed {
-    along: f64,
-    along_by_lane: f64,
-    sideways: f64,
-    sideways_by_lane: f64,
+/// Both components of the velocity of a row's samples at all points, along the path and sideways; they are linear in the
+/// lane.
+#[derive(Debug, Clone, Default)]
+struct LaneSpeeds {
+    row: Option<usize>,
+    n_points: usize,
+    curvature: Vec<f64>,
+    along: Vec<f64>,
+    along_by_lane: Vec<f64>,
+    sideways: Vec<f64>,
+    sideways_by_lane: Vec<f64>,
 }
 
-/// Summed squares of speed minus desired speed over the points, for up to four lanes.
-#[inline]
-fn summed_squares(speeds: &[LaneSpeed], lanes: &[f64], desired: f64) -> [f64; LANES] {
+impl LaneSpeeds {
+    /// Speeds of the samples of a row.
+    fn find(&mut self, samples: &Samples, index: usize, path: &ReferencePath) {
+        if self.row.replace(index) == Some(index) {
+            return;
+        }
+        let (motion, lateral) = (samples.motions(index), samples.lateral_points(index));
+        self.n_points = samples.n_points;
+        self.curvature.clear();
+        self.curvature.extend(motion.s.iter().map(|s| curvature_at(path, *s)));
+        for buffer in [&mut self.along, &mut self.along_by_lane, &mut self.sideways, &mut self.sideways_by_lane] {
+            buffer.resize(samples.stride, 0.0);
+        }
+        write_speeds(self, motion.s_dot, &lateral, samples.rows[index].is_over_arc);
+    }
+}
+
+for_wide_machines! {
+    fn write_speeds = speeds_at, (out: &mut LaneSpeeds, s_dot: &[f64], lateral: &LateralPoints, is_over_arc: bool)
+}
+
+#[inline(always)]
+fn speeds_at(out: &mut LaneSpeeds, s_dot: &[f64], lateral: &LateralPoints, is_over_arc: bool) {
+    let n = s_dot.len();
+    let (curvature, LateralPoints { home, step }) = (&out.curvature[..n], lateral.cut(0..n));
+    let (along, along_by_lane) = (&mut out.along[..n], &mut out.along_by_lane[..n]);
+    let (sideways, sideways_by_lane) = (&mut out.sideways[..n], &mut out.sideways_by_lane[..n]);
+    for i in 0..n {
+        // d' s_dot = d_dot
+        let factor = if is_over_arc { s_dot[i] } else { 1.0 };
+        along[i] = s_dot[i] * (1.0 - curvature[i] * home[0][i]);
+        along_by_lane[i] = -s_dot[i] * curvature[i] * step[0][i];
+        sideways[i] = factor * home[1][i];
+        sideways_by_lane[i] = factor * step[1][i];
+    }
+}
+
+for_wide_machines! {
+    /// Summed squares of speed minus desired speed over the points, for up to four lanes.
+    fn summed_squares = squares_of, (speeds: &LaneSpeeds, lanes: &[f64], desired: f64) -> [f64; LANES]
+}
+
+#[inline(always)]
+fn squares_of(speeds: &LaneSpeeds, lanes: &[f64], desired: f64) -> [f64; LANES] {
     let mut lane = [0.0; LANES];
     lane[..lanes.len()].copy_from_slice(lanes);
     let mut sums = [0.0; LANES];
-    for speed in speeds {
+    let n = speeds.n_points;
+    let (along, along_by_lane) = (&speeds.along[..n], &speeds.along_by_lane[..n]);
+    let (sideways, sideways_by_lane) = (&speeds.sideways[..n], &speeds.sideways_by_lane[..n]);
+    for i in 0..n {
         for k in 0..LANES {
-            let along = speed.along + lane[k] * speed.along_by_lane;
-            let sideways = speed.sideways + lane[k] * speed.sideways_by_lane;
+            let along = along[i] + lane[k] * along_by_lane[i];
+            let sideways = sideways[i] + lane[k] * sideways_by_lane[i];
             let offset = (along * along + sideways * sideways).sqrt() - desired;
             sums[k] += offset * offset;
         }
@@ -55,29 +116,109 @@ fn summed_squares(speeds: &[LaneSpeed], lanes: &[f64], desired: f64) -> [f64; LA
     sums
 }
 
-/// Summed squares of what speed and desired speed differ by at least, whatever the lane between `first` and `last`.
-#[inline]
-fn summed_gaps(speeds: &[LaneSpeed], [first, last]: [f64; 2], desired: f64) -> f64 {
-    let mut sum = 0.0;
-    for speed in speeds {
-        let along = [speed.along + first * speed.along_by_lane, speed.along + last * speed.along_by_lane];
-        let sideways =
-            [speed.sideways + first * speed.sideways_by_lane, speed.sideways + last * speed.sideways_by_lane];
-        // Each component is between its values at the outer lanes: its size is smallest at 0, if that is between.
-        let smallest = |[a, b]: [f64; 2]| a.min(b).max(-a.max(b)).max(0.0);
-        let largest = |[a, b]: [f64; 2]| a.abs().max(b.abs());
-        let (low_along, low_sideways) = (smallest(along), smallest(sideways));
-        let (high_along, high_sideways) = (largest(along), largest(sideways));
-        let low = (low_along * low_along + low_sideways * low_sideways).sqrt();
-        let high = (high_along * high_along + high_sideways * high_sideways).sqrt();
-        let gap = (low - desired).max(desired - high).max(0.0);
-        sum += gap * gap;
+/// The smallest absolute value of numbers between two.
+#[inline(always)]
+fn smallest(a: f64, b: f64) -> f64 {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    let near = if low > -high { low } else { -high };
+    if near > 0.0 { near } else { 0.0 }
+}
+
+/// The largest absolute value of numbers between two.
+#[inline(always)]
+fn largest(a: f64, b: f64) -> f64 {
+    let (a, b) = (a.abs(), b.abs());
+    if a > b { a } else { b }
+}
+
+/// What speeds between two differ at least by from the desired one, squared.
+#[inline(always)]
+fn squared_gap(low: f64, high: f64, desired: f64) -> f64 {
+    let (above, below) = (low - desired, desired - high);
+    let gap = if above > below { above } else { below };
+    let gap = if gap > 0.0 { gap } else { 0.0 };
+    gap * gap
+}
+
+/// Sum over all points with padding in an order that suits wide machines.
+#[inline(always)]
+fn summed(n: usize, value: impl Fn(usize) -> f64) -> f64 {
+    let mut sums = [0.0; LANES];
+    for i in (0..n).step_by(LANES) {
+        for (k, sum) in sums.iter_mut().enumerate() {
+            *sum += value(i + k);
+        }
     }
-    sum
+    sums.iter().sum()
+}
+
+for_wide_machines! {
+    /// Summed squares of what speed and desired speed differ by at least, whatever the lane between the outer ones.
+    fn summed_gaps = gaps_of, (speeds: &LaneSpeeds, counts: &[f64], outer: [f64; 2], desired: f64) -> f64
+}
+
+#[inline(always)]
+fn gaps_of(speeds: &LaneSpeeds, counts: &[f64], [first, last]: [f64; 2], desired: f64) -> f64 {
+    let n = counts.len();
+    let (along, along_by_lane) = (&speeds.along[..n], &speeds.along_by_lane[..n]);
+    let (sideways, sideways_by_lane) = (&speeds.sideways[..n], &speeds.sideways_by_lane[..n]);
+    summed(n, |i| {
+        // Each component is between its values at the outer lanes.
+        let ahead = (along[i] + first * along_by_lane[i], along[i] + last * along_by_lane[i]);
+        let aside = (sideways[i] + first * sideways_by_lane[i], sideways[i] + last * sideways_by_lane[i]);
+        let (low, low_aside) = (smallest(ahead.0, ahead.1), smallest(aside.0, aside.1));
+        let (high, high_aside) = (largest(ahead.0, ahead.1), largest(aside.0, aside.1));
+        let low = (low * low + low_aside * low_aside).sqrt();
+        let high = (high * high + high_aside * high_aside).sqrt();
+        counts[i] * squared_gap(low, high, desired)
+    })
+}
+
+for_wide_machines! {
+    /// The same from bounds of the offset and the lateral speed, for a path that bends at most so much.
+    fn summed_gaps_over_time = gaps_over_time, (
+        s_dot: &[f64],
+        spread: [&[f64]; 3],
+        counts: &[f64],
+        curvature: f64,
+        desired: f64,
+    ) -> f64
+}
+
+#[inline(always)]
+fn gaps_over_time(s_dot: &[f64], spread: [&[f64]; 3], counts: &[f64], curvature: f64, desired: f64) -> f64 {
+    let n = counts.len();
+    let [widest, low_aside, high_aside] = spread;
+    let (s_dot, widest, low_aside, high_aside) = (&s_dot[..n], &widest[..n], &low_aside[..n], &high_aside[..n]);
+    summed(n, |i| {
+        let bend = curvature * widest[i];
+        let inside = if bend < 1.0 { s_dot[i] * (1.0 - bend) } else { 0.0 };
+        let outside = s_dot[i] * (1.0 + bend);
+        let low = (inside * inside + low_aside[i]).sqrt();
+        let high = (outside * outside + high_aside[i]).sqrt();
+        counts[i] * squared_gap(low, high, desired)
+    })
+}
+
+for_wide_machines! {
+    /// The same for speeds between two multiples of that along the path.
+    fn summed_gaps_over_arc = gaps_over_arc, (
+        s_dot: &[f64],
+        counts: &[f64],
+        factors: [f64; 2],
+        desired: f64,
+    ) -> f64
+}
+
+#[inline(always)]
+fn gaps_over_arc(s_dot: &[f64], counts: &[f64], factors: [f64; 2], desired: f64) -> f64 {
+    let n = counts.len();
+    let s_dot = &s_dot[..n];
+    summed(n, |i| counts[i] * squared_gap(s_dot[i] * factors[0], s_dot[i] * factors[1], desired))
 }
 
 impl TableCosts {
-    /// The bounds of all rows.
+    /// First bounds of all rows.
     pub(super) fn prepare(
         &mut self,
         samples: &Samples,
@@ -85,56 +226,106 @@ impl TableCosts {
         weights: &CostWeights,
         path: &ReferencePath,
     ) {
-        /// Bounds are lowered by this fraction: the sums that they bound are rounded.
-        const ROUNDING: f64 = 1e-9;
         self.desired_velocity = desired_velocity;
+        self.speeds.row = None;
         for buffer in [&mut self.velocity_offset, &mut self.total] {
             buffer.clear();
             buffer.resize(samples.len(), f64::INFINITY);
         }
-        let LateralTables { offset, jerk, .. } = &samples.lateral;
+        self.is_tight.clear();
+        self.is_tight.resize(samples.rows.len(), false);
+        self.counts.clear();
+        self.counts.extend((0..samples.stride).map(|i| if i < samples.n_points { 1.0 } else { 0.0 }));
         self.lateral.clear();
-        let tables = offset.chunks_exact(samples.lanes.len()).zip(jerk.chunks_exact(samples.lanes.len()));
-        self.lateral.extend(tables.map(|(offset, jerk)| {
-            let lanes = offset.iter().zip(jerk).map(|(offset, jerk)| from_tables(weights, 0.0, *offset, *jerk, 0.0));
-            lanes.fold(f64::INFINITY, f64::min)
-        }));
-        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
+        self.spreads.clear();
+        for table in 0..samples.lateral.len() {
+            self.lateral.push(least_lateral(samples, table, weights));
+            self.push_spread(samples, table);
+        }
+        self.find_curvatures(samples, path);
         self.bounds.clear();
-        for (index, row) in samples.rows.iter().enumerate() {
-            if row.rejection != super::Rejection::Admissible {
-                self.bounds.push(f64::INFINITY);
-                continue;
-            }
-            self.find_speeds(samples, index, path);
-            let velocity_offset = summed_gaps(&self.speeds, outer, desired_velocity).sqrt();
-            let total = from_tables(weights, velocity_offset, 0.0, 0.0, row.jerk) + self.lateral[row.lateral.table];
-            self.bounds.push(total * (1.0 - ROUNDING));
+        for index in 0..samples.rows.len() {
+            self.bounds.push(self.first_bound(samples, index, weights, path));
         }
     }
 
-    /// Speeds of the samples of a row, by point.
-    fn find_speeds(&mut self, samples: &Samples, index: usize, path: &ReferencePath) {
-        let is_over_arc = samples.rows[index].lateral.is_over_arc;
-        self.speeds.clear();
-        let points = samples.motions(index).iter().zip(samples.lateral_points(index));
-        self.speeds.extend(points.map(|(motion, lateral)| {
-            let curvature = curvature_at(path, motion.s);
-            // d' s_dot = d_dot
-            let sideways = if is_over_arc { motion.s_dot } else { 1.0 };
-            LaneSpeed {
-                along: motion.s_dot * (1.0 - curvature * lateral.home[0]),
-                along_by_lane: -motion.s_dot * curvature * lateral.step[0],
-                sideways: sideways * lateral.home[1],
-                sideways_by_lane: sideways * lateral.step[1],
-            }
+    fn push_spread(&mut self, samples: &Samples, table: usize) {
+        let (points, n) = (samples.lateral.points(table), samples.stride);
+        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
+        let first = self.spreads.len();
+        self.spreads.resize(first + 3 * n, 0.0);
+        write_spread(&points, outer, &mut self.spreads[first..]);
+    }
+
+    /// The largest curvature up to each knot that samples can reach.
+    fn find_curvatures(&mut self, samples: &Samples, path: &ReferencePath) {
+        let knots = path.curvature();
+        let knot = |s: f64| ((s / path.spacing()) as usize).min(knots.len() - 1);
+        // Speeds that count as 0 may be slightly negative: one knot more on both sides.
+        self.first_knot = knot(samples.furthest[0]).saturating_sub(1);
+        let last = (knot(samples.furthest[samples.n_points - 1]) + 2).min(knots.len() - 1);
+        let mut largest = 0.0_f64;
+        self.curvature_up_to.clear();
+        self.curvature_up_to.extend(knots[self.first_knot..=last].iter().map(|curvature| {
+            largest = largest.max(curvature.abs());
+            largest
         }));
+    }
+
+    fn first_bound(&self, samples: &Samples, index: usize, weights: &CostWeights, path: &ReferencePath) -> f64 {
+        let row = &samples.rows[index];
+        if row.rejection != super::Rejection::Admissible {
+            return f64::INFINITY;
+        }
+        let motion = samples.motions(index);
+        let end = (motion.s[samples.n_points - 1] / path.spacing()) as usize + 2;
+        let place = end.saturating_sub(self.first_knot).min(self.curvature_up_to.len() - 1);
+        let (curvature, desired) = (self.curvature_up_to[place], self.desired_velocity);
+        let (gaps, lateral) = if let Some(table) = row.table {
+            let spread = &self.spreads[3 * table * samples.stride..];
+            let spread = [0, 1, 2].map(|k| &spread[k * samples.stride..(k + 1) * samples.stride]);
+            let gaps = summed_gaps_over_time(motion.s_dot, spread, &self.counts, curvature, desired);
+            (gaps, self.lateral[table])
+        } else {
+            let [widest, slope] = samples.lateral_bounds(index);
+            let bend = curvature * widest;
+            let factors = [(1.0 - bend).max(0.0), (1.0 + bend).hypot(slope)];
+            (summed_gaps_over_arc(motion.s_dot, &self.counts, factors, desired), 0.0)
+        };
+        (from_tables(weights, gaps.sqrt(), 0.0, 0.0, row.jerk) + lateral) * (1.0 - ROUNDING)
+    }
+
+    /// A better bound of an admissible row, once.
+    pub(super) fn tighten(
+        &mut self,
+        samples: &mut Samples,
+        index: usize,
+        weights: &CostWeights,
+        path: &ReferencePath,
+    ) -> Option<f64> {
+        if std::mem::replace(&mut self.is_tight[index], true) {
+            return None;
+        }
+        let table = samples.lateral_table(index);
+        self.speeds.find(samples, index, path);
+        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
+        let gaps = summed_gaps(&self.speeds, &self.counts, outer, self.desired_velocity);
+        let lateral = self.lateral.get(table).copied().unwrap_or_else(|| least_lateral(samples, table, weights));
+        let total = from_tables(weights, gaps.sqrt(), 0.0, 0.0, samples.rows[index].jerk) + lateral;
+        Some((total * (1.0 - ROUNDING)).max(self.bounds[index]))
     }
 
     /// Terms and totals of the samples of an admissible row. The first is the root of the summed squares of
     /// v - v_desired, with v² = (s_dot K)² + d_dot².
-    pub(super) fn compute_row(&mut self, samples: &Samples, index: usize, weights: &CostWeights, path: &ReferencePath) {
-        self.find_speeds(samples, index, path);
+    pub(super) fn compute_row(
+        &mut self,
+        samples: &mut Samples,
+        index: usize,
+        weights: &CostWeights,
+        path: &ReferencePath,
+    ) {
+        let table = samples.lateral_table(index);
+        self.speeds.find(samples, index, path);
         let n_lanes = samples.lanes.len();
         let row = &samples.rows[index];
         let lanes = index * n_lanes..(index + 1) * n_lanes;
@@ -143,13 +334,40 @@ impl TableCosts {
             let squares = summed_squares(&self.speeds, lanes, self.desired_velocity);
             sums.copy_from_slice(&squares[..sums.len()]);
         }
-        let per_lane = row.lateral.table * n_lanes..(row.lateral.table + 1) * n_lanes;
+        let per_lane = table * n_lanes..(table + 1) * n_lanes;
         let parts = samples.lateral.offset[per_lane.clone()].iter().zip(&samples.lateral.jerk[per_lane]);
         for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[lanes]).zip(parts) {
             *velocity_offset = velocity_offset.sqrt();
             *total = from_tables(weights, *velocity_offset, *offset, *jerk, row.jerk);
         }
     }
+}
+
+for_wide_machines! {
+    fn write_spread = spread_at, (points: &LateralPoints, outer: [f64; 2], out: &mut [f64])
+}
+
+#[inline(always)]
+fn spread_at(points: &LateralPoints, [first, last]: [f64; 2], out: &mut [f64]) {
+    let n = points.home[0].len();
+    let LateralPoints { home, step } = points.cut(0..n);
+    let (widest, rest) = out.split_at_mut(n);
+    let (low, high) = rest.split_at_mut(n);
+    for i in 0..n {
+        let outer = |k: usize| (home[k][i] + first * step[k][i], home[k][i] + last * step[k][i]);
+        let (offset, speed) = (outer(0), outer(1));
+        widest[i] = largest(offset.0, offset.1);
+        let (slow, fast) = (smallest(speed.0, speed.1), largest(speed.0, speed.1));
+        (low[i], high[i]) = (slow * slow, fast * fast);
+    }
+}
+
+/// The smallest weighted sum of the lateral terms of a table.
+fn least_lateral(samples: &Samples, table: usize, weights: &CostWeights) -> f64 {
+    let lanes = table * samples.lanes.len()..(table + 1) * samples.lanes.len();
+    let terms = samples.lateral.offset[lanes.clone()].iter().zip(&samples.lateral.jerk[lanes]);
+    let sums = terms.map(|(offset, jerk)| from_tables(weights, 0.0, *offset, *jerk, 0.0));
+    sums.fold(f64::INFINITY, f64::min)
 }
 
 /// `path.at(s).curvature` without the rest.

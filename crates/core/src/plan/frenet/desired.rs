@@ -39,10 +39,12 @@ impl Desired {
         let comfort = &settings.comfort;
         let vehicle = request.vehicle;
         let front = start.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
-        let leaders = || request.others.iter().filter_map(|other| leader(other, request, start));
-        let following = leaders()
-            .map(|leader| safe_velocity(leader.rear - front - comfort.standstill_gap, leader.velocity, comfort))
-            .fold(f64::INFINITY, f64::min);
+        let (mut following, mut standing) = (f64::INFINITY, f64::INFINITY);
+        for leader in request.others.iter().filter_map(|other| leader(other, request, start)) {
+            let gap = leader.rear - front - comfort.standstill_gap;
+            following = following.min(safe_velocity(gap, leader.velocity, comfort));
+            standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
+        }
         let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min);
         let (goal_velocity, goal_stop) = goal;
         let step = comfort.velocity_step;
@@ -53,11 +55,7 @@ impl Desired {
             .min(following)
             .max(start.velocity - step)
             .max(0.0);
-        let leader_stop = leaders()
-            .map(|leader| leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration)
-            .fold(f64::INFINITY, f64::min)
-            - comfort.standstill_gap
-            - (front - start.s);
+        let leader_stop = standing - comfort.standstill_gap - (front - start.s);
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
         let near = |s: &f64| settings.stop_targets && (0.3..reach).contains(&(s - start.s));

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::super::PlanRequest;
-use super::super::frame::{FrenetPoint, Start, Waypoint};
+use super::super::frame::{Start, Waypoint};
 use super::choose::{Entry, Refined, Search};
 use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
 use super::feasibility::{Limits, Rejection};
@@ -12,11 +12,12 @@ use super::obstacles::{Contact, Obstacles};
 use super::previous::Previous;
 use super::sample::Samples;
 use super::settings::{FrenetSettings, N_TERMS};
+use super::trace::{self, Sample};
 use crate::collision::departs_road;
 use crate::geometry::shape::OrientedBox;
 
 /// Points of the prediction term that are computed at once.
-const BLOCK: usize = 4;
+const BLOCK: usize = 2;
 /// Sums in different orders differ by less than this fraction.
 const SUMMATION_ROUNDING: f64 = 1e-12;
 
@@ -136,7 +137,7 @@ impl<'a> Evaluation<'a> {
 
     /// The tests but the road, and the cost without prediction.
     fn admit(&mut self, sample: usize) -> Refined {
-        if self.write_points(sample, true) != Rejection::Admissible {
+        if !self.write_if_drivable(sample) {
             return Refined::Rejected;
         }
         if let Some(contact) = self.contact() {
@@ -179,9 +180,29 @@ impl<'a> Evaluation<'a> {
         &self.tables.work.points
     }
 
-    /// Writes the trajectory of a sample, up to the first point that is not feasible if `stop_early`. Points that are
-    /// undefined (near the centre of the path's curvature) repeat the one before.
-    pub(super) fn write_points(&mut self, sample: usize, stop_early: bool) -> Rejection {
+    /// Writes the trajectory of a sample, if the vehicle can drive it.
+    pub(super) fn write_if_drivable(&mut self, sample: usize) -> bool {
+        let Some((row, lane)) = self.place(sample) else {
+            return self.write_points(sample) == Rejection::Admissible;
+        };
+        if self.tables.samples.rows[row].rejection != Rejection::Admissible {
+            return false;
+        }
+        self.load(row);
+        let sample = in_path_frame(self.tables.samples, row, lane);
+        let center = self.problem.request.vehicle.rear_axle_to_center;
+        trace::write(&sample, self.problem.limits, center, &mut self.tables.work.points)
+    }
+
+    /// Everything about a row that its samples share.
+    fn load(&mut self, row: usize) {
+        self.tables.samples.lateral_table(row);
+        self.tables.samples.load_path(row, &self.problem.request.route.path);
+    }
+
+    /// Writes the trajectory of a sample and says what is wrong with it. Points that are undefined (near the centre of
+    /// the path's curvature) repeat the one before.
+    pub(super) fn write_points(&mut self, sample: usize) -> Rejection {
         self.tables.work.points.clear();
         let Some((row, lane)) = self.place(sample) else {
             self.tables.work.points.extend_from_slice(&self.tables.previous.points);
@@ -190,28 +211,18 @@ impl<'a> Evaluation<'a> {
                 found.or(self.problem.limits.check(&points[i - 1], &points[i], i))
             });
         };
-        self.tables.samples.load_path(row, &self.problem.request.route.path);
+        self.load(row);
         let mut found = self.tables.samples.rows[row].rejection;
-        let (samples, center) = (&*self.tables.samples, self.problem.request.vehicle.rear_axle_to_center);
-        let (lane, is_over_arc) = (samples.lanes[lane], samples.rows[row].lateral.is_over_arc);
-        let points = samples.motions(row).iter().zip(samples.path(row)).zip(samples.lateral_points(row));
-        for (i, ((motion, at), lateral)) in points.enumerate() {
-            let (s_dot, s_ddot) = (motion.s_dot, motion.s_ddot);
-            let [d, mut d_prime, mut d_prime2] = lateral.at(lane);
-            if !is_over_arc {
-                d_prime /= s_dot;
-                d_prime2 = (d_prime2 - d_prime * s_ddot) / (s_dot * s_dot);
-            }
-            let frenet = FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 };
+        let center = self.problem.request.vehicle.rear_axle_to_center;
+        let sample = in_path_frame(self.tables.samples, row, lane);
+        for i in 0..self.problem.limits.n_points {
             let before = self.tables.work.points.last().copied();
-            let point = Waypoint::new(at, &frenet, center);
+            let (at, frenet) = sample.at(i);
+            let point = Waypoint::new(&at, &frenet, center);
             match (point, before) {
                 (None, _) => found = found.or(Rejection::LeftPath),
                 (Some(point), Some(before)) => found = found.or(self.problem.limits.check(&before, &point, i)),
                 (Some(_), None) => {}
-            }
-            if stop_early && found != Rejection::Admissible {
-                return found;
             }
             self.tables.work.points.push(point.or(before).unwrap_or_default());
         }
@@ -262,8 +273,8 @@ impl<'a> Evaluation<'a> {
             None => self.tables.previous.motions[i],
             Some((row, lane)) => {
                 let samples = &*self.tables.samples;
-                let d = samples.lateral_points(row)[i].at(samples.lanes[lane]);
-                FrenetMotion::new(&samples.motions(row)[i], d, samples.rows[row].lateral.is_over_arc)
+                let d = samples.lateral_points(row).at(i, samples.lanes[lane]);
+                FrenetMotion::new(&samples.motions(row).at(i), d, samples.rows[row].is_over_arc)
             }
         };
         world_terms(&self.tables.work.points, motion, self.tables.obstacles, self.problem.request)
@@ -273,14 +284,30 @@ impl<'a> Evaluation<'a> {
     pub(super) fn table_terms(&self, sample: usize) -> [f64; 4] {
         let Some((row, lane)) = self.place(sample) else { return self.tables.previous.terms };
         let (samples, row) = (&*self.tables.samples, &self.tables.samples.rows[row]);
-        let k = row.lateral.table * samples.lanes.len() + lane;
+        let k = row.table.expect("the lateral motion is there") * samples.lanes.len() + lane;
         [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], row.jerk]
     }
 }
 
+/// A sample in the frame of the path, whose row is loaded.
+fn in_path_frame(samples: &Samples, row: usize, lane: usize) -> Sample<'_> {
+    Sample {
+        motion: samples.motions(row),
+        path: samples.path(row),
+        lateral: samples.lateral_points(row),
+        lane: samples.lanes[lane],
+        is_over_arc: samples.rows[row].is_over_arc,
+    }
+}
+
 impl Search for Evaluation<'_> {
+    fn tighten(&mut self, row: usize) -> Option<f64> {
+        let Problem { request, settings, .. } = self.problem;
+        self.tables.costs.tighten(self.tables.samples, row, &settings.weights, &request.route.path)
+    }
+
     fn open(&mut self, row: usize) -> impl Iterator<Item = f64> {
-        let (samples, path) = (&*self.tables.samples, &self.problem.request.route.path);
+        let (samples, path) = (&mut *self.tables.samples, &self.problem.request.route.path);
         self.tables.costs.compute_row(samples, row, &self.problem.settings.weights, path);
         let n_lanes = samples.lanes.len();
         self.tables.costs.total[row * n_lanes..(row + 1) * n_lanes].iter().copied()

@@ -5,6 +5,7 @@
 
 use super::super::PlanRequest;
 use super::super::frame::Waypoint;
+use crate::geometry::Point;
 use crate::vehicle::Vehicle;
 
 /// Time in which an excess of the start must be gone [s].
@@ -48,6 +49,32 @@ impl Rejection {
     #[inline]
     pub(super) fn or(self, other: Self) -> Self {
         if self == Self::Admissible { other } else { self }
+    }
+}
+
+/// Conditions under which a motion along the path surely breaks no limit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AlongPath {
+    /// Of the path [m].
+    length: f64,
+    /// Speed that still counts as 0 [m/s].
+    lowest: f64,
+    /// [m/s²]
+    acceleration: f64,
+    /// Acceleration times speed [m²/s³].
+    power: f64,
+    /// Lateral polynomials of time are for speeds from this on [m/s].
+    pub(super) low_velocity: f64,
+}
+
+impl AlongPath {
+    #[inline(always)]
+    pub(super) fn surely_holds(&self, s: f64, s_dot: f64, s_ddot: f64) -> bool {
+        (s >= 0.0)
+            & (s <= self.length)
+            & (s_dot >= self.lowest)
+            & (s_ddot.abs() <= self.acceleration)
+            & (s_ddot * s_dot <= self.power)
     }
 }
 
@@ -99,13 +126,14 @@ impl Limits {
     }
 
     /// How much more than the limits of deceleration, acceleration and lateral acceleration is allowed at a point.
-    #[inline]
+    #[inline(always)]
     fn recovery(&self, point: usize) -> [f64; 3] {
         if !self.has_excess {
             return [0.0; 3];
         }
         let rest = (1.0 - point as f64 * self.dt / RECOVERY_TIME).max(0.0);
-        self.excess.map(|excess| excess * rest)
+        let [braking, driving, cornering] = self.excess;
+        [braking * rest, driving * rest, cornering * rest]
     }
 
     /// A coarse check of the motion along the path that spares its samples the fine one.
@@ -120,37 +148,63 @@ impl Limits {
         if s_ddot.abs() > PATH_FACTOR * limit { Rejection::Acceleration } else { Rejection::Admissible }
     }
 
+    /// A quick form of `check_along_path` for paths of a length [m].
+    pub(super) fn along_path(&self, length: f64, rounding: f64, low_velocity: f64) -> AlongPath {
+        /// A little less than the limits, so that rounding makes doubt and not certainty.
+        const SAFETY: f64 = 1.0 - 1e-9;
+        let acceleration = SAFETY * PATH_FACTOR * self.acceleration_max;
+        let power = acceleration * PATH_FACTOR * self.vehicle.velocity_switch;
+        AlongPath { length, lowest: -rounding, acceleration, power, low_velocity }
+    }
+
     /// Checks point number `point` and the step to it from `before`.
-    ///
-    /// The change of the steering angle atan(L k) is exact: its tangent is L (k2 - k1) / (1 + L² k1 k2).
     #[inline]
     pub(super) fn check(&self, before: &Waypoint, now: &Waypoint, point: usize) -> Rejection {
+        const REASONS: [Rejection; 5] = [
+            Rejection::Acceleration,
+            Rejection::Curvature,
+            Rejection::LateralAcceleration,
+            Rejection::SteeringRate,
+            Rejection::YawRate,
+        ];
+        let broken = self.broken(&Turning::of(before), &Turning::of(now), now.acceleration, point);
+        broken.iter().position(|is_broken| *is_broken).map_or(Rejection::Admissible, |i| REASONS[i])
+    }
+
+    /// Which limits are broken: acceleration, curvature, lateral acceleration, steering rate, yaw rate.
+    ///
+    /// The change of the steering angle atan(L k) is exact: its tangent is L (k2 - k1) / (1 + L² k1 k2).
+    #[inline(always)]
+    pub(super) fn broken(&self, before: &Turning, now: &Turning, acceleration: f64, point: usize) -> [bool; 5] {
         let [braking, driving, cornering] = self.recovery(point);
-        let available = if now.acceleration > 0.0 {
-            self.vehicle.forward_acceleration_max(now.velocity) + driving
-        } else {
-            self.acceleration_max + braking
-        };
-        if now.acceleration.abs() > available + ACCELERATION_ROUNDING {
-            return Rejection::Acceleration;
-        }
+        let forward = self.vehicle.forward_acceleration_max(now.velocity) + driving;
+        let available = if acceleration > 0.0 { forward } else { self.acceleration_max + braking };
         let limit = self.curvature_max + CURVATURE_ROUNDING;
-        if now.curvature.abs() > limit {
-            return Rejection::Curvature;
-        }
         let lateral = now.velocity * now.velocity * now.curvature.abs();
-        if lateral > self.vehicle.lateral_acceleration_max + cornering + ACCELERATION_ROUNDING {
-            return Rejection::LateralAcceleration;
-        }
         let l = self.vehicle.wheelbase;
         let step = (now.curvature - before.curvature).abs() - CURVATURE_ROUNDING;
-        if l * step > self.steering_step * (1.0 + l * l * now.curvature * before.curvature).max(0.0) {
-            return Rejection::SteeringRate;
-        }
         let turn = before.axis.cross(now.axis).abs();
-        if turn > limit * before.velocity.max(now.velocity) * self.dt + HEADING_ROUNDING {
-            return Rejection::YawRate;
-        }
-        Rejection::Admissible
+        [
+            acceleration.abs() > available + ACCELERATION_ROUNDING,
+            now.curvature.abs() > limit,
+            lateral > self.vehicle.lateral_acceleration_max + cornering + ACCELERATION_ROUNDING,
+            l * step > self.steering_step * (1.0 + l * l * now.curvature * before.curvature).max(0.0),
+            turn > limit * before.velocity.max(now.velocity) * self.dt + HEADING_ROUNDING,
+        ]
+    }
+}
+
+/// What limits of turning look at.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turning {
+    pub(super) axis: Point,
+    pub(super) curvature: f64,
+    pub(super) velocity: f64,
+}
+
+impl Turning {
+    #[inline(always)]
+    fn of(point: &Waypoint) -> Self {
+        Self { axis: point.axis, curvature: point.curvature, velocity: point.velocity }
     }
 }

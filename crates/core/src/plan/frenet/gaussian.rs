@@ -6,12 +6,18 @@
 //! nodes suffice while the correlation is moderate. Otherwise the box is cut into slabs across its shorter side (in standard
 //! deviations), over which the conditional probability is integrated.
 
+use crate::geometry::Point;
+
 /// Beyond this many standard deviations nothing is left (probability below 2e-8).
 pub(super) const REACH: f64 = 5.5;
+/// Smaller variances count as this [m²].
+pub(super) const VARIANCE_MIN: f64 = 1e-6;
 /// Boxes with less probability than this along one axis count as impossible.
 const NEGLIGIBLE: f64 = 2e-8;
-/// Correlations up to which one, two, ... nodes give the box probability to 3e-7.
-const NODES_UP_TO: [(f64, usize); 6] = [(0.02, 1), (0.15, 2), (0.4, 3), (0.58, 4), (0.77, 6), (0.88, 8)];
+/// Correlations up to which one, two, three, four, six and eight nodes give the box probability to 3e-7.
+const NODES_UP_TO: [f64; 6] = [0.02, 0.15, 0.4, 0.58, 0.77, 0.88];
+/// Smaller correlations are none.
+const INDEPENDENT: f64 = 1e-8;
 /// Cells of the table per standard deviation.
 const CELLS_PER_SIGMA: f64 = 64.0;
 /// The table ends here; the rest is below 5e-11.
@@ -114,7 +120,7 @@ const fn cos_series(angle: f64) -> f64 {
 }
 
 /// Probability that a standard normal variable is at most `z`; error below 1e-10.
-#[inline]
+#[inline(always)]
 fn normal_cdf(z: f64) -> f64 {
     let position = z.abs() * CELLS_PER_SIGMA;
     let upper = match CDF_CELLS.get(position as usize) {
@@ -129,7 +135,7 @@ fn normal_cdf(z: f64) -> f64 {
 
 /// Exponential function of a number up to 0, relative error below 1e-9: powers of two and a polynomial. It is inlined,
 /// and a loop over it can be vectorised.
-#[inline]
+#[inline(always)]
 fn exp_negative(x: f64) -> f64 {
     /// Adding and subtracting it rounds to an integer; its low bits hold that integer.
     const ROUNDER: f64 = 6_755_399_441_055_744.0;
@@ -149,7 +155,7 @@ fn exp_negative(x: f64) -> f64 {
     series * f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52)
 }
 
-/// Standard deviations along x and y and correlation of a normal distribution in the plane, prepared for many boxes.
+/// Standard deviations along x and y and correlation of a normal distribution in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Normal2 {
     inverse_sigma_x: f64,
@@ -157,9 +163,6 @@ pub(super) struct Normal2 {
     rho: f64,
     /// sqrt(1 - rho²)
     remainder: f64,
-    /// Correlations between 0 and rho (absolute), with weights and factors of the exponent.
-    nodes: [Node; 8],
-    n_nodes: usize,
 }
 
 /// Node of the integral over the correlation r.
@@ -175,102 +178,92 @@ struct Node {
 impl Normal2 {
     /// From variances [m²] and covariance [m²]. Deviations below 1 mm count as 1 mm and correlations stay within
     /// ±0.9999, so an impossible matrix (not positive semi-definite) is replaced by the nearest usable one.
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(variance_x: f64, covariance: f64, variance_y: f64) -> Self {
-        let inverse_sigma_x = variance_x.max(1e-6).sqrt().recip();
-        let inverse_sigma_y = variance_y.max(1e-6).sqrt().recip();
+        let inverse_sigma_x = variance_x.max(VARIANCE_MIN).sqrt().recip();
+        let inverse_sigma_y = variance_y.max(VARIANCE_MIN).sqrt().recip();
         let rho = (covariance * inverse_sigma_x * inverse_sigma_y).clamp(-0.9999, 0.9999);
-        let mut normal = Self {
-            inverse_sigma_x,
-            inverse_sigma_y,
-            rho,
-            remainder: (1.0 - rho * rho).sqrt(),
-            nodes: [Node::default(); 8],
-            n_nodes: 0,
-        };
-        if rho.abs() > 1e-8 {
-            let fits = NODES_UP_TO.iter().find(|(up_to, _)| rho.abs() <= *up_to);
-            normal.set_nodes(fits.map_or(0, |(_, n)| *n));
-        }
-        normal
+        Self { inverse_sigma_x, inverse_sigma_y, rho, remainder: (1.0 - rho * rho).sqrt() }
     }
 
-    #[inline]
-    fn set_nodes(&mut self, n: usize) {
-        let rule: &[(f64, f64)] = match n {
-            0 => &[],
-            1 => &RULE_1,
-            2 => &RULE_2,
-            3 => &RULE_3,
-            4 => &RULE_4,
-            6 => &RULE_6,
-            _ => &RULE_8,
-        };
-        self.n_nodes = rule.len();
-        let half = 0.5 * self.rho.abs();
-        for (node, (place, weight)) in self.nodes.iter_mut().zip(rule) {
-            let r = half * (1.0 + place);
+    /// Probability that the point, whose mean is the origin, lies within `half` of each centre in x and in y [m]; a
+    /// centre and its opposite give the same. Error below 4e-7; never negative.
+    #[inline(always)]
+    pub(super) fn probabilities_of_boxes<const N: usize>(&self, centers: &[Point; N], half: (f64, f64)) -> [f64; N] {
+        let rho = self.rho.abs();
+        let [one, two, three, four, six, eight] = NODES_UP_TO;
+        if rho <= INDEPENDENT || rho > eight {
+            self.probabilities(&[], centers, half)
+        } else if rho <= one {
+            self.with_nodes(&RULE_1, centers, half)
+        } else if rho <= two {
+            self.with_nodes(&RULE_2, centers, half)
+        } else if rho <= three {
+            self.with_nodes(&RULE_3, centers, half)
+        } else if rho <= four {
+            self.with_nodes(&RULE_4, centers, half)
+        } else if rho <= six {
+            self.with_nodes(&RULE_6, centers, half)
+        } else {
+            self.with_nodes(&RULE_8, centers, half)
+        }
+    }
+
+    #[inline(always)]
+    fn with_nodes<const N: usize, const NODES: usize>(
+        &self,
+        rule: &[(f64, f64); NODES],
+        centers: &[Point; N],
+        half: (f64, f64),
+    ) -> [f64; N] {
+        let mut nodes = [Node::default(); NODES];
+        let half_rho = 0.5 * self.rho.abs();
+        for i in 0..NODES {
+            let (place, weight) = rule[i];
+            let r = half_rho * (1.0 + place);
             let inverse = 1.0 / (1.0 - r * r);
-            *node = Node {
-                weight: half * weight * inverse.sqrt() * INVERSE_SQRT_TAU * INVERSE_SQRT_TAU,
+            nodes[i] = Node {
+                weight: half_rho * weight * inverse.sqrt() * INVERSE_SQRT_TAU * INVERSE_SQRT_TAU,
                 square_factor: -0.5 * inverse,
                 product_factor: r * inverse,
             };
         }
+        self.probabilities(&nodes, centers, half)
     }
 
-    /// Probability that the point, whose mean is the origin, lies within `half` of `center` in x and in y [m].
-    /// Error below 4e-7; never negative.
-    #[inline]
-    pub(super) fn probability_of_box(&self, center: (f64, f64), half: (f64, f64)) -> f64 {
-        let (x, dx) = (center.0.abs() * self.inverse_sigma_x, half.0 * self.inverse_sigma_x);
-        let (y, dy) = (center.1.abs() * self.inverse_sigma_y, half.1 * self.inverse_sigma_y);
-        if x - dx >= REACH || y - dy >= REACH {
-            return 0.0;
-        }
-        let (x, y) = ((x - dx, x + dx), (y - dy, y + dy));
-        let py = normal_cdf(y.1) - normal_cdf(y.0);
-        let px = normal_cdf(x.1) - normal_cdf(x.0);
-        if px < NEGLIGIBLE || py < NEGLIGIBLE {
-            return 0.0;
-        }
-        // Reflected into the first quadrant; a reflection of one axis changes the sign of the correlation.
-        let sign = if (center.0 < 0.0) == (center.1 < 0.0) { self.rho.signum() } else { -self.rho.signum() };
-        if self.n_nodes > 0 {
-            (px * py + sign * self.correlation_gain(x, y, sign)).max(0.0)
-        } else if self.rho.abs() <= 1e-8 {
-            px * py
-        } else {
-            self.correlated(x, y, sign * self.rho.abs(), px, py)
-        }
-    }
-
-    /// Integral of the box probability's derivative over the correlation, from 0 to its value: the density at the four
-    /// corners with alternating signs. Written for four lanes.
-    #[inline]
-    fn correlation_gain(&self, x: (f64, f64), y: (f64, f64), sign: f64) -> f64 {
-        // Exponents are at most -(x² + y²) / (2 (1 + rho)): beyond this the error is below 2e-7.
-        const FAR: f64 = 46.0;
-        let (square_x, square_y) = ([x.0 * x.0, x.1 * x.1], [y.0 * y.0, y.1 * y.1]);
-        let nearest = square_x[0].min(square_x[1]) + square_y[0].min(square_y[1]);
-        if nearest > FAR {
-            return 0.0;
-        }
-        let square = [
-            square_x[0] + square_y[0],
-            square_x[1] + square_y[1],
-            square_x[0] + square_y[1],
-            square_x[1] + square_y[0],
-        ];
-        let product = [sign * (x.0 * y.0), sign * (x.1 * y.1), sign * (x.0 * y.1), sign * (x.1 * y.0)];
-        let mut sums = [0.0; 4];
-        for node in &self.nodes[..self.n_nodes] {
-            for corner in 0..4 {
-                let exponent = square[corner] * node.square_factor + product[corner] * node.product_factor;
-                sums[corner] += node.weight * exp_negative(exponent);
+    /// Without nodes the correlation is nothing, or so strong that the boxes are cut into slabs.
+    #[inline(always)]
+    fn probabilities<const N: usize, const NODES: usize>(
+        &self,
+        nodes: &[Node; NODES],
+        centers: &[Point; N],
+        half: (f64, f64),
+    ) -> [f64; N] {
+        let (dx, dy) = (half.0 * self.inverse_sigma_x, half.1 * self.inverse_sigma_y);
+        let mut found = [0.0; N];
+        for i in 0..N {
+            // Reflected into the first quadrant; a reflection of one axis changes the sign of the correlation.
+            let center = centers[i];
+            let (x, y) = (center.x.abs() * self.inverse_sigma_x, center.y.abs() * self.inverse_sigma_y);
+            if x - dx >= REACH || y - dy >= REACH {
+                continue;
             }
+            let (x, y) = ((x - dx, x + dx), (y - dy, y + dy));
+            let py = normal_cdf(y.1) - normal_cdf(y.0);
+            let px = normal_cdf(x.1) - normal_cdf(x.0);
+            if px < NEGLIGIBLE || py < NEGLIGIBLE {
+                continue;
+            }
+            let sign = if (center.x < 0.0) == (center.y < 0.0) { self.rho.signum() } else { -self.rho.signum() };
+            found[i] = if NODES > 0 {
+                (px * py + sign * correlation_gain(nodes, x, y, sign)).max(0.0)
+            } else if self.rho.abs() <= INDEPENDENT {
+                px * py
+            } else {
+                self.correlated(x, y, sign * self.rho.abs(), px, py)
+            };
         }
-        (sums[0] + sums[1]) - (sums[2] + sums[3])
+        found
     }
 
     /// For strong correlations.
@@ -284,6 +277,30 @@ impl Normal2 {
         let across = if x.1 - x.0 < y.1 - y.0 { (x, y) } else { (y, x) };
         slabs(across.0, across.1, rho, self.remainder).max(0.0)
     }
+}
+
+/// Integral of the box probability's derivative over the correlation, from 0 to its value: the density at the four
+/// corners with alternating signs. Written for four lanes.
+#[inline(always)]
+fn correlation_gain<const NODES: usize>(nodes: &[Node; NODES], x: (f64, f64), y: (f64, f64), sign: f64) -> f64 {
+    // Exponents are at most -(x² + y²) / (2 (1 + rho)): beyond this the error is below 2e-7.
+    const FAR: f64 = 46.0;
+    let (square_x, square_y) = ([x.0 * x.0, x.1 * x.1], [y.0 * y.0, y.1 * y.1]);
+    let nearest = square_x[0].min(square_x[1]) + square_y[0].min(square_y[1]);
+    if nearest > FAR {
+        return 0.0;
+    }
+    let square =
+        [square_x[0] + square_y[0], square_x[1] + square_y[1], square_x[0] + square_y[1], square_x[1] + square_y[0]];
+    let product = [sign * (x.0 * y.0), sign * (x.1 * y.1), sign * (x.0 * y.1), sign * (x.1 * y.0)];
+    let mut sums = [0.0; 4];
+    for node in nodes {
+        for corner in 0..4 {
+            let exponent = square[corner] * node.square_factor + product[corner] * node.product_factor;
+            sums[corner] += node.weight * exp_negative(exponent);
+        }
+    }
+    (sums[0] + sums[1]) - (sums[2] + sums[3])
 }
 
 /// Integral over the slabs `across` (the shorter side) of the conditional probability of `along`.
@@ -366,7 +383,7 @@ mod tests {
             for (sx, sy) in [(0.3, 0.2), (1.0, 0.4), (3.0, 1.5), (0.8, 4.0)] {
                 for center in [(0.0, 0.0), (1.0, -0.5), (-2.6, 0.9), (2.0, 2.5), (-4.0, -1.6)] {
                     let (xx, xy, yy) = (sx * sx, rho * sx * sy, sy * sy);
-                    let p = Normal2::new(xx, xy, yy).probability_of_box(center, half);
+                    let p = Normal2::new(xx, xy, yy).probabilities_of_boxes(&[Point::new(center.0, center.1)], half)[0];
                     let expected = brute_force(xx, xy, yy, center, half);
                     assert!((p - expected).abs() < 3e-6, "rho {rho}, sigma {sx} {sy}, {center:?}: {p} for {expected}");
                 }
@@ -386,14 +403,14 @@ mod tests {
 
     #[test]
     fn the_nodes_for_small_correlations_agree_with_the_slabs() {
-        for (up_to, _) in NODES_UP_TO {
+        for up_to in NODES_UP_TO {
             for rho in [0.3 * up_to, -0.7 * up_to, up_to, -up_to] {
                 for x in [(-1.0, 2.0), (-6.0, 0.3), (0.5, 5.0), (2.0, 3.0), (-0.7, 0.7), (1.0, 9.0)] {
                     for y in [(-0.5, 0.7), (1.0, 4.0), (-3.0, -2.0), (0.0, 2.0), (-8.0, 1.0)] {
                         let normal = Normal2::new(1.0, rho, 1.0);
                         let (center, half) =
                             ((0.5 * (x.0 + x.1), 0.5 * (y.0 + y.1)), (0.5 * (x.1 - x.0), 0.5 * (y.1 - y.0)));
-                        let p = normal.probability_of_box(center, half);
+                        let p = normal.probabilities_of_boxes(&[Point::new(center.0, center.1)], half)[0];
                         let clip = |(low, high): (f64, f64)| (f64::max(low, -7.0), f64::min(high, 7.0));
                         let expected = slabs(clip(x), clip(y), rho, normal.remainder);
                         assert!((p - expected).abs() < 4e-7, "{rho} {x:?} {y:?}: {p} {expected}");
@@ -417,7 +434,7 @@ mod tests {
     #[test]
     fn a_covariance_that_no_distribution_has_gives_a_probability() {
         for (xx, xy, yy) in [(0.0, 0.0, 0.0), (1.0, 5.0, 1.0), (-1.0, 0.2, 0.5)] {
-            let p = Normal2::new(xx, xy, yy).probability_of_box((0.1, 0.1), (1.0, 1.0));
+            let p = Normal2::new(xx, xy, yy).probabilities_of_boxes(&[Point::new(0.1, 0.1)], (1.0, 1.0))[0];
             assert!((0.0..=1.0).contains(&p), "{p}");
         }
     }

@@ -10,6 +10,7 @@
 //! whole plan, the state is converted afresh at every plan, corners of predicted participants count equally, and limits
 //! include steering rate and lateral acceleration.
 
+mod by_time;
 mod candidates;
 mod choose;
 mod cost;
@@ -18,10 +19,12 @@ mod evaluate;
 mod fallback;
 mod feasibility;
 mod gaussian;
+mod lateral;
 mod obstacles;
 mod previous;
 mod sample;
 mod settings;
+mod trace;
 #[cfg(test)]
 mod tests;
 
@@ -106,7 +109,7 @@ fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scrat
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let desired = Desired::new(request, &start, settings);
     let Scratch { samples, costs, obstacles, previous, heap, work, road } = scratch;
-    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous), false);
+    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous));
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
@@ -117,7 +120,7 @@ fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scrat
         choose::exhaustive(heap, &mut evaluation)
     };
     if let Some((sample, cost)) = choice {
-        evaluation.write_points(sample, true);
+        evaluation.write_if_drivable(sample);
         let trajectory = trajectory(request, start, evaluation.points());
         return PlanResult { trajectory, status: PlanStatus::Planned, cost, message: String::new() };
     }
@@ -155,7 +158,7 @@ fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premis
     let desired = Desired::new(request, &start, settings);
     let mut scratch = Scratch::default();
     let Scratch { samples, costs, obstacles, previous, work, .. } = &mut scratch;
-    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous), true);
+    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous));
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
@@ -168,10 +171,9 @@ fn prepare(
     settings: &FrenetSettings,
     (start, desired, limits): (&Start, &Desired, &Limits),
     (samples, costs, obstacles, previous): (&mut Samples, &mut TableCosts, &mut Obstacles, &mut Previous),
-    with_rejected: bool,
 ) {
     let path = &request.route.path;
-    samples.generate(&Inputs { start, desired, limits, settings, path, with_rejected });
+    samples.generate(&Inputs { start, desired, limits, settings, path });
     costs.prepare(samples, desired.velocity, &settings.weights, path);
     previous.shift(request, start, limits, desired.velocity, &settings.weights);
     obstacles.prepare(request, start, samples, settings);
@@ -184,7 +186,7 @@ fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     let mut contacts = std::mem::take(&mut evaluation.tables.work.contacts);
     contacts.sort_by(|a, b| fallback::severity(&a.1, dt).total_cmp(&fallback::severity(&b.1, dt)).then(a.0.cmp(&b.0)));
     let found = contacts.iter().find(|(sample, _)| {
-        evaluation.write_points(*sample as usize, true);
+        evaluation.write_if_drivable(*sample as usize);
         evaluation.stays_on_road()
     });
     let trajectory = found.map(|_| trajectory(request, start, evaluation.points()));

@@ -3,11 +3,13 @@
 
 use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
+use super::by_time::ByTime;
 use super::gaussian::{self, Normal2};
 use super::sample::Samples;
 use super::settings::FrenetSettings;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Aabb, Point, Pose};
+use crate::wide::for_wide_machines;
 
 /// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
 const COST_REACH: f64 = 7.071_067_811_865_476;
@@ -74,17 +76,16 @@ pub(super) struct Contact {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Obstacles {
     tracks: Vec<Track>,
-    /// By interval; those of interval `i` are `sweeps[sweep_starts[i]..sweep_starts[i + 1]]`.
     sweeps: Vec<Sweep>,
-    sweep_starts: Vec<usize>,
-    /// By point.
     expectations: Vec<Expectation>,
-    expectation_starts: Vec<usize>,
+    /// The swept boxes, by interval: centre, axis, half length and width.
+    sweeps_by_interval: ByTime<6>,
+    /// The expectations, by point: mean, front left and right corner, covariance, squared reach.
+    expectations_by_point: ByTime<10>,
     /// Box of the region that the agent's footprint can reach up to each point.
     reach: Vec<Aabb>,
-    /// Before sorting by time.
-    unsorted_sweeps: Vec<(u32, Sweep)>,
-    unsorted_expectations: Vec<(u32, Expectation)>,
+    /// What the sample at hand covers during each interval.
+    steps: Vec<OrientedBox>,
     /// Tracks whose contacts the sample at hand may ignore.
     ignored: Vec<bool>,
     half_length: f64,
@@ -101,8 +102,10 @@ impl Obstacles {
         settings: &FrenetSettings,
     ) {
         self.tracks.clear();
-        self.unsorted_sweeps.clear();
-        self.unsorted_expectations.clear();
+        self.sweeps.clear();
+        self.expectations.clear();
+        self.sweeps_by_interval.clear();
+        self.expectations_by_point.clear();
         let vehicle = request.vehicle;
         (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
@@ -114,9 +117,8 @@ impl Obstacles {
                 self.add_moving(index, other, request, &ego, settings);
             }
         }
-        sort_by_time(&self.unsorted_sweeps, samples.n_points, &mut self.sweeps, &mut self.sweep_starts);
-        let (from, to) = (&self.unsorted_expectations, &mut self.expectations);
-        sort_by_time(from, samples.n_points, to, &mut self.expectation_starts);
+        self.sweeps_by_interval.sort(samples.n_points);
+        self.expectations_by_point.sort(samples.n_points);
     }
 
     /// The path from the start to 2 m beyond the furthest arc length of any sample at each point, grown by the lateral
@@ -155,7 +157,7 @@ impl Obstacles {
             let aabb = box_.aabb();
             for i in 0..self.reach.len() - 1 {
                 if aabb.overlaps(&self.reach[i + 1]) {
-                    self.unsorted_sweeps.push((i as u32, sweep));
+                    self.push_sweep(i, sweep);
                 }
             }
         }
@@ -173,54 +175,65 @@ impl Obstacles {
         ego: &OrientedBox,
         settings: &FrenetSettings,
     ) {
-        let predictions = request.predictions;
+        let (predictions, outlook) = (request.predictions, request.outlook);
         let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
-        let now = other.shape.oriented_box(other.pose);
         let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
-        let (box_now, overlaps_now) = with_margin(&now, margin, ego);
         let radius = other.shape.bounding_radius() + margin[0].max(margin[1]);
+        let whole = self.reach.last().expect("a plan has at least two points").grown(COST_REACH + radius);
+        let extents = &outlook.extents[other.row * predictions.n_modes..][..predictions.n_modes];
+        let is_reached = |extent: &Aabb| extent.including(other.pose.position).overlaps(&whole);
+        if !extents.iter().any(is_reached) {
+            return;
+        }
+        let now = other.shape.oriented_box(other.pose);
+        let (box_now, overlaps_now) = with_margin(&now, margin, ego);
+        let (half_length, half_width) = (box_now.half_length, box_now.half_width);
         let is_left_alone = is_in_rear_cone(ego, &now, settings);
         let modes = probabilities(other, request);
-        for (mode, probability) in modes.iter().enumerate() {
+        for (mode, probability) in modes.iter().enumerate().filter(|(mode, _)| is_reached(&extents[*mode])) {
             let hard = *probability >= settings.collision_mode_probability || mode == likeliest(modes);
             let counts = *probability > 0.0 && !is_left_alone;
             let first = predictions.offset(other.row, mode);
             let mut track = None;
-            let mut before = Some(other.pose);
+            let mut before = Some((other.pose.position, now));
             for point in 1..self.reach.len() {
                 let k = first + point + shift - 1;
                 if point + shift > predictions.n_steps {
                     break;
                 }
-                let pose = Pose::new(predictions.x[k], predictions.y[k], predictions.orientation[k]);
-                let pose = Some(pose).filter(|_| predictions.valid[k]);
-                let is_near = |pose: &Pose| self.reach[point].grown(radius).contains(pose.position);
-                if let (true, Some(a), Some(b)) = (hard, before, pose)
-                    && (is_near(&a) || is_near(&b))
+                let position = Point::new(predictions.x[k], predictions.y[k]);
+                let here =
+                    predictions.valid[k].then(|| (position, other.shape.oriented_box_along(position, outlook.axes[k])));
+                let is_near = |position: Point| self.reach[point].grown(radius).contains(position);
+                if let (true, Some((from, a)), Some((to, b))) = (hard, before, here)
+                    && (is_near(from) || is_near(to))
                 {
-                    let id = *track.get_or_insert_with(|| {
+                    let track = *track.get_or_insert_with(|| {
                         self.tracks.push(Track { other: index, overlaps_now, exact: false });
                         self.tracks.len() as u32 - 1
                     });
-                    let (half_length, half_width) = (box_now.half_length, box_now.half_width);
-                    let body = |p: Pose| OrientedBox { half_length, half_width, ..other.shape.oriented_box(p) };
-                    let (a, b) = (body(a), body(b));
+                    let a = OrientedBox { half_length, half_width, ..a };
+                    let b = OrientedBox { half_length, half_width, ..b };
                     let swept = OrientedBox::spanning(&a, &b);
                     let displacement = b.center - a.center;
-                    let sweep = Sweep { track: id, radius: swept.radius(), swept, end: b, displacement };
-                    self.unsorted_sweeps.push((point as u32 - 1, sweep));
+                    self.push_sweep(point - 1, Sweep { track, radius: swept.radius(), swept, end: b, displacement });
                 }
-                if let (true, Some(pose)) = (counts, pose)
-                    && self.reach[point].grown(COST_REACH + radius).contains(pose.position)
+                if let (true, Some((position, body))) = (counts, here)
+                    && self.reach[point].grown(COST_REACH + radius).contains(position)
                 {
                     let [xx, xy, yy] =
                         [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
-                    let body = other.shape.oriented_box(pose);
                     self.push_expectation(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
                 }
-                before = pose;
+                before = here;
             }
         }
+    }
+
+    fn push_sweep(&mut self, interval: usize, sweep: Sweep) {
+        let OrientedBox { center, axis, half_length, half_width } = sweep.swept;
+        self.sweeps_by_interval.push(interval, [center.x, center.y, axis.x, axis.y, half_length, half_width]);
+        self.sweeps.push(sweep);
     }
 
     fn push_track(&mut self, track: Track) -> u32 {
@@ -253,7 +266,9 @@ impl Obstacles {
             probability,
             covariance,
         };
-        self.unsorted_expectations.push((point as u32, expectation));
+        let Expectation { mean, front_left: a, front_right: b, reach_squared, .. } = expectation;
+        self.expectations_by_point.push(point, [mean.x, mean.y, a.x, a.y, b.x, b.y, xx, xy, yy, reach_squared]);
+        self.expectations.push(expectation);
     }
 
     /// First contact of a sample with a mode that counts, if any.
@@ -268,40 +283,55 @@ impl Obstacles {
         }
         self.ignored.clear();
         self.ignored.resize(self.tracks.len(), false);
+        cover(points, (self.half_length, self.half_width), &mut self.steps);
+        let mut interval = 0;
+        while let Some(found) = next_overlap(&self.sweeps_by_interval, &self.steps, interval) {
+            if let Some(contact) = self.contact_during(found, points, dt, request) {
+                return Some(contact);
+            }
+            interval = found + 1;
+        }
+        None
+    }
+
+    fn contact_during(
+        &mut self,
+        interval: usize,
+        points: &[Waypoint],
+        dt: f64,
+        request: &PlanRequest,
+    ) -> Option<Contact> {
         let (half_length, half_width) = (self.half_length, self.half_width);
         let body = |p: &Waypoint| OrientedBox { center: p.center, axis: p.axis, half_length, half_width };
-        let radius = half_length.hypot(half_width);
-        for (interval, pair) in points.windows(2).enumerate() {
-            let (middle, move_) = ((pair[0].center + pair[1].center) * 0.5, pair[1].center - pair[0].center);
-            let reach = radius + 0.5 * move_.norm();
-            let mut swept = None;
-            for sweep in &self.sweeps[self.sweep_starts[interval]..self.sweep_starts[interval + 1]] {
-                let distance = reach + sweep.radius;
-                let track = sweep.track as usize;
-                if (sweep.swept.center - middle).norm_squared() > distance * distance || self.ignored[track] {
-                    continue;
-                }
-                let swept = *swept.get_or_insert_with(|| OrientedBox::spanning(&body(&pair[0]), &body(&pair[1])));
-                if !swept.overlaps(&sweep.swept) {
-                    continue;
-                }
-                let Track { other, overlaps_now, exact } = self.tracks[track];
-                let ego = body(&pair[1]);
-                if overlaps_now && is_separating(points, interval, &ego, sweep, &body) {
-                    continue;
-                }
-                if exact && !touches(&request.others[other], request, &pair[1]) {
-                    continue;
-                }
-                let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
-                let time = (interval + 1) as f64 * dt;
-                if keeps_lane && (is_follower(&ego, &sweep.end) || must_yield(&ego, sweep, dt, time)) {
-                    self.ignored[track] = true;
-                    continue;
-                }
-                let closing_speed = (move_ - sweep.displacement).norm() / dt;
-                return Some(Contact { other, interval, closing_speed });
+        let pair = [&points[interval], &points[interval + 1]];
+        let middle = (pair[0].center + pair[1].center) * 0.5;
+        let reach = half_length.hypot(half_width) + 0.5 * (pair[1].center - pair[0].center).norm();
+        for index in self.sweeps_by_interval.of(interval) {
+            let sweep = &self.sweeps[*index];
+            let distance = reach + sweep.radius;
+            let track = sweep.track as usize;
+            if (sweep.swept.center - middle).norm_squared() > distance * distance || self.ignored[track] {
+                continue;
             }
+            if !self.steps[interval].overlaps(&sweep.swept) {
+                continue;
+            }
+            let Track { other, overlaps_now, exact } = self.tracks[track];
+            let ego = body(pair[1]);
+            if overlaps_now && is_separating(points, interval, &ego, sweep, &body) {
+                continue;
+            }
+            if exact && !touches(&request.others[other], request, pair[1]) {
+                continue;
+            }
+            let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
+            let time = (interval + 1) as f64 * dt;
+            if keeps_lane && (is_follower(&ego, &sweep.end) || must_yield(&ego, sweep, dt, time)) {
+                self.ignored[track] = true;
+                continue;
+            }
+            let closing_speed = (pair[1].center - pair[0].center - sweep.displacement).norm() / dt;
+            return Some(Contact { other, interval, closing_speed });
         }
         None
     }
@@ -314,8 +344,7 @@ impl Obstacles {
     /// Prediction cost of point number `i` (from 1 on) of a sample.
     pub(super) fn prediction_cost(&self, point: &Waypoint, i: usize) -> f64 {
         let half = (self.half_length, self.half_width);
-        let expected = &self.expectations[self.expectation_starts[i]..self.expectation_starts[i + 1]];
-        expected.iter().map(|expectation| expectation.cost(point, half)).sum()
+        summed_cost(&self.expectations_by_point, &self.expectations, point, i, half)
     }
 
     /// Sum over participants of 1 / (smallest squared distance of the centres), for those that the samples can reach.
@@ -343,30 +372,77 @@ impl Obstacles {
     }
 }
 
-impl Expectation {
-    /// 1000 times the probability of the mode times those of the centre and, at half weight, of the four corners.
-    #[inline]
-    fn cost(&self, point: &Waypoint, half: (f64, f64)) -> f64 {
-        let (cos, sin) = (point.axis.x, point.axis.y);
-        let in_body = |v: Point| Point::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin);
-        let mean = in_body(self.mean - point.center);
-        let gap = Point::new((mean.x.abs() - half.0).max(0.0), (mean.y.abs() - half.1).max(0.0));
-        if gap.norm_squared() > self.reach_squared {
-            return 0.0;
-        }
-        let [xx, xy, yy] = self.covariance;
-        let normal = Normal2::new(
+/// A point of a sample from which expectations are seen.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    center: Point,
+    axis: Point,
+}
+
+impl View {
+    #[inline(always)]
+    fn of(point: &Waypoint) -> Self {
+        Self { center: point.center, axis: point.axis }
+    }
+
+    /// A vector in the body frame.
+    #[inline(always)]
+    fn in_body(&self, v: Point) -> Point {
+        let (cos, sin) = (self.axis.x, self.axis.y);
+        Point::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin)
+    }
+
+    /// A covariance in the body frame.
+    #[inline(always)]
+    fn covariance_in_body(&self, [xx, xy, yy]: [f64; 3]) -> [f64; 3] {
+        let (cos, sin) = (self.axis.x, self.axis.y);
+        [
             cos * cos * xx + 2.0 * cos * sin * xy + sin * sin * yy,
             cos * sin * (yy - xx) + (cos * cos - sin * sin) * xy,
             sin * sin * xx - 2.0 * cos * sin * xy + cos * cos * yy,
-        );
-        let (front_left, front_right) = (in_body(self.front_left), in_body(self.front_right));
-        let probability = |at: Point| normal.probability_of_box((-at.x, -at.y), half);
-        let corners = probability(mean - front_left)
-            + probability(mean - front_right)
-            + probability(mean + front_left)
-            + probability(mean + front_right);
-        1000.0 * self.probability * (probability(mean) + 0.5 * corners)
+        ]
+    }
+
+    /// An expectation is in reach, and its centre or a corner may be in the agent's box: the nearest of them is not
+    /// beyond what is left of the distribution, neither ahead nor aside.
+    #[inline(always)]
+    fn counts(
+        &self,
+        mean: Point,
+        (front_left, front_right): (Point, Point),
+        covariance: [f64; 3],
+        reach_squared: f64,
+        half: (f64, f64),
+    ) -> bool {
+        /// Rounding.
+        const REACH_SQUARED: f64 = gaussian::REACH * gaussian::REACH * (1.0 + 1e-9);
+        let positive = |x: f64| if x > 0.0 { x } else { 0.0 };
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let mean = self.in_body(mean - self.center);
+        let (x, y) = (positive(mean.x.abs() - half.0), positive(mean.y.abs() - half.1));
+        let (left, right) = (self.in_body(front_left), self.in_body(front_right));
+        let ahead = positive(x - larger(left.x.abs(), right.x.abs()));
+        let aside = positive(y - larger(left.y.abs(), right.y.abs()));
+        let [xx, _, yy] = self.covariance_in_body(covariance);
+        (x * x + y * y <= reach_squared)
+            & (ahead * ahead <= REACH_SQUARED * larger(xx, gaussian::VARIANCE_MIN))
+            & (aside * aside <= REACH_SQUARED * larger(yy, gaussian::VARIANCE_MIN))
+    }
+}
+
+impl Expectation {
+    /// 1000 times the probability of the mode times those of the centre and, at half weight, of the four corners.
+    #[inline(always)]
+    fn cost(&self, view: &View, half: (f64, f64)) -> f64 {
+        if !view.counts(self.mean, (self.front_left, self.front_right), self.covariance, self.reach_squared, half) {
+            return 0.0;
+        }
+        let mean = view.in_body(self.mean - view.center);
+        let [xx, xy, yy] = view.covariance_in_body(self.covariance);
+        let (front_left, front_right) = (view.in_body(self.front_left), view.in_body(self.front_right));
+        let places = [-mean, -(mean - front_left), -(mean - front_right), -(mean + front_left), -(mean + front_right)];
+        let [center, a, b, c, d] = Normal2::new(xx, xy, yy).probabilities_of_boxes(&places, half);
+        1000.0 * self.probability * (center + 0.5 * (a + b + c + d))
     }
 }
 
@@ -381,26 +457,102 @@ fn likeliest(probabilities: &[f64]) -> usize {
     (1..probabilities.len()).fold(0, |best, mode| if probabilities[mode] > probabilities[best] { mode } else { best })
 }
 
-/// Stable counting sort; the items of time `i` end up at `starts[i]..starts[i + 1]`.
-fn sort_by_time<T: Copy>(unsorted: &[(u32, T)], n_times: usize, sorted: &mut Vec<T>, starts: &mut Vec<usize>) {
-    sorted.clear();
-    sorted.extend(unsorted.iter().map(|(_, item)| *item));
-    starts.clear();
-    starts.resize(n_times + 1, 0);
-    for (time, _) in unsorted {
-        starts[*time as usize + 1] += 1;
+for_wide_machines! {
+    /// What a footprint (half length and width) covers in each interval.
+    fn cover = covers_at, (points: &[Waypoint], half: (f64, f64), out: &mut Vec<OrientedBox>)
+}
+
+#[inline(always)]
+fn covers_at(points: &[Waypoint], (half_length, half_width): (f64, f64), out: &mut Vec<OrientedBox>) {
+    const BLOCK: usize = 32;
+    out.clear();
+    let mut first = 0;
+    while first + 1 < points.len() {
+        let n = (points.len() - first).min(BLOCK);
+        // Local arrays, one per field, can be worked on several at once.
+        let (mut x, mut y, mut axis_x, mut axis_y) = ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
+        for i in 0..n {
+            let point = &points[first + i];
+            (x[i], y[i], axis_x[i], axis_y[i]) = (point.center.x, point.center.y, point.axis.x, point.axis.y);
+        }
+        let (mut lengths, mut widths) = ([0.0; BLOCK], [0.0; BLOCK]);
+        let (mut to_x, mut to_y, mut to_axis_x, mut to_axis_y) =
+            ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
+        for i in 0..n - 1 {
+            let a = OrientedBox {
+                center: Point::new(x[i], y[i]),
+                axis: Point::new(axis_x[i], axis_y[i]),
+                half_length,
+                half_width,
+            };
+            let b = OrientedBox {
+                center: Point::new(x[i + 1], y[i + 1]),
+                axis: Point::new(axis_x[i + 1], axis_y[i + 1]),
+                half_length,
+                half_width,
+            };
+            let span = OrientedBox::spanning(&a, &b);
+            (to_x[i], to_y[i], to_axis_x[i], to_axis_y[i]) = (span.center.x, span.center.y, span.axis.x, span.axis.y);
+            (lengths[i], widths[i]) = (span.half_length, span.half_width);
+        }
+        for i in 0..n - 1 {
+            out.push(OrientedBox {
+                center: Point::new(to_x[i], to_y[i]),
+                axis: Point::new(to_axis_x[i], to_axis_y[i]),
+                half_length: lengths[i],
+                half_width: widths[i],
+            });
+        }
+        first += n - 1;
     }
-    for i in 0..n_times {
-        starts[i + 1] += starts[i];
+}
+
+for_wide_machines! {
+    /// The first interval, from one on, in which a sample overlaps some sweep.
+    fn next_overlap = overlap_from, (sweeps: &ByTime<6>, steps: &[OrientedBox], first: usize) -> Option<usize>
+}
+
+#[inline(always)]
+fn overlap_from(sweeps: &ByTime<6>, steps: &[OrientedBox], first: usize) -> Option<usize> {
+    for (interval, step) in (first..).zip(&steps[first..]) {
+        let is_hit = sweeps.any(interval, |[x, y, axis_x, axis_y, half_length, half_width], k| {
+            let (center, axis) = (Point::new(x[k], y[k]), Point::new(axis_x[k], axis_y[k]));
+            let (half_length, half_width) = (half_length[k], half_width[k]);
+            step.overlaps_counted(&OrientedBox { center, axis, half_length, half_width })
+        });
+        if is_hit {
+            return Some(interval);
+        }
     }
-    // From the back: `starts[i + 1]` moves from the end of the items of time i down to their start.
-    for (time, item) in unsorted.iter().rev() {
-        let place = &mut starts[*time as usize + 1];
-        *place -= 1;
-        sorted[*place] = *item;
+    None
+}
+
+for_wide_machines! {
+    /// The prediction cost of a point.
+    fn summed_cost = cost_at, (
+        by_point: &ByTime<10>,
+        expectations: &[Expectation],
+        point: &Waypoint,
+        i: usize,
+        half: (f64, f64),
+    ) -> f64
+}
+
+#[inline(always)]
+fn cost_at(by_point: &ByTime<10>, expectations: &[Expectation], point: &Waypoint, i: usize, half: (f64, f64)) -> f64 {
+    let view = View::of(point);
+    let is_far = !by_point.any(i, |[x, y, left_x, left_y, right_x, right_y, xx, xy, yy, reach_squared], k| {
+        let corners = (Point::new(left_x[k], left_y[k]), Point::new(right_x[k], right_y[k]));
+        u64::from(view.counts(Point::new(x[k], y[k]), corners, [xx[k], xy[k], yy[k]], reach_squared[k], half))
+    });
+    if is_far {
+        return 0.0;
     }
-    starts.remove(0);
-    starts.push(unsorted.len());
+    let mut sum = 0.0;
+    for index in by_point.of(i) {
+        sum += expectations[*index].cost(&view, half);
+    }
+    sum
 }
 
 /// The box with margin on every side, or without if the margin already touches the agent; and whether the plain box

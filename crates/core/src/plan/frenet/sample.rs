@@ -7,9 +7,11 @@
 use super::super::frame::Start;
 use super::super::polynomial::{Braking, Polynomial};
 use super::desired::Desired;
-use super::feasibility::{Limits, Rejection};
+use super::feasibility::{AlongPath, Limits, Rejection};
+use super::lateral::{Along, LateralPoints, LateralTables};
 use super::settings::FrenetSettings;
-use crate::geometry::polyline::{PathPoint, ReferencePath};
+use crate::geometry::polyline::ReferencePath;
+use crate::wide::for_wide_machines;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
 /// it gets within the horizon, so its path does not depend on how far it gets.
@@ -21,101 +23,63 @@ const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
 const STOP_TIMES: [f64; 4] = [1.25, 1.6, 2.0, 2.4];
 
+/// Points per row are filled up to a multiple of this, by repeating the last one.
+const PADDING: usize = 4;
+/// Numbers per point of a motion: arc length, speed, acceleration.
+const N_MOTION: usize = 3;
+
 /// Arc length and its derivatives by time at one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Motion {
     pub(super) s: f64,
     pub(super) s_dot: f64,
     pub(super) s_ddot: f64,
-    pub(super) jerk: f64,
 }
 
-/// Which lateral polynomials a row uses: of time, shared by all rows of an end time, or of arc length.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Lateral {
-    pub(super) table: usize,
-    pub(super) is_over_arc: bool,
+/// The same at all points of a row, with padding.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Motions<'a> {
+    pub(super) s: &'a [f64],
+    pub(super) s_dot: &'a [f64],
+    pub(super) s_ddot: &'a [f64],
 }
 
-/// One point of a quintic that comes to rest at the end position `lane`. The quintic is linear in its end value: value
-/// and two derivatives are `home + lane step`, where `home` ends at 0 and `step` goes from 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct LateralPoint {
-    pub(super) home: [f64; 3],
-    pub(super) step: [f64; 3],
-}
-
-impl LateralPoint {
-    /// Once the quintic has arrived.
-    const ARRIVED: Self = Self { home: [0.0; 3], step: [1.0, 0.0, 0.0] };
-
-    /// Offset and two derivatives.
+impl Motions<'_> {
+    /// One point.
     #[inline]
-    pub(super) fn at(&self, lane: f64) -> [f64; 3] {
-        [0, 1, 2].map(|k| self.home[k] + lane * self.step[k])
+    pub(super) fn at(&self, point: usize) -> Motion {
+        Motion { s: self.s[point], s_dot: self.s_dot[point], s_ddot: self.s_ddot[point] }
     }
+}
+
+/// How a row moves along the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Course {
+    /// A polynomial up to the end time, then constant speed.
+    Polynomial(Polynomial),
+    Braking(Braking),
 }
 
 /// One motion along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Row {
+    course: Course,
     /// When the motion ends [s]; from then on the speed is constant.
     pub(super) end_time: f64,
     /// Speed at the end, along the path [m/s].
     pub(super) end_velocity: f64,
     /// Root of the integral of the squared jerk over the horizon.
     pub(super) jerk: f64,
-    pub(super) lateral: Lateral,
+    /// Arc length from the start to the end [m].
+    distance: f64,
+    /// Its lateral polynomials are of arc length, its own; otherwise of time, shared by all rows of an end time.
+    pub(super) is_over_arc: bool,
+    /// Table of the lateral polynomials; those of arc length are made when they are needed.
+    pub(super) table: Option<usize>,
     /// Why all its samples are rejected.
     pub(super) rejection: Rejection,
-    has_path: bool,
-}
-
-impl Row {
-    const UNFINISHED: Self = Self {
-        end_time: 0.0,
-        end_velocity: 0.0,
-        jerk: 0.0,
-        lateral: Lateral { table: 0, is_over_arc: true },
-        rejection: Rejection::Admissible,
-        has_path: false,
-    };
-}
-
-/// Lateral motions, by time or by arc length.
-#[derive(Debug, Clone, Default)]
-pub(super) struct LateralTables {
-    /// (tables, points)
-    points: Vec<LateralPoint>,
-    /// Root of the integral of the squared lateral jerk over the horizon; (tables, lanes).
-    pub(super) jerk: Vec<f64>,
-    /// Root of the summed squares of the last half of the offsets; (tables, lanes).
-    pub(super) offset: Vec<f64>,
-}
-
-impl LateralTables {
-    fn clear(&mut self) {
-        self.points.clear();
-        self.jerk.clear();
-        self.offset.clear();
-    }
-
-    /// Appends the quantities that are summed over points to the table that was written last.
-    fn finish(&mut self, n_points: usize, lanes: &[f64], squared_jerk: impl Fn(f64) -> f64) {
-        self.jerk.extend(lanes.iter().map(|lane| squared_jerk(*lane).max(0.0).sqrt()));
-        let first = self.offset.len();
-        self.offset.resize(first + lanes.len(), 0.0);
-        let sums = &mut self.offset[first..];
-        for point in &self.points[self.points.len() - n_points / 2..] {
-            for (sum, lane) in sums.iter_mut().zip(lanes) {
-                let d = point.home[0] + lane * point.step[0];
-                *sum += d * d;
-            }
-        }
-        for sum in sums {
-            *sum = sum.sqrt();
-        }
-    }
+    /// Place of its path points, once they are looked up.
+    path: Option<usize>,
 }
 
 /// What the samples are made from.
@@ -126,178 +90,213 @@ pub(super) struct Inputs<'a> {
     pub(super) limits: &'a Limits,
     pub(super) settings: &'a FrenetSettings,
     pub(super) path: &'a ReferencePath,
-    /// Also work out the lateral motion of rows that are rejected as a whole, for pictures.
-    pub(super) with_rejected: bool,
+}
+
+/// Numbers per point of a row's path.
+const N_PATH: usize = 7;
+
+/// What the path is at all points of a row, with padding.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PathPoints<'a> {
+    pub(super) x: &'a [f64],
+    pub(super) y: &'a [f64],
+    pub(super) theta: &'a [f64],
+    pub(super) cos: &'a [f64],
+    pub(super) sin: &'a [f64],
+    pub(super) curvature: &'a [f64],
+    pub(super) curvature_rate: &'a [f64],
 }
 
 /// All samples of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Samples {
     pub(super) n_points: usize,
+    /// Points of a row with padding.
+    pub(super) stride: usize,
     pub(super) dt: f64,
     /// End positions [m], ascending.
     pub(super) lanes: Vec<f64>,
     pub(super) rows: Vec<Row>,
-    /// Largest arc length that a sample has at each point [m].
+    /// Largest arc length that a sample has at each point [m], with padding.
     pub(super) furthest: Vec<f64>,
-    /// (rows, points)
-    motions: Vec<Motion>,
-    /// (rows, points), valid for rows that were looked at.
-    path: Vec<PathPoint>,
     pub(super) lateral: LateralTables,
+    /// When the points are [s], with padding.
+    times: Vec<f64>,
+    /// (rows, arc length and derivatives, points with padding)
+    motions: Vec<f64>,
+    /// (rows that were looked at, what is known, points with padding)
+    path: Vec<f64>,
     end_times: Vec<f64>,
     velocities: Vec<f64>,
+    /// Of the row at hand.
+    along: Vec<f64>,
+    jerks: Vec<f64>,
+    /// State of the start, as far as lateral motions need it.
+    start: [f64; 4],
+    is_free: bool,
 }
 
 impl Samples {
-    /// Fills in everything but the path points.
+    /// All motions along the path, and the lateral ones that are shared.
     pub(super) fn generate(&mut self, inputs: &Inputs) {
-        let Inputs { start, desired, limits, settings, path, .. } = *inputs;
+        let Inputs { start, desired, limits, settings, path } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
-        for buffer in [&mut self.lanes, &mut self.end_times, &mut self.velocities] {
+        self.stride = limits.n_points.next_multiple_of(PADDING);
+        for buffer in [&mut self.lanes, &mut self.end_times, &mut self.velocities, &mut self.times] {
             buffer.clear();
         }
+        self.times.extend((0..self.stride).map(|i| i.min(self.n_points - 1) as f64 * self.dt));
         self.rows.clear();
         self.motions.clear();
+        self.path.clear();
         self.furthest.clear();
-        self.furthest.resize(self.n_points, start.s);
-        self.lateral.clear();
+        self.furthest.resize(self.stride, start.s);
+        self.lateral.clear(self.n_points, self.stride);
+        self.start = [start.s, start.d, start.d_prime, start.d_prime2];
+        self.is_free = start.steers_freely();
         end_times(settings, &mut self.end_times);
         grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.lanes);
         end_velocities(start, desired.velocity, limits, settings, &mut self.velocities);
         let from = [start.s, start.s_dot, start.s_ddot];
+        let along = limits.along_path(path.length(), ROUNDING, settings.low_velocity);
+        let s_dot = start.s_dot;
+        let beside = [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2];
         for t in 0..self.end_times.len() {
             let end_time = self.end_times[t];
-            let table = self.write_over_time(start, end_time);
+            let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.lanes);
             for v in 0..self.velocities.len() {
                 let end_velocity = self.velocities[v];
                 let s = Polynomial::to_slope(from, end_velocity, end_time);
-                self.push_polynomial(&s, (end_time, end_velocity), Some(table), inputs);
+                self.push_polynomial(s, (end_time, end_velocity), Some(table), &along, inputs);
             }
         }
         for target in desired.stop_targets.iter().flatten() {
             for factor in STOP_TIMES {
                 let end_time = (factor * stop_time_scale(target - start.s, start.s_dot)).max(settings.t_min);
-                self.push_polynomial(&Polynomial::to_rest(from, *target, end_time), (end_time, 0.0), None, inputs);
+                let s = Polynomial::to_rest(from, *target, end_time);
+                self.push_polynomial(s, (end_time, 0.0), None, &along, inputs);
             }
         }
         for fraction in BRAKING {
-            self.push_braking(&Braking::new(start.s_dot, start.s_ddot, fraction * limits.acceleration_max), inputs);
+            self.push_braking(Braking::new(start.s_dot, start.s_ddot, fraction * limits.acceleration_max), inputs);
         }
-        self.path.resize(self.motions.len(), path.at(start.s));
     }
 
     fn push_polynomial(
         &mut self,
-        s: &Polynomial,
+        s: Polynomial,
         (end_time, end_velocity): (f64, f64),
         time_table: Option<usize>,
+        along: &AlongPath,
         inputs: &Inputs,
     ) {
         let end = s.at(end_time)[0];
-        self.motions.extend((0..self.n_points).map(|i| {
-            let t = i as f64 * inputs.limits.dt;
-            if t < end_time + 1e-9 {
-                let [s, s_dot, s_ddot, jerk] = s.at(t);
-                Motion { s, s_dot, s_ddot, jerk }
-            } else {
-                Motion { s: end + end_velocity * (t - end_time), s_dot: end_velocity, s_ddot: 0.0, jerk: 0.0 }
-            }
-        }));
+        let out = push(&mut self.motions, N_MOTION * self.stride);
+        let found = write_motion(&s, (end_time, end, end_velocity), &self.times, along, out);
         let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
-        let row = Row { end_time, end_velocity, jerk, ..Row::UNFINISHED };
-        self.finish_row(row, end - inputs.start.s, time_table, inputs);
+        let is_slow = found.is_slow || inputs.start.velocity < inputs.settings.low_velocity;
+        let table = time_table.filter(|_| !is_slow);
+        let row = Row {
+            course: Course::Polynomial(s),
+            end_time,
+            end_velocity,
+            jerk,
+            distance: end - inputs.start.s,
+            is_over_arc: table.is_none(),
+            table,
+            rejection: Rejection::Admissible,
+            path: None,
+        };
+        self.finish_row(row, found.is_doubtful, inputs);
     }
 
-    fn push_braking(&mut self, braking: &Braking, inputs: &Inputs) {
-        self.motions.extend((0..self.n_points).map(|i| {
-            let [distance, s_dot, s_ddot, jerk] = braking.at(i as f64 * inputs.limits.dt);
-            Motion { s: inputs.start.s + distance, s_dot, s_ddot, jerk }
-        }));
-        let jerk = braking.squared_jerk(inputs.limits.horizon()).sqrt();
-        let row = Row { end_time: braking.stop_time(), jerk, ..Row::UNFINISHED };
-        self.finish_row(row, braking.at(braking.stop_time())[0], None, inputs);
+    fn push_braking(&mut self, braking: Braking, inputs: &Inputs) {
+        let stride = self.stride;
+        let out = push(&mut self.motions, N_MOTION * stride);
+        for (i, time) in self.times.iter().enumerate() {
+            let [distance, s_dot, s_ddot, _] = braking.at(*time);
+            (out[i], out[stride + i], out[2 * stride + i]) = (inputs.start.s + distance, s_dot, s_ddot);
+        }
+        let row = Row {
+            course: Course::Braking(braking),
+            end_time: braking.stop_time(),
+            end_velocity: 0.0,
+            jerk: braking.squared_jerk(inputs.limits.horizon()).sqrt(),
+            distance: braking.at(braking.stop_time())[0],
+            is_over_arc: true,
+            table: None,
+            rejection: Rejection::Admissible,
+            path: None,
+        };
+        self.finish_row(row, true, inputs);
     }
 
-    /// Checks the motion that was written last and gives it its lateral polynomials.
-    fn finish_row(&mut self, mut row: Row, distance: f64, time_table: Option<usize>, inputs: &Inputs) {
-        let Inputs { start, limits, settings, path, with_rejected, .. } = *inputs;
-        let first = self.rows.len() * self.n_points;
-        let mut slowest = start.velocity;
-        for (i, motion) in self.motions[first..].iter_mut().enumerate() {
-            if motion.s_dot < -ROUNDING {
+    /// Checks the motion that was written last, if there is doubt.
+    fn finish_row(&mut self, mut row: Row, is_doubtful: bool, inputs: &Inputs) {
+        let Inputs { limits, path, .. } = *inputs;
+        let (s, rest) = self.motions[self.rows.len() * N_MOTION * self.stride..].split_at_mut(self.stride);
+        let (s_dot, s_ddot) = rest.split_at_mut(self.stride);
+        for i in 0..if is_doubtful { self.n_points } else { 0 } {
+            if s_dot[i] < -ROUNDING {
                 row.rejection = row.rejection.or(Rejection::NegativeSpeed);
             }
-            motion.s_dot = motion.s_dot.max(0.0);
-            slowest = slowest.min(motion.s_dot);
-            row.rejection = row.rejection.or(limits.check_along_path(motion.s_dot, motion.s_ddot, i));
-            if !(0.0..=path.length()).contains(&motion.s) {
+            row.rejection = row.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
+            if !(0.0..=path.length()).contains(&s[i]) {
                 row.rejection = row.rejection.or(Rejection::LeftPath);
             }
         }
+        for s_dot in s_dot {
+            *s_dot = s_dot.max(0.0);
+        }
         if row.rejection == Rejection::Admissible {
-            for (furthest, motion) in self.furthest.iter_mut().zip(&self.motions[first..]) {
-                *furthest = furthest.max(motion.s);
+            for (furthest, s) in self.furthest.iter_mut().zip(s) {
+                *furthest = furthest.max(*s);
             }
         }
-        row.lateral = match time_table {
-            Some(table) if slowest >= settings.low_velocity => Lateral { table, is_over_arc: false },
-            _ if with_rejected || row.rejection == Rejection::Admissible => {
-                Lateral { table: self.write_over_arc(start, distance.max(ARC_MIN), first), is_over_arc: true }
-            }
-            _ => row.lateral,
-        };
         self.rows.push(row);
     }
 
-    fn write_over_time(&mut self, start: &Start, end_time: f64) -> usize {
-        let s_dot = start.s_dot;
-        let from = [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2];
-        let home = Polynomial::to_rest(from, 0.0, end_time);
-        let step = Polynomial::to_rest([0.0; 3], 1.0, end_time);
-        let dt = self.dt;
-        self.lateral.points.extend((0..self.n_points).map(|i| {
-            let t = i as f64 * dt;
-            if t < end_time + 1e-9 { joined(&home.at(t), &step.at(t)) } else { LateralPoint::ARRIVED }
+    /// The table of a row's lateral motion, which is made if it is not there yet.
+    ///
+    /// An agent that stands turns its wheels before it drives off: the second derivative of its offset is free.
+    pub(super) fn lateral_table(&mut self, row: usize) -> usize {
+        if let Some(table) = self.rows[row].table {
+            return table;
+        }
+        let Row { course, end_time, distance, .. } = self.rows[row];
+        let [start, d, d_prime, d_prime2] = self.start;
+        let (s, rest) = self.motions[row * N_MOTION * self.stride..][..N_MOTION * self.stride].split_at(self.stride);
+        let (s_dot, s_ddot) = rest.split_at(self.stride);
+        self.along.clear();
+        self.along.extend(s.iter().map(|s| s - start));
+        self.jerks.clear();
+        self.jerks.extend(self.times.iter().map(|time| match course {
+            Course::Polynomial(s) if *time < end_time + 1e-9 => s.at(*time)[3],
+            Course::Polynomial(_) => 0.0,
+            Course::Braking(braking) => braking.at(*time)[3],
         }));
-        let jerk = |lane: f64| Polynomial::to_rest(from, lane, end_time).squared_jerk(end_time);
-        self.lateral.finish(self.n_points, &self.lanes, jerk);
-        self.lateral.points.len() / self.n_points - 1
+        let motion = Along { s: &self.along, s_dot, s_ddot, jerk: &self.jerks };
+        let length = distance.max(ARC_MIN);
+        let from = [d, d_prime, d_prime2];
+        let table = self.lateral.push_over_arc(from, self.is_free, length, &motion, self.dt, &self.lanes);
+        self.rows[row].table = Some(table);
+        table
     }
 
-    /// The lateral jerk is d''' s_dot³ + 3 d'' s_dot s_ddot + d' s_dddot, integrated by the trapezoidal rule; linear in
-    /// the end position like d itself. An agent that stands turns its wheels before it drives off: its second derivative
-    /// is free.
-    fn write_over_arc(&mut self, start: &Start, length: f64, first: usize) -> usize {
-        let polynomial = |[d, d_1, d_2]: [f64; 3], end: f64| {
-            if start.steers_freely() {
-                Polynomial::to_rest_from_free([d, d_1], end, length)
-            } else {
-                Polynomial::to_rest([d, d_1, d_2], end, length)
-            }
-        };
-        let home = polynomial([start.d, start.d_prime, start.d_prime2], 0.0);
-        let step = polynomial([0.0; 3], 1.0);
-        let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
-        for (i, motion) in self.motions[first..].iter().enumerate() {
-            let along = motion.s - start.s;
-            if along >= length {
-                self.lateral.points.push(LateralPoint::ARRIVED);
-                continue;
-            }
-            let (a, b) = (home.at(along), step.at(along));
-            self.lateral.points.push(joined(&a, &b));
-            let Motion { s_dot, s_ddot, jerk, .. } = *motion;
-            let by_time = |d: [f64; 4]| (d[3] * s_dot * s_dot + 3.0 * d[2] * s_ddot) * s_dot + d[1] * jerk;
-            let (a, b) = (by_time(a), by_time(b));
-            let weight = if i == 0 || i + 1 == self.n_points { 0.5 * self.dt } else { self.dt };
-            constant += weight * a * a;
-            linear += weight * 2.0 * a * b;
-            square += weight * b * b;
-        }
-        self.lateral.finish(self.n_points, &self.lanes, |lane| constant + lane * (linear + lane * square));
-        self.lateral.points.len() / self.n_points - 1
+    /// Bounds of a lateral motion that is not made yet, whatever the lane: of its offset [m] and of its slope.
+    ///
+    /// A quintic from (d, d', d'') to rest after L is d plus the way to its end times a function that rises from 0 to 1
+    /// with a slope of at most 15 / (8 L), plus L d' and L² d'' times functions below 0.2 and 0.018, whose slopes times
+    /// L are at most 1 and 0.07. Where d'' is free, the bounds are smaller.
+    pub(super) fn lateral_bounds(&self, row: usize) -> [f64; 2] {
+        let [_, d, d_prime, d_prime2] = self.start;
+        let length = self.rows[row].distance.max(ARC_MIN);
+        let (first, last) = (self.lanes[0], self.lanes[self.lanes.len() - 1]);
+        let widest = first.abs().max(last.abs()).max(d.abs());
+        let way = (first - d).abs().max((last - d).abs());
+        let bend = length * d_prime2.abs();
+        [widest + length * (0.2 * d_prime.abs() + 0.018 * bend), 1.875 * way / length + d_prime.abs() + 0.07 * bend]
     }
 
     /// Number of samples.
@@ -306,35 +305,99 @@ impl Samples {
     }
 
     /// Motion of a row at all points.
-    pub(super) fn motions(&self, row: usize) -> &[Motion] {
-        &self.motions[row * self.n_points..][..self.n_points]
+    pub(super) fn motions(&self, row: usize) -> Motions<'_> {
+        let part = |k: usize| &self.motions[(row * N_MOTION + k) * self.stride..][..self.stride];
+        Motions { s: part(0), s_dot: part(1), s_ddot: part(2) }
     }
 
-    /// Path points of a row; looked up when the row is first needed.
+    /// Looks up the path points of a row when they are first needed.
     pub(super) fn load_path(&mut self, row: usize, path: &ReferencePath) {
-        if !std::mem::replace(&mut self.rows[row].has_path, true) {
-            let range = row * self.n_points..(row + 1) * self.n_points;
-            for (point, motion) in self.path[range.clone()].iter_mut().zip(&self.motions[range]) {
-                *point = path.at(motion.s);
+        if self.rows[row].path.is_some() {
+            return;
+        }
+        let stride = self.stride;
+        let s = &self.motions[row * N_MOTION * stride..][..stride];
+        self.rows[row].path = Some(self.path.len());
+        let out = push(&mut self.path, N_PATH * stride);
+        for (i, s) in s.iter().enumerate() {
+            let at = path.at(*s);
+            let parts = [at.position.x, at.position.y, at.theta, at.cos, at.sin, at.curvature, at.curvature_rate];
+            for (k, part) in parts.into_iter().enumerate() {
+                out[k * stride + i] = part;
             }
         }
     }
 
     /// Path points of a row after `load_path`.
-    pub(super) fn path(&self, row: usize) -> &[PathPoint] {
-        &self.path[row * self.n_points..][..self.n_points]
+    pub(super) fn path(&self, row: usize) -> PathPoints<'_> {
+        let first = self.rows[row].path.expect("the path was looked up");
+        let part = |k: usize| &self.path[first + k * self.stride..][..self.stride];
+        PathPoints {
+            x: part(0),
+            y: part(1),
+            theta: part(2),
+            cos: part(3),
+            sin: part(4),
+            curvature: part(5),
+            curvature_rate: part(6),
+        }
     }
 
-    /// Lateral motion of a row at all points.
-    pub(super) fn lateral_points(&self, row: usize) -> &[LateralPoint] {
-        &self.lateral.points[self.rows[row].lateral.table * self.n_points..][..self.n_points]
+    /// Lateral motion of a row at all points after `lateral_table`.
+    pub(super) fn lateral_points(&self, row: usize) -> LateralPoints<'_> {
+        self.lateral.points(self.rows[row].table.expect("the lateral motion is there"))
     }
 }
 
-/// The two parts of a lateral point.
-#[inline]
-fn joined(home: &[f64; 4], step: &[f64; 4]) -> LateralPoint {
-    LateralPoint { home: [home[0], home[1], home[2]], step: [step[0], step[1], step[2]] }
+/// Room for `n` more numbers.
+fn push(buffer: &mut Vec<f64>, n: usize) -> &mut [f64] {
+    let first = buffer.len();
+    buffer.resize(first + n, 0.0);
+    &mut buffer[first..]
+}
+
+/// What is found while a motion is written.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    /// It may break a limit.
+    is_doubtful: bool,
+    /// Its speed is below that for polynomials of time somewhere.
+    is_slow: bool,
+}
+
+for_wide_machines! {
+    /// A polynomial up to the end (time, place, speed), then constant speed.
+    fn write_motion = motion_at, (
+        polynomial: &Polynomial,
+        end: (f64, f64, f64),
+        times: &[f64],
+        limits: &AlongPath,
+        out: &mut [f64],
+    ) -> Found
+}
+
+#[inline(always)]
+fn motion_at(
+    polynomial: &Polynomial,
+    (end_time, end, end_velocity): (f64, f64, f64),
+    times: &[f64],
+    limits: &AlongPath,
+    out: &mut [f64],
+) -> Found {
+    let (s, rest) = out.split_at_mut(times.len());
+    let (s_dot, s_ddot) = rest.split_at_mut(times.len());
+    let (mut doubts, mut slow) = (0_u64, 0_u64);
+    for (((time, s), s_dot), s_ddot) in times.iter().zip(s).zip(s_dot).zip(s_ddot) {
+        let [p0, p1, p2, _] = polynomial.at(*time);
+        let moving = *time < end_time + 1e-9;
+        let place = if moving { p0 } else { end + end_velocity * (time - end_time) };
+        let speed = if moving { p1 } else { end_velocity };
+        let acceleration = if moving { p2 } else { 0.0 };
+        (*s, *s_dot, *s_ddot) = (place, speed, acceleration);
+        doubts |= u64::from(!limits.surely_holds(place, speed, acceleration));
+        slow |= u64::from(speed.max(0.0) < limits.low_velocity);
+    }
+    Found { is_doubtful: doubts != 0, is_slow: slow != 0 }
 }
 
 /// 1.1 s, 1.4 s, ... and the horizon; the steps depend on the level.

@@ -1,7 +1,8 @@
 //! A layer of the image network: 3 x 3 convolution, then 2 x 2 max pooling, on differences to the empty picture.
 
 use super::patches::NONE;
-use crate::predict::product::{Matrix, for_wide_machines, multiply};
+use crate::predict::product::{Matrix, multiply};
+use crate::wide::for_wide_machines;
 
 /// Channels of every layer, also the size of the result.
 pub(super) const CHANNELS: usize = 32;

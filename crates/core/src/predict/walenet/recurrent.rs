@@ -2,7 +2,8 @@
 //! it): r = s(Wr x + br + Ur h + cr), z alike, n = tanh(Wn x + bn + r (Un h + cn)), h' = (1 - z) n + z h.
 
 use super::activation::{sigmoid, tanh};
-use crate::predict::product::{Matrix, for_wide_machines, multiply};
+use crate::predict::product::{Matrix, multiply};
+use crate::wide::for_wide_machines;
 
 /// Parameters; rows r, z, n.
 #[derive(Debug, Clone)]

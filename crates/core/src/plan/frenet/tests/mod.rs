@@ -9,7 +9,7 @@ use super::{Candidates, FrenetSettings, Scratch, candidates, plan};
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::{Other, PlanRequest, PlanResult};
+use crate::plan::{Other, Outlook, PlanRequest, PlanResult};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
 use crate::route::Route;
@@ -150,6 +150,7 @@ impl Drive {
                 is_static: car.is_static,
             })
             .collect();
+        let predictions = self.predictions();
         use_it(&PlanRequest {
             time_step: self.time_step,
             dt: self.dt,
@@ -161,7 +162,8 @@ impl Drive {
             goal: &self.goal,
             road: &self.road,
             others: &others,
-            predictions: &self.predictions(),
+            predictions: &predictions,
+            outlook: &Outlook::of(&predictions),
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
         })

@@ -1,0 +1,206 @@
+//! Motion beside the path: quintics of time or of arc length that come to rest at an end position (lane). They are
+//! linear in their end value: value and two derivatives are `home + lane step`, where `home` ends at 0 and `step` goes
+//! from 0 to 1.
+
+use std::ops::Range;
+
+use super::super::polynomial::Polynomial;
+use crate::wide::for_wide_machines;
+
+/// Numbers per point: value and two derivatives of home, then of step.
+pub(super) const N_PARTS: usize = 6;
+
+/// Tables of lateral motions; the memory is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct LateralTables {
+    /// (tables, parts, points with padding)
+    points: Vec<f64>,
+    /// Root of the integral of the squared lateral jerk over the horizon; (tables, lanes).
+    pub(super) jerk: Vec<f64>,
+    /// Root of the summed squares of the last half of the offsets; (tables, lanes).
+    pub(super) offset: Vec<f64>,
+    stride: usize,
+    n_points: usize,
+    /// Third derivatives of home and step by time.
+    rates: [Vec<f64>; 2],
+}
+
+/// One table: for every point, value and two derivatives.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LateralPoints<'a> {
+    pub(super) home: [&'a [f64]; 3],
+    pub(super) step: [&'a [f64]; 3],
+}
+
+impl<'a> LateralPoints<'a> {
+    /// Offset and two derivatives.
+    #[inline(always)]
+    pub(super) fn at(&self, point: usize, lane: f64) -> [f64; 3] {
+        let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
+        [h0[point] + lane * s0[point], h1[point] + lane * s1[point], h2[point] + lane * s2[point]]
+    }
+
+    /// Some points.
+    #[inline(always)]
+    pub(super) fn cut(&self, range: Range<usize>) -> Self {
+        let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
+        let cut = |part: &'a [f64]| &part[range.clone()];
+        Self { home: [cut(h0), cut(h1), cut(h2)], step: [cut(s0), cut(s1), cut(s2)] }
+    }
+}
+
+/// A motion along the path at all points, relative to its start: arc length, speed, acceleration, jerk.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Along<'a> {
+    pub(super) s: &'a [f64],
+    pub(super) s_dot: &'a [f64],
+    pub(super) s_ddot: &'a [f64],
+    pub(super) jerk: &'a [f64],
+}
+
+impl LateralTables {
+    /// Begins anew, for plans of `n_points` points in tables of `stride`.
+    pub(super) fn clear(&mut self, n_points: usize, stride: usize) {
+        self.points.clear();
+        self.jerk.clear();
+        self.offset.clear();
+        (self.n_points, self.stride) = (n_points, stride);
+        for rates in &mut self.rates {
+            rates.clear();
+            rates.resize(stride, 0.0);
+        }
+    }
+
+    /// Number of tables.
+    pub(super) fn len(&self) -> usize {
+        self.points.len() / (N_PARTS * self.stride).max(1)
+    }
+
+    /// A table.
+    pub(super) fn points(&self, table: usize) -> LateralPoints<'_> {
+        let part = |k: usize| &self.points[(table * N_PARTS + k) * self.stride..][..self.stride];
+        LateralPoints { home: [part(0), part(1), part(2)], step: [part(3), part(4), part(5)] }
+    }
+
+    /// Adds quintics of time from a state that arrive at `end_time`.
+    pub(super) fn push_over_time(&mut self, from: [f64; 3], end_time: f64, times: &[f64], lanes: &[f64]) -> usize {
+        let home = Polynomial::to_rest(from, 0.0, end_time);
+        let step = Polynomial::to_rest([0.0; 3], 1.0, end_time);
+        let table = self.push();
+        let points = &mut self.points[table * N_PARTS * self.stride..];
+        write_parts((&home, &step), times, end_time + 1e-9, points);
+        let jerk = |lane: &f64| Polynomial::to_rest(from, *lane, end_time).squared_jerk(end_time).max(0.0).sqrt();
+        self.jerk.extend(lanes.iter().map(jerk));
+        self.sum_offsets(table, lanes);
+        table
+    }
+
+    /// Adds polynomials of arc length that arrive after `length`, for a motion along the path. Their second derivative
+    /// at the start may be free.
+    ///
+    /// The lateral jerk is d''' s_dot³ + 3 d'' s_dot s_ddot + d' s_dddot, integrated by the trapezoidal rule; linear in
+    /// the end position like d itself.
+    pub(super) fn push_over_arc(
+        &mut self,
+        [d, d_1, d_2]: [f64; 3],
+        is_free: bool,
+        length: f64,
+        motion: &Along,
+        dt: f64,
+        lanes: &[f64],
+    ) -> usize {
+        let polynomial = |[d, d_1, d_2]: [f64; 3], end: f64| {
+            if is_free {
+                Polynomial::to_rest_from_free([d, d_1], end, length)
+            } else {
+                Polynomial::to_rest([d, d_1, d_2], end, length)
+            }
+        };
+        let home = polynomial([d, d_1, d_2], 0.0);
+        let step = polynomial([0.0; 3], 1.0);
+        let table = self.push();
+        let points = &mut self.points[table * N_PARTS * self.stride..];
+        // A point at the full length has arrived.
+        write_parts((&home, &step), motion.s, length, points);
+        write_rates((&home, &step), motion, length, &mut self.rates);
+        let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
+        for (i, (a, b)) in self.rates[0].iter().zip(&self.rates[1]).take(self.n_points).enumerate() {
+            let weight = if i == 0 || i + 1 == self.n_points { 0.5 * dt } else { dt };
+            constant += weight * a * a;
+            linear += weight * 2.0 * a * b;
+            square += weight * b * b;
+        }
+        let jerk = |lane: &f64| (constant + lane * (linear + lane * square)).max(0.0).sqrt();
+        self.jerk.extend(lanes.iter().map(jerk));
+        self.sum_offsets(table, lanes);
+        table
+    }
+
+    /// Room for one more table.
+    fn push(&mut self) -> usize {
+        let table = self.len();
+        self.points.resize((table + 1) * N_PARTS * self.stride, 0.0);
+        table
+    }
+
+    fn sum_offsets(&mut self, table: usize, lanes: &[f64]) {
+        let first = self.offset.len();
+        self.offset.resize(first + lanes.len(), 0.0);
+        let part = |k: usize| &self.points[(table * N_PARTS + k) * self.stride..][..self.n_points];
+        let last_half = self.n_points - self.n_points / 2;
+        let sums = &mut self.offset[first..];
+        for (home, step) in part(0)[last_half..].iter().zip(&part(3)[last_half..]) {
+            for (sum, lane) in sums.iter_mut().zip(lanes) {
+                let d = home + lane * step;
+                *sum += d * d;
+            }
+        }
+        for sum in sums {
+            *sum = sum.sqrt();
+        }
+    }
+}
+
+for_wide_machines! {
+    /// Value and two derivatives of both polynomials below `end`, where they have arrived.
+    fn write_parts = parts_at, (polynomials: (&Polynomial, &Polynomial), at: &[f64], end: f64, out: &mut [f64])
+}
+
+#[inline(always)]
+fn parts_at((home, step): (&Polynomial, &Polynomial), at: &[f64], end: f64, out: &mut [f64]) {
+    let n = at.len();
+    let (h, s) = out[..N_PARTS * n].split_at_mut(3 * n);
+    for (polynomial, arrived, out) in [(home, 0.0, h), (step, 1.0, s)] {
+        let (value, rest) = out.split_at_mut(n);
+        let (first, second) = rest.split_at_mut(n);
+        for (((x, value), first), second) in at.iter().zip(value).zip(first).zip(second) {
+            let [p0, p1, p2, _] = polynomial.at(*x);
+            let moving = *x < end;
+            *value = if moving { p0 } else { arrived };
+            *first = if moving { p1 } else { 0.0 };
+            *second = if moving { p2 } else { 0.0 };
+        }
+    }
+}
+
+for_wide_machines! {
+    /// Third derivatives by time of polynomials of arc length.
+    fn write_rates = rates_at, (
+        polynomials: (&Polynomial, &Polynomial),
+        motion: &Along,
+        length: f64,
+        out: &mut [Vec<f64>; 2],
+    )
+}
+
+#[inline(always)]
+fn rates_at((home, step): (&Polynomial, &Polynomial), motion: &Along, length: f64, out: &mut [Vec<f64>; 2]) {
+    let Along { s, s_dot, s_ddot, jerk } = *motion;
+    for (polynomial, out) in [home, step].into_iter().zip(out) {
+        for ((((s, s_dot), s_ddot), jerk), out) in s.iter().zip(s_dot).zip(s_ddot).zip(jerk).zip(out.iter_mut()) {
+            let d = polynomial.at(*s);
+            let rate = (d[3] * s_dot * s_dot + 3.0 * d[2] * s_ddot) * s_dot + d[1] * jerk;
+            *out = if *s < length { rate } else { 0.0 };
+        }
+    }
+}
