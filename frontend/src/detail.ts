@@ -8,6 +8,9 @@ import type { Run } from "./run";
 import type { Layers, State } from "./state";
 import { costRange } from "./traffic";
 
+/** Which layer lacks something where a part of the run is missing. */
+const LAYER_OF: Record<string, keyof Layers> = { plans: "plan", candidates: "candidates", predictions: "predictions", views: "sight" };
+
 export class Detail {
   readonly root = element("section", { class: "detail", "aria-label": "Selected vehicle" });
   private readonly name = element("div", { class: "who" });
@@ -30,7 +33,7 @@ export class Detail {
     this.follow = follow.querySelector("input")!;
     layers.append(follow);
     const kinds: [keyof Layers, string, string, boolean][] = [
-      ["plan", "plan", "The chosen plan (P)", run.has("plan_x")],
+      ["plan", "plan", "The chosen plan (P)", !run.header.missing.some((m) => m.what === "plans")],
       ["candidates", "candidates", "Sampled candidates, coloured by cost (C)", run.has("candidate_x")],
       ["predictions", "predictions", "What it planned against, with 95 % ellipses (R)", run.has("prediction_x")],
       ["sight", "view", "How far it sees; who is not seen is pale (V)", true],
@@ -93,7 +96,7 @@ export class Detail {
     const [first, last] = run.candidates(state.selected, state.step);
     const at = run.table("candidate_step")[first];
     if (last > first) parts.push(`${last - first} candidates ${at === state.step ? "shown" : `of ${run.seconds(at).toFixed(1)} s shown`}`);
-    const lacking = run.header.missing.filter((m) => state.layers[m.what as keyof Layers]).map((m) => m.text);
+    const lacking = run.header.missing.filter((m) => state.layers[LAYER_OF[m.what]]).map((m) => m.text);
     return [parts.join(" · "), ...(p.agent >= 0 ? lacking : [])].filter(Boolean).join("  —  ");
   }
 

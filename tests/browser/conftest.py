@@ -51,7 +51,7 @@ def page(browser):
 def demo(tmp_path_factory) -> Path:
     """Page of the T-junction, everything recorded."""
     folder = tmp_path_factory.mktemp("demo") / "run"
-    interdrive("run", "t_junction", "--agents", "all", "--out", folder, "--report")
+    interdrive("run", "t_junction", "--agents", "all", "--predictor", "lane_following", "--out", folder, "--report")
     return folder / "report.html"
 
 
