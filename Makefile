@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench oracles third_party planners ray browser train report_bundle format clean
+.PHONY: demo test check bench instructions oracles third_party planners ray browser train report_bundle format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -44,6 +44,9 @@ bench: $(VENV)/.installed ## time per step, phases, memory, start; time for all 
 	$(BIN)/python benchmarks/table.py
 	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
 	$(BIN)/python benchmarks/criticality.py
+
+instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
+	$(PYTHON) benchmarks/instructions.py
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles

@@ -1,0 +1,107 @@
+//! Hot paths to be counted instruction by instruction: `instructions NAME N` does one of them N times and nothing else.
+//! `benchmarks/instructions.py` runs it under callgrind and subtracts what preparing takes. One thread, no clock.
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use interdrive_core::collision::{Mover, contacts};
+use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::plan::Planner;
+use interdrive_core::predict::neural::{MODE_OUTPUTS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_PATH, Network, Neural, Tensor};
+use interdrive_core::predict::{LaneFollowing, Predictor};
+use interdrive_core::world::{World, WorldSettings};
+
+#[path = "../tests/shipped/mod.rs"]
+mod shipped;
+
+/// Steps of predictions and plans: 3 s.
+const HORIZON: usize = 30;
+
+fn main() {
+    let mut arguments = std::env::args().skip(1);
+    let (Some(name), Some(times)) = (arguments.next(), arguments.next().and_then(|n| n.parse().ok())) else {
+        return; // `cargo bench` calls it without arguments
+    };
+    let following = Predictor::LaneFollowing(LaneFollowing::default());
+    match name.as_str() {
+        // One agent in reach of seven others, a plan of 800 samples.
+        "plan" => {
+            let mut world = world(shipped::T_JUNCTION, 1);
+            steps(&mut world, &following, 10);
+            let scene = world.scene();
+            let predictions = world.predict(&following, &scene, HORIZON).expect("predictions");
+            (0..times).for_each(|_| drop(black_box(world.plan(&scene, &predictions))));
+        }
+        "predict_lane_following" => predict(&following, times),
+        "predict_neural" => {
+            let network = Arc::new(network());
+            predict(&Predictor::Neural(Neural { network, modes_max: 4 }), times);
+        }
+        // A hundred cars during one step.
+        "contacts" => {
+            let world = world(shipped::TOWN, 100);
+            let scene = world.scene();
+            let shapes = &world.participants().shape;
+            let movers: Vec<Mover> = (0..shapes.len())
+                .map(|row| {
+                    let (state, from) = (scene.state(row), scene.state(row).pose());
+                    let to = from.position + Point::from_angle(state.orientation) * (0.1 * state.velocity);
+                    Mover { shape: &shapes[row], from, to: Pose { position: to, orientation: state.orientation } }
+                })
+                .collect();
+            (0..times).for_each(|_| drop(black_box(contacts(black_box(&movers), |_, _| true))));
+        }
+        // Whole steps, all vehicles plan.
+        "step" => {
+            let mut world = world(shipped::T_JUNCTION, usize::MAX);
+            steps(&mut world, &following, 10 + times);
+        }
+        _ => panic!("no hot path {name}"),
+    }
+}
+
+fn world(document: &str, agents: usize) -> World {
+    shipped::world(document, agents, &Planner::Frenet(Box::default()), WorldSettings::default())
+}
+
+fn steps(world: &mut World, predictor: &Predictor, n: usize) {
+    for _ in 0..n {
+        let scene = world.scene();
+        let predictions = world.predict(predictor, &scene, HORIZON).expect("predictions");
+        let plans = world.plan(&scene, &predictions).expect("plans");
+        world.step(&plans).expect("a step");
+    }
+}
+
+/// Everybody in one part of the town, after some steps, so that there is a past.
+fn predict(predictor: &Predictor, times: usize) {
+    let mut world = world(shipped::TOWN, 25);
+    steps(&mut world, &Predictor::LaneFollowing(LaneFollowing::default()), 5);
+    let scene = world.scene();
+    (0..times).for_each(|_| drop(black_box(world.predict(predictor, black_box(&scene), HORIZON))));
+}
+
+/// Layers as wide as those that are shipped, weights of no meaning.
+fn network() -> Network {
+    let mut tensors = vec![];
+    let mut add = |name: String, shape: Vec<usize>, value: &dyn Fn(usize) -> f32| {
+        let values = (0..shape.iter().product()).map(value).collect();
+        tensors.push(Tensor { name, shape, values });
+    };
+    for (name, n_in, n_out) in [
+        ("agent.0", N_AGENT, 64),
+        ("agent.1", 64, 64),
+        ("neighbour.0", N_NEIGHBOUR, 32),
+        ("neighbour.1", 32, 32),
+        ("path.0", N_PATH + 96, 64),
+        ("path.1", 64, 64),
+        ("head.0", 128, 64),
+        ("head.1", 64, 2 * MODE_OUTPUTS),
+    ] {
+        add(format!("{name}.weight"), vec![n_out, n_in], &|k| ((k * 37 % 101) as f32 - 50.0) * 2e-3);
+        add(format!("{name}.bias"), vec![n_out], &|k| ((k * 31 % 17) as f32 - 8.0) * 1e-2);
+    }
+    add("calibration.s".to_string(), vec![N_KNOTS], &|_| 1.0);
+    add("calibration.d".to_string(), vec![N_KNOTS], &|_| 1.0);
+    Network::new(tensors).expect("a network")
+}

@@ -1,0 +1,83 @@
+//! Memory that steps allocate once the world is warm.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use interdrive_core::plan::Planner;
+use interdrive_core::predict::{LaneFollowing, Predictor};
+use interdrive_core::world::WorldSettings;
+
+mod shipped;
+
+/// Counts every request for memory, in all threads.
+struct Counting;
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+#[allow(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything on")]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.realloc(pointer, layout, new_size) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Allocations since the last time.
+fn taken(before: &mut usize) -> usize {
+    let now = ALLOCATIONS.load(Ordering::Relaxed);
+    let since = now - *before;
+    *before = now;
+    since
+}
+
+/// Most allocations in a phase of a step, over some steps after warm-up: observe, predict, plan, step.
+fn most_per_phase(agents: usize) -> [usize; 4] {
+    const WARM_UP: usize = 10;
+    let planner = Planner::Frenet(Box::default());
+    let mut world = shipped::world(shipped::TOWN, agents, &planner, WorldSettings::default());
+    let predictor = Predictor::LaneFollowing(LaneFollowing::default());
+    let mut most = [0; 4];
+    for step in 0..WARM_UP + 10 {
+        let mut before = ALLOCATIONS.load(Ordering::Relaxed);
+        let scene = world.scene();
+        let observe = taken(&mut before);
+        let predictions = world.predict(&predictor, &scene, 30).expect("predictions");
+        let predict = taken(&mut before);
+        let plans = world.plan(&scene, &predictions).expect("plans");
+        let plan = taken(&mut before);
+        world.step(&plans).expect("a step");
+        let advance = taken(&mut before);
+        if step >= WARM_UP {
+            for (most, now) in most.iter_mut().zip([observe, predict, plan, advance]) {
+                *most = now.max(*most);
+            }
+        }
+    }
+    most
+}
+
+/// One test, so that nothing else allocates meanwhile.
+#[test]
+fn a_step_allocates_no_more_than_it_did() {
+    // What is left for each phase: a part that does not depend on the number of agents, and a part per agent.
+    let (few, many) = (most_per_phase(25), most_per_phase(100));
+    println!("allocations per step (observe, predict, plan, step): {few:?} for 25 agents, {many:?} for 100");
+    for ((name, limit), (few, many)) in
+        [("observe", 9.0), ("predict", 9.0), ("plan", 9.0), ("step", 9.0)].into_iter().zip(few.into_iter().zip(many))
+    {
+        let per_agent = (many as f64 - few as f64) / 75.0;
+        assert!(per_agent <= limit, "{name} allocates {per_agent:.2} times more for every agent, at most {limit}");
+    }
+}
