@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench instructions oracles third_party planners ray browser train report_bundle format clean
+.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -40,10 +40,23 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	$(BIN)/lint-imports
 	$(BIN)/python scenarios/make.py --check
 
-bench: $(VENV)/.installed ## time per step, phases, memory, start; time for all criticality measures
+bench: $(VENV)/.installed ## time per step, phases, memory, start; time for all criticality measures; targets
 	$(BIN)/python benchmarks/table.py
+	$(BIN)/python benchmarks/start.py
 	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
 	$(BIN)/python benchmarks/criticality.py
+	$(BIN)/python benchmarks/targets.py
+
+# On a quiet machine, about half an hour; PEER is a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4 (left out without).
+performance: $(VENV)/.installed .venv-third/.installed ## measures all of docs/performance.md and writes it
+	mkdir -p out
+	$(BIN)/interdrive study runtime --out out/study_runtime --overwrite
+	$(BIN)/python benchmarks/start.py > out/start.md
+	$(BIN)/python benchmarks/floors.py > out/floors.md
+	.venv-third/bin/python benchmarks/against_frenetix.py --times-only > out/frenetix.md
+	$(BIN)/python benchmarks/peers/rule_based.py > out/rule_based.md
+	if [ -n "$(PEER)" ]; then $(BIN)/python benchmarks/peers/handler.py $(PEER) > out/handler.md; fi
+	$(BIN)/python benchmarks/targets.py out/study_runtime --document
 
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py

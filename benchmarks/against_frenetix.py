@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from targets import note
 
 from interdrive.planners import Frenet
 from interdrive.planners.frenetix import Frenetix
@@ -85,6 +86,8 @@ def main() -> None:
         cells = [f"{1e3 * np.median(t):.2f} ({1e3 * np.quantile(t, 0.9):.2f})" for t in found.values()]
         ratio = np.median(found["frenetix"]) / np.median(found["frenet"])
         print(f"| {Path(scenario).stem} | {agents} | {' | '.join(cells)} | {ratio:.0f} |", flush=True)
+        if scenario == HIGHWAY:
+            note("plan_ratio", float(ratio))
     if arguments.times_only:
         return
     print("\n| outcomes | planner | agents | " + " | ".join(OUTCOMES) + " | s of computing per s |")

@@ -17,10 +17,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+from targets import note
+
 HIGHWAY = "highway/USA_US101-23_1_T-1.xml"
 
 
-def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
+def measure(scenario: str, agents: str, threads: int, predictor: str, steps: int) -> dict[str, float]:
     """Runs once in this process; times in seconds, memory in bytes."""
     start = time.perf_counter()
     import numpy as np
@@ -28,12 +30,16 @@ def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 
-    simulation = Simulation(
-        scenario, agents=agents if agents == "all" else int(agents), threads=threads, predictor="lane_following"
-    )
+    number = agents if agents == "all" else int(agents)
+    simulation = Simulation(scenario, agents=number, threads=threads, predictor=predictor)
     simulation.step()
     first_step = time.perf_counter() - start
-    run = simulation.run()
+    begin, native = time.perf_counter(), simulation.world.native_seconds
+    while not simulation.is_done and len(simulation._timings) < steps:
+        simulation.step()
+    native = simulation.world.native_seconds - native
+    python = 1.0 - native / (time.perf_counter() - begin)
+    run = simulation.record()
     n_steps = len(run.timings.time_step) // len(PHASES)
     seconds = run.timings.seconds.reshape(n_steps, len(PHASES))
     driving = np.array([np.count_nonzero(run.plans.time_step == t) for t in np.unique(run.plans.time_step)])
@@ -43,6 +49,7 @@ def measure(scenario: str, agents: str, threads: int) -> dict[str, float]:
         "participants": float(len(run.states.ids)),
         "steps": float(n_steps),
         "first_step": first_step,
+        "python": python,
         "step": float(np.median(seconds.sum(axis=1))),
         "full_step": float(np.median(seconds[full].sum(axis=1))),
         "full_steps": float(full.sum()),
@@ -79,10 +86,10 @@ def measure_kind(scenario: str, kind: str) -> dict[str, float]:
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 
-    everybody = Simulation(scenario, agents="all", predictor="lane_following", threads=2)
+    everybody = Simulation(scenario, agents="all", threads=2)
     recorded = [agent.id for agent in everybody.agents if agent.origin == "recorded"][:24]
     planner = KeepsSpeed if kind == "python" else kind
-    run = Simulation(scenario, agents=recorded, planner=planner, predictor="lane_following", threads=2).run()
+    run = Simulation(scenario, agents=recorded, planner=planner, threads=2).run()
     seconds = run.timings.seconds.reshape(-1, len(PHASES))
     driving = np.array([np.count_nonzero(run.plans.time_step == t) for t in np.unique(run.plans.time_step)])
     result = {"step": float(np.median(seconds[driving >= 0.9 * driving.max()].sum(axis=1)))}
@@ -106,6 +113,20 @@ def print_kinds(scenario: str, repeat: int) -> None:
         print(f"| {kind} | {1e3 * middle['step']:.2f} | {overhead} |")
 
 
+def keep(found: dict[tuple[str, str, int, str], dict[str, float]]) -> None:
+    """Notes what belongs to a target."""
+    name, usual = Path(HIGHWAY).stem, "lane_following"
+    both, alone = found.get((name, "24", 2, usual)), found.get((name, "24", 1, usual))
+    if both and alone:
+        note("step_24", both["full_step"])
+        note("python_share", both["python"])
+        note("second_thread", alone["full_step"] / both["full_step"])
+        note("step_24_neural", found[name, "24", 2, "neural"]["full_step"])
+    few, many = found["town", "24", 2, usual], found["town", "1000", 2, usual]
+    note("step_1000", many["full_step"])
+    note("growth", many["full_step"] / few["full_step"] / (1000 / 24))
+
+
 def command_start(scenario: str, agents: str) -> float:
     """Seconds from the start of the command line to the first step."""
     code = (
@@ -123,48 +144,59 @@ def command_start(scenario: str, agents: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--one", nargs=3, metavar=("SCENARIO", "AGENTS", "THREADS"), help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--one", nargs=5, metavar=("SCENARIO", "AGENTS", "THREADS", "PREDICTOR", "STEPS"), help=argparse.SUPPRESS
+    )
     parser.add_argument("--kind", nargs=2, metavar=("SCENARIO", "PLANNER"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.kind:
         print(json.dumps(measure_kind(*arguments.kind)))
         return
     if arguments.one:
-        scenario, agents, threads = arguments.one
-        print(json.dumps(measure(scenario, agents, int(threads))))
+        scenario, agents, threads, predictor, steps = arguments.one
+        print(json.dumps(measure(scenario, agents, int(threads), predictor, int(steps))))
         return
     folder = Path(os.environ.get("INTERDRIVE_SCENARIOS", "../shared/scenarios"))
-    cases = [("t_junction", "all", 2), ("intersection", "all", 2), ("highway", "24", 2)]
+    usual = "lane_following"
+    cases = [("t_junction", "all", 2, usual), ("intersection", "all", 2, usual), ("highway", "24", 2, usual)]
+    cases += [("town", "24", 2, usual), ("town", "1000", 2, usual)]
     if (folder / HIGHWAY).exists():
+        highway = str(folder / HIGHWAY)
         cases = [
-            (str(folder / HIGHWAY), "24", 2),
-            (str(folder / HIGHWAY), "24", 1),
-            (str(folder / HIGHWAY), "all", 2),
+            (highway, "24", 2, usual),
+            (highway, "24", 1, usual),
+            (highway, "all", 2, usual),
+            (highway, "24", 2, "neural"),
             *cases,
         ]
     else:
         print(f"{folder / HIGHWAY} is not there: only the shipped scenarios are measured")
     print(
-        "| scenario | agents | participants | threads | ms per step (all agents) | ms per step (whole run) "
-        "| plan | predict | advance | observe | start to first step | memory |"
+        "| scenario | agents | participants | threads | predictor | ms per step (all agents) | ms per step (whole run) "
+        "| plan | predict | collision | advance | observe | Python | start to first step | memory |"
     )
-    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
-    for scenario, agents, threads in cases:
+    print("|---|--:|--:|--:|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|")
+    found: dict[tuple[str, str, int, str], dict[str, float]] = {}
+    for scenario, agents, threads, predictor in cases:
         runs = []
+        steps = "30" if scenario == "town" else "100000"
         for _ in range(arguments.repeat):
-            command = [sys.executable, __file__, "--one", scenario, agents, str(threads)]
+            command = [sys.executable, __file__, "--one", scenario, agents, str(threads), predictor, steps]
             done = subprocess.run(command, capture_output=True, text=True, check=True)
             runs.append(json.loads(done.stdout))
         middle = {key: statistics.median(run[key] for run in runs) for key in runs[0]}
+        found[Path(scenario).stem, agents, threads, predictor] = middle
         start = statistics.median(command_start(scenario, agents) for _ in range(arguments.repeat))
         shares = " | ".join(
-            f"{100 * middle['share_' + phase]:.0f} %" for phase in ("plan", "predict", "advance", "observe")
+            f"{100 * middle['share_' + phase]:.0f} %"
+            for phase in ("plan", "predict", "collision", "advance", "observe")
         )
         print(
             f"| {Path(scenario).stem} | {middle['agents']:.0f} | {middle['participants']:.0f} | {threads} "
-            f"| {1e3 * middle['full_step']:.2f} | {1e3 * middle['step']:.2f} | {shares} "
-            f"| {start:.2f} s | {middle['memory'] / 2**20:.0f} MiB |"
+            f"| {predictor} | {1e3 * middle['full_step']:.2f} | {1e3 * middle['step']:.2f} | {shares} "
+            f"| {100 * middle['python']:.1f} % | {start:.2f} s | {middle['memory'] / 2**20:.0f} MiB |"
         )
+    keep(found)
     if (folder / HIGHWAY).exists():
         print_kinds(str(folder / HIGHWAY), arguments.repeat)
 

@@ -56,6 +56,11 @@ fn main() {
             let mut world = world(shipped::T_JUNCTION, usize::MAX);
             steps(&mut world, &following, 10 + times);
         }
+        // The same for 25 agents in a part of the town.
+        "step_town" => {
+            let mut world = world(shipped::TOWN, 25);
+            steps(&mut world, &following, 10 + times);
+        }
         _ => panic!("no hot path {name}"),
     }
 }

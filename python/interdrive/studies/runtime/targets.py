@@ -44,7 +44,7 @@ TARGETS = (
     Target("step_24_neural", "the same with neural", 5.0, "ms", 1e-3),
     Target("plan_ratio", "one plan against the frenetix 0.4 binary", 100.0, "times", 1.0, False, _BENCH),
     Target("peer_ratio", "step against the peer", 1000.0, "times", 1.0, False, _PEERS + "handler.py"),
-    Target("highway_env_ratio", "step against highway-env", 1.0, "times", 1.0, False, _PEERS + "highway_env.py"),
+    Target("highway_env_ratio", "step against highway-env", 1.0, "times", 1.0, False, _PEERS + "rule_based.py"),
     Target("step_1000", "1000 agents in the town", 100.0, "ms", 1e-3),
     Target("growth", "growth from 24 to 1000 agents, to linear", 1.1, "times"),
     Target("python_share", f"share of Python, 24 agents, {HIGHWAY}", 5.0, "%", 1e-2),

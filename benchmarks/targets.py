@@ -1,0 +1,86 @@
+"""What is aimed at next to what was measured last on this machine: by `make bench`, the study and the peers' scripts.
+
+    python benchmarks/targets.py [STUDY]     # STUDY: folder of `interdrive study runtime`
+    python benchmarks/targets.py STUDY --document   # writes tables and figures into docs/performance.md
+
+What scripts measure is kept in out/measured.json. With `--document` their tables are taken from out/*.md, which
+`make performance` writes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+MEASURED = ROOT / "out" / "measured.json"
+DOCUMENT = ROOT / "docs" / "performance.md"
+#: Sections of the document that are made from files of the same name in out/.
+SECTIONS = ("floors", "start", "handler", "rule_based", "frenetix")
+
+
+def note(name: str, value: float) -> None:
+    """Keeps a measured number, in SI units, under the name of its target."""
+    MEASURED.parent.mkdir(exist_ok=True)
+    partial = MEASURED.with_suffix(f".{os.getpid()}")
+    partial.write_text(json.dumps(noted() | {name: value}, indent=2) + "\n", encoding="utf-8")
+    partial.rename(MEASURED)
+
+
+def noted() -> dict[str, float]:
+    """All numbers kept so far."""
+    return json.loads(MEASURED.read_text(encoding="utf-8")) if MEASURED.is_file() else {}
+
+
+def filled(text: str, name: str, content: str) -> str:
+    """A document with the part between `<!-- name -->` and `<!-- /name -->` replaced."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
+    if begin not in text or end not in text:
+        raise SystemExit(f"{DOCUMENT}: there is no place {begin.strip()} ... {end}")
+    return re.sub(
+        re.escape(begin) + ".*?" + re.escape(end), lambda _: f"{begin}{content.strip()}\n{end}", text, flags=re.S
+    )
+
+
+def write_document(study: Path | None, targets: str) -> None:
+    """Puts tables and figures into docs/performance.md."""
+    text = filled(DOCUMENT.read_text(encoding="utf-8"), "targets", targets)
+    if study is not None:
+        parts = (study / "runtime.md").read_text(encoding="utf-8").strip().split("\n\n")
+        tables = [part for part in parts if not part.startswith("| what |")]
+        text = filled(text, "study", "\n\n".join(tables))
+        for figure in ("runtime", "growth"):
+            if (study / f"{figure}.png").is_file():
+                shutil.copyfile(study / f"{figure}.png", ROOT / "docs" / "figures" / f"study_{figure}.png")
+    for name in SECTIONS:
+        made = MEASURED.with_name(f"{name}.md")
+        if made.is_file():
+            text = filled(text, name, made.read_text(encoding="utf-8"))
+    DOCUMENT.write_text(text, encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("study", nargs="?", type=Path, help="folder of `interdrive study runtime`")
+    parser.add_argument("--document", action="store_true", help="write docs/performance.md")
+    arguments = parser.parse_args()
+    found = noted()
+    if arguments.study is not None:
+        if not (arguments.study / "runtime.json").is_file():
+            parser.error(f"{arguments.study}: this is no folder of `interdrive study runtime`")
+        found |= json.loads((arguments.study / "runtime.json").read_text(encoding="utf-8"))["targets"]
+
+    from interdrive.studies.runtime.markdown import targets_markdown
+
+    targets = targets_markdown(found)
+    print(targets)
+    if arguments.document:
+        write_document(arguments.study, targets)
+
+
+if __name__ == "__main__":
+    main()
