@@ -15,6 +15,7 @@ from interdrive.cli import main
 from interdrive.errors import InputError, ResultsError
 from interdrive.results import arrow_table
 from interdrive.studies import runtime
+from interdrive.studies.runtime.markdown import document
 from interdrive.studies.runtime.measure import STEP_COLUMNS, peak_memory
 
 
@@ -25,7 +26,7 @@ def study():
     return runtime.runtime_study(cases[-1:], steps=3, repetitions=2, threads=2, memory=False)
 
 
-def invented(seconds, *, kind="town", scenario="town", predictor="lane_following", memory=float("nan")):
+def invented(seconds, *, kind="town", scenario="town", predictor="lane_following", memory=float("nan"), load=0.1):
     """A study with given times of steps by (agents, threads), for two threads."""
     rows = []
     for (agents, threads), times in seconds.items():
@@ -34,7 +35,7 @@ def invented(seconds, *, kind="town", scenario="town", predictor="lane_following
                 (kind, scenario, predictor, agents, agents, threads, 0, index, agents, time, *6 * (0.1 * time,))
             )
     columns = {column.name: [row[k] for row in rows] for k, column in enumerate(STEP_COLUMNS)}
-    machine = {"processor": "P", "cores": 2, "system": "S", "python": "3"}
+    machine = {"processor": "P", "cores": 2, "system": "S", "python": "3", "load": load}
     settings = {"steps": 3, "repetitions": 1, "planner": "frenet"}
     return runtime.RuntimeStudy(arrow_table(STEP_COLUMNS, columns), 2, memory, machine, settings, ())
 
@@ -108,6 +109,13 @@ def test_the_growth_target_needs_24_and_1000_agents():
     large = invented({(24, 2): [0.001], (1000, 2): [0.05]})
     assert runtime.measured_targets(large)["growth"] == pytest.approx(1.2)
     assert runtime.measured_targets(large)["step_1000"] == 0.05
+
+
+def test_the_document_says_that_the_machine_was_busy():
+    quiet = document(invented({(24, 2): [0.001], (1000, 2): [0.05]}))
+    assert "| 2 | 42 at 24, 50 at 1000 | 1.049 | 1.20 |" in quiet
+    assert "busy" not in quiet
+    assert "**The machine was busy** (load 3.0 before)" in document(invented({(24, 2): [0.001]}, load=3.0))
 
 
 def test_peak_memory_is_that_of_a_process_of_its_own():

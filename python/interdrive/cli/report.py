@@ -330,7 +330,7 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
 def print_runtime(study: RuntimeStudy, folder: Path) -> None:
     """Milliseconds per step, growth, targets next to what was measured, notes, and where the tables are."""
     from interdrive.studies.runtime import growth, measured_targets, target_rows  # noqa: PLC0415
-    from interdrive.studies.runtime.markdown import STEP_PARTS, step_rows  # noqa: PLC0415
+    from interdrive.studies.runtime.markdown import QUIET, STEP_PARTS, step_rows  # noqa: PLC0415
 
     console, several = output(), study.threads
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
@@ -355,5 +355,8 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
         style = "green" if verdict == "reached" else "yellow" if verdict.startswith("missed") else "dim"
         aims.add_row(escape(what), aim, value, f"[{style}]{verdict}[/]")
     console.print(aims)
-    print_notes(console, study.notes, "runtime.json")
+    notes = study.notes
+    if study.machine["load"] > QUIET * study.machine["cores"]:
+        notes = (f"the machine was busy (load {study.machine['load']:.1f} before): all times are too long", *notes)
+    print_notes(console, notes, "runtime.json")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from interdrive.studies.runtime.measure import RuntimeStudy
 
 
+#: Up to this load per core times are those of a quiet machine.
+QUIET = 0.3
 #: Parts of a step that tables show.
 STEP_PARTS = ("predict", "plan", "collision", "update")
 
@@ -76,8 +78,10 @@ def document(study: RuntimeStudy) -> str:
     what = study.machine
     settings = study.settings
     where = f"{what['processor']}, {what['cores']} cores, {what['system']}, Python {what['python']}"
+    busy = what["load"] > QUIET * what["cores"]
     parts = [
         f"{where}; up to {settings['steps']} steps per run, {settings['repetitions']} runs of each kind.",
+        *([f"**The machine was busy** (load {what['load']:.1f} before): all times are too long."] if busy else []),
         targets_markdown(measured_targets(study)),
         "Milliseconds per step, median (quartiles); parts with all threads:",
         steps_markdown(study),

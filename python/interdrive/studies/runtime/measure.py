@@ -59,7 +59,7 @@ class RuntimeStudy:
         steps: One row per step, as an Arrow table with `STEP_COLUMNS`.
         threads: The larger number of threads.
         peak_memory: Of a process that records 300 steps of 1000 agents [bytes]; nan if it was not measured.
-        machine: Processor, cores and software.
+        machine: Processor, cores, load before the study, and software.
         settings: What was asked for.
         notes: One line per thing the user should know.
     """
@@ -108,7 +108,7 @@ def runtime_study(
     for name, value in (("steps", steps), ("repetitions", repetitions)):
         if value < 1:
             raise InputError(f"{name} must be at least 1, not {value}")
-    several = threads or os.cpu_count() or 1
+    several, where = threads or os.cpu_count() or 1, machine()
     counts = sorted({1, several})
     columns: dict[str, list[Any]] = {column.name: [] for column in STEP_COLUMNS}
     # What cannot be driven is refused before anything is.
@@ -140,7 +140,7 @@ def runtime_study(
         steps=arrow_table(STEP_COLUMNS, columns),
         threads=several,
         peak_memory=peak,
-        machine=machine(),
+        machine=where,
         settings={"steps": steps, "repetitions": repetitions, "planner": str(planner)},
         notes=notes,
     )
@@ -215,10 +215,11 @@ def _recorded(agents: int, steps: int, threads: int) -> float:
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores, system and Python."""
+    """Processor, cores, system, Python, and how many programs wanted to run just now."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
     }
