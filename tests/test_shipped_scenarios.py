@@ -196,7 +196,8 @@ def test_the_first_vehicles_of_the_town_live_in_a_proportional_part_of_it(town):
 def test_the_agents_of_the_town_reach_their_goals_without_touching_each_other(town):
     from interdrive.simulation import simulate
 
-    run = simulate(town, agents=sorted(p.id for p in town.planning_problems)[:50])
+    agents = sorted(p.id for p in town.planning_problems)[:50]
+    run = simulate(town, agents=agents, predictor="lane_following")
     assert set(run.outcomes.outcome) == {"goal_reached"}
     # All of them drive for most of the time, so density stays as it is.
     assert np.count_nonzero(run.states.valid[:, 180]) >= 45

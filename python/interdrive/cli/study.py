@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
 @click.option("--planner", metavar="NAME", default="frenet", help="Of the agent and of the interactive other vehicle.")
-@click.option("--predictor", metavar="NAME", default="neural", help="Of both.")
+@click.option("--predictor", metavar="NAME", help="Of both (neural); runtime: of all (lane_following).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -43,7 +43,7 @@ def study(
     agent: int | None,
     other: int | None,
     planner: str,
-    predictor: str,
+    predictor: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
     agents: str | None,
@@ -95,7 +95,7 @@ def study(
                     agent=case.agent,
                     other=case.other,
                     planner=planner,
-                    predictor=predictor,
+                    predictor=predictor or "neural",
                     settings=settings,
                     threads=threads,
                     on_step=report.step,
@@ -121,7 +121,7 @@ class _Asked(NamedTuple):
 def _runtime(
     asked: _Asked,
     planner: str,
-    predictor: str,
+    predictor: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
     target: tuple[str | Path, bool],
@@ -147,7 +147,8 @@ def _runtime(
     settings = bind(SimulationSettings(), assigned(assignments))
     folder = check_runtime_target(target[0], overwrite=target[1])
     cases, notes = runtime_cases(counts, tuple(n for n in town if n), to_all=not quick and asked.agents is None)
-    cases = tuple(replace(case, predictor=predictor) if case.predictor != "neural" else case for case in cases)
+    if predictor is not None:
+        cases = tuple(replace(case, predictor=predictor) for case in cases if case.predictor != "neural")
     with progress(quiet=quiet) as report:
         report.say("reading")
         done = runtime_study(

@@ -21,7 +21,6 @@ _WIDTH, _PANEL, _FONT = 180.0 * _MM, 52.0 * _MM, 7.5
 _REAL_TIME = 100.0
 #: One thread and several (Okabe and Ito).
 _COLOURS = ("#0072B2", "#D55E00")
-_ALONE = "neural"
 
 
 def runtime_figure(study: RuntimeStudy) -> Figure:
@@ -30,7 +29,10 @@ def runtime_figure(study: RuntimeStudy) -> Figure:
     Medians with quartiles, with one thread and with several; dashed the time of planning alone, which is that of the
     slowest batch, since every thread plans for a batch of the agents; the line of real time.
     """
-    rows = [row for row in summary_table(study).to_pylist() if row["predictor"] != _ALONE]
+    rows = summary_table(study).to_pylist()
+    predictor = {row["scenario"]: row["predictor"] for row in reversed(rows)}
+    # Of a scenario that was driven with several predictors, the first one is drawn.
+    rows = [row for row in rows if row["predictor"] == predictor[row["scenario"]]]
     scenarios = list(dict.fromkeys((row["kind"], row["scenario"]) for row in rows))
     across = min(3, len(scenarios)) or 1
     down = -(-len(scenarios) // across) or 1

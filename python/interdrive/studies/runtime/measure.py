@@ -149,7 +149,7 @@ def runtime_study(
 def _numbers(case: RuntimeCase, scenario: Scenario, planner: object, settings: SimulationSettings | None) -> list[int]:
     """The numbers of agents that the scenario has, ascending."""
     wanted = [n for n in case.counts if n is not None]
-    most = len(Simulation(scenario, planner=planner, settings=settings, threads=1).agents)
+    most = len(Simulation(scenario, planner=planner, predictor=case.predictor, settings=settings, threads=1).agents)
     if wanted and min(wanted) < 1:
         raise InputError(f"the number of agents must be at least 1, not {min(wanted)}")
     if wanted and min(wanted) > most:
@@ -207,7 +207,7 @@ def peak_memory(agents: int, steps: int, threads: int) -> float:
 def _recorded(agents: int, steps: int, threads: int) -> float:
     import resource  # noqa: PLC0415 - not on every system
 
-    simulation = Simulation(shipped_scenario(TOWN), agents=agents, threads=threads)
+    simulation = Simulation(shipped_scenario(TOWN), agents=agents, threads=threads, predictor="lane_following")
     for _ in range(steps):
         simulation.step()
     simulation.record()
