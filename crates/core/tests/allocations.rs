@@ -69,10 +69,11 @@ fn most_per_phase(agents: usize) -> [usize; 4] {
 }
 
 /// Allocations that each phase may make for every further agent. The aim is none; whoever removes some lowers the number.
-const PER_AGENT: [(&str, f64); 4] = [("observe", 0.1), ("predict", 9.6), ("plan", 116.0), ("step", 1.2)];
+const PER_AGENT: [(&str, f64); 4] = [("observe", 0.1), ("predict", 9.6), ("plan", 5.8), ("step", 1.2)];
 
 /// One test, so that nothing else allocates meanwhile.
 #[test]
+#[allow(clippy::print_stdout, reason = "whoever lowers the numbers wants to see them: --nocapture")]
 fn a_step_allocates_no_more_than_it_did() {
     let (few, many) = (most_per_phase(25), most_per_phase(100));
     println!("allocations per step (observe, predict, plan, step): {few:?} for 25 agents, {many:?} for 100");
