@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interdrive import _core, simulate
+from interdrive import _core, evaluate_predictors, simulate
 from interdrive.files import read_scenario, shipped_scenario
+from interdrive.prediction_evaluation.tables import ALL, ANY, measures_table
 from interdrive.predictors.weights import read_weights
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -108,3 +109,22 @@ def test_the_weights_are_small_and_say_how_they_were_made():
     assert WEIGHTS.stat().st_size < 2_000_000
     assert metadata["feature_version"] == str(_core.NEURAL["version"])
     assert {"seed", "epochs", "data", "sizes"} <= set(metadata)
+
+
+def test_at_places_that_it_was_not_trained_at_neural_is_nearer_than_lane_following(scenarios_folder):
+    found = evaluate_predictors(
+        scenarios_folder, ["lane_following", "neural"], every=20, split=split.SPLIT, with_timing=False
+    )
+    rows = {
+        row["predictor"]: row
+        for row in measures_table(found).to_pylist()
+        if (row["category"], row["traffic"]) == (ALL, ANY)
+    }
+    neural, lanes = rows["neural"], rows["lane_following"]
+    assert neural["samples_3"] > 500
+    assert neural["fde_3"] < 0.9 * lanes["fde_3"]
+    assert neural["fde_best_3"] < 0.7 * lanes["fde_best_3"]
+    assert neural["nll_median_3"] < lanes["nll_median_3"]
+    assert 0.8 < neural["region_90_3"] < 0.95
+    assert neural["stays_samples"] > 50
+    assert neural["stays_p95"] < 0.2
