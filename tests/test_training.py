@@ -1,6 +1,7 @@
 """The split of the training data, and the shipped weights against what torch computed with them."""
 
 import csv
+import hashlib
 from collections import Counter
 from pathlib import Path
 
@@ -109,6 +110,18 @@ def test_the_weights_are_small_and_say_how_they_were_made():
     assert WEIGHTS.stat().st_size < 2_000_000
     assert metadata["feature_version"] == str(_core.NEURAL["version"])
     assert {"seed", "epochs", "data", "sizes"} <= set(metadata)
+
+
+def test_the_log_is_that_of_the_shipped_weights(data_list):
+    weights = read_weights(WEIGHTS)
+    summary = (ROOT / "training" / "log" / "summary.txt").read_text(encoding="utf-8")
+    for name in ("seed", "epochs", "data", "files"):
+        assert f"{name}: {weights.metadata[name]}\n" in summary
+    for name in ("s", "d", "evenness_s", "evenness_d"):
+        values = ", ".join(str(round(float(value), 4)) for value in weights.tensors[f"calibration.{name}"])
+        assert f"{name}=({values})" in summary
+    lines = "".join(f"{line['file']}.xml {line['sha256']}\n" for line in data_list)
+    assert hashlib.sha256(lines.encode()).hexdigest() == weights.metadata["data"]
 
 
 def test_at_places_that_it_was_not_trained_at_neural_is_nearer_than_lane_following(scenarios_folder):
