@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 import pytest
 from click.testing import CliRunner
 
-from interdrive import files, results, simulation
+from interdrive import files, simulation
 from interdrive.cli import main
 from interdrive.errors import InputError
 from interdrive.plugins import Choice
@@ -287,7 +287,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(simulated, here, monkeypatch
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(results, "_write_parquet", full)
+    monkeypatch.setattr("interdrive.results.folder.write_parquet", full)
     line = refused(invoke("run", "bend.xml", "--out", "made"))
     assert line == f"{here / 'made'}: cannot be written: No space left on device"
     assert [path.name for path in here.iterdir()] == ["bend.xml"]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.errors import InterdriveError
+from interdrive.errors import InputError
 from interdrive.scenario import Obstacles, Shape
 from interdrive.simulation import simulate
 from training.split import FOLDS, place_of
@@ -58,7 +58,7 @@ def driven_traffic(scenario: Scenario, planner: str) -> tuple[Scenario, NDArray[
     """
     try:
         run = simulate(scenario, planner=planner, predictor=_PREDICTOR, threads=1)
-    except InterdriveError:
+    except InputError:
         return None
     states = run.states
     sizes = zip(states.length.tolist(), states.width.tolist(), strict=True)
