@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SCENARIOS := $(or $(INTERDRIVE_SCENARIOS),../shared/scenarios)
-COMPARED := frenet,frenetix,reactive,idm_mobil
+COMPARED := --planner frenet,frenetix,reactive,idm_mobil --predictor lane_following
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
@@ -69,8 +69,8 @@ third_party: .venv-third/.installed ## drives planners of others; see docs/plann
 
 # Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
 planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/batch.md
-	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 7200 --out out/planners
-	-.venv-third/bin/interdrive batch $(SCENARIOS) --planner $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
+	-.venv-third/bin/interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners
+	-.venv-third/bin/interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
 	.venv-third/bin/interdrive compare out/planners
 
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
@@ -94,7 +94,7 @@ browser: $(VENV)/.installed .venv-browser/.tools ## opens reports in Chromium; s
 # Needs apt-get and root only where there is no Chromium yet; without one the tests are skipped.
 .venv-browser/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-browser
-	.venv-browser/bin/python -m pip install --quiet --disable-pip-version-check "playwright>=1.49" "pytest>=8"
+	.venv-browser/bin/python -m pip install --quiet --disable-pip-version-check "playwright>=1.49" "pillow>=10" "pytest>=8"
 	command -v chromium || command -v chromium-browser || command -v google-chrome || timeout 80 sh -c \
 	  "apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium" > /dev/null 2>&1 || echo "no Chromium"
 	touch $@

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
+import io
 import time
 
 import pytest
+from PIL import Image, ImageChops
 
 from conftest import opened
 
@@ -26,18 +27,26 @@ def said(root, name: str) -> str:
     return root.get_attribute(f"data-{name}")
 
 
-def drawn(page) -> str:
-    """The map as a picture, in short: a difference of pictures would be printed for minutes."""
-    return hashlib.sha256(page.locator(".map").screenshot()).hexdigest()
+def drawn(page) -> Image.Image:
+    """The map as a picture."""
+    return Image.open(io.BytesIO(page.locator(".map").screenshot())).convert("RGB")
 
 
-def settled(page) -> str:
+def is_same(one: Image.Image, other: Image.Image) -> bool:
+    """At most one pixel in a thousand differs: Chromium smooths the same line now this way, now that."""
+    if one.size != other.size:
+        return False
+    differs = sum(ImageChops.difference(one, other).convert("L").histogram()[24:])
+    return differs < 1e-3 * one.width * one.height
+
+
+def settled(page) -> Image.Image:
     """The map once it no longer changes."""
     before = drawn(page)
     for _ in range(30):
         page.wait_for_timeout(100)
         now = drawn(page)
-        if now == before:
+        if is_same(now, before):
             break
         before = now
     return before
@@ -87,7 +96,7 @@ def test_the_slider_scrubs_and_the_map_follows_it(page, demo):
     ready(page)
     assert said(root, "step") == "60"
     assert page.locator(".clock").inner_text().startswith("6.0 s")
-    assert becomes(page, lambda map_: map_ != before)
+    assert becomes(page, lambda map_: not is_same(map_, before))
 
 
 def test_arrow_keys_step_once_and_with_shift_a_second(page, demo):
@@ -119,7 +128,7 @@ def test_a_click_on_a_vehicle_selects_it_and_shows_what_it_considered(page, demo
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     ready(page)
     assert said(root, "selected") == "1003"
-    assert becomes(page, lambda map_: map_ != before)
+    assert becomes(page, lambda map_: not is_same(map_, before))
     assert "30 candidates shown" in page.locator(".now-line").inner_text()
     assert page.locator(".uplot").count() == 3
     assert page.locator(".profile .value").nth(0).inner_text().endswith("m/s")
@@ -135,10 +144,10 @@ def test_every_layer_can_be_switched_off_and_on(page, demo, key):
     shown = settled(page)
     page.keyboard.press(key)
     ready(page)
-    assert becomes(page, lambda map_: map_ != shown)
+    assert becomes(page, lambda map_: not is_same(map_, shown))
     page.keyboard.press(key)
     ready(page)
-    assert becomes(page, lambda map_: map_ == shown)
+    assert becomes(page, lambda map_: is_same(map_, shown))
 
 
 def test_an_event_jumps_to_its_time_and_selects_whom_it_is_about(page, demo):
@@ -190,7 +199,7 @@ def test_light_and_dark_differ_and_larger_text_stays(page, demo):
     before = settled(page)
     page.keyboard.press("t")
     ready(page)
-    assert becomes(page, lambda map_: map_ != before)
+    assert becomes(page, lambda map_: not is_same(map_, before))
     page.get_by_role("button", name="Larger text").click()
     ready(page)
     assert page.evaluate("() => getComputedStyle(document.documentElement).fontSize") == "17.5px"
