@@ -93,3 +93,11 @@ def saved(folder: Path, text, name="test.xml") -> Path:
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+def driven(scenario, number=30):
+    """Columns of one obstacle as a dictionary."""
+    obstacles = scenario.obstacles
+    row = obstacles.ids.tolist().index(number)
+    names = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate", "valid")
+    return {name: getattr(obstacles, name)[row] for name in names}

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+import commonroad_documents as cr
 from interdrive import InputError, Scenario, _core, read_scenario
 from interdrive.predictors.models import WALENET
 
@@ -46,3 +47,9 @@ def published_walenet() -> _core.Walenet:
                 pytest.fail(message)
             pytest.skip(message)
     return _core.Walenet(WALENET.weights().tensors)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Reads a document from text."""
+    return lambda text, name="test.xml": read_scenario(cr.saved(tmp_path, text, name))

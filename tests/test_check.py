@@ -9,12 +9,6 @@ import pytest
 import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 from interdrive.check import candidates, inspect, lanelets_at
-from interdrive.files import read_scenario
-
-
-@pytest.fixture
-def read(tmp_path):
-    return lambda text: read_scenario(cr.saved(tmp_path, text))
 
 
 def drive(number, distance, *, y=0.0, kind="car", steps=2):

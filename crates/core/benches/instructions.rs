@@ -7,10 +7,11 @@ use std::sync::Arc;
 use interdrive_core::collision::{Mover, contacts};
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::Planner;
-use interdrive_core::predict::neural::{MODE_OUTPUTS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_PATH, Network, Neural, Tensor};
+use interdrive_core::predict::neural::Neural;
 use interdrive_core::predict::{LaneFollowing, Predictor};
 use interdrive_core::world::{World, WorldSettings};
 
+mod network;
 #[path = "../tests/shipped/mod.rs"]
 mod shipped;
 
@@ -34,7 +35,7 @@ fn main() {
         }
         "predict_lane_following" => predict(&following, times),
         "predict_neural" => {
-            let network = Arc::new(network());
+            let network = Arc::new(network::network());
             predict(&Predictor::Neural(Neural { network, modes_max: 4 }), times);
         }
         // A hundred cars during one step.
@@ -84,29 +85,4 @@ fn predict(predictor: &Predictor, times: usize) {
     steps(&mut world, &Predictor::LaneFollowing(LaneFollowing::default()), 5);
     let scene = world.scene();
     (0..times).for_each(|_| drop(black_box(world.predict(predictor, black_box(&scene), HORIZON))));
-}
-
-/// Layers as wide as those that are shipped, weights of no meaning.
-fn network() -> Network {
-    let mut tensors = vec![];
-    let mut add = |name: String, shape: Vec<usize>, value: &dyn Fn(usize) -> f32| {
-        let values = (0..shape.iter().product()).map(value).collect();
-        tensors.push(Tensor { name, shape, values });
-    };
-    for (name, n_in, n_out) in [
-        ("agent.0", N_AGENT, 64),
-        ("agent.1", 64, 64),
-        ("neighbour.0", N_NEIGHBOUR, 32),
-        ("neighbour.1", 32, 32),
-        ("path.0", N_PATH + 96, 64),
-        ("path.1", 64, 64),
-        ("head.0", 128, 64),
-        ("head.1", 64, 2 * MODE_OUTPUTS),
-    ] {
-        add(format!("{name}.weight"), vec![n_out, n_in], &|k| ((k * 37 % 101) as f32 - 50.0) * 2e-3);
-        add(format!("{name}.bias"), vec![n_out], &|k| ((k * 31 % 17) as f32 - 8.0) * 1e-2);
-    }
-    add("calibration.s".to_string(), vec![N_KNOTS], &|_| 1.0);
-    add("calibration.d".to_string(), vec![N_KNOTS], &|_| 1.0);
-    Network::new(tensors).expect("a network")
 }

@@ -7,14 +7,14 @@ use std::sync::Arc;
 use criterion::{Criterion, criterion_group, criterion_main};
 use interdrive_core::geometry::Point;
 use interdrive_core::geometry::shape::Shape;
-use interdrive_core::predict::neural::{
-    Inputs, MODE_OUTPUTS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_PATH, Network, Neural, Tensor,
-};
+use interdrive_core::predict::neural::{Inputs, Neural};
 use interdrive_core::predict::{Predictor, predict};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::scene::{Participants, Scene};
 use interdrive_core::trajectory::{State, States};
 use interdrive_core::vehicle::ParticipantKind;
+
+mod network;
 
 const LANES: usize = 6;
 /// Lanelets of a lane.
@@ -89,33 +89,9 @@ fn scene(n: usize) -> Scene {
     Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..n).collect(), past }
 }
 
-fn network() -> Network {
-    let mut tensors = vec![];
-    let mut add = |name: String, shape: Vec<usize>, value: &dyn Fn(usize) -> f32| {
-        let values = (0..shape.iter().product()).map(value).collect();
-        tensors.push(Tensor { name, shape, values });
-    };
-    for (name, n_in, n_out) in [
-        ("agent.0", N_AGENT, 64),
-        ("agent.1", 64, 64),
-        ("neighbour.0", N_NEIGHBOUR, 32),
-        ("neighbour.1", 32, 32),
-        ("path.0", N_PATH + 96, 64),
-        ("path.1", 64, 64),
-        ("head.0", 128, 64),
-        ("head.1", 64, 2 * MODE_OUTPUTS),
-    ] {
-        add(format!("{name}.weight"), vec![n_out, n_in], &|k| ((k * 37 % 101) as f32 - 50.0) * 2e-3);
-        add(format!("{name}.bias"), vec![n_out], &|k| ((k * 31 % 17) as f32 - 8.0) * 1e-2);
-    }
-    add("calibration.s".to_string(), vec![N_KNOTS], &|_| 1.0);
-    add("calibration.d".to_string(), vec![N_KNOTS], &|_| 1.0);
-    Network::new(tensors).expect("a network")
-}
-
 fn benches(c: &mut Criterion) {
     let road = road();
-    let neural = Neural { network: Arc::new(network()), modes_max: 4 };
+    let neural = Neural { network: Arc::new(network::network()), modes_max: 4 };
     let network = Arc::clone(&neural.network);
     let predictor = Predictor::Neural(neural);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");

@@ -7,6 +7,7 @@ mod criticality;
 mod errors;
 mod neural;
 mod planner;
+mod predictions;
 mod scenario;
 mod view;
 mod walenet;
@@ -53,9 +54,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<view::PyView>()?;
     module.add_class::<view::PyEgo>()?;
     module.add_class::<world::PyAgent>()?;
-    module.add_class::<world::PyPredictor>()?;
+    module.add_class::<predictions::PyPredictor>()?;
     module.add_class::<walenet::PyWalenet>()?;
-    module.add_class::<world::PyPredictions>()?;
+    module.add_class::<predictions::PyPredictions>()?;
     module.add_class::<world::PyPlans>()?;
     module.add_class::<world::PyWorld>()
 }

@@ -16,8 +16,8 @@ use pyo3::types::PyTuple;
 
 use crate::arrays;
 use crate::errors::{InputError, exception};
+use crate::predictions::PyPredictions;
 use crate::scenario::{PyGoal, PyRoadNetwork, PyRoute, PyVehicle};
-use crate::world::PyPredictions;
 
 /// One field of the past of some rows: shape (rows, history), the last column is now.
 fn past<'py, T: numpy::Element + Copy>(

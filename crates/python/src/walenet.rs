@@ -14,8 +14,8 @@ use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::errors::{InputError, detached};
+use crate::predictions::PyPredictor;
 use crate::scenario::{PyRoadNetwork, PyScenario};
-use crate::world::PyPredictor;
 
 /// Side of a picture.
 const SIDE: usize = 256;

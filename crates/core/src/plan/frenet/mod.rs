@@ -16,6 +16,7 @@ mod choose;
 mod cost;
 mod desired;
 mod evaluate;
+mod expectations;
 mod fallback;
 mod feasibility;
 mod gaussian;

@@ -4,15 +4,13 @@
 use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
 use super::by_time::ByTime;
-use super::gaussian::{self, Normal2};
+use super::expectations::{COST_REACH, Expectations};
 use super::sample::Samples;
 use super::settings::FrenetSettings;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Aabb, Point, Pose};
 use crate::wide::for_wide_machines;
 
-/// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
-const COST_REACH: f64 = 7.071_067_811_865_476;
 /// Variance of the position of static obstacles [m²].
 const STATIC_VARIANCE: f64 = 0.02;
 /// Somebody behind may be left to keep their own distance while the agent stays this close to its lateral position [m].
@@ -48,19 +46,6 @@ struct Sweep {
     displacement: Point,
 }
 
-/// Where a track is expected to be at one point.
-#[derive(Debug, Clone, Copy)]
-struct Expectation {
-    mean: Point,
-    /// From the mean to the front left and front right corner of the footprint with margin [m].
-    front_left: Point,
-    front_right: Point,
-    probability: f64,
-    covariance: [f64; 3],
-    /// Boxes farther than this from the mean have no probability or do not count [m], squared.
-    reach_squared: f64,
-}
-
 /// First contact of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Contact {
@@ -77,11 +62,9 @@ pub(super) struct Contact {
 pub(super) struct Obstacles {
     tracks: Vec<Track>,
     sweeps: Vec<Sweep>,
-    expectations: Vec<Expectation>,
+    expectations: Expectations,
     /// The swept boxes, by interval: centre, axis, half length and width.
     sweeps_by_interval: ByTime<6>,
-    /// The expectations, by point: mean, front left and right corner, covariance, squared reach.
-    expectations_by_point: ByTime<10>,
     /// Box of the region that the agent's footprint can reach up to each point.
     reach: Vec<Aabb>,
     /// What the sample at hand covers during each interval.
@@ -105,7 +88,6 @@ impl Obstacles {
         self.sweeps.clear();
         self.expectations.clear();
         self.sweeps_by_interval.clear();
-        self.expectations_by_point.clear();
         let vehicle = request.vehicle;
         (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
@@ -118,7 +100,7 @@ impl Obstacles {
             }
         }
         self.sweeps_by_interval.sort(samples.n_points);
-        self.expectations_by_point.sort(samples.n_points);
+        self.expectations.sort(samples.n_points);
     }
 
     /// The path from the start to 2 m beyond the furthest arc length of any sample at each point, grown by the lateral
@@ -163,7 +145,9 @@ impl Obstacles {
         }
         let covariance = [STATIC_VARIANCE, 0.0, STATIC_VARIANCE];
         for point in 1..self.reach.len() {
-            self.push_expectation(point, &body, covariance, 1.0, settings);
+            if self.reach[point].grown(COST_REACH).contains(body.center) {
+                self.expectations.push(point, &body, covariance, 1.0, settings);
+            }
         }
     }
 
@@ -223,7 +207,9 @@ impl Obstacles {
                 {
                     let [xx, xy, yy] =
                         [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
-                    self.push_expectation(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
+                    if self.reach[point].grown(COST_REACH).contains(body.center) {
+                        self.expectations.push(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
+                    }
                 }
                 before = here;
             }
@@ -239,36 +225,6 @@ impl Obstacles {
     fn push_track(&mut self, track: Track) -> u32 {
         self.tracks.push(track);
         self.tracks.len() as u32 - 1
-    }
-
-    fn push_expectation(
-        &mut self,
-        point: usize,
-        body: &OrientedBox,
-        covariance: [f64; 3],
-        probability: f64,
-        settings: &FrenetSettings,
-    ) {
-        if !self.reach[point].grown(COST_REACH).contains(body.center) {
-            return;
-        }
-        let ahead = body.axis * (body.half_length + 0.5 * settings.prediction_margin_length);
-        let left = body.axis.left() * (body.half_width + 0.5 * settings.prediction_margin_width);
-        let [xx, xy, yy] = covariance;
-        let largest_variance = 0.5 * (xx + yy) + (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt();
-        let reach =
-            (ahead.norm_squared() + left.norm_squared()).sqrt() + gaussian::REACH * largest_variance.max(0.0).sqrt();
-        let expectation = Expectation {
-            reach_squared: reach.min(COST_REACH).powi(2),
-            mean: body.center,
-            front_left: ahead + left,
-            front_right: ahead - left,
-            probability,
-            covariance,
-        };
-        let Expectation { mean, front_left: a, front_right: b, reach_squared, .. } = expectation;
-        self.expectations_by_point.push(point, [mean.x, mean.y, a.x, a.y, b.x, b.y, xx, xy, yy, reach_squared]);
-        self.expectations.push(expectation);
     }
 
     /// First contact of a sample with a mode that counts, if any.
@@ -343,8 +299,7 @@ impl Obstacles {
 
     /// Prediction cost of point number `i` (from 1 on) of a sample.
     pub(super) fn prediction_cost(&self, point: &Waypoint, i: usize) -> f64 {
-        let half = (self.half_length, self.half_width);
-        summed_cost(&self.expectations_by_point, &self.expectations, point, i, half)
+        self.expectations.cost(point, i, (self.half_length, self.half_width))
     }
 
     /// Sum over participants of 1 / (smallest squared distance of the centres), for those that the samples can reach.
@@ -369,80 +324,6 @@ impl Obstacles {
             least
         };
         request.others.iter().map(|other| 1.0 / nearest(other).max(1e-6)).sum()
-    }
-}
-
-/// A point of a sample from which expectations are seen.
-#[derive(Debug, Clone, Copy)]
-struct View {
-    center: Point,
-    axis: Point,
-}
-
-impl View {
-    #[inline(always)]
-    fn of(point: &Waypoint) -> Self {
-        Self { center: point.center, axis: point.axis }
-    }
-
-    /// A vector in the body frame.
-    #[inline(always)]
-    fn in_body(&self, v: Point) -> Point {
-        let (cos, sin) = (self.axis.x, self.axis.y);
-        Point::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin)
-    }
-
-    /// A covariance in the body frame.
-    #[inline(always)]
-    fn covariance_in_body(&self, [xx, xy, yy]: [f64; 3]) -> [f64; 3] {
-        let (cos, sin) = (self.axis.x, self.axis.y);
-        [
-            cos * cos * xx + 2.0 * cos * sin * xy + sin * sin * yy,
-            cos * sin * (yy - xx) + (cos * cos - sin * sin) * xy,
-            sin * sin * xx - 2.0 * cos * sin * xy + cos * cos * yy,
-        ]
-    }
-
-    /// An expectation is in reach, and its centre or a corner may be in the agent's box: the nearest of them is not
-    /// beyond what is left of the distribution, neither ahead nor aside.
-    #[inline(always)]
-    fn counts(
-        &self,
-        mean: Point,
-        (front_left, front_right): (Point, Point),
-        covariance: [f64; 3],
-        reach_squared: f64,
-        half: (f64, f64),
-    ) -> bool {
-        /// Rounding.
-        const REACH_SQUARED: f64 = gaussian::REACH * gaussian::REACH * (1.0 + 1e-9);
-        let positive = |x: f64| if x > 0.0 { x } else { 0.0 };
-        let larger = |a: f64, b: f64| if a > b { a } else { b };
-        let mean = self.in_body(mean - self.center);
-        let (x, y) = (positive(mean.x.abs() - half.0), positive(mean.y.abs() - half.1));
-        let (left, right) = (self.in_body(front_left), self.in_body(front_right));
-        let ahead = positive(x - larger(left.x.abs(), right.x.abs()));
-        let aside = positive(y - larger(left.y.abs(), right.y.abs()));
-        let [xx, _, yy] = self.covariance_in_body(covariance);
-        (x * x + y * y <= reach_squared)
-            & (ahead * ahead <= REACH_SQUARED * larger(xx, gaussian::VARIANCE_MIN))
-            & (aside * aside <= REACH_SQUARED * larger(yy, gaussian::VARIANCE_MIN))
-    }
-}
-
-impl Expectation {
-    /// 1000 times the probability of the mode times those of the centre and, at half weight, of the four corners.
-    #[inline(always)]
-    fn cost(&self, view: &View, half: (f64, f64)) -> f64 {
-        if !view.counts(self.mean, (self.front_left, self.front_right), self.covariance, self.reach_squared, half) {
-            return 0.0;
-        }
-        let mean = view.in_body(self.mean - view.center);
-        let [xx, xy, yy] = view.covariance_in_body(self.covariance);
-        let (front_left, front_right) = (view.in_body(self.front_left), view.in_body(self.front_right));
-        let places = [-mean, -(mean - front_left), -(mean - front_right), -(mean + front_left), -(mean + front_right)];
-        let [center, a, b, c, d] = Normal2::new(xx, xy, yy).probabilities_of_boxes(&places, half);
-        1000.0 * self.probability * (center + 0.5 * (a + b + c + d))
     }
 }
 
@@ -525,34 +406,6 @@ fn overlap_from(sweeps: &ByTime<6>, steps: &[OrientedBox], first: usize) -> Opti
         }
     }
     None
-}
-
-for_wide_machines! {
-    /// The prediction cost of a point.
-    fn summed_cost = cost_at, (
-        by_point: &ByTime<10>,
-        expectations: &[Expectation],
-        point: &Waypoint,
-        i: usize,
-        half: (f64, f64),
-    ) -> f64
-}
-
-#[inline(always)]
-fn cost_at(by_point: &ByTime<10>, expectations: &[Expectation], point: &Waypoint, i: usize, half: (f64, f64)) -> f64 {
-    let view = View::of(point);
-    let is_far = !by_point.any(i, |[x, y, left_x, left_y, right_x, right_y, xx, xy, yy, reach_squared], k| {
-        let corners = (Point::new(left_x[k], left_y[k]), Point::new(right_x[k], right_y[k]));
-        u64::from(view.counts(Point::new(x[k], y[k]), corners, [xx[k], xy[k], yy[k]], reach_squared[k], half))
-    });
-    if is_far {
-        return 0.0;
-    }
-    let mut sum = 0.0;
-    for index in by_point.of(i) {
-        sum += expectations[*index].cost(&view, half);
-    }
-    sum
 }
 
 /// The box with margin on every side, or without if the margin already touches the agent; and whether the plain box

@@ -1,0 +1,260 @@
+//! Native predictors and tables of predictions as handles.
+
+use std::sync::Arc;
+
+use interdrive_core::predict::neural::Neural;
+use interdrive_core::predict::{LaneFollowing, Predictor, Spread, completed};
+use interdrive_core::trajectory::Predictions;
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use crate::arrays;
+use crate::errors::{InputError, exception};
+use crate::neural::PyNeuralNetwork;
+use crate::scenario::PyScenario;
+use crate::view::{PyScene, PyView};
+
+#[pyclass(frozen, name = "Predictor", module = "interdrive._core")]
+pub struct PyPredictor(pub Predictor);
+
+#[pymethods]
+impl PyPredictor {
+    #[staticmethod]
+    fn constant_velocity(position_sigma: f64, acceleration_sigma: f64, lateral_rate: f64) -> Self {
+        Self(Predictor::ConstantVelocity(Spread { position_sigma, acceleration_sigma, lateral_rate }))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (
+        position_sigma, acceleration_sigma, lateral_rate, modes_max, lateral_acceleration, deceleration, return_time,
+        recorded=None
+    ))]
+    fn lane_following(
+        position_sigma: f64,
+        acceleration_sigma: f64,
+        lateral_rate: f64,
+        modes_max: usize,
+        lateral_acceleration: f64,
+        deceleration: f64,
+        return_time: f64,
+        recorded: Option<&PyScenario>,
+    ) -> Self {
+        let spread = Spread { position_sigma, acceleration_sigma, lateral_rate };
+        let settings = LaneFollowing { spread, modes_max, lateral_acceleration, deceleration, return_time };
+        Self(match recorded {
+            Some(scenario) => Predictor::GroundTruth(Arc::clone(&scenario.0), settings),
+            None => Predictor::LaneFollowing(settings),
+        })
+    }
+
+    #[staticmethod]
+    fn neural(network: &PyNeuralNetwork, modes_max: usize) -> Self {
+        Self(Predictor::Neural(Neural { network: Arc::clone(&network.0), modes_max }))
+    }
+}
+
+/// A table of predictions, or some of its rows: what one agent may know is not copied before it is looked at.
+#[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
+pub struct PyPredictions {
+    table: Arc<Predictions>,
+    rows: Option<Vec<usize>>,
+}
+
+impl PyPredictions {
+    pub fn whole(table: Predictions) -> Self {
+        Self { table: Arc::new(table), rows: None }
+    }
+
+    /// The table for the core.
+    pub fn table(&self) -> std::borrow::Cow<'_, Predictions> {
+        match &self.rows {
+            None => std::borrow::Cow::Borrowed(&*self.table),
+            Some(_) => std::borrow::Cow::Owned(self.table.of(&self.shown_ids())),
+        }
+    }
+
+    fn shown_ids(&self) -> Vec<i64> {
+        match &self.rows {
+            None => self.table.ids.clone(),
+            Some(rows) => rows.iter().map(|row| self.table.ids[*row]).collect(),
+        }
+    }
+
+    /// The entries of the shown rows in a table with `width` entries per row.
+    fn shown<T: Copy>(&self, values: &[T], width: usize) -> Vec<T> {
+        match &self.rows {
+            None => values.to_vec(),
+            Some(rows) => rows.iter().flat_map(|row| values[row * width..(row + 1) * width].iter().copied()).collect(),
+        }
+    }
+
+    fn n_shown(&self) -> usize {
+        self.rows.as_ref().map_or(self.table.ids.len(), Vec::len)
+    }
+
+    fn steps<'py, T: numpy::Element + Copy>(&self, py: Python<'py>, values: &[T]) -> PyResult<Bound<'py, PyAny>> {
+        let (n_modes, n_steps) = (self.table.n_modes, self.table.n_steps);
+        arrays::grid(py, self.shown(values, n_modes * n_steps), [self.n_shown(), n_modes, n_steps])
+    }
+}
+
+#[pymethods]
+impl PyPredictions {
+    /// Checks and keeps the arrays of a predictor from outside.
+    #[new]
+    #[pyo3(signature = (time_step, ids, probability, x, y, orientation, velocity, covariance, valid))]
+    fn new(
+        time_step: i64,
+        ids: PyReadonlyArray1<'_, i64>,
+        probability: PyReadonlyArrayDyn<'_, f64>,
+        x: PyReadonlyArrayDyn<'_, f64>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        orientation: PyReadonlyArrayDyn<'_, f64>,
+        velocity: PyReadonlyArrayDyn<'_, f64>,
+        covariance: PyReadonlyArrayDyn<'_, f64>,
+        valid: PyReadonlyArrayDyn<'_, bool>,
+    ) -> PyResult<Self> {
+        let ids: Vec<i64> = ids.as_array().to_vec();
+        if !ids.is_sorted_by(|a, b| a < b) {
+            return Err(InputError::new_err("predictions: ids must be unique and ascending"));
+        }
+        let shape = x.as_array().shape().to_vec();
+        let [n, n_modes, n_steps] = shape[..] else {
+            return Err(InputError::new_err(format!(
+                "predictions: x has shape {shape:?}, (participants, modes, steps) expected"
+            )));
+        };
+        if n != ids.len() || n_modes == 0 || n_steps == 0 {
+            return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {} ids", ids.len())));
+        }
+        let covariance = arrays::read_grid("predictions: covariance", &covariance, &[n, n_modes, n_steps, 2, 2])?;
+        let valid: Vec<bool> = arrays::read_grid("predictions: valid", &valid, &shape)?;
+        // Products in another order differ in their last bits.
+        let is_lopsided = |c: &[f64]| (c[1] - c[2]).abs() > 1e-6 * (c[0].abs() + c[3].abs());
+        if let Some(cell) = covariance.chunks(4).zip(&valid).position(|(c, valid)| *valid && is_lopsided(c)) {
+            return Err(InputError::new_err(format!(
+                "predictions: participant {} has a covariance that is not symmetric",
+                ids[cell / (n_modes * n_steps)]
+            )));
+        }
+        let entry = |k: usize| covariance.iter().skip(k).step_by(4).copied().collect::<Vec<f64>>();
+        let predictions = Predictions {
+            time_step,
+            ids,
+            n_modes,
+            n_steps,
+            probability: arrays::read_grid("predictions: probability", &probability, &[n, n_modes])?,
+            x: x.as_array().iter().copied().collect(),
+            y: arrays::read_grid("predictions: y", &y, &shape)?,
+            orientation: arrays::read_grid("predictions: orientation", &orientation, &shape)?,
+            velocity: arrays::read_grid("predictions: velocity", &velocity, &shape)?,
+            covariance_xx: entry(0),
+            covariance_xy: entry(1),
+            covariance_yy: entry(3),
+            valid,
+        };
+        predictions.validate().map_err(exception)?;
+        Ok(Self::whole(predictions))
+    }
+
+    /// The rows of some participants; ids that are not there are left out.
+    fn of(&self, ids: PyReadonlyArray1<'_, i64>) -> Self {
+        let mut ids = ids.as_array().to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        self.only(ids.into_iter())
+    }
+
+    /// The rows that an agent may know: of those in its view, and its own.
+    fn seen_by(&self, view: &PyView) -> Self {
+        let mut rows = view.visible.clone();
+        rows.insert(rows.partition_point(|row| *row < view.row), view.row);
+        self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
+    }
+
+    /// With a row for everybody who is present in the scene: who is missing or has no valid mode goes straight on. This
+    /// is what planners work with.
+    fn completed(&self, scene: &PyScene) -> Self {
+        Self::whole(completed(&self.table(), &scene.scene).into_owned())
+    }
+
+    /// For other processes.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, this) = (slf.py(), slf.get());
+        let arguments = (
+            this.time_step(),
+            this.ids(py),
+            this.probability(py)?,
+            this.x(py)?,
+            this.y(py)?,
+            this.orientation(py)?,
+            this.velocity(py)?,
+            this.covariance(py)?,
+            this.valid(py)?,
+        );
+        Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
+    }
+
+    /// Time step at which the prediction was made.
+    #[getter]
+    fn time_step(&self) -> i64 {
+        self.table.time_step
+    }
+    /// Ids, ascending, shape (participants,).
+    #[getter]
+    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        arrays::row(py, self.shown_ids())
+    }
+    /// Probability of each mode, shape (participants, modes).
+    #[getter]
+    fn probability<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let n_modes = self.table.n_modes;
+        arrays::grid(py, self.shown(&self.table.probability, n_modes), [self.n_shown(), n_modes])
+    }
+    /// Means of the footprint centre [m], world frame, shape (participants, modes, steps); step `k` is `(k + 1) * dt` later.
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.table.x)
+    }
+    /// Means of the footprint centre [m], world frame, shape (participants, modes, steps).
+    #[getter]
+    fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.table.y)
+    }
+    /// Headings [rad], world frame, shape (participants, modes, steps).
+    #[getter]
+    fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.table.orientation)
+    }
+    /// Speeds along the heading [m/s], shape (participants, modes, steps).
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.table.velocity)
+    }
+    /// Covariance of the position [m²], shape (participants, modes, steps, 2, 2).
+    #[getter]
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let width = self.table.n_modes * self.table.n_steps;
+        let (xx, xy, yy) = (
+            self.shown(&self.table.covariance_xx, width),
+            self.shown(&self.table.covariance_xy, width),
+            self.shown(&self.table.covariance_yy, width),
+        );
+        let flat: Vec<f64> = (0..xx.len()).flat_map(|i| [xx[i], xy[i], xy[i], yy[i]]).collect();
+        arrays::grid(py, flat, [self.n_shown(), self.table.n_modes, self.table.n_steps, 2, 2])
+    }
+    /// Who is expected to be there, shape (participants, modes, steps); the numbers of others are nan.
+    #[getter]
+    fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.steps(py, &self.table.valid)
+    }
+}
+
+impl PyPredictions {
+    fn only(&self, ids: impl Iterator<Item = i64>) -> Self {
+        let shown = self.rows.as_deref();
+        let rows = ids.filter_map(|id| self.table.row(id)).filter(|row| shown.is_none_or(|rows| rows.contains(row)));
+        Self { table: Arc::clone(&self.table), rows: Some(rows.collect()) }
+    }
+}
