@@ -48,6 +48,12 @@ class Random(Straight):
         return Trajectory(plan.x + np.linspace(0, 0.1, 31) * jitter, plan.y, plan.orientation, plan.velocity)
 
 
+class Pirouetting(Straight):
+    def plan(self, view, predictions):
+        plan = super().plan(view, predictions)
+        return Trajectory(plan.x, plan.y, plan.orientation + np.linspace(0, 4 * math.pi, 31), plan.velocity)
+
+
 class Nothing:
     def plan(self, view, predictions):
         return None
@@ -63,6 +69,7 @@ class Broken:
     [
         (Leaping, "an empty road, time step 0: the plan jumps by 11.00 m"),
         (Random, "did not plan the same"),
+        (Pirouetting, r"time step 0: the plan turns by 1.\d\d rad per metre, the vehicle by 0.\d\d at most"),
         (Nothing, "NoneType"),
         (Broken, "ZeroDivisionError"),
     ],

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 
+#: Changes of heading per step that are no turn [rad].
+_HEADING_NOISE = 0.01
+
+
 def _worlds() -> dict[str, Scenario]:
     road = straight_road(300.0, lanes=2)
     limits = (0, 200)
@@ -88,6 +92,13 @@ class _Watched:
         change = np.abs(np.diff(plan.velocity)) / dt
         if (change > vehicle.acceleration_max * 1.05 + 1e-6).any():
             fail(f"the plan accelerates by {change.max():.1f} m/s², the vehicle by {vehicle.acceleration_max:.1f} m/s²")
+        # The rear axle moves along its heading, so the change of heading per way is the curvature.
+        back = vehicle.rear_axle_to_center
+        rear = np.array([plan.x - back * np.cos(plan.orientation), plan.y - back * np.sin(plan.orientation)])
+        way, turned = np.hypot(*np.diff(rear)), np.abs(np.diff(np.unwrap(plan.orientation)))
+        if (turned > 1.1 * vehicle.curvature_max * way + _HEADING_NOISE).any():
+            curvature = (turned / np.maximum(way, 1e-9)).max()
+            fail(f"the plan turns by {curvature:.2f} rad per metre, the vehicle by {vehicle.curvature_max:.2f} at most")
 
 
 def _seen(view: View) -> np.ndarray:
@@ -98,8 +109,8 @@ def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> di
     """Drives a planner through small worlds and checks the contract at every step.
 
     Checked are: shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits of
-    speed and acceleration, the same plan for the same view, an unchanged view, and the time per call. A planner that
-    says `parallel = True` must be one that can be sent to another process.
+    speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
+    planner that says `parallel = True` must be one that can be sent to another process.
 
     Args:
         factory: Makes a planner; called without arguments, once or more per world.
