@@ -3,9 +3,10 @@
     python benchmarks/predictors.py ../shared/scenarios --out out/closed_loop.parquet
 
 Prints Markdown: agents that reach their goal and collisions per 100 agents by category and predictor, and agent by
-agent against the first predictor; agents at places whose recordings the shipped weights of `neural` were trained on,
-and at others, apart. The Parquet file has a row per predictor and agent; it is written anew whenever a predictor is
-through. Results do not depend on the number of workers. Exit code 1 says that a predictor failed somewhere.
+agent against `lane_following` (without it, against the first predictor); agents at places whose recordings the shipped
+weights of `neural` were trained on, and at others, apart. The Parquet file has a row per predictor and agent, with the
+file and whether that is such a place; it is written anew whenever a predictor is through. Results do not depend on the
+number of workers. Exit code 1 says that a predictor failed somewhere.
 """
 
 from __future__ import annotations
@@ -166,11 +167,12 @@ def kinds(rows: Sequence[Ended], names: Sequence[str]) -> Iterator[str]:
 
 def pairs(rows: Sequence[Ended], names: Sequence[str]) -> Iterator[str]:
     """Markdown: the same agent with another predictor."""
-    yield f"| predictor | reaches its goal, not with {names[0]} | other way round | collides, not with it | other way |"
+    reference = "lane_following" if "lane_following" in names else names[0]
+    yield f"| predictor | reaches its goal, not with {reference} | other way | collides, not with it | other way |"
     yield "|---|--:|--:|--:|--:|"
     ends = {name: {(r.file, r.agent_id): r.outcome for r in rows if r.predictor == name} for name in names}
-    for name in names[1:]:
-        both = [(ends[name][key], ends[names[0]][key]) for key in ends[name] if key in ends[names[0]]]
+    for name in (name for name in names if name != reference):
+        both = [(ends[name][key], ends[reference][key]) for key in ends[name] if key in ends[reference]]
         gained = sum(a in REACHED and b not in REACHED for a, b in both)
         lost = sum(a not in REACHED and b in REACHED for a, b in both)
         hits = sum(a == "collision" and b != "collision" for a, b in both)
@@ -180,8 +182,9 @@ def pairs(rows: Sequence[Ended], names: Sequence[str]) -> Iterator[str]:
 
 def notes_of(paths: Sequence[Path], split: Split, refused: dict[tuple[str, str], Refused]) -> Iterator[str]:
     """Markdown: what `neural` was trained on, where predictors failed, which files cannot be driven."""
-    known = [path.stem for path in paths if is_trained_on(path, split)]
-    yield f"neural was trained at the places of {len(known)} of the {len(paths)} files: {', '.join(known) or 'none'}."
+    known = [path for path in paths if is_trained_on(path, split)]
+    names = sorted({place.name for path in known if (place := split.place_of(path)) is not None})
+    yield f"neural was trained at the places of {len(known)} of the {len(paths)} files: {', '.join(names) or 'none'}."
     failures = {key: found for key, found in refused.items() if found.is_failure}
     if failures:
         yield f"\nA predictor failed in {len(failures)} runs, whose agents are not counted:\n"
@@ -194,7 +197,7 @@ def notes_of(paths: Sequence[Path], split: Split, refused: dict[tuple[str, str],
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sources", nargs="+", help="files, folders, shipped scenarios")
-    parser.add_argument("--predictors", default="lane_following all", help="names with settings, separated by blanks")
+    parser.add_argument("--predictors", default="all", help="names with settings, separated by blanks")
     parser.add_argument("--planner", default="frenet")
     parser.add_argument("--split", type=Path, default=SPLIT, help="what the weights of neural were trained with")
     parser.add_argument("--workers", type=int, default=2)

@@ -62,3 +62,24 @@ def test_agents_are_counted_by_whether_neural_was_trained_at_their_place(benchma
     assert "| all | neural | 3 | 3 | 66.7 % | 33.3 % | 0.00 |" in table
     assert "| all, neural was trained there | neural | 1 | 1 | 100.0 % | 100.0 % | 0.00 |" in table
     assert "| all, neural was not trained there | neural | 2 | 2 | 50.0 % | 0.0 % | 0.00 |" in table
+
+
+def test_predictors_are_compared_with_lane_following_wherever_it_stands(benchmark):
+    def ended(predictor, agent, outcome):
+        return benchmark.Ended(predictor, "urban", "a", True, agent, outcome, 9, -1, False, False)
+
+    names = ["constant_velocity", "lane_following"]
+    rows = [
+        *(ended("constant_velocity", 1, "collision"), ended("constant_velocity", 2, "goal_reached")),
+        *(ended("lane_following", 1, "goal_reached"), ended("lane_following", 2, "goal_reached")),
+    ]
+    table = list(benchmark.pairs(rows, names))
+    assert "not with lane_following" in table[0]
+    assert table[2:] == ["| constant_velocity | 0 | 1 | 1 | 0 |"]
+
+
+def test_the_notes_name_places_and_count_files(benchmark):
+    split = read_split(benchmark.SPLIT)
+    paths = [Path(f"{name}.xml") for name in ("USA_US101-1_1_T-1", "USA_US101-3_1_T-1", "USA_Peach-4_8_T-1")]
+    notes = "\n".join(benchmark.notes_of(paths, split, {}))
+    assert "neural was trained at the places of 2 of the 3 files: US 101, Los Angeles." in notes

@@ -49,7 +49,7 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
         "displacement predicted for 3 s of vehicles that stay, and of all that stand [m]; predicted off the road",
         {
             "stay": ("stays_samples", "{}"),
-            "median": ("stays_median", "{:.2f}"),
+            "nll, median": ("stays_median", "{:.2f}"),
             "95 %": ("stays_p95", "{:.2f}"),
             "stand": ("stands_samples", "{}"),
             "median ": ("stands_median", "{:.2f}"),
@@ -98,7 +98,8 @@ def _print_by_traffic(console: Console, rows: Sequence[Mapping[str, Any]]) -> No
         "3 s": ("fde_3", "{:.2f}"),
         "best": ("fde_best_3", "{:.2f}"),
         "missed": ("miss_rate", "{:.1%}"),
-        "nll": ("nll_median_3", "{:.2f}"),
+        "nll": ("nll_3", "{:.2f}"),
+        "median": ("nll_median_3", "{:.2f}"),
         **{f"{mass} % m": (f"moving_{mass}_3", "{:.1%}") for mass in (50, 90, 99)},
     }
     for traffic in TRAFFIC:
@@ -107,9 +108,7 @@ def _print_by_traffic(console: Console, rows: Sequence[Mapping[str, Any]]) -> No
             continue
         if len({row["category"] for row in part}) == 2:
             part = [row for row in part if row["category"] != ALL]
-        title = (
-            f"{traffic} traffic: FDE of the most probable and, at 3 s, the best mode [m]; at 3 s nll (median), regions"
-        )
+        title = f"{traffic} traffic: FDE of the most probable and, at 3 s, the best mode [m]; at 3 s nll, regions"
         _print_measures(console, part, title, columns)
 
 
