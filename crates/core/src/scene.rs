@@ -125,33 +125,50 @@ impl Scene {
         Some(if (moved - stated).abs() > CONTRADICTION { moved } else { then.velocity })
     }
 
-    /// Rows that the participant in a row sees, ascending, without that row. The one place that decides who is seen.
+    /// Positions of those who are present, in the order of `present`.
+    pub(crate) fn positions(&self) -> Vec<Point> {
+        self.present.iter().map(|row| self.state(*row).pose().position).collect()
+    }
+
+    /// Rows that the participant in a row sees, ascending, without that row.
     pub fn visible_from(&self, row: usize, limits: &ViewLimits) -> Vec<usize> {
+        let mut visible = Vec::new();
+        self.see(row, limits, &self.positions(), &mut visible);
+        visible.into_iter().map(|place| self.present[place]).collect()
+    }
+
+    /// Writes whom the participant in a row sees, as places in `present`, ascending, without itself. `positions` are those
+    /// of everybody present. The one place that decides who is seen.
+    pub(crate) fn see(&self, row: usize, limits: &ViewLimits, positions: &[Point], visible: &mut Vec<usize>) {
         let participants = &self.participants;
         let eye = self.state(row).pose().position;
-        let others = self.present.iter().copied().filter(|other| *other != row);
-        let is_near = |other: usize, position: Point| {
-            let size = if participants.is_static[other] { participants.shape[other].bounding_radius() } else { 0.0 };
-            position.distance(eye) <= limits.sensor_radius + size
+        let is_near = |place: usize| {
+            let (other, distance) = (self.present[place], positions[place].distance(eye));
+            let size = |other: usize| participants.shape[other].bounding_radius();
+            distance <= limits.sensor_radius
+                || participants.is_static[other] && distance <= limits.sensor_radius + size(other)
         };
+        let others = (0..self.present.len()).filter(|place| self.present[*place] != row);
+        visible.clear();
         if !limits.occlusion {
-            return others.filter(|other| is_near(*other, self.state(*other).pose().position)).collect();
+            visible.extend(others.filter(|place| is_near(*place)));
+            return;
         }
-        let others: Vec<usize> = others.collect();
-        let bodies: Vec<sight::Body<'_>> = others
+        visible.extend(others);
+        let bodies: Vec<sight::Body<'_>> = visible
             .iter()
-            .map(|other| {
-                let pose = self.state(*other).pose();
+            .map(|place| {
+                let other = self.present[*place];
                 sight::Body {
-                    shape: &participants.shape[*other],
-                    pose,
-                    hides: participants.is_static[*other] || participants.kind[*other].blocks_sight(),
-                    is_wanted: is_near(*other, pose.position),
+                    shape: &participants.shape[other],
+                    pose: self.state(other).pose(),
+                    hides: participants.is_static[other] || participants.kind[other].blocks_sight(),
+                    is_wanted: is_near(*place),
                 }
             })
             .collect();
-        let seen = sight::seen_from(eye, &bodies);
-        others.into_iter().zip(seen).filter_map(|(other, is_seen)| is_seen.then_some(other)).collect()
+        let mut seen = sight::seen_from(eye, &bodies).into_iter();
+        visible.retain(|_| seen.next() == Some(true));
     }
 }
 

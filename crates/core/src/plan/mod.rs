@@ -153,6 +153,8 @@ impl Prepared {
 /// not depend on what was planned before with the same memory.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
+    /// Whom the agent sees, as places among those who are present.
+    pub(crate) visible: Vec<usize>,
     frenet: frenet::Scratch,
     ahead: ahead::Ahead,
     pace: pace::Pace,

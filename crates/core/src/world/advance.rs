@@ -9,7 +9,7 @@ use crate::geometry::Point;
 use crate::plan::outside::check_plan;
 use crate::recording::{Outcome, OutcomeKind};
 use crate::scenario::GoalState;
-use crate::trajectory::{PlanStatus, Plans, State, Trajectory};
+use crate::trajectory::{PlanStatus, Plans, State};
 
 /// Beyond the end of the goal's areas by this much [m], the goal is missed.
 const MISSED_MARGIN: f64 = 1.0;
@@ -106,7 +106,10 @@ impl World {
             } else if let Err(error) = check_plan(&points[..length], &now, &drive.agent.vehicle, dt) {
                 drive.outcome = end(OutcomeKind::PlannerError, error.to_string());
             } else {
-                drive.plan = Some((Trajectory { points: points[..length].to_vec() }, time_step));
+                let (kept, made) = drive.plan.get_or_insert_default();
+                kept.points.clear();
+                kept.points.extend_from_slice(&points[..length]);
+                *made = time_step;
             }
         }
     }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::{Drive, World};
 use crate::error::Result;
+use crate::geometry::Point;
 use crate::plan::frenet::{self, Candidates};
 use crate::plan::{self, Other, Outlook, PlanRequest, PlanResult, Planner, Scratch};
 use crate::predict::completed;
@@ -25,13 +26,14 @@ impl World {
         self.check_time_step("predictions", predictions.time_step)?;
         let predictions = completed(predictions, scene);
         let outlook = Outlook::of(&predictions);
+        let crowd = Crowd::of(scene);
         let expected = (&*predictions, &outlook);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<Option<PlanResult>> = self.pool.install(|| {
             drives
                 .par_iter()
                 .with_max_len(1)
-                .map(|drive| self.plan_one(drive, scene, expected, &mut self.scratch()))
+                .map(|drive| self.plan_one(drive, (scene, &crowd), expected, &mut self.scratch()))
                 .collect()
         });
         let n_points = results.iter().flatten().map(|result| result.trajectory.points.len()).max().unwrap_or(0);
@@ -60,7 +62,8 @@ impl World {
             return Ok(None);
         }
         let predictions = completed(predictions, scene);
-        let others = self.others(drive, scene);
+        let mut visible = Vec::new();
+        let others = Crowd::of(scene).seen_by(drive, scene, &mut visible);
         let outlook = Outlook::of(&predictions);
         Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &outlook)), settings)))
     }
@@ -75,7 +78,7 @@ impl World {
     fn plan_one(
         &self,
         drive: &Drive,
-        scene: &Scene,
+        (scene, crowd): (&Scene, &Crowd<'_>),
         expected: (&Predictions, &Outlook),
         scratch: &mut Scratch,
     ) -> Option<PlanResult> {
@@ -85,7 +88,7 @@ impl World {
         if drive.agent.planner == Planner::External {
             return None;
         }
-        let others = self.others(drive, scene);
+        let others = crowd.seen_by(drive, scene, &mut scratch.visible);
         plan::plan(&drive.agent.planner, &drive.prepared, &self.request(drive, &others, expected), scratch)
     }
 
@@ -102,23 +105,6 @@ impl World {
             cost: f64::NAN,
             message: String::new(),
         })
-    }
-
-    fn others<'a>(&'a self, drive: &Drive, scene: &Scene) -> Vec<Other<'a>> {
-        scene
-            .visible_from(drive.row, &drive.agent.view)
-            .into_iter()
-            .map(|row| {
-                let state = scene.state(row);
-                Other {
-                    row: scene.present.binary_search(&row).expect("visible rows are present"),
-                    pose: state.pose(),
-                    velocity: scene.observed_velocity(row),
-                    shape: &self.participants.shape[row],
-                    is_static: self.participants.is_static[row],
-                }
-            })
-            .collect()
     }
 
     fn request<'a>(
@@ -143,5 +129,31 @@ impl World {
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
         }
+    }
+}
+
+/// Everybody who is present, as planners meet them.
+struct Crowd<'a> {
+    positions: Vec<Point>,
+    everybody: Vec<Other<'a>>,
+}
+
+impl<'a> Crowd<'a> {
+    fn of(scene: &'a Scene) -> Self {
+        let participants = &scene.participants;
+        let other = |(place, row): (usize, &usize)| Other {
+            row: place,
+            pose: scene.state(*row).pose(),
+            velocity: scene.observed_velocity(*row),
+            shape: &participants.shape[*row],
+            is_static: participants.is_static[*row],
+        };
+        Self { positions: scene.positions(), everybody: scene.present.iter().enumerate().map(other).collect() }
+    }
+
+    /// Whom an agent sees; `visible` is memory.
+    fn seen_by(&self, drive: &Drive, scene: &Scene, visible: &mut Vec<usize>) -> Vec<Other<'a>> {
+        scene.see(drive.row, &drive.agent.view, &self.positions, visible);
+        visible.iter().map(|place| self.everybody[*place]).collect()
     }
 }

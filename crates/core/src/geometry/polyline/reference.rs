@@ -176,16 +176,69 @@ impl ReferencePath {
     /// Arc length and lateral offset [m] of the nearest foot on the whole path: `at(s).offset(d)` is the point.
     /// `None` if the nearest point is an end without a perpendicular foot, or farther than 20 m.
     pub fn project(&self, point: Point) -> Option<(f64, f64)> {
-        self.project_between(point, 0, self.knots.len() - 1)
+        let (p, last) = (point - self.origin, self.knots.len() - 1);
+        self.foot_in(p, 0, last, self.nearest_knot(p, 0, last)).map(|(s, d, _)| (s, d))
     }
 
     /// The same among the arc lengths within `window` of `s_hint` [m]: the right branch where a path crosses itself.
     pub fn project_near(&self, point: Point, s_hint: f64, window: f64) -> Option<(f64, f64)> {
+        let (p, (from, to)) = (point - self.origin, self.knots_within(s_hint, window));
+        self.foot_in(p, from, to, self.nearest_knot(p, from, to)).map(|(s, d, _)| (s, d))
+    }
+
+    /// The same for a point whose foot is expected at `s_hint` [m]: from there knots are passed as long as they come
+    /// nearer. Arc length and offset [m] of the foot, and what the path is there.
+    pub fn project_from(&self, point: Point, s_hint: f64, window: f64) -> Option<(f64, f64, PathPoint)> {
+        let (p, (from, to)) = (point - self.origin, self.knots_within(s_hint, window));
+        let hint = (s_hint * self.inverse_spacing).round().clamp(from as f64, to as f64) as usize;
+        let (s, d, mut at) = self.foot_in(p, from, to, self.nearest_knot_from(p, hint, (from, to)))?;
+        at.position = self.origin + at.position;
+        Some((s, d, at))
+    }
+
+    /// Whether a foot between two arc lengths [m] can be nearer to a point than a distance [m]; if not, there is none.
+    pub fn may_pass(&self, point: Point, distance: f64, from: f64, to: f64) -> bool {
+        /// Rounding.
+        const SAFETY: f64 = 0.999;
+        let (p, last) = (point - self.origin, (self.knots.len() - 1) as f64);
+        let index = |s: f64| (s * self.inverse_spacing).clamp(0.0, last);
+        let (mut i, to) = (index(from).floor() as usize, index(to).ceil() as usize);
+        // A foot is not further from the nearest knot than the spacing, and neither is a knot from the next one.
+        let reach = distance + self.spacing;
+        while i <= to {
+            let away = (p - self.knots[i].position).norm() - reach;
+            // Not a number is not far.
+            if away.is_nan() || away <= 0.0 {
+                return true;
+            }
+            i += 1 + (away * self.inverse_spacing * SAFETY) as usize;
+        }
+        false
+    }
+
+    /// First and last knot within `window` of an arc length [m].
+    fn knots_within(&self, s_hint: f64, window: f64) -> (usize, usize) {
         let last = (self.knots.len() - 1) as f64;
         let from = ((s_hint - window) / self.spacing).floor().clamp(0.0, last);
         let to = ((s_hint + window) / self.spacing).ceil().clamp(0.0, last);
         // NaN becomes 0 and leaves an empty window.
-        self.project_between(point, from as usize, to as usize)
+        (from as usize, to as usize)
+    }
+
+    /// The knot of the range at which the distance to a point (relative to the origin) stops to decrease, seen from `start`;
+    /// the first one of equals.
+    fn nearest_knot_from(&self, p: Point, start: usize, (from, to): (usize, usize)) -> usize {
+        let squared = |i: usize| (p - self.knots[i].position).norm_squared();
+        let (mut nearest, mut least) = (start, squared(start));
+        while nearest < to && squared(nearest + 1) < least {
+            nearest += 1;
+            least = squared(nearest);
+        }
+        while nearest > from && squared(nearest - 1) <= least {
+            nearest -= 1;
+            least = squared(nearest);
+        }
+        nearest
     }
 
     /// The knot of the range that is nearest to a point (relative to the origin); the first one of equals.
@@ -220,35 +273,33 @@ impl ReferencePath {
         nearest
     }
 
-    /// Nearest knot of the range, then the zero of (point - position) . tangent beside it.
-    fn project_between(&self, point: Point, from: usize, to: usize) -> Option<(f64, f64)> {
-        let p = point - self.origin;
+    /// From the nearest knot of a range to the zero of (point - position) . tangent beside it: arc length, offset [m], and
+    /// what the path is there. Point and position are relative to the origin.
+    fn foot_in(&self, p: Point, from: usize, to: usize, nearest: usize) -> Option<(f64, f64, PathPoint)> {
         if from >= to || !p.is_finite() {
             return None;
         }
-        let nearest = self.nearest_knot(p, from, to);
         let ahead = |s: f64| {
             let at = self.local_at(s);
             let offset = p - at.position;
-            (offset.dot(at.tangent()), at.tangent().cross(offset), at.curvature)
+            (offset.dot(at.tangent()), at.tangent().cross(offset), at)
         };
         // The point is ahead of the lower end and behind the upper end of the interval with the foot, and the nearest
         // knot is one of both.
         let knot_s = nearest as f64 * self.spacing;
-        let (ahead_knot, d_knot, _) = ahead(knot_s);
-        let is_ahead = ahead_knot > 0.0;
+        let mut here = ahead(knot_s);
+        let is_ahead = here.0 > 0.0;
         let other = if is_ahead { (nearest + 1).min(to) } else { nearest.saturating_sub(1).max(from) };
         let other_s = other as f64 * self.spacing;
         if other == nearest {
-            return (ahead_knot.abs() < END_TOLERANCE && d_knot.abs() <= PROJECTION_REACH).then_some((knot_s, d_knot));
+            let (distance_ahead, d, at) = here;
+            return (distance_ahead.abs() < END_TOLERANCE && d.abs() <= PROJECTION_REACH).then_some((knot_s, d, at));
         }
         let (mut low, mut high) = if is_ahead { (knot_s, other_s) } else { (other_s, knot_s) };
         let mut s = knot_s;
-        let (mut d, mut residual) = (0.0, f64::INFINITY);
         for _ in 0..60 {
-            let (distance_ahead, offset, curvature) = ahead(s);
-            (d, residual) = (offset, distance_ahead.abs());
-            if residual < 1e-11 {
+            let (distance_ahead, offset, at) = here;
+            if distance_ahead.abs() < 1e-11 {
                 break;
             }
             if distance_ahead > 0.0 {
@@ -256,11 +307,13 @@ impl ReferencePath {
             } else {
                 high = s;
             }
-            let slope = 1.0 - curvature * offset;
+            let slope = 1.0 - at.curvature * offset;
             let newton = s + distance_ahead / slope;
             s = if slope > 0.05 && newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            here = ahead(s);
         }
-        (residual < END_TOLERANCE && d.abs() <= PROJECTION_REACH).then_some((s, d))
+        let (distance_ahead, d, at) = here;
+        (distance_ahead.abs() < END_TOLERANCE && d.abs() <= PROJECTION_REACH).then_some((s, d, at))
     }
 }
 

@@ -15,6 +15,8 @@ const STANDING: f64 = 0.5;
 const SAME_DIRECTION: f64 = 0.5;
 /// The corridor of the path is wider than the agent by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.3;
+/// More than any rounding of a distance [m].
+const ROUNDING: f64 = 1e-6;
 
 /// What the agent wants.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,14 +88,21 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     }
     let body = other.shape.oriented_box(other.pose);
     let path = &request.route.path;
+    let corridor = 0.5 * vehicle.width + CORRIDOR_MARGIN;
+    let middle = start.s + vehicle.rear_axle_to_center;
+    // Whoever can neither be ahead nor in the corridor needs no exact foot.
+    let beside_at = start.d.abs() + corridor + body.half_length.hypot(body.half_width) + ROUNDING;
+    let (from, to) = (middle - path.spacing(), start.s + distance + 10.0 + path.spacing());
+    if !path.may_pass(body.center, beside_at, from, to) {
+        return None;
+    }
     let (s, d) = path.project_near(body.center, start.s + 0.5 * distance, 0.5 * distance + 10.0)?;
     let tangent = path.at(s).tangent();
     let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
     let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
     let half_d = body.half_length * sin.abs() + body.half_width * cos.abs();
-    let corridor = 0.5 * vehicle.width + CORRIDOR_MARGIN;
     let beside = d - half_d > start.d.max(0.0) + corridor || d + half_d < start.d.min(0.0) - corridor;
-    let ahead = s > start.s + vehicle.rear_axle_to_center;
+    let ahead = s > middle;
     let stands = other.is_static || other.velocity.abs() < STANDING;
     let moves_along = cos * other.velocity.signum() > SAME_DIRECTION;
     let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };

@@ -74,9 +74,8 @@ impl Previous {
             }
             let rear_axle = vehicle.rear_axle_from_center(state.pose());
             let expected = s + state.velocity * limits.dt;
-            let (foot, d) = request.route.path.project_near(rear_axle, expected, SEARCH_WINDOW)?;
+            let (foot, d, at) = request.route.path.project_from(rear_axle, expected, SEARCH_WINDOW)?;
             s = foot;
-            let at = request.route.path.at(s);
             let offset = wrap_angle(state.orientation - at.theta);
             let stretch = 1.0 - at.curvature * d;
             let (sin, cos) = offset.sin_cos();
