@@ -10,7 +10,7 @@ mod tests;
 pub mod walenet;
 
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -20,6 +20,7 @@ use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
+use lanes::Lanes;
 use walenet::Walenet;
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.
@@ -101,11 +102,50 @@ const CHUNK: usize = 4;
 /// Most modes that a predictor may have.
 const MODES_LIMIT: usize = 8;
 
+/// Memory that predictions reuse: after the first few nothing but the table is allocated. Holds no state: a prediction
+/// does not depend on what was predicted before with the same memory.
+#[derive(Debug, Default)]
+pub struct Memory(Mutex<Vec<Scratch>>);
+
+/// Memory of a thread.
+#[derive(Debug, Default)]
+struct Scratch {
+    /// Some rows of the result.
+    table: Predictions,
+    lanes: Lanes,
+}
+
+impl Memory {
+    /// Calls a function with memory that nobody else uses meanwhile.
+    fn with<T>(&self, work: impl FnOnce(&mut Scratch) -> T) -> T {
+        // What is inside holds no state, so a panic in between spoils nothing.
+        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut scratch = all().pop().unwrap_or_default();
+        let done = work(&mut scratch);
+        all().push(scratch);
+        done
+    }
+}
+
 /// Expectations for all present participants over `n_steps` steps.
 ///
 /// # Errors
 /// `InvalidInput` for zero steps, zero modes or more than 8, or a predictor that was made for another road network.
 pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Result<Predictions> {
+    predict_with(predictor, scene, road, n_steps, &Memory::default())
+}
+
+/// The same with memory that is reused.
+///
+/// # Errors
+/// As [`predict`].
+pub fn predict_with(
+    predictor: &Predictor,
+    scene: &Scene,
+    road: &RoadNetwork,
+    n_steps: usize,
+    memory: &Memory,
+) -> Result<Predictions> {
     let n_modes = match predictor {
         Predictor::ConstantVelocity(_) | Predictor::Walenet(_) => 1,
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => settings.modes_max,
@@ -119,32 +159,44 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
     if let Predictor::Neural(settings) = predictor {
         return Ok(neural::predict(settings, scene, road, n_steps));
     }
-    let empty = |rows: &[usize]| {
-        let ids = rows.iter().map(|row| scene.participants.ids[*row]).collect();
-        Predictions::empty(scene.time_step, ids, n_modes, n_steps)
-    };
+    let ids = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     if let Predictor::Walenet(walenet) = predictor {
-        let mut out = empty(&scene.present);
+        let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
         walenet.predict(scene, road, &mut out)?;
         return Ok(out);
     }
-    let part = |rows: &[usize]| {
-        let mut out = empty(rows);
-        for (i, row) in rows.iter().copied().enumerate() {
-            predict_one(predictor, scene, road, row, &mut out, i);
-        }
-        out
-    };
     // Threads of nobody in particular are left alone.
     if scene.present.len() <= CHUNK || rayon::current_thread_index().is_none() {
-        return Ok(part(&scene.present));
+        let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
+        memory.with(|Scratch { lanes, .. }| {
+            for (i, row) in scene.present.iter().copied().enumerate() {
+                predict_one(predictor, (scene, road), row, &mut out, i, lanes);
+            }
+        });
+        return Ok(out);
     }
-    let parts: Vec<Predictions> = scene.present.par_chunks(CHUNK).map(part).collect();
-    Ok(Predictions::joined(parts))
+    let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
+    scene.present.par_chunks(CHUNK).zip(out.chunks_mut(CHUNK)).for_each(|(rows, mut out)| {
+        memory.with(|Scratch { table, lanes }| {
+            table.clear(scene.time_step, rows.len(), n_modes, n_steps);
+            for (i, row) in rows.iter().copied().enumerate() {
+                predict_one(predictor, (scene, road), row, table, i, lanes);
+            }
+            out.copy_from(table);
+        });
+    });
+    Ok(out)
 }
 
 /// For the participant in a row of the scene, into row `i` of the table.
-fn predict_one(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, row: usize, out: &mut Predictions, i: usize) {
+fn predict_one(
+    predictor: &Predictor,
+    (scene, road): (&Scene, &RoadNetwork),
+    row: usize,
+    out: &mut Predictions,
+    i: usize,
+    lanes: &mut Lanes,
+) {
     let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
     match predictor {
         Predictor::GroundTruth(scenario, _)
@@ -156,7 +208,7 @@ fn predict_one(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, row: us
         Predictor::ConstantVelocity(spread) => go_straight(out, i, &state, spread, scene.dt),
         Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("networks answer for everybody at once"),
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
-            lanes::follow_lanes(out, i, row, &state, settings, scene, road);
+            lanes::follow_lanes(out, i, row, &state, settings, (scene, road), lanes);
         }
     }
 }

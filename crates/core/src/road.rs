@@ -13,6 +13,7 @@ pub(crate) mod testing;
 mod tests;
 
 pub use edges::Segment;
+pub(crate) use follow::Chains;
 pub use follow::LaneKnot;
 pub use lanelet::Lanelet;
 
@@ -69,6 +70,14 @@ pub struct LaneMatch {
     pub d: f64,
     /// Orientation minus direction of the lane [rad], in (-pi, pi].
     pub heading_error: f64,
+}
+
+/// The lanelets that fit a pose, best first, and memory of the search for them.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Matching {
+    inside: Vec<usize>,
+    near: Vec<usize>,
+    pub(crate) found: Vec<LaneMatch>,
 }
 
 /// All lanelets of a map, sorted by id, with a grid index. Immutable.
@@ -145,30 +154,49 @@ impl RoadNetwork {
 
     /// Lanelets that contain a point, ascending. A point on a common border is in both.
     pub fn lanelets_at(&self, point: Point) -> Vec<usize> {
-        self.area.surface.lanelets(&Aabb { min: point, max: point }, |triangle| triangle.contains(point))
+        let mut found = Vec::new();
+        self.find_lanelets_at(point, &mut found);
+        found
     }
 
     /// Lanelets at most `radius` [m] away from a point, ascending.
     pub fn lanelets_near(&self, point: Point, radius: f64) -> Vec<usize> {
+        let mut found = Vec::new();
+        self.find_lanelets_near(point, radius, &mut found);
+        found
+    }
+
+    fn find_lanelets_at(&self, point: Point, found: &mut Vec<usize>) {
+        let here = Aabb { min: point, max: point };
+        self.area.surface.find_lanelets(&here, found, |triangle| triangle.contains(point));
+    }
+
+    fn find_lanelets_near(&self, point: Point, radius: f64, found: &mut Vec<usize>) {
         let around = Aabb { min: point, max: point }.grown(radius);
-        self.area.surface.lanelets(&around, |triangle| triangle.is_within(point, radius))
+        self.area.surface.find_lanelets(&around, found, |triangle| triangle.is_within(point, radius));
     }
 
     /// Lanelets within `tolerance` [m] of the position whose direction differs by at most `angle_max` [rad]. Best first:
     /// those that contain the position, then by heading error, then by offset, then by id.
     pub fn matching(&self, pose: Pose, tolerance: f64, angle_max: f64) -> Vec<LaneMatch> {
-        let inside = self.lanelets_at(pose.position);
-        let mut matches: Vec<LaneMatch> = self
-            .lanelets_near(pose.position, tolerance)
-            .into_iter()
-            .map(|lanelet| {
-                let foot = self.lanelets[lanelet].center.project(pose.position);
-                let heading_error = wrap_angle(pose.orientation - self.curves[lanelet].heading_at(foot.s));
-                LaneMatch { lanelet, s: foot.s, d: foot.d, heading_error }
-            })
-            .filter(|found| found.heading_error.abs() <= angle_max)
-            .collect();
-        matches.sort_by(|a, b| {
+        let mut matching = Matching::default();
+        self.find_matching(pose, tolerance, angle_max, &mut matching);
+        matching.found
+    }
+
+    /// The same into memory that is reused.
+    pub(crate) fn find_matching(&self, pose: Pose, tolerance: f64, angle_max: f64, memory: &mut Matching) {
+        let Matching { inside, near, found } = memory;
+        self.find_lanelets_at(pose.position, inside);
+        self.find_lanelets_near(pose.position, tolerance, near);
+        found.clear();
+        found.extend(near.iter().filter_map(|&lanelet| {
+            let foot = self.lanelets[lanelet].center.project(pose.position);
+            let heading_error = wrap_angle(pose.orientation - self.curves[lanelet].heading_at(foot.s));
+            let fits = heading_error.abs() <= angle_max;
+            fits.then_some(LaneMatch { lanelet, s: foot.s, d: foot.d, heading_error })
+        }));
+        found.sort_unstable_by(|a, b| {
             let outside = |found: &LaneMatch| !inside.contains(&found.lanelet);
             outside(a)
                 .cmp(&outside(b))
@@ -176,6 +204,5 @@ impl RoadNetwork {
                 .then(a.d.abs().total_cmp(&b.d.abs()))
                 .then(a.lanelet.cmp(&b.lanelet))
         });
-        matches
     }
 }

@@ -167,23 +167,68 @@ impl Predictions {
         }
     }
 
-    /// The rows of tables of one time step, with as many modes and steps, in a row.
-    pub(crate) fn joined(parts: Vec<Self>) -> Self {
-        let mut parts = parts.into_iter();
-        let mut out = parts.next().unwrap_or_default();
-        for mut part in parts {
-            out.ids.append(&mut part.ids);
-            out.probability.append(&mut part.probability);
-            out.x.append(&mut part.x);
-            out.y.append(&mut part.y);
-            out.orientation.append(&mut part.orientation);
-            out.velocity.append(&mut part.velocity);
-            out.covariance_xx.append(&mut part.covariance_xx);
-            out.covariance_xy.append(&mut part.covariance_xy);
-            out.covariance_yy.append(&mut part.covariance_yy);
-            out.valid.append(&mut part.valid);
+    /// A table of which every row is going to be written.
+    pub(crate) fn zeros(time_step: i64, ids: Vec<i64>, n_modes: usize, n_steps: usize) -> Self {
+        let n = ids.len() * n_modes * n_steps;
+        let zero = || vec![0.0; n];
+        Self {
+            time_step,
+            probability: vec![0.0; ids.len() * n_modes],
+            ids,
+            n_modes,
+            n_steps,
+            x: zero(),
+            y: zero(),
+            orientation: zero(),
+            velocity: zero(),
+            covariance_xx: zero(),
+            covariance_xy: zero(),
+            covariance_yy: zero(),
+            valid: vec![false; n],
         }
-        out
+    }
+
+    /// Becomes a table of so many rows without any expectation and without ids; the memory is reused.
+    pub(crate) fn clear(&mut self, time_step: i64, n_rows: usize, n_modes: usize, n_steps: usize) {
+        let n = n_rows * n_modes * n_steps;
+        (self.time_step, self.n_modes, self.n_steps) = (time_step, n_modes, n_steps);
+        self.ids.clear();
+        self.probability.clear();
+        self.probability.resize(n_rows * n_modes, 0.0);
+        let Self { x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy, valid, .. } = self;
+        for field in [x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy] {
+            field.clear();
+            field.resize(n, f64::NAN);
+        }
+        valid.clear();
+        valid.resize(n, false);
+    }
+
+    /// Parts of `n_rows` rows each, to be written at the same time; the last one may have fewer.
+    pub(crate) fn chunks_mut(
+        &mut self,
+        n_rows: usize,
+    ) -> impl rayon::iter::IndexedParallelIterator<Item = RowsMut<'_>> {
+        use rayon::prelude::*;
+        let n = n_rows * self.n_modes * self.n_steps;
+        let fields = [
+            &mut self.x,
+            &mut self.y,
+            &mut self.orientation,
+            &mut self.velocity,
+            &mut self.covariance_xx,
+            &mut self.covariance_xy,
+            &mut self.covariance_yy,
+        ];
+        let [x, y, orientation, velocity, xx, xy, yy] = fields.map(|field| field.par_chunks_mut(n));
+        let probability = self.probability.par_chunks_mut(n_rows * self.n_modes);
+        (probability, self.valid.par_chunks_mut(n), x, y, orientation, velocity, xx, xy, yy).into_par_iter().map(
+            |(probability, valid, x, y, orientation, velocity, xx, xy, yy)| RowsMut {
+                probability,
+                valid,
+                fields: [x, y, orientation, velocity, xx, xy, yy],
+            },
+        )
     }
 
     /// Row of a participant.
@@ -264,6 +309,26 @@ impl Predictions {
             }
         }
         Ok(())
+    }
+}
+
+/// Some rows of predictions, to be written.
+pub(crate) struct RowsMut<'a> {
+    probability: &'a mut [f64],
+    valid: &'a mut [bool],
+    fields: [&'a mut [f64]; 7],
+}
+
+impl RowsMut<'_> {
+    /// Takes over all rows of a table with as many rows.
+    pub(crate) fn copy_from(&mut self, table: &Predictions) {
+        let Predictions { x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy, .. } = table;
+        self.probability.copy_from_slice(&table.probability);
+        self.valid.copy_from_slice(&table.valid);
+        let fields = [x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy];
+        for (to, from) in self.fields.iter_mut().zip(fields) {
+            to.copy_from_slice(from);
+        }
     }
 }
 

@@ -97,7 +97,21 @@ impl Polyline {
 
     /// Nearest foot over all segments; a point beyond an end has its foot at the end.
     pub fn project(&self, point: Point) -> Projection {
-        self.project_between(point, 0.0, self.length())
+        let (mut best, mut least) = (Projection { s: 0.0, d: 0.0, distance: f64::INFINITY }, f64::INFINITY);
+        for i in 0..self.points.len() - 1 {
+            let (delta, offset) = (self.points[i + 1] - self.points[i], point - self.points[i]);
+            let fraction = (offset.dot(delta) / delta.norm_squared()).clamp(0.0, 1.0);
+            let squared = (offset - delta * fraction).norm_squared();
+            if squared < least {
+                let distance = squared.sqrt();
+                if distance < best.distance {
+                    let s = self.arc_lengths[i] + fraction * (self.arc_lengths[i + 1] - self.arc_lengths[i]);
+                    best = Projection { s, d: distance.copysign(delta.cross(offset)), distance };
+                    least = squared;
+                }
+            }
+        }
+        best
     }
 
     /// Nearest foot among the arc lengths from `from` to `to` [m], which are clamped to the ends.

@@ -2,7 +2,7 @@
 
 use super::{LaneFollowing, go_straight, write};
 use crate::geometry::Pose;
-use crate::road::RoadNetwork;
+use crate::road::{Chains, LaneMatch, Matching, RoadNetwork};
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
 
@@ -12,54 +12,72 @@ const BRAKING_FACTOR: f64 = 1.5;
 const ACCELERATION: f64 = 1.0;
 
 /// One lane to follow: a chain of lanelets, where on it, and how well it fits.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Lane {
-    pub(super) chain: Vec<usize>,
+    /// Index of the chain.
+    chain: usize,
     pub(super) s: f64,
     d: f64,
     heading_error: f64,
     pub(super) weight: f64,
 }
 
-/// The lanes on which a participant may be, best fit first, at most `lanes_max`, branches within `reach` [m] apart;
-/// their weights are not normalised.
-pub(super) fn lanes_of(pose: Pose, reach: f64, lanes_max: usize, road: &RoadNetwork) -> Vec<Lane> {
-    const OFFSET_MAX: f64 = 1.0;
-    const HEADING_MAX: f64 = 0.7;
-    const OFFSET_SCALE: f64 = 0.8;
-    const HEADING_SCALE: f64 = 0.25;
-    /// Lanes that fit worse than the best by this factor are left out.
-    const WEIGHT_SHARE: f64 = 0.05;
-    let mut lanes: Vec<Lane> = Vec::new();
-    for found in road.matching(pose, OFFSET_MAX, HEADING_MAX) {
-        let fit = (-(found.d / OFFSET_SCALE).powi(2) - (found.heading_error / HEADING_SCALE).powi(2)).exp().max(1e-12);
-        let chains = road.paths_from(found.lanelet, found.s, reach, lanes_max);
-        let weight = fit / chains.len().max(1) as f64;
-        lanes.extend(chains.into_iter().map(|chain| Lane {
-            chain,
-            s: found.s,
-            d: found.d,
-            heading_error: found.heading_error,
-            weight,
-        }));
+/// The lanes on which a participant may be, in memory that is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Lanes {
+    matching: Matching,
+    chains: Chains,
+    /// The lanes that count, best fit first.
+    pub(super) found: Vec<Lane>,
+    all: Vec<Lane>,
+}
+
+impl Lanes {
+    /// Lanelets of a lane in driving order.
+    pub(super) fn chain(&self, lane: &Lane) -> &[usize] {
+        self.chains.get(lane.chain)
     }
-    // Best first; equal weights keep the order in which the road network lists them.
-    lanes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-    let mut kept: Vec<Lane> = Vec::with_capacity(lanes_max);
-    for lane in lanes {
-        let fits = kept.first().is_none_or(|best| lane.weight >= WEIGHT_SHARE * best.weight);
-        // Where one lanelet ends and the next begins, both match, and so would the same lane twice.
-        if kept.len() < lanes_max && fits && !kept.iter().any(|other| is_same_lane(other, &lane)) {
-            kept.push(lane);
+
+    /// Looks for at most `lanes_max` lanes, branches within `reach` [m] apart; their weights are not normalised.
+    pub(super) fn find(&mut self, pose: Pose, reach: f64, lanes_max: usize, road: &RoadNetwork) {
+        const OFFSET_MAX: f64 = 1.0;
+        const HEADING_MAX: f64 = 0.7;
+        const OFFSET_SCALE: f64 = 0.8;
+        const HEADING_SCALE: f64 = 0.25;
+        /// Lanes that fit worse than the best by this factor are left out.
+        const WEIGHT_SHARE: f64 = 0.05;
+        let Self { matching, chains, found: kept, all } = self;
+        road.find_matching(pose, OFFSET_MAX, HEADING_MAX, matching);
+        chains.clear();
+        all.clear();
+        for found in &matching.found {
+            let fit =
+                (-(found.d / OFFSET_SCALE).powi(2) - (found.heading_error / HEADING_SCALE).powi(2)).exp().max(1e-12);
+            let first = chains.n();
+            road.find_paths(found.lanelet, found.s, reach, lanes_max, chains);
+            let weight = fit / (chains.n() - first).max(1) as f64;
+            let LaneMatch { s, d, heading_error, .. } = *found;
+            all.extend((first..chains.n()).map(|chain| Lane { chain, s, d, heading_error, weight }));
+        }
+        // Best first; equal weights keep the order in which the road network lists them.
+        all.sort_unstable_by(|a, b| b.weight.total_cmp(&a.weight).then(a.chain.cmp(&b.chain)));
+        kept.clear();
+        for lane in &*all {
+            let fits = kept.first().is_none_or(|best| lane.weight >= WEIGHT_SHARE * best.weight);
+            // Where one lanelet ends and the next begins, both match, and so would the same lane twice.
+            let is_new = || !kept.iter().any(|other| is_same_lane(chains.get(other.chain), chains.get(lane.chain)));
+            if kept.len() < lanes_max && fits && is_new() {
+                kept.push(*lane);
+            }
         }
     }
-    kept
 }
 
 /// One chain goes on as the other does, from the first lanelet that both have.
-fn is_same_lane(a: &Lane, b: &Lane) -> bool {
-    let continues = |long: &Lane, short: &Lane| {
-        let joint = long.chain.iter().position(|lanelet| *lanelet == short.chain[0]);
-        joint.is_some_and(|joint| long.chain[joint..].iter().zip(&short.chain).all(|(x, y)| x == y))
+fn is_same_lane(a: &[usize], b: &[usize]) -> bool {
+    let continues = |long: &[usize], short: &[usize]| {
+        let joint = long.iter().position(|lanelet| *lanelet == short[0]);
+        joint.is_some_and(|joint| long[joint..].iter().zip(short).all(|(x, y)| x == y))
     };
     continues(a, b) || continues(b, a)
 }
@@ -70,23 +88,22 @@ pub(super) fn follow_lanes(
     row: usize,
     state: &State,
     settings: &LaneFollowing,
-    scene: &Scene,
-    road: &RoadNetwork,
+    (scene, road): (&Scene, &RoadNetwork),
+    lanes: &mut Lanes,
 ) {
     let horizon = out.n_steps as f64 * scene.dt;
-    let lanes = if scene.participants.kind[row].is_vehicle() && state.velocity > 0.0 {
-        lanes_of(state.pose(), state.velocity * horizon + 10.0, settings.modes_max, road)
-    } else {
-        Vec::new()
-    };
-    if lanes.is_empty() {
+    let follows = scene.participants.kind[row].is_vehicle() && state.velocity > 0.0;
+    if follows {
+        lanes.find(state.pose(), state.velocity * horizon + 10.0, settings.modes_max, road);
+    }
+    if !follows || lanes.found.is_empty() {
         go_straight(out, i, state, &settings.spread, scene.dt);
         return;
     }
-    let total: f64 = lanes.iter().map(|lane| lane.weight).sum();
-    for (mode, lane) in lanes.iter().enumerate() {
+    let total: f64 = lanes.found.iter().map(|lane| lane.weight).sum();
+    for (mode, lane) in lanes.found.iter().enumerate() {
         out.probability[i * out.n_modes + mode] = lane.weight / total;
-        follow_lane(out, i, mode, state, lane, settings, scene.dt, road);
+        follow_lane(out, i, mode, state, (lane, lanes.chain(lane)), settings, scene.dt, road);
     }
 }
 
@@ -96,15 +113,15 @@ fn follow_lane(
     i: usize,
     mode: usize,
     state: &State,
-    lane: &Lane,
+    (lane, chain): (&Lane, &[usize]),
     settings: &LaneFollowing,
     dt: f64,
     road: &RoadNetwork,
 ) {
-    let caps = SpeedCaps::along(lane, state.velocity * out.n_steps as f64 * dt, settings, road);
+    let caps = SpeedCaps::along((lane.s, chain), state.velocity * out.n_steps as f64 * dt, settings, road);
     let start = out.offset(i, mode);
     // The pose now, seen from the lane: the prediction starts exactly at the participant.
-    let (now, _) = road.chain_pose(&lane.chain, lane.s, 0.0, lane.d);
+    let (now, _) = road.chain_pose(chain, lane.s, 0.0, lane.d);
     let shift = state.pose().position - now.position;
     let drift = state.velocity * lane.heading_error.sin();
     let (mut distance, mut velocity) = (0.0, state.velocity);
@@ -118,7 +135,7 @@ fn follow_lane(
         };
         distance += velocity * dt;
         let d = returning(lane.d, drift, time, settings.return_time);
-        let (pose, _) = road.chain_pose(&lane.chain, lane.s, distance, d);
+        let (pose, _) = road.chain_pose(chain, lane.s, distance, d);
         let fade = (1.0 - time / settings.return_time).max(0.0);
         let ahead = returning(lane.d, drift, time + dt, settings.return_time);
         let pose = Pose {
@@ -149,11 +166,11 @@ struct SpeedCaps {
 impl SpeedCaps {
     const COUNT: usize = 33;
 
-    fn along(lane: &Lane, reach: f64, settings: &LaneFollowing, road: &RoadNetwork) -> Self {
+    fn along((s, chain): (f64, &[usize]), reach: f64, settings: &LaneFollowing, road: &RoadNetwork) -> Self {
         let spacing = (reach.max(10.0)) / (Self::COUNT - 1) as f64;
         let mut values = [f64::INFINITY; Self::COUNT];
         for (j, value) in values.iter_mut().enumerate() {
-            let curvature = road.chain_curvature(&lane.chain, lane.s, j as f64 * spacing);
+            let curvature = road.chain_curvature(chain, s, j as f64 * spacing);
             *value = (settings.lateral_acceleration / curvature.abs().max(1e-6)).sqrt();
         }
         for j in (0..Self::COUNT - 1).rev() {

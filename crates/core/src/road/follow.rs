@@ -90,6 +90,42 @@ pub struct LaneKnot {
     pub heading: f64,
 }
 
+/// Chains of lanelets, in memory that is reused.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Chains {
+    /// The chains, the first `n` of which count, and what of the distance lies beyond their ends [m].
+    found: Vec<(Vec<usize>, f64)>,
+    n: usize,
+}
+
+impl Chains {
+    pub(crate) fn clear(&mut self) {
+        self.n = 0;
+    }
+
+    /// Number of chains.
+    pub(crate) fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Lanelets of a chain in driving order.
+    pub(crate) fn get(&self, i: usize) -> &[usize] {
+        &self.found[i].0
+    }
+
+    fn push(&mut self, stem: &[usize], last: usize, rest: f64) {
+        if self.n == self.found.len() {
+            self.found.push((Vec::with_capacity(stem.len() + 8), rest));
+        }
+        let (chain, left) = &mut self.found[self.n];
+        chain.clear();
+        chain.extend_from_slice(stem);
+        chain.push(last);
+        *left = rest;
+        self.n += 1;
+    }
+}
+
 /// Successors and predecessors of every lanelet, those that bend least first, equal ones by id.
 pub(super) fn straightest(lanelets: &[Lanelet]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let chord = |i: usize, from: f64, to: f64| {
@@ -183,33 +219,40 @@ impl RoadNetwork {
     /// Every chain starts with the lanelet itself. The first one is the straightest at every fork; the others follow in
     /// the order in which they branch off, nearer forks first. A chain may pass a lanelet again where roads form a loop.
     pub fn paths_from(&self, lanelet: usize, s: f64, distance: f64, max_paths: usize) -> Vec<Vec<usize>> {
+        let mut chains = Chains::default();
+        self.find_paths(lanelet, s, distance, max_paths, &mut chains);
+        chains.found.into_iter().map(|(chain, _)| chain).collect()
+    }
+
+    /// The same, after the chains that are there already.
+    pub(crate) fn find_paths(&self, lanelet: usize, s: f64, distance: f64, max_paths: usize, chains: &mut Chains) {
+        let first = chains.n;
         if max_paths == 0 {
-            return Vec::new();
+            return;
         }
-        // A chain and what of the distance lies beyond its end.
-        let mut chains: Vec<(Vec<usize>, f64)> = vec![(vec![lanelet], distance - (self.lanelets[lanelet].length - s))];
+        chains.push(&[], lanelet, distance - (self.lanelets[lanelet].length - s));
         loop {
             let mut grown = false;
-            for i in 0..chains.len() {
-                let (chain, rest) = &chains[i];
+            for i in first..chains.n {
+                let (chain, rest) = &chains.found[i];
                 let rest = *rest;
                 let successors = &self.straightest_successors[chain[chain.len() - 1]];
                 if rest <= 0.0 || successors.is_empty() || chain.len() >= CHAIN_MAX {
                     continue;
                 }
                 grown = true;
-                let room = max_paths - chains.len();
-                let stem = chains[i].0.clone();
+                let room = max_paths - (chains.n - first);
                 for &branch in successors.iter().skip(1).take(room) {
-                    let mut chain = stem.clone();
-                    chain.push(branch);
-                    chains.push((chain, rest - self.lanelets[branch].length));
+                    let stem = std::mem::take(&mut chains.found[i].0);
+                    chains.push(&stem, branch, rest - self.lanelets[branch].length);
+                    chains.found[i].0 = stem;
                 }
-                chains[i].0.push(successors[0]);
-                chains[i].1 = rest - self.lanelets[successors[0]].length;
+                let (chain, left) = &mut chains.found[i];
+                chain.push(successors[0]);
+                *left = rest - self.lanelets[successors[0]].length;
             }
             if !grown {
-                return chains.into_iter().map(|(chain, _)| chain).collect();
+                return;
             }
         }
     }

@@ -94,19 +94,21 @@ impl Surface {
         })
     }
 
-    /// Lanelets with a triangle in the cells of a box that satisfies the test, ascending.
-    pub(super) fn lanelets(&self, aabb: &Aabb, test: impl Fn(&Triangle) -> bool) -> Vec<usize> {
-        let Some(range) = self.grid.range(aabb) else { return Vec::new() };
-        let mut found: Vec<usize> = self
-            .grid
-            .cells(range)
-            .flat_map(|cell| self.in_cell(cell))
-            .filter_map(|triangle| triangle.lanelet.filter(|_| test(triangle)))
-            .map(|lanelet| lanelet as usize)
-            .collect();
+    /// Writes the lanelets with a triangle in the cells of a box that satisfies the test, ascending.
+    pub(super) fn find_lanelets(&self, aabb: &Aabb, found: &mut Vec<usize>, test: impl Fn(&Triangle) -> bool) {
+        found.clear();
+        let Some(range) = self.grid.range(aabb) else { return };
+        for cell in self.grid.cells(range) {
+            for triangle in self.in_cell(cell) {
+                if let Some(lanelet) = triangle.lanelet
+                    && !found.contains(&(lanelet as usize))
+                    && test(triangle)
+                {
+                    found.push(lanelet as usize);
+                }
+            }
+        }
         found.sort_unstable();
-        found.dedup();
-        found
     }
 }
 

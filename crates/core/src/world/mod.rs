@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex};
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::plan::{Planner, Prepared, Scratch};
-use crate::predict::{Predictor, predict};
+use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
 use crate::scenario::{Goal, Scenario};
@@ -113,6 +113,7 @@ pub struct World {
     pool: Arc<rayon::ThreadPool>,
     /// Memory of the planners, one per thread of the pool.
     scratches: Vec<Mutex<Scratch>>,
+    prediction_memory: predict::Memory,
 }
 
 impl World {
@@ -164,6 +165,7 @@ impl World {
             settings,
             pool: Arc::new(pool),
             scratches: (0..settings.threads).map(|_| Mutex::default()).collect(),
+            prediction_memory: predict::Memory::default(),
         };
         world.enter(first_time_step);
         world.recording.push(&world.states);
@@ -252,9 +254,9 @@ impl World {
     /// Expectations of a native predictor for everybody present, on the threads of the world.
     ///
     /// # Errors
-    /// As [`predict`].
+    /// As [`predict_with`].
     pub fn predict(&self, predictor: &Predictor, scene: &Scene, n_steps: usize) -> Result<Predictions> {
-        let work = || predict(predictor, scene, &self.scenario.road, n_steps);
+        let work = || predict_with(predictor, scene, &self.scenario.road, n_steps, &self.prediction_memory);
         // Waking a thread takes longer than what the others have to do for a few.
         let is_much = scene.present.len() > 12 && self.settings.threads > 1;
         let is_network = matches!(predictor, Predictor::Walenet(_) | Predictor::Neural(_));

@@ -1,11 +1,10 @@
 //! The geometry of a candidate path: poses along it, path coordinates of points, crossings.
 
-use crate::geometry::{Aabb, Point};
+use super::index::{Candidates, Index, STRIDE};
+use crate::geometry::Point;
 
 /// Paths begin this far behind the vehicle [m].
 pub(super) const BEHIND: f64 = 50.0;
-/// Segments per box of the index.
-const STRIDE: usize = 16;
 
 /// A path on which a vehicle may go on.
 #[derive(Debug, Clone)]
@@ -13,7 +12,7 @@ pub struct CandidatePath {
     points: Vec<Point>,
     pub(super) arc_lengths: Vec<f64>,
     headings: Vec<f64>,
-    boxes: Vec<Aabb>,
+    index: Index,
     /// Offset of the vehicle now [m].
     pub offset: f64,
     /// Orientation of the vehicle minus heading of the path now [rad].
@@ -61,7 +60,7 @@ impl CandidatePath {
             points,
             arc_lengths,
             headings,
-            boxes: Vec::new(),
+            index: Index::default(),
             offset: 0.0,
             heading_error: 0.0,
             share: 0.0,
@@ -69,16 +68,8 @@ impl CandidatePath {
             speed_limit: f64::NAN,
             end: 0.0,
         };
-        path.index();
+        path.index.build(&path.points);
         path
-    }
-
-    fn index(&mut self) {
-        let n = self.points.len() - 1;
-        self.boxes = (0..n)
-            .step_by(STRIDE)
-            .map(|i| Aabb::around(self.points[i..=(i + STRIDE).min(n)].iter().copied()))
-            .collect();
     }
 
     fn n_segments(&self) -> usize {
@@ -169,15 +160,17 @@ impl CandidatePath {
         (s, distance_squared, chord.cross(delta))
     }
 
+    /// Where the path may be near to a point, at most `distance` [m] away, and where a straight way from there may cross it.
+    pub(super) fn look(&self, point: Point, distance: f64, way: Point) -> Candidates {
+        self.index.look(point, distance, way)
+    }
+
     /// Foot of a point that is at most `distance` [m] away from the path: arc length, offset [m], segment. Rough: by the
-    /// chords of the segments.
-    pub(super) fn near(&self, point: Point, distance: f64) -> Option<(f64, f64, usize)> {
+    /// chords of the segments. `candidates` are those of this point and distance.
+    pub(super) fn near(&self, point: Point, distance: f64, candidates: Candidates) -> Option<(f64, f64, usize)> {
         let mut nearest = distance * distance;
         let mut found = None;
-        for (k, around) in self.boxes.iter().enumerate() {
-            if !around.grown(distance).contains(point) {
-                continue;
-            }
+        for k in self.index.near(candidates) {
             for i in k * STRIDE..((k + 1) * STRIDE).min(self.n_segments()) {
                 let (s, distance_squared, side) = self.chord_foot(i, point);
                 if distance_squared < nearest {
@@ -195,14 +188,11 @@ impl CandidatePath {
         chord * chord.norm().recip()
     }
 
-    /// Where a straight way of a point first meets the path: fraction of the way, arc length [m], segment.
-    pub(super) fn crossing(&self, from: Point, way: Point) -> Option<(f64, f64, usize)> {
-        let around = Aabb::around([from, from + way]);
+    /// Where a straight way of a point first meets the path: fraction of the way, arc length [m], segment. `candidates` are
+    /// those of this point and way.
+    pub(super) fn crossing(&self, from: Point, way: Point, candidates: Candidates) -> Option<(f64, f64, usize)> {
         let mut first: Option<(f64, f64, usize)> = None;
-        for (k, other) in self.boxes.iter().enumerate() {
-            if !other.overlaps(&around) || is_beside(from, way, other) {
-                continue;
-            }
+        for k in self.index.crossed(candidates) {
             let start = k * STRIDE;
             let mut before = way.cross(self.points[start] - from);
             for i in start..(start + STRIDE).min(self.n_segments()) {
@@ -224,10 +214,4 @@ impl CandidatePath {
         }
         first
     }
-}
-
-/// The whole box lies on one side of a way.
-fn is_beside(from: Point, way: Point, other: &Aabb) -> bool {
-    let (center, half) = (other.min.lerp(other.max, 0.5), (other.max - other.min) * 0.5);
-    way.cross(center - from).abs() > way.x.abs() * half.y + way.y.abs() * half.x
 }

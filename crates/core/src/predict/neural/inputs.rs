@@ -7,6 +7,7 @@ use super::history::History;
 use super::paths::{N_PATHS, candidates};
 use super::surroundings::{Body, Surroundings};
 use crate::geometry::Point;
+use crate::predict::lanes::Lanes;
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
@@ -81,12 +82,13 @@ impl Inputs {
             standing: Vec::with_capacity(n),
             candidates: Vec::with_capacity(n),
         };
+        let mut lanes = Lanes::default();
         for (i, row) in rows.iter().copied().enumerate() {
             let history = History::of(scene, row);
             let body: &Body = surroundings.body(row).expect("vehicles have a body");
             let pose = scene.state(row).pose();
-            let found =
-                candidates(pose, history.velocity, scene.participants.kind[row] != ParticipantKind::Train, road);
+            let on_lanes = scene.participants.kind[row] != ParticipantKind::Train;
+            let found = candidates(pose, history.velocity, on_lanes, road, &mut lanes);
             write_agent(&mut inputs.agent[i * N_AGENT..(i + 1) * N_AGENT], scene, body, &history);
             write_surroundings(
                 &mut inputs.neighbours[i * N_NEIGHBOURS * N_NEIGHBOUR..(i + 1) * N_NEIGHBOURS * N_NEIGHBOUR],

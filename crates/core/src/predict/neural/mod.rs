@@ -9,6 +9,7 @@ mod features;
 #[cfg(test)]
 mod forecast_tests;
 mod history;
+mod index;
 mod inputs;
 mod linear;
 mod network;

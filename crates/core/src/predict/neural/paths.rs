@@ -3,7 +3,7 @@
 
 use super::candidate_path::{BEHIND, CandidatePath};
 use crate::geometry::{Point, Pose};
-use crate::predict::lanes::lanes_of;
+use crate::predict::lanes::Lanes;
 use crate::road::RoadNetwork;
 
 /// Slots of candidate paths; each has its fixed meaning, and may be empty.
@@ -50,24 +50,31 @@ struct Lane<'a> {
 }
 
 /// All paths of a vehicle with a speed along its heading [m/s]; `on_lanes` is false for who follows none.
-pub fn candidates(pose: Pose, velocity: f64, on_lanes: bool, road: &RoadNetwork) -> [Option<CandidatePath>; N_PATHS] {
+pub(super) fn candidates(
+    pose: Pose,
+    velocity: f64,
+    on_lanes: bool,
+    road: &RoadNetwork,
+    lanes: &mut Lanes,
+) -> [Option<CandidatePath>; N_PATHS] {
     let mut paths = [const { None }; N_PATHS];
     let (speed, reach) = (velocity.max(0.0), reach(velocity.max(0.0)));
     paths[FREE] = Some(CandidatePath::straight(pose, reach));
     if !on_lanes {
         return paths;
     }
-    let lanes = lanes_of(pose, branch_reach(speed), N_OWN, road);
-    let total: f64 = lanes.iter().map(|lane| lane.weight).sum();
-    for (slot, lane) in lanes.iter().enumerate() {
-        let own = Lane { chain: &lane.chain, s: lane.s, share: lane.weight / total, here: lane.chain[0] };
+    lanes.find(pose, branch_reach(speed), N_OWN, road);
+    let total: f64 = lanes.found.iter().map(|lane| lane.weight).sum();
+    for (slot, lane) in lanes.found.iter().enumerate() {
+        let chain = lanes.chain(lane);
+        let own = Lane { chain, s: lane.s, share: lane.weight / total, here: chain[0] };
         paths[slot] = CandidatePath::along(&own, pose, reach, road);
     }
-    let Some(best) = lanes.first() else { return paths };
+    let Some(best) = lanes.found.first() else { return paths };
     let ahead = NEIGHBOUR_AHEAD.max(2.0 * speed);
     for (slot, is_left) in [(LEFT, true), (RIGHT, false)] {
-        let Some((neighbour, s)) = neighbour(&best.chain, best.s, ahead, is_left, pose, road) else { continue };
-        if !lanes.iter().any(|lane| lane.chain.contains(&neighbour)) {
+        let Some((neighbour, s)) = neighbour(lanes.chain(best), best.s, ahead, is_left, pose, road) else { continue };
+        if !lanes.found.iter().any(|lane| lanes.chain(lane).contains(&neighbour)) {
             let beside = Lane { chain: &[neighbour], s, share: 0.0, here: neighbour };
             paths[slot] = CandidatePath::along(&beside, pose, reach, road);
         }

@@ -50,7 +50,10 @@ pub struct Traffic<'a> {
 impl<'a> Traffic<'a> {
     /// Takes somebody in who is on the path or is going to cross it.
     pub fn meet(&mut self, path: &CandidatePath, own: &Body, other: &'a Body) {
-        if let Some((s, offset, segment)) = path.near(other.position, own.half_width + other.half_length + ROOM) {
+        let reach = own.half_width + other.half_length + ROOM;
+        let way = other.axis * (other.velocity * CROSSING_TIME);
+        let candidates = path.look(other.position, reach, way);
+        if let Some((s, offset, segment)) = path.near(other.position, reach, candidates) {
             let along = path.axis_of(segment);
             let (half_along, half_across) = other.half_extent(along);
             if offset.abs() <= own.half_width + half_across + ROOM {
@@ -63,8 +66,7 @@ impl<'a> Traffic<'a> {
         if other.velocity.abs() < CROSSING_SPEED {
             return;
         }
-        let way = other.axis * (other.velocity * CROSSING_TIME);
-        if let Some((fraction, s, segment)) = path.crossing(other.position, way)
+        if let Some((fraction, s, segment)) = path.crossing(other.position, way, candidates)
             && (0.0..=GAP_MAX).contains(&s)
             && self.crossing.is_none_or(|found| s.total_cmp(&found.s).then(other.row.cmp(&found.row)).is_lt())
         {
