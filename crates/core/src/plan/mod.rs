@@ -164,6 +164,13 @@ pub struct Scratch {
     road: Vec<u32>,
 }
 
+impl Scratch {
+    /// Roughly how much work the last plan was, to compare plans with.
+    pub(crate) fn effort(&self) -> usize {
+        self.frenet.effort()
+    }
+}
+
 /// The plan of a native planner; `None` for one outside the core.
 ///
 /// # Panics

@@ -3,8 +3,10 @@
 
 mod advance;
 mod planning;
+mod threads;
 
 use std::collections::BTreeSet;
+use std::sync::atomic::AtomicUsize;
 use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
@@ -17,6 +19,7 @@ use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
+use threads::Threads;
 
 /// An agent before the first step.
 #[derive(Debug, Clone)]
@@ -65,7 +68,7 @@ impl Default for WorldSettings {
 }
 
 /// An agent's changing part.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Drive {
     agent: Arc<Agent>,
     /// What its planner worked out before the first step.
@@ -81,6 +84,8 @@ struct Drive {
     was_on_road: bool,
     /// Fraction of the step at which the collision that ended it happened.
     contact_fraction: f64,
+    /// How much work its last plan was: who needs long begins first. Nothing but time depends on it.
+    effort: AtomicUsize,
 }
 
 impl Drive {
@@ -110,8 +115,8 @@ pub struct World {
     /// Pairs that touched when one of them entered: contact counts once they have separated.
     entered_in_contact: BTreeSet<(usize, usize)>,
     recording: Recording,
-    pool: Arc<rayon::ThreadPool>,
-    /// Memory of the planners, one per thread of the pool.
+    threads: Threads,
+    /// Memory of the planners, one per thread.
     scratches: Vec<Mutex<Scratch>>,
     prediction_memory: predict::Memory,
 }
@@ -132,10 +137,7 @@ impl World {
         agents.sort_by_key(|agent| agent.id);
         let first_time_step = scenario.obstacles.states.first_time_step;
         check_agents(&agents, first_time_step)?;
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(settings.threads)
-            .build()
-            .map_err(|error| Error::invalid(format!("{} threads could not be started: {error}", settings.threads)))?;
+        let threads = Threads::new(settings.threads)?;
         let (participants, recorded_row) = participants(&scenario, &agents);
         let drives = agents
             .into_iter()
@@ -149,6 +151,7 @@ impl World {
                     plan: None,
                     was_on_road: false,
                     contact_fraction: f64::INFINITY,
+                    effort: AtomicUsize::new(0),
                     agent: Arc::new(agent),
                 })
             })
@@ -163,7 +166,7 @@ impl World {
             entered_in_contact: BTreeSet::new(),
             scenario,
             settings,
-            pool: Arc::new(pool),
+            threads,
             scratches: (0..settings.threads).map(|_| Mutex::default()).collect(),
             prediction_memory: predict::Memory::default(),
         };
@@ -260,7 +263,7 @@ impl World {
         // Waking a thread takes longer than what the others have to do for a few.
         let is_much = scene.present.len() > 12 && self.settings.threads > 1;
         let is_network = matches!(predictor, Predictor::Walenet(_) | Predictor::Neural(_));
-        if is_network || is_much { self.pool.install(work) } else { work() }
+        if is_network || is_much { self.threads.install(work) } else { work() }
     }
 
     /// The time step of what was handed over must be now.

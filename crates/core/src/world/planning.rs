@@ -1,8 +1,8 @@
 //! All agents with native planners in one call, on all cores.
 
-use std::sync::{MutexGuard, PoisonError};
-
-use rayon::prelude::*;
+use std::cmp::Reverse;
+use std::sync::atomic::Ordering;
+use std::sync::{MutexGuard, OnceLock, PoisonError};
 
 use super::{Drive, World};
 use crate::error::Result;
@@ -29,18 +29,19 @@ impl World {
         let crowd = Crowd::of(scene);
         let expected = (&*predictions, &outlook);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
-        let results: Vec<Option<PlanResult>> = self.pool.install(|| {
-            drives
-                .par_iter()
-                .with_max_len(1)
-                .map(|drive| self.plan_one(drive, (scene, &crowd), expected, &mut self.scratch()))
-                .collect()
+        let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
+        self.threads.each(&self.longest_first(&drives), |thread, row| {
+            let plan = self.plan_one(drives[row], (scene, &crowd), expected, &mut self.scratch(thread));
+            if let Some(plan) = plan {
+                results[row].set(plan).expect("every agent plans once");
+            }
         });
-        let n_points = results.iter().flatten().map(|result| result.trajectory.points.len()).max().unwrap_or(0);
+        let lengths = results.iter().filter_map(OnceLock::get).map(|result| result.trajectory.points.len());
+        let n_points = lengths.max().unwrap_or(0);
         let n_points = n_points.max(predictions.n_steps + 1).max(2);
         let mut plans = Plans::none(self.time_step, drives.iter().map(|drive| drive.agent.id).collect(), n_points);
         for (row, result) in results.into_iter().enumerate() {
-            let Some(result) = result else { continue };
+            let Some(result) = result.into_inner() else { continue };
             let points = &result.trajectory.points;
             plans.points[row * n_points..row * n_points + points.len()].copy_from_slice(points);
             plans.status[row] = result.status;
@@ -68,11 +69,20 @@ impl World {
         Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &outlook)), settings)))
     }
 
-    /// The memory of this thread. No plan is made within another one, so nobody waits for it.
-    fn scratch(&self) -> MutexGuard<'_, Scratch> {
-        let memory = &self.scratches[rayon::current_thread_index().unwrap_or(0)];
+    /// Rows of the agents, those whose last plans took most work first: what begins last should not take longest. Nothing
+    /// but time depends on it.
+    fn longest_first(&self, drives: &[&Drive]) -> Vec<usize> {
+        let mut rows: Vec<usize> = (0..drives.len()).collect();
+        if self.settings.threads > 1 {
+            rows.sort_by_cached_key(|row| Reverse(drives[*row].effort.load(Ordering::Relaxed)));
+        }
+        rows
+    }
+
+    /// The memory of a thread. Nobody else uses it meanwhile, so nobody waits for it.
+    fn scratch(&self, thread: usize) -> MutexGuard<'_, Scratch> {
         // Plans do not depend on what is left in it, so a panic in between spoils nothing.
-        memory.lock().unwrap_or_else(PoisonError::into_inner)
+        self.scratches[thread].lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn plan_one(
@@ -89,7 +99,10 @@ impl World {
             return None;
         }
         let others = crowd.seen_by(drive, scene, &mut scratch.visible);
-        plan::plan(&drive.agent.planner, &drive.prepared, &self.request(drive, &others, expected), scratch)
+        let request = self.request(drive, &others, expected);
+        let plan = plan::plan(&drive.agent.planner, &drive.prepared, &request, scratch);
+        drive.effort.store(scratch.effort(), Ordering::Relaxed);
+        plan
     }
 
     /// The rest of the last plan, if it is not yet time for a new one.

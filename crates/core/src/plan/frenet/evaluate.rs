@@ -66,6 +66,13 @@ impl Work {
     }
 }
 
+impl Work {
+    /// Trajectories that were found to be drivable.
+    pub(super) fn n_trajectories(&self) -> usize {
+        self.pool.len() / self.points.len().max(1) + self.contacts.len()
+    }
+}
+
 /// What is to be planned.
 #[derive(Clone, Copy)]
 pub(super) struct Problem<'a> {

@@ -57,6 +57,13 @@ pub struct Scratch {
     road: Vec<u32>,
 }
 
+impl Scratch {
+    /// Trajectories that the last plan looked at as a whole.
+    pub(crate) fn effort(&self) -> usize {
+        self.work.n_trajectories()
+    }
+}
+
 /// What an attempt to plan takes for granted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Premises {

@@ -1,0 +1,74 @@
+//! The threads of a world: whoever calls it works, too, and others help.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::error::{Error, Result};
+
+/// Threads of a world.
+#[derive(Debug)]
+pub(super) struct Threads {
+    pool: rayon::ThreadPool,
+    n: usize,
+}
+
+impl Threads {
+    /// So many, with the one that calls.
+    pub(super) fn new(n: usize) -> Result<Self> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+        let pool = pool.map_err(|error| Error::invalid(format!("{n} threads could not be started: {error}")))?;
+        Ok(Self { pool, n })
+    }
+
+    /// Calls a function on a thread of the pool, whose other threads take part in what it does in parallel.
+    pub(super) fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        self.pool.install(work)
+    }
+
+    /// Calls `work(thread, item)` once for every item. Items are handed out one by one in their order, the next one to
+    /// whoever is free; `thread` counts from 0, and no two calls with the same one run at the same time.
+    ///
+    /// The calling thread begins at once; the others need some time to wake up.
+    pub(super) fn each(&self, items: &[usize], work: impl Fn(usize, usize) + Sync) {
+        let next = AtomicUsize::new(0);
+        let take = |thread: usize| {
+            while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                work(thread, *item);
+            }
+        };
+        let n = self.n.min(items.len());
+        if n < 2 {
+            return take(0);
+        }
+        self.pool.in_place_scope(|scope| {
+            for thread in 1..n {
+                let take = &take;
+                scope.spawn(move |_| take(thread));
+            }
+            take(0);
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[test]
+    fn every_item_is_done_once_whatever_the_number_of_threads_and_no_thread_is_in_two_places() {
+        for n in [1, 2, 5] {
+            let threads = Threads::new(n).expect("threads");
+            let items: Vec<usize> = (0..200).rev().collect();
+            let (done, busy) = (Mutex::new(Vec::new()), [const { Mutex::new(()) }; 5]);
+            threads.each(&items, |thread, item| {
+                let _own = busy[thread].try_lock().expect("nobody else is this thread");
+                done.lock().expect("no panic").push(item);
+            });
+            let mut done = done.into_inner().expect("no panic");
+            done.sort_unstable();
+            assert_eq!(done, (0..200).collect::<Vec<_>>());
+            threads.each(&[], |_, _| panic!("nothing to do"));
+        }
+    }
+}
