@@ -113,6 +113,7 @@ struct Scratch {
     /// Some rows of the result.
     table: Predictions,
     lanes: Lanes,
+    neural: neural::Scratch,
 }
 
 impl Memory {
@@ -157,7 +158,7 @@ pub fn predict_with(
         )));
     }
     if let Predictor::Neural(settings) = predictor {
-        return Ok(neural::predict(settings, scene, road, n_steps));
+        return Ok(neural::predict(settings, scene, road, n_steps, memory));
     }
     let ids = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     if let Predictor::Walenet(walenet) = predictor {
@@ -177,7 +178,7 @@ pub fn predict_with(
     }
     let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
     scene.present.par_chunks(CHUNK).zip(out.chunks_mut(CHUNK)).for_each(|(rows, mut out)| {
-        memory.with(|Scratch { table, lanes }| {
+        memory.with(|Scratch { table, lanes, .. }| {
             table.clear(scene.time_step, rows.len(), n_modes, n_steps);
             for (i, row) in rows.iter().copied().enumerate() {
                 predict_one(predictor, (scene, road), row, table, i, lanes);

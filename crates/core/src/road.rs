@@ -14,7 +14,6 @@ mod tests;
 
 pub use edges::Segment;
 pub(crate) use follow::Chains;
-pub use follow::LaneKnot;
 pub use lanelet::Lanelet;
 
 use crate::error::{Error, Result};

@@ -79,17 +79,6 @@ impl LaneCurve {
     }
 }
 
-/// A knot of the smoothed centre line of a lanelet.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LaneKnot {
-    /// Arc length on the centre line [m].
-    pub s: f64,
-    /// Where it is, world frame [m].
-    pub position: Point,
-    /// Heading of the lane, smoothed over 4 m and across joints [rad]; not wrapped.
-    pub heading: f64,
-}
-
 /// Chains of lanelets, in memory that is reused.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Chains {
@@ -173,14 +162,11 @@ impl RoadNetwork {
         self.curves[lanelet].heading_at(s)
     }
 
-    /// The smoothed centre line of a lanelet from its start to its end, a knot about every metre.
-    pub fn lane_knots(&self, lanelet: usize) -> impl Iterator<Item = LaneKnot> + '_ {
+    /// The smoothed centre line of a lanelet from its start to its end: knots, the heading of the lane at each of them
+    /// (smoothed over 4 m and across joints, not wrapped [rad]), and the arc length between them, about 1 m.
+    pub fn lane_knots(&self, lanelet: usize) -> (&[Point], &[f64], f64) {
         let curve = &self.curves[lanelet];
-        curve.positions.iter().zip(&curve.headings).enumerate().map(|(k, (position, heading))| LaneKnot {
-            s: k as f64 * curve.spacing,
-            position: *position,
-            heading: *heading,
-        })
+        (&curve.positions, &curve.headings, curve.spacing)
     }
 
     /// Point of the centre line, continued into the straightest neighbours, then straight.

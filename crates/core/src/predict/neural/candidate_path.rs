@@ -9,9 +9,9 @@ pub(super) const BEHIND: f64 = 50.0;
 /// A path on which a vehicle may go on.
 #[derive(Debug, Clone)]
 pub struct CandidatePath {
-    points: Vec<Point>,
+    pub(super) points: Vec<Point>,
     pub(super) arc_lengths: Vec<f64>,
-    headings: Vec<f64>,
+    pub(super) headings: Vec<f64>,
     index: Index,
     /// Offset of the vehicle now [m].
     pub offset: f64,
@@ -27,13 +27,39 @@ pub struct CandidatePath {
     pub end: f64,
 }
 
+impl Default for CandidatePath {
+    fn default() -> Self {
+        Self {
+            points: Vec::new(),
+            arc_lengths: Vec::new(),
+            headings: Vec::new(),
+            index: Index::default(),
+            offset: 0.0,
+            heading_error: 0.0,
+            share: 0.0,
+            width: 0.0,
+            speed_limit: f64::NAN,
+            end: 0.0,
+        }
+    }
+}
+
 impl CandidatePath {
-    /// A path through knots, the first at arc length `first`, with straight ends.
-    pub(super) fn through(mut points: Vec<Point>, mut headings: Vec<f64>, first: f64, reach: f64) -> Self {
+    /// A path without knots, in the memory of another one.
+    pub(super) fn blank(memory: Option<Self>) -> Self {
+        let Self { mut points, mut arc_lengths, mut headings, index, .. } = memory.unwrap_or_default();
+        points.clear();
+        arc_lengths.clear();
+        headings.clear();
+        Self { points, arc_lengths, headings, index, ..Self::default() }
+    }
+
+    /// Completes a path that has points and headings, the first at arc length `first`, by straight ends.
+    pub(super) fn complete(&mut self, first: f64, reach: f64) {
+        let Self { points, arc_lengths, headings, .. } = self;
         let n = points.len();
         let axis = Point::from_angle(headings[n - 1]);
         let mut length = 0.0;
-        let mut arc_lengths = Vec::with_capacity(n + 2);
         arc_lengths.push(first);
         for pair in points.windows(2) {
             length += pair[0].distance(pair[1]);
@@ -51,25 +77,12 @@ impl CandidatePath {
             headings.insert(0, headings[0]);
             arc_lengths.insert(0, -BEHIND);
         }
-        Self::of(points, arc_lengths, headings)
+        self.build_index();
     }
 
-    /// A path by its points; what a vehicle has to do with it is not known yet.
-    pub(super) fn of(points: Vec<Point>, arc_lengths: Vec<f64>, headings: Vec<f64>) -> Self {
-        let mut path = Self {
-            points,
-            arc_lengths,
-            headings,
-            index: Index::default(),
-            offset: 0.0,
-            heading_error: 0.0,
-            share: 0.0,
-            width: 0.0,
-            speed_limit: f64::NAN,
-            end: 0.0,
-        };
-        path.index.build(&path.points);
-        path
+    /// Once all points are there.
+    pub(super) fn build_index(&mut self) {
+        self.index.build(&self.points);
     }
 
     fn n_segments(&self) -> usize {
@@ -105,13 +118,17 @@ impl CandidatePath {
         (position + Point::from_angle(heading).left() * d, heading)
     }
 
-    /// Point, heading [rad] and curvature [1/m] at an arc length [m]; `hint` is the segment of the last call, from which
-    /// the search begins.
-    pub(super) fn at(&self, s: f64, hint: &mut usize) -> (Point, f64, f64) {
+    /// Point and heading [rad] at an arc length [m]; `hint` is the segment of the last call, from which the search begins.
+    pub(super) fn pose_from(&self, s: f64, hint: &mut usize) -> (Point, f64) {
         while *hint + 1 < self.n_segments() && self.arc_lengths[*hint + 1] <= s {
             *hint += 1;
         }
-        let (position, heading) = self.pose_on(*hint, s);
+        self.pose_on(*hint, s)
+    }
+
+    /// The same with the curvature [1/m].
+    pub(super) fn at(&self, s: f64, hint: &mut usize) -> (Point, f64, f64) {
+        let (position, heading) = self.pose_from(s, hint);
         (position, heading, self.curvature_on(*hint, s))
     }
 
@@ -136,13 +153,14 @@ impl CandidatePath {
         }
         // From the foot on the chord to the one where the normal of the smooth heading passes through the point.
         for _ in 0..ITERATIONS {
-            let (position, heading) = self.pose_at(s);
+            let segment = self.segment_at(s);
+            let (position, heading) = self.pose_on(segment, s);
             let (axis, delta) = (Point::from_angle(heading), point - position);
             let (along, d) = (delta.dot(axis), axis.cross(delta));
             if along.abs() < TOLERANCE {
                 return Some((s, d));
             }
-            s += along / (1.0 - self.curvature_on(self.segment_at(s), s) * d).max(0.3);
+            s += along / (1.0 - self.curvature_on(segment, s) * d).max(0.3);
         }
         let (position, heading) = self.pose_at(s);
         let (axis, delta) = (Point::from_angle(heading), point - position);

@@ -154,10 +154,11 @@ fn neighbour(own: &Body, velocity: f64, other: &Body) -> [f64; N_NEIGHBOUR] {
 
 fn path_values(slot: usize, path: &CandidatePath, velocity: f64, traffic: &Traffic<'_>, n_own: f64) -> [f64; N_PATH] {
     let mut curvature = [0.0; STRETCHES.len()];
-    let mut heading = path.pose_at(0.0).1;
+    let mut segment = path.segment_at(0.0);
+    let mut heading = path.pose_from(0.0, &mut segment).1;
     let mut from = 0.0;
     for (curvature, to) in curvature.iter_mut().zip(STRETCHES) {
-        let next = path.pose_at(to).1;
+        let next = path.pose_from(to, &mut segment).1;
         *curvature = (next - heading) / (to - from);
         (heading, from) = (next, to);
     }

@@ -4,10 +4,9 @@ use super::candidate_path::CandidatePath;
 use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::features::{write_agent, write_surroundings};
 use super::history::History;
-use super::paths::{N_PATHS, candidates};
+use super::paths::{Memory, N_PATHS, candidates};
 use super::surroundings::{Body, Surroundings};
 use crate::geometry::Point;
-use crate::predict::lanes::Lanes;
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
@@ -51,58 +50,74 @@ impl Inputs {
     /// Rows of the participants that the network predicts: who is present, can move on wheels, does not drive backwards
     /// and has a state that is a number.
     pub fn rows_of(scene: &Scene) -> Vec<usize> {
+        scene.present.iter().copied().filter(|row| Self::has(*row, scene)).collect()
+    }
+
+    /// Whether somebody who is present is one of them.
+    pub(super) fn has(row: usize, scene: &Scene) -> bool {
         let participants = &scene.participants;
-        let moves = |row: &usize| {
-            let kind = participants.kind[*row];
-            !participants.is_static[*row]
-                && !matches!(
-                    kind,
-                    ParticipantKind::Pedestrian | ParticipantKind::ConstructionZone | ParticipantKind::Structure
-                )
-                && scene.state(*row).is_finite()
-                && scene.observed_velocity(*row) >= REVERSING
-        };
-        scene.present.iter().copied().filter(moves).collect()
+        !participants.is_static[row]
+            && !matches!(
+                participants.kind[row],
+                ParticipantKind::Pedestrian | ParticipantKind::ConstructionZone | ParticipantKind::Structure
+            )
+            && scene.state(row).is_finite()
+            && scene.observed_velocity(row) >= REVERSING
     }
 
     /// Of all vehicles of a scene.
     pub fn of(scene: &Scene, road: &RoadNetwork) -> Self {
-        Self::of_rows(&Self::rows_of(scene), scene, road, &Surroundings::of(scene))
+        let mut inputs = Self { rows: Self::rows_of(scene), ..Self::default() };
+        inputs.fill(scene, road, &Surroundings::of(scene), &mut Memory::default());
+        inputs
     }
 
-    /// Of some vehicles, of `rows_of`.
-    pub(super) fn of_rows(rows: &[usize], scene: &Scene, road: &RoadNetwork, surroundings: &Surroundings) -> Self {
-        let n = rows.len();
-        let mut inputs = Self {
-            rows: rows.to_vec(),
-            agent: vec![0.0; n * N_AGENT],
-            neighbours: vec![0.0; n * N_NEIGHBOURS * N_NEIGHBOUR],
-            paths: vec![0.0; n * N_PATHS * N_PATH],
-            velocity: Vec::with_capacity(n),
-            standing: Vec::with_capacity(n),
-            candidates: Vec::with_capacity(n),
-        };
-        let mut lanes = Lanes::default();
-        for (i, row) in rows.iter().copied().enumerate() {
+    /// Becomes those of other vehicles, some of `rows_of`.
+    pub(super) fn become_of(
+        &mut self,
+        rows: impl Iterator<Item = usize>,
+        (scene, road): (&Scene, &RoadNetwork),
+        surroundings: &Surroundings,
+        memory: &mut Memory,
+    ) {
+        self.rows.clear();
+        self.rows.extend(rows);
+        self.fill(scene, road, surroundings, memory);
+    }
+
+    /// Of the vehicles in `rows`.
+    fn fill(&mut self, scene: &Scene, road: &RoadNetwork, surroundings: &Surroundings, memory: &mut Memory) {
+        memory.spare.extend(self.candidates.drain(..).flatten().flatten());
+        let n = self.rows.len();
+        self.velocity.clear();
+        self.standing.clear();
+        for (table, width) in [
+            (&mut self.agent, N_AGENT),
+            (&mut self.neighbours, N_NEIGHBOURS * N_NEIGHBOUR),
+            (&mut self.paths, N_PATHS * N_PATH),
+        ] {
+            table.clear();
+            table.resize(n * width, 0.0);
+        }
+        for (i, row) in self.rows.iter().copied().enumerate() {
             let history = History::of(scene, row);
             let body: &Body = surroundings.body(row).expect("vehicles have a body");
             let pose = scene.state(row).pose();
             let on_lanes = scene.participants.kind[row] != ParticipantKind::Train;
-            let found = candidates(pose, history.velocity, on_lanes, road, &mut lanes);
-            write_agent(&mut inputs.agent[i * N_AGENT..(i + 1) * N_AGENT], scene, body, &history);
+            let found = candidates(pose, history.velocity, on_lanes, road, memory);
+            write_agent(&mut self.agent[i * N_AGENT..(i + 1) * N_AGENT], scene, body, &history);
             write_surroundings(
-                &mut inputs.neighbours[i * N_NEIGHBOURS * N_NEIGHBOUR..(i + 1) * N_NEIGHBOURS * N_NEIGHBOUR],
-                &mut inputs.paths[i * N_PATHS * N_PATH..(i + 1) * N_PATHS * N_PATH],
+                &mut self.neighbours[i * N_NEIGHBOURS * N_NEIGHBOUR..(i + 1) * N_NEIGHBOURS * N_NEIGHBOUR],
+                &mut self.paths[i * N_PATHS * N_PATH..(i + 1) * N_PATHS * N_PATH],
                 body,
                 history.velocity,
                 &found,
                 surroundings,
             );
-            inputs.velocity.push(history.velocity.max(0.0));
-            inputs.standing.push(history.is_standing());
-            inputs.candidates.push(found);
+            self.velocity.push(history.velocity.max(0.0));
+            self.standing.push(history.is_standing());
+            self.candidates.push(found);
         }
-        inputs
     }
 
     /// Whether each path is there, (rows, `N_PATHS`).

@@ -39,10 +39,11 @@ use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
 use crate::vehicle::ParticipantKind;
 use decode::Vehicle;
+use network::Activations;
 use surroundings::Surroundings;
 
 /// Vehicles whose paths are held and computed at once.
-const BATCH: usize = 16;
+const BATCH: usize = 8;
 /// Standard deviation of the position of a pedestrian now [m], and its growth [m/s]: pedestrians turn at will.
 const PEDESTRIAN_SIGMA: (f64, f64) = (0.15, 0.3);
 
@@ -60,34 +61,67 @@ pub struct Neural {
 ///
 /// The work is divided among the threads of the current pool; what comes out depends neither on their number nor on who
 /// else is there to be computed.
-pub(super) fn predict(settings: &Neural, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Predictions {
-    let ids = |rows: &[usize]| rows.iter().map(|row| scene.participants.ids[*row]).collect();
+pub(super) fn predict(
+    settings: &Neural,
+    scene: &Scene,
+    road: &RoadNetwork,
+    n_steps: usize,
+    memory: &super::Memory,
+) -> Predictions {
+    let n_modes = settings.modes_max;
+    let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
+    let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
+    if scene.present.is_empty() {
+        return out;
+    }
     let surroundings = Surroundings::of(scene);
-    let rows = Inputs::rows_of(scene);
-    let batches: Vec<Predictions> = rows
-        .par_chunks(BATCH)
-        .map(|rows| {
-            let mut out = Predictions::empty(scene.time_step, ids(rows), settings.modes_max, n_steps);
-            let inputs = Inputs::of_rows(rows, scene, road, &surroundings);
-            let (network, valid) = (&*settings.network, inputs.path_valid());
-            let outputs = network.forward(&inputs.agent, &inputs.neighbours, &inputs.paths, &valid);
-            for (i, outputs) in outputs.chunks_exact(N_PATHS * network.n_outputs()).enumerate() {
-                if !Vehicle::new(scene, &inputs, i).decode(network, outputs, &mut out, i, scene.dt) {
-                    without_network(&mut out, i, rows[i], scene);
-                }
+    scene.present.par_chunks(BATCH).zip(out.chunks_mut(BATCH)).for_each(|(present, mut out)| {
+        memory.with(|scratch| {
+            let (table, scratch) = (&mut scratch.table, &mut scratch.neural);
+            table.clear(scene.time_step, present.len(), n_modes, n_steps);
+            scratch.answer(&settings.network, present, (scene, road), &surroundings, table);
+            out.copy_from(table);
+        });
+    });
+    out
+}
+
+/// Memory of a thread.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    inputs: Inputs,
+    paths: paths::Memory,
+    valid: Vec<bool>,
+    activations: Activations,
+}
+
+impl Scratch {
+    /// Writes expectations for some of those present.
+    fn answer(
+        &mut self,
+        network: &Network,
+        present: &[usize],
+        (scene, road): (&Scene, &RoadNetwork),
+        surroundings: &Surroundings,
+        out: &mut Predictions,
+    ) {
+        let Self { inputs, paths, valid, activations } = self;
+        let asked = present.iter().copied().filter(|row| Inputs::has(*row, scene));
+        inputs.become_of(asked, (scene, road), surroundings, paths);
+        valid.clear();
+        valid.extend(inputs.candidates.iter().flatten().map(Option::is_some));
+        let outputs = network.run(&inputs.agent, &inputs.neighbours, &inputs.paths, valid, activations);
+        let mut outputs = outputs.chunks_exact(N_PATHS * network.n_outputs()).enumerate();
+        for (i, row) in present.iter().copied().enumerate() {
+            let is_decoded = inputs.rows.binary_search(&row).is_ok() && {
+                let (k, outputs) = outputs.next().expect("an answer for everybody who is asked about");
+                Vehicle::new(scene, inputs, k).decode(network, outputs, out, i, scene.dt)
+            };
+            if !is_decoded {
+                without_network(out, i, row, scene);
             }
-            out
-        })
-        .collect();
-    let mut out = Predictions::empty(scene.time_step, ids(&scene.present), settings.modes_max, n_steps);
-    let mut predicted = rows.iter().enumerate().peekable();
-    for (i, row) in scene.present.iter().copied().enumerate() {
-        match predicted.next_if(|(_, next)| **next == row) {
-            Some((k, _)) => out.copy_row(i, &batches[k / BATCH], k % BATCH),
-            None => without_network(&mut out, i, row, scene),
         }
     }
-    out
 }
 
 /// Straight on, or standing.

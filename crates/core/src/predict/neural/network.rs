@@ -221,40 +221,53 @@ impl Network {
     /// # Panics
     /// If the tables are not of the same number of vehicles.
     pub fn forward(&self, agent: &[f32], neighbours: &[f32], paths: &[f32], path_valid: &[bool]) -> Vec<f32> {
+        let mut memory = Activations::default();
+        self.run(agent, neighbours, paths, path_valid, &mut memory);
+        memory.out
+    }
+
+    /// The same in memory that is reused.
+    pub(super) fn run<'a>(
+        &self,
+        agent: &[f32],
+        neighbours: &[f32],
+        paths: &[f32],
+        path_valid: &[bool],
+        memory: &'a mut Activations,
+    ) -> &'a [f32] {
         let n = agent.len() / N_AGENT;
         assert!(neighbours.len() == n * N_NEIGHBOURS * N_NEIGHBOUR, "as many neighbours as vehicles");
         assert!(paths.len() == n * N_PATHS * N_PATH && path_valid.len() == n * N_PATHS, "as many paths as vehicles");
+        let Activations { context, first, hidden, shared, seen, most, index, values, out } = memory;
         let n_context = self.path_context.n_in;
-        let mut context = vec![0.0; n * n_context];
-        let mut hidden = two_layers(&self.agent, agent, n);
+        zeros(context, n * n_context);
+        two_layers(&self.agent, agent, n, first, hidden);
         for (to, from) in context.chunks_exact_mut(n_context).zip(hidden.chunks_exact(self.agent[1].width)) {
             to[..self.n_agent].copy_from_slice(&from[..self.n_agent]);
         }
-        let (index, values) = gathered(neighbours, N_NEIGHBOUR, |k| neighbours[(k + 1) * N_NEIGHBOUR - 1] > 0.0);
-        hidden = two_layers(&self.neighbour, &values, index.len());
-        keep_largest(&hidden, self.neighbour[1].width, &index, N_NEIGHBOURS, &mut context, n_context, self.n_agent);
+        gather(neighbours, N_NEIGHBOUR, |k| neighbours[(k + 1) * N_NEIGHBOUR - 1] > 0.0, index, values);
+        two_layers(&self.neighbour, values, index.len(), first, hidden);
+        keep_largest(hidden, self.neighbour[1].width, index, N_NEIGHBOURS, context, n_context, self.n_agent);
 
-        let (index, values) = gathered(paths, N_PATH, |k| path_valid[k]);
-        let mut shared = Vec::new();
-        self.path_context.apply(&context, n_context, n, &mut shared);
-        hidden = repeated(&shared, self.path_context.width, &index);
-        self.path[0].add(&values, N_PATH, index.len(), &mut hidden);
-        relu(&mut hidden);
-        let mut seen = Vec::new();
-        self.path[1].apply(&hidden, self.path[0].width, index.len(), &mut seen);
-        relu(&mut seen);
+        gather(paths, N_PATH, |k| path_valid[k], index, values);
+        self.path_context.apply(context, n_context, n, shared);
+        repeat(shared, self.path_context.width, index, hidden);
+        self.path[0].add(values, N_PATH, index.len(), hidden);
+        relu(hidden);
+        self.path[1].apply(hidden, self.path[0].width, index.len(), seen);
+        relu(seen);
 
         let (n_path, width) = (self.head[0].n_in, self.path[1].width);
-        let mut most = vec![0.0; n * n_path];
-        keep_largest(&seen, width, &index, N_PATHS, &mut most, n_path, 0);
-        self.head_context.apply(&most, n_path, n, &mut shared);
-        hidden = repeated(&shared, self.head_context.width, &index);
-        self.head[0].add(&seen, width, index.len(), &mut hidden);
-        relu(&mut hidden);
-        self.head[1].apply(&hidden, self.head[0].width, index.len(), &mut seen);
+        zeros(most, n * n_path);
+        keep_largest(seen, width, index, N_PATHS, most, n_path, 0);
+        self.head_context.apply(most, n_path, n, shared);
+        repeat(shared, self.head_context.width, index, hidden);
+        self.head[0].add(seen, width, index.len(), hidden);
+        relu(hidden);
+        self.head[1].apply(hidden, self.head[0].width, index.len(), seen);
 
         let n_outputs = self.n_outputs();
-        let mut out = vec![0.0; n * N_PATHS * n_outputs];
+        zeros(out, n * N_PATHS * n_outputs);
         for (k, values) in index.iter().zip(seen.chunks_exact(self.head[1].width)) {
             out[k * n_outputs..][..n_outputs].copy_from_slice(&values[..n_outputs]);
         }
@@ -262,33 +275,55 @@ impl Network {
     }
 }
 
-/// Both layers with their rectifiers, for dense rows of inputs.
-fn two_layers(layers: &[Linear; 2], inputs: &[f32], n_rows: usize) -> Vec<f32> {
-    let (mut first, mut second) = (Vec::new(), Vec::new());
-    layers[0].apply(inputs, layers[0].n_in, n_rows, &mut first);
-    relu(&mut first);
-    layers[1].apply(&first, layers[0].width, n_rows, &mut second);
-    relu(&mut second);
-    second
+/// Memory of the layers.
+#[derive(Debug, Default)]
+pub(super) struct Activations {
+    context: Vec<f32>,
+    first: Vec<f32>,
+    hidden: Vec<f32>,
+    shared: Vec<f32>,
+    seen: Vec<f32>,
+    most: Vec<f32>,
+    index: Vec<usize>,
+    values: Vec<f32>,
+    out: Vec<f32>,
+}
+
+fn zeros(table: &mut Vec<f32>, n: usize) {
+    table.clear();
+    table.resize(n, 0.0);
+}
+
+/// Both layers with their rectifiers, for dense rows of inputs, by way of `first`.
+fn two_layers(layers: &[Linear; 2], inputs: &[f32], n_rows: usize, first: &mut Vec<f32>, second: &mut Vec<f32>) {
+    layers[0].apply(inputs, layers[0].n_in, n_rows, first);
+    relu(first);
+    layers[1].apply(first, layers[0].width, n_rows, second);
+    relu(second);
 }
 
 /// Indices of the rows that are there, and those rows, dense.
-fn gathered(table: &[f32], width: usize, is_there: impl Fn(usize) -> bool) -> (Vec<usize>, Vec<f32>) {
-    let index: Vec<usize> = (0..table.len() / width).filter(|k| is_there(*k)).collect();
-    let mut values = Vec::with_capacity(index.len() * width);
-    for k in &index {
+fn gather(
+    table: &[f32],
+    width: usize,
+    is_there: impl Fn(usize) -> bool,
+    index: &mut Vec<usize>,
+    values: &mut Vec<f32>,
+) {
+    index.clear();
+    index.extend((0..table.len() / width).filter(|k| is_there(*k)));
+    values.clear();
+    for k in &*index {
         values.extend_from_slice(&table[k * width..(k + 1) * width]);
     }
-    (index, values)
 }
 
 /// The row of the vehicle for each of its paths.
-fn repeated(shared: &[f32], width: usize, index: &[usize]) -> Vec<f32> {
-    let mut out = Vec::with_capacity(index.len() * width);
+fn repeat(shared: &[f32], width: usize, index: &[usize], out: &mut Vec<f32>) {
+    out.clear();
     for k in index {
         out.extend_from_slice(&shared[k / N_PATHS * width..][..width]);
     }
-    out
 }
 
 /// Writes the largest values of all rows of a vehicle, or 0, into its row from a column on; `per_vehicle` slots each.

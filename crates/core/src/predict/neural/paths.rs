@@ -49,17 +49,27 @@ struct Lane<'a> {
     here: usize,
 }
 
+/// Memory that is reused.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    lanes: Lanes,
+    chain: Vec<usize>,
+    /// Paths that are not needed any more.
+    pub(super) spare: Vec<CandidatePath>,
+}
+
 /// All paths of a vehicle with a speed along its heading [m/s]; `on_lanes` is false for who follows none.
 pub(super) fn candidates(
     pose: Pose,
     velocity: f64,
     on_lanes: bool,
     road: &RoadNetwork,
-    lanes: &mut Lanes,
+    memory: &mut Memory,
 ) -> [Option<CandidatePath>; N_PATHS] {
+    let Memory { lanes, chain: memory, spare } = memory;
     let mut paths = [const { None }; N_PATHS];
     let (speed, reach) = (velocity.max(0.0), reach(velocity.max(0.0)));
-    paths[FREE] = Some(CandidatePath::straight(pose, reach));
+    paths[FREE] = Some(CandidatePath::straight(pose, reach, spare.pop()));
     if !on_lanes {
         return paths;
     }
@@ -68,7 +78,7 @@ pub(super) fn candidates(
     for (slot, lane) in lanes.found.iter().enumerate() {
         let chain = lanes.chain(lane);
         let own = Lane { chain, s: lane.s, share: lane.weight / total, here: chain[0] };
-        paths[slot] = CandidatePath::along(&own, pose, reach, road);
+        paths[slot] = CandidatePath::along(&own, pose, reach, road, (memory, spare.pop()));
     }
     let Some(best) = lanes.found.first() else { return paths };
     let ahead = NEIGHBOUR_AHEAD.max(2.0 * speed);
@@ -76,7 +86,7 @@ pub(super) fn candidates(
         let Some((neighbour, s)) = neighbour(lanes.chain(best), best.s, ahead, is_left, pose, road) else { continue };
         if !lanes.found.iter().any(|lane| lanes.chain(lane).contains(&neighbour)) {
             let beside = Lane { chain: &[neighbour], s, share: 0.0, here: neighbour };
-            paths[slot] = CandidatePath::along(&beside, pose, reach, road);
+            paths[slot] = CandidatePath::along(&beside, pose, reach, road, (memory, spare.pop()));
         }
     }
     paths
@@ -109,55 +119,36 @@ fn neighbour(
 
 impl CandidatePath {
     /// Straight on along the heading.
-    fn straight(pose: Pose, reach: f64) -> Self {
+    fn straight(pose: Pose, reach: f64, spare: Option<Self>) -> Self {
+        let mut path = Self::blank(spare);
         let axis = Point::from_angle(pose.orientation);
-        let points = [-BEHIND, 0.0, reach].map(|s| pose.position + axis * s).to_vec();
-        Self::of(points, vec![-BEHIND, 0.0, reach], vec![pose.orientation; 3])
+        path.points.extend([-BEHIND, 0.0, reach].map(|s| pose.position + axis * s));
+        path.arc_lengths.extend([-BEHIND, 0.0, reach]);
+        path.headings.extend([pose.orientation; 3]);
+        path.build_index();
+        path
     }
 
     /// Along a lane, straightest where the chain ends, straight on where the map ends. `None` where a map is so broken
     /// that no path remains.
-    fn along(lane: &Lane<'_>, pose: Pose, reach: f64, road: &RoadNetwork) -> Option<Self> {
-        let (chain, first_start) = extended(lane, reach, road);
-        let n = (reach + BEHIND) as usize + 16;
-        let (mut points, mut headings): (Vec<Point>, Vec<f64>) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        let mut start = first_start;
+    fn along(
+        lane: &Lane<'_>,
+        pose: Pose,
+        reach: f64,
+        road: &RoadNetwork,
+        (chain, spare): (&mut Vec<usize>, Option<Self>),
+    ) -> Option<Self> {
+        let mut path = Self::blank(spare);
+        let mut start = extend(lane, reach, road, chain);
         let mut first = f64::NAN;
-        for &lanelet in &chain {
-            let mut skipped = 0;
-            let mut is_joint = !points.is_empty();
-            for knot in road.lane_knots(lanelet) {
-                let s = start + knot.s;
-                if s < -BEHIND {
-                    continue;
-                }
-                if s > reach {
-                    break;
-                }
-                let Some((last, heading)) = points.last().zip(headings.last()) else {
-                    first = s;
-                    points.push(knot.position);
-                    headings.push(knot.heading);
-                    continue;
-                };
-                if is_joint {
-                    let step = knot.position - *last;
-                    let is_ahead = step.dot(Point::from_angle(*heading)) >= JOINT_STEP;
-                    if !is_ahead && (skipped < JOINT_KNOTS || step.norm() < JOINT_STEP) {
-                        skipped += 1;
-                        continue;
-                    }
-                    is_joint = false;
-                }
-                headings.push(continued(*heading, knot.heading));
-                points.push(knot.position);
-            }
+        for &lanelet in &*chain {
+            path.append(lanelet, start, reach, road, &mut first);
             start += road.lanelets()[lanelet].length;
         }
-        if points.len() < 2 {
+        if path.points.len() < 2 {
             return None;
         }
-        let mut path = Self::through(points, headings, first, reach);
+        path.complete(first, reach);
         let foot = path.foot(pose.position, -30.0, 30.0)?;
         path.arc_lengths.iter_mut().for_each(|s| *s -= foot.0);
         let here = &road.lanelets()[lane.here];
@@ -170,12 +161,55 @@ impl CandidatePath {
         path.end = start - foot.0;
         Some(path)
     }
+
+    /// Appends the knots of a lanelet that starts at an arc length [m] as far as they are within reach; `first` becomes the
+    /// arc length of the first knot of all.
+    fn append(&mut self, lanelet: usize, start: f64, reach: f64, road: &RoadNetwork, first: &mut f64) {
+        let (knots, directions, spacing) = road.lane_knots(lanelet);
+        let s_at = |k: usize| start + k as f64 * spacing;
+        // Guesses that are off by rounding at most; negative numbers become 0.
+        let mut k = ((-BEHIND - start) / spacing - 1.0) as usize;
+        while k < knots.len() && s_at(k) < -BEHIND {
+            k += 1;
+        }
+        let mut end = (((reach - start) / spacing) as usize).saturating_add(2).min(knots.len());
+        while end > k && s_at(end - 1) > reach {
+            end -= 1;
+        }
+        if k >= end {
+            return;
+        }
+        if let Some((last, heading)) = self.points.last().zip(self.headings.last()) {
+            let axis = Point::from_angle(*heading);
+            let mut skipped = 0;
+            while k < end {
+                let step = knots[k] - *last;
+                let is_ahead = step.dot(axis) >= JOINT_STEP;
+                if is_ahead || (skipped >= JOINT_KNOTS && step.norm() >= JOINT_STEP) {
+                    break;
+                }
+                skipped += 1;
+                k += 1;
+            }
+        } else {
+            *first = s_at(k);
+            self.points.push(knots[k]);
+            self.headings.push(directions[k]);
+            k += 1;
+        }
+        let mut last = self.headings[self.headings.len() - 1];
+        self.points.extend_from_slice(&knots[k..end]);
+        self.headings.extend(directions[k..end].iter().map(|heading| {
+            last = continued(last, *heading);
+            last
+        }));
+    }
 }
 
-/// The chain with lanelets behind and ahead, and the arc length of its start, seen from the vehicle.
-fn extended(lane: &Lane<'_>, reach: f64, road: &RoadNetwork) -> (Vec<usize>, f64) {
+/// Writes the chain with lanelets behind and ahead; the arc length of its start, seen from the vehicle.
+fn extend(lane: &Lane<'_>, reach: f64, road: &RoadNetwork, chain: &mut Vec<usize>) -> f64 {
     let length = |lanelet: usize| road.lanelets()[lanelet].length;
-    let mut chain = Vec::with_capacity(lane.chain.len() + 8);
+    chain.clear();
     let mut start = -lane.s;
     let mut at = lane.chain[0];
     while start > -BEHIND && chain.len() < CHAIN_MAX {
@@ -192,7 +226,7 @@ fn extended(lane: &Lane<'_>, reach: f64, road: &RoadNetwork) -> (Vec<usize>, f64
         chain.push(next);
         end += length(next);
     }
-    (chain, start)
+    start
 }
 
 /// The heading nearest to `last` that is the same direction as `heading` [rad].

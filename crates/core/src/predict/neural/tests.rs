@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 use super::feature_table::{MIRRORED_COLUMNS, N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
-use super::paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT};
+use super::paths::{FREE, LEFT, Memory, N_OWN, N_PATHS, RIGHT};
 use super::{Feature, Inputs, agent_features, neighbour_features, path_features};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
@@ -420,8 +420,10 @@ fn rows_do_not_depend_on_each_other() {
     let (road, scene) = (open(lanelets), scene(&tracks, 0.1));
     let all = Inputs::of(&scene, &road);
     let surroundings = super::surroundings::Surroundings::of(&scene);
+    // In memory that has held others before.
+    let (mut alone, mut memory) = (Inputs::default(), Memory::default());
     for (i, row) in all.rows.iter().enumerate() {
-        let alone = Inputs::of_rows(&[*row], &scene, &road, &surroundings);
+        alone.become_of([*row].into_iter(), (&scene, &road), &surroundings, &mut memory);
         assert_eq!(alone.agent, all.agent[i * N_AGENT..(i + 1) * N_AGENT]);
         assert_eq!(alone.paths, all.paths[i * N_PATHS * N_PATH..(i + 1) * N_PATHS * N_PATH]);
     }
