@@ -53,8 +53,9 @@ impl Mode {
         at.iter().zip(of).enumerate().all(|(j, (at, of))| {
             let offset = of.position - at.position;
             [offset.dot(at.axis), at.axis.cross(offset)].into_iter().enumerate().all(|(axis, apart)| {
-                let sigma = (self.sigma[axis][j + 1] * other.sigma[axis][j + 1]).sqrt();
-                apart.abs() < merging.distance.max(merging.share * sigma)
+                let of_sigma = |share: f64| share * (self.sigma[axis][j + 1] * other.sigma[axis][j + 1]).sqrt();
+                apart.abs() < merging.distance
+                    || merging.share > 0.0 && apart.abs() < merging.distance.max(of_sigma(merging.share))
             })
         })
     }
@@ -80,14 +81,26 @@ impl Mode {
                     beside = (share * (1.0 - weight).powi(2) + (1.0 - share) * weight * weight) * apart * apart;
                 }
                 let moment = (1.0 - share) * mine * mine + share * theirs * theirs + beside;
-                let geometric = mine.powf(2.0 - 2.0 * share) * theirs.powf(2.0 * share) + beside;
-                self.sigma[axis][j + 1] = (moment.powf(merging.moment) * geometric.powf(1.0 - merging.moment)).sqrt();
+                let variance = if merging.moment < 1.0 {
+                    let geometric = mine.powf(2.0 - 2.0 * share) * theirs.powf(2.0 * share) + beside;
+                    moment.powf(merging.moment) * geometric.powf(1.0 - merging.moment)
+                } else {
+                    moment
+                };
+                self.sigma[axis][j + 1] = variance.sqrt();
             }
         }
         for j in 0..N_KNOTS {
             self.s[j + 1] = self.s[j + 1].max(self.s[j]);
         }
     }
+}
+
+/// Modes of a vehicle in memory that is reused.
+#[derive(Debug, Default)]
+pub(super) struct Modes {
+    all: Vec<Mode>,
+    kept: Vec<(Mode, [Knot; N_KNOTS])>,
 }
 
 /// A vehicle of the inputs and where it is now.
@@ -118,17 +131,19 @@ impl<'a> Vehicle<'a> {
         out: &mut Predictions,
         row: usize,
         dt: f64,
+        memory: &mut Modes,
     ) -> bool {
         if outputs.iter().any(|value| !value.is_finite()) {
             return false;
         }
-        let mut modes = self.modes(network, outputs);
+        let Modes { all: modes, kept } = memory;
+        self.find_modes(network, outputs, modes);
         if self.inputs.standing[self.i] {
-            modes = stay_or_go(modes);
+            stay_or_go(modes);
         }
         // Most probable first; the sort keeps the order of equal ones.
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        modes = self.merged(&modes, &network.merging);
+        self.merge(modes, kept, &network.merging);
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         modes.truncate(out.n_modes);
         let total: f64 = modes.iter().map(|mode| mode.probability).sum();
@@ -139,22 +154,19 @@ impl<'a> Vehicle<'a> {
         true
     }
 
-    fn modes(&self, network: &Network, outputs: &[f32]) -> Vec<Mode> {
+    fn find_modes(&self, network: &Network, outputs: &[f32], modes: &mut Vec<Mode>) {
         let valid = &self.inputs.candidates[self.i];
         let spread = network.spread_of(&self.inputs.agent[self.i * N_AGENT..][..N_AGENT]);
-        let mut modes: Vec<Mode> = outputs
-            .chunks_exact(MODE_OUTPUTS)
-            .enumerate()
-            .filter(|(k, _)| valid[k / network.n_modes].is_some())
-            .map(|(k, values)| self.mode(network, &spread, k / network.n_modes, values))
-            .collect();
+        let outputs = outputs.chunks_exact(MODE_OUTPUTS).enumerate();
+        let outputs = outputs.filter(|(k, _)| valid[k / network.n_modes].is_some());
+        modes.clear();
+        modes.extend(outputs.map(|(k, values)| self.mode(network, &spread, k / network.n_modes, values)));
         let most = modes.iter().map(|mode| mode.probability).fold(f64::NEG_INFINITY, f64::max);
-        for mode in &mut modes {
+        for mode in &mut *modes {
             mode.probability = (mode.probability - most).exp();
         }
         let total: f64 = modes.iter().map(|mode| mode.probability).sum();
         modes.iter_mut().for_each(|mode| mode.probability /= total);
-        modes
     }
 
     /// A mode whose probability is still its logit.
@@ -189,9 +201,9 @@ impl<'a> Vehicle<'a> {
 
     /// Modes that are the same drive become one: on a straight road a lane and the free path lead to the same places,
     /// and two ways to drive a path can differ by less than is known of each.
-    fn merged(&self, modes: &[Mode], merging: &Merging) -> Vec<Mode> {
-        let mut kept: Vec<(Mode, [Knot; N_KNOTS])> = Vec::with_capacity(modes.len());
-        for mode in modes {
+    fn merge(&self, modes: &mut Vec<Mode>, kept: &mut Vec<(Mode, [Knot; N_KNOTS])>, merging: &Merging) {
+        kept.clear();
+        for mode in &*modes {
             let knots = self.knots(mode);
             match kept.iter_mut().find(|(into, of)| into.is_same(mode, of, &knots, merging)) {
                 Some((into, of)) => {
@@ -201,7 +213,8 @@ impl<'a> Vehicle<'a> {
                 None => kept.push((*mode, knots)),
             }
         }
-        kept.into_iter().map(|(mode, _)| mode).collect()
+        modes.clear();
+        modes.extend(kept.iter().map(|(mode, _)| *mode));
     }
 
     /// Where a mode is at the knots.
@@ -247,13 +260,13 @@ impl<'a> Vehicle<'a> {
 }
 
 /// For somebody who stands: all modes that hardly move become one that does not move at all.
-fn stay_or_go(modes: Vec<Mode>) -> Vec<Mode> {
-    let (stays, mut goes): (Vec<Mode>, Vec<Mode>) = modes.into_iter().partition(|mode| mode.s[N_KNOTS] < STAYS);
-    if let Some(first) = stays.first() {
-        let probability = stays.iter().map(|mode| mode.probability).sum();
-        goes.insert(0, Mode { probability, stays: true, ..*first });
+fn stay_or_go(modes: &mut Vec<Mode>) {
+    let stays = |mode: &Mode| mode.s[N_KNOTS] < STAYS;
+    if let Some(first) = modes.iter().copied().find(stays) {
+        let probability = modes.iter().filter(|mode| stays(mode)).map(|mode| mode.probability).sum();
+        modes.retain(|mode| !stays(mode));
+        modes.insert(0, Mode { probability, stays: true, ..first });
     }
-    goes
 }
 
 /// Where a vehicle is and how it moves.

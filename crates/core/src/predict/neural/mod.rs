@@ -38,7 +38,7 @@ use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
 use crate::vehicle::ParticipantKind;
-use decode::Vehicle;
+use decode::{Modes, Vehicle};
 use network::Activations;
 use surroundings::Surroundings;
 
@@ -93,6 +93,7 @@ pub(super) struct Scratch {
     paths: paths::Memory,
     valid: Vec<bool>,
     activations: Activations,
+    modes: Modes,
 }
 
 impl Scratch {
@@ -105,7 +106,7 @@ impl Scratch {
         surroundings: &Surroundings,
         out: &mut Predictions,
     ) {
-        let Self { inputs, paths, valid, activations } = self;
+        let Self { inputs, paths, valid, activations, modes } = self;
         let asked = present.iter().copied().filter(|row| Inputs::has(*row, scene));
         inputs.become_of(asked, (scene, road), surroundings, paths);
         valid.clear();
@@ -115,7 +116,7 @@ impl Scratch {
         for (i, row) in present.iter().copied().enumerate() {
             let is_decoded = inputs.rows.binary_search(&row).is_ok() && {
                 let (k, outputs) = outputs.next().expect("an answer for everybody who is asked about");
-                Vehicle::new(scene, inputs, k).decode(network, outputs, out, i, scene.dt)
+                Vehicle::new(scene, inputs, k).decode(network, outputs, out, i, scene.dt, modes)
             };
             if !is_decoded {
                 without_network(out, i, row, scene);
