@@ -128,15 +128,28 @@ impl Memory {
     }
 }
 
-/// Expectations for all present participants over `n_steps` steps.
+/// Who calls `work(i)` once for every i below `n`, in any order, on any threads: `each(n, work)`.
+pub type Each<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) + Sync));
+
+/// The calling thread alone.
+pub fn one_by_one(n: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..n).for_each(work);
+}
+
+/// Expectations for all present participants over `n_steps` steps, on the threads of the rayon pool in which it is called,
+/// or by the calling thread.
 ///
 /// # Errors
 /// `InvalidInput` for zero steps, zero modes or more than 8, or a predictor that was made for another road network.
 pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Result<Predictions> {
-    predict_with(predictor, scene, road, n_steps, &Memory::default())
+    // Threads of nobody in particular are left alone.
+    let is_shared = rayon::current_thread_index().is_some();
+    let shared: Each<'_> = &|n, work| (0..n).into_par_iter().for_each(work);
+    predict_with(predictor, scene, road, n_steps, &Memory::default(), if is_shared { shared } else { &one_by_one })
 }
 
-/// The same with memory that is reused.
+/// The same with memory that is reused, on threads that are given; the network `walenet` takes those of the rayon pool in
+/// which it is called.
 ///
 /// # Errors
 /// As [`predict`].
@@ -146,6 +159,7 @@ pub fn predict_with(
     road: &RoadNetwork,
     n_steps: usize,
     memory: &Memory,
+    each: Each<'_>,
 ) -> Result<Predictions> {
     let n_modes = match predictor {
         Predictor::ConstantVelocity(_) | Predictor::Walenet(_) => 1,
@@ -158,7 +172,7 @@ pub fn predict_with(
         )));
     }
     if let Predictor::Neural(settings) = predictor {
-        return Ok(neural::predict(settings, scene, road, n_steps, memory));
+        return Ok(neural::predict(settings, scene, road, n_steps, (memory, each)));
     }
     let ids = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     if let Predictor::Walenet(walenet) = predictor {
@@ -166,27 +180,25 @@ pub fn predict_with(
         walenet.predict(scene, road, &mut out)?;
         return Ok(out);
     }
-    // Threads of nobody in particular are left alone.
-    if scene.present.len() <= CHUNK || rayon::current_thread_index().is_none() {
-        let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
-        memory.with(|Scratch { lanes, .. }| {
-            for (i, row) in scene.present.iter().copied().enumerate() {
-                predict_one(predictor, (scene, road), row, &mut out, i, lanes);
-            }
-        });
-        return Ok(out);
-    }
     let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
-    scene.present.par_chunks(CHUNK).zip(out.chunks_mut(CHUNK)).for_each(|(rows, mut out)| {
+    let parts = out.parts(CHUNK);
+    each(parts.len(), &|part| {
         memory.with(|Scratch { table, lanes, .. }| {
+            let rows = rows_of(scene, part, CHUNK);
             table.clear(scene.time_step, rows.len(), n_modes, n_steps);
             for (i, row) in rows.iter().copied().enumerate() {
                 predict_one(predictor, (scene, road), row, table, i, lanes);
             }
-            out.copy_from(table);
+            parts.copy_from(part, table);
         });
     });
+    drop(parts);
     Ok(out)
+}
+
+/// Those present in the rows of one of the parts of a table, `n` rows each.
+fn rows_of(scene: &Scene, part: usize, n: usize) -> &[usize] {
+    &scene.present[part * n..scene.present.len().min((part + 1) * n)]
 }
 
 /// For the participant in a row of the scene, into row `i` of the table.

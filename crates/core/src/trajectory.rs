@@ -1,5 +1,7 @@
 //! The tables of the field: arrays per field, rows sorted by participant id, a mask where something is absent.
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::error::{Error, Result};
 
 /// State of one participant at one time step. The position is the centre of the footprint.
@@ -205,13 +207,9 @@ impl Predictions {
     }
 
     /// Parts of `n_rows` rows each, to be written at the same time; the last one may have fewer.
-    pub(crate) fn chunks_mut(
-        &mut self,
-        n_rows: usize,
-    ) -> impl rayon::iter::IndexedParallelIterator<Item = RowsMut<'_>> {
-        use rayon::prelude::*;
+    pub(crate) fn parts(&mut self, n_rows: usize) -> Parts<'_> {
         let n = n_rows * self.n_modes * self.n_steps;
-        let fields = [
+        let mut fields = [
             &mut self.x,
             &mut self.y,
             &mut self.orientation,
@@ -219,16 +217,14 @@ impl Predictions {
             &mut self.covariance_xx,
             &mut self.covariance_xy,
             &mut self.covariance_yy,
-        ];
-        let [x, y, orientation, velocity, xx, xy, yy] = fields.map(|field| field.par_chunks_mut(n));
-        let probability = self.probability.par_chunks_mut(n_rows * self.n_modes);
-        (probability, self.valid.par_chunks_mut(n), x, y, orientation, velocity, xx, xy, yy).into_par_iter().map(
-            |(probability, valid, x, y, orientation, velocity, xx, xy, yy)| RowsMut {
-                probability,
-                valid,
-                fields: [x, y, orientation, velocity, xx, xy, yy],
-            },
-        )
+        ]
+        .map(|field| field.chunks_mut(n));
+        let (probability, valid) = (self.probability.chunks_mut(n_rows * self.n_modes), self.valid.chunks_mut(n));
+        let parts = probability.zip(valid).map(|(probability, valid)| {
+            let fields = fields.each_mut().map(|field| field.next().expect("as many parts of every field"));
+            Mutex::new(Rows { probability, valid, fields })
+        });
+        Parts(parts.collect())
     }
 
     /// Row of a participant.
@@ -312,21 +308,30 @@ impl Predictions {
     }
 }
 
-/// Some rows of predictions, to be written.
-pub(crate) struct RowsMut<'a> {
+/// A table of predictions in parts that several threads write at the same time.
+pub(crate) struct Parts<'a>(Vec<Mutex<Rows<'a>>>);
+
+/// Some rows of a table.
+struct Rows<'a> {
     probability: &'a mut [f64],
     valid: &'a mut [bool],
     fields: [&'a mut [f64]; 7],
 }
 
-impl RowsMut<'_> {
-    /// Takes over all rows of a table with as many rows.
-    pub(crate) fn copy_from(&mut self, table: &Predictions) {
+impl Parts<'_> {
+    pub(crate) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Writes a part: the rows of a table with as many rows.
+    pub(crate) fn copy_from(&self, part: usize, table: &Predictions) {
         let Predictions { x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy, .. } = table;
-        self.probability.copy_from_slice(&table.probability);
-        self.valid.copy_from_slice(&table.valid);
+        // Nobody else writes this part, and what a panic leaves in it is never looked at.
+        let mut rows = self.0[part].lock().unwrap_or_else(PoisonError::into_inner);
+        rows.probability.copy_from_slice(&table.probability);
+        rows.valid.copy_from_slice(&table.valid);
         let fields = [x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy];
-        for (to, from) in self.fields.iter_mut().zip(fields) {
+        for (to, from) in rows.fields.iter_mut().zip(fields) {
             to.copy_from_slice(from);
         }
     }

@@ -155,6 +155,8 @@ impl Prepared {
 pub struct Scratch {
     /// Whom the agent sees, as places among those who are present.
     pub(crate) visible: Vec<usize>,
+    /// Always empty between plans.
+    pub(crate) others: Vec<Other<'static>>,
     frenet: frenet::Scratch,
     ahead: ahead::Ahead,
     pace: pace::Pace,

@@ -21,6 +21,9 @@ use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
 use threads::Threads;
 
+/// For so many participants, expectations that need no network are made by one thread.
+const FEW: usize = 12;
+
 /// An agent before the first step.
 #[derive(Debug, Clone)]
 pub struct Agent {
@@ -259,11 +262,15 @@ impl World {
     /// # Errors
     /// As [`predict_with`].
     pub fn predict(&self, predictor: &Predictor, scene: &Scene, n_steps: usize) -> Result<Predictions> {
-        let work = || predict_with(predictor, scene, &self.scenario.road, n_steps, &self.prediction_memory);
-        // Waking a thread takes longer than what the others have to do for a few.
-        let is_much = scene.present.len() > 12 && self.settings.threads > 1;
-        let is_network = matches!(predictor, Predictor::Walenet(_) | Predictor::Neural(_));
-        if is_network || is_much { self.threads.install(work) } else { work() }
+        let with = |each: predict::Each<'_>| {
+            predict_with(predictor, scene, &self.scenario.road, n_steps, &self.prediction_memory, each)
+        };
+        match predictor {
+            Predictor::Walenet(_) => self.threads.install(|| with(&predict::one_by_one)),
+            // Waking a thread takes longer than what there is to do for a few.
+            _ if scene.present.len() <= FEW && !matches!(predictor, Predictor::Neural(_)) => with(&predict::one_by_one),
+            _ => with(&|n, work| self.threads.each(n, |_, i| work(i))),
+        }
     }
 
     /// The time step of what was handed over must be now.

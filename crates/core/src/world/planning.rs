@@ -30,7 +30,9 @@ impl World {
         let expected = (&*predictions, &outlook);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
-        self.threads.each(&self.longest_first(&drives), |thread, row| {
+        let order = self.longest_first(&drives);
+        self.threads.each(order.len(), |thread, i| {
+            let row = order[i];
             let plan = self.plan_one(drives[row], (scene, &crowd), expected, &mut self.scratch(thread));
             if let Some(plan) = plan {
                 results[row].set(plan).expect("every agent plans once");
@@ -63,8 +65,8 @@ impl World {
             return Ok(None);
         }
         let predictions = completed(predictions, scene);
-        let mut visible = Vec::new();
-        let others = Crowd::of(scene).seen_by(drive, scene, &mut visible);
+        let (mut visible, mut others) = (Vec::new(), Vec::new());
+        Crowd::of(scene).see(drive, scene, &mut visible, &mut others);
         let outlook = Outlook::of(&predictions);
         Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &outlook)), settings)))
     }
@@ -98,10 +100,14 @@ impl World {
         if drive.agent.planner == Planner::External {
             return None;
         }
-        let others = crowd.seen_by(drive, scene, &mut scratch.visible);
+        let mut others: Vec<Other<'_>> = std::mem::take(&mut scratch.others);
+        crowd.see(drive, scene, &mut scratch.visible, &mut others);
         let request = self.request(drive, &others, expected);
         let plan = plan::plan(&drive.agent.planner, &drive.prepared, &request, scratch);
         drive.effort.store(scratch.effort(), Ordering::Relaxed);
+        others.clear();
+        // An empty list is handed on as memory: collecting in place allocates nothing.
+        scratch.others = others.into_iter().map(|_| unreachable!("it is empty")).collect();
         plan
     }
 
@@ -164,9 +170,10 @@ impl<'a> Crowd<'a> {
         Self { positions: scene.positions(), everybody: scene.present.iter().enumerate().map(other).collect() }
     }
 
-    /// Whom an agent sees; `visible` is memory.
-    fn seen_by(&self, drive: &Drive, scene: &Scene, visible: &mut Vec<usize>) -> Vec<Other<'a>> {
+    /// Writes whom an agent sees; `visible` is memory.
+    fn see(&self, drive: &Drive, scene: &Scene, visible: &mut Vec<usize>, others: &mut Vec<Other<'a>>) {
         scene.see(drive.row, &drive.agent.view, &self.positions, visible);
-        visible.iter().map(|place| self.everybody[*place]).collect()
+        others.clear();
+        others.extend(visible.iter().map(|place| self.everybody[*place]));
     }
 }

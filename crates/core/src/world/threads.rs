@@ -24,23 +24,25 @@ impl Threads {
         self.pool.install(work)
     }
 
-    /// Calls `work(thread, item)` once for every item. Items are handed out one by one in their order, the next one to
+    /// Calls `work(thread, i)` once for every i below `n`. They are handed out one by one in their order, the next one to
     /// whoever is free; `thread` counts from 0, and no two calls with the same one run at the same time.
     ///
     /// The calling thread begins at once; the others need some time to wake up.
-    pub(super) fn each(&self, items: &[usize], work: impl Fn(usize, usize) + Sync) {
+    pub(super) fn each(&self, n: usize, work: impl Fn(usize, usize) + Sync) {
         let next = AtomicUsize::new(0);
-        let take = |thread: usize| {
-            while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
-                work(thread, *item);
+        let take = |thread: usize| loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            if i >= n {
+                break;
             }
+            work(thread, i);
         };
-        let n = self.n.min(items.len());
-        if n < 2 {
+        let n_threads = self.n.min(n);
+        if n_threads < 2 {
             return take(0);
         }
         self.pool.in_place_scope(|scope| {
-            for thread in 1..n {
+            for thread in 1..n_threads {
                 let take = &take;
                 scope.spawn(move |_| take(thread));
             }
@@ -59,16 +61,15 @@ mod tests {
     fn every_item_is_done_once_whatever_the_number_of_threads_and_no_thread_is_in_two_places() {
         for n in [1, 2, 5] {
             let threads = Threads::new(n).expect("threads");
-            let items: Vec<usize> = (0..200).rev().collect();
             let (done, busy) = (Mutex::new(Vec::new()), [const { Mutex::new(()) }; 5]);
-            threads.each(&items, |thread, item| {
+            threads.each(200, |thread, i| {
                 let _own = busy[thread].try_lock().expect("nobody else is this thread");
-                done.lock().expect("no panic").push(item);
+                done.lock().expect("no panic").push(i);
             });
             let mut done = done.into_inner().expect("no panic");
             done.sort_unstable();
             assert_eq!(done, (0..200).collect::<Vec<_>>());
-            threads.each(&[], |_, _| panic!("nothing to do"));
+            threads.each(0, |_, _| panic!("nothing to do"));
         }
     }
 }

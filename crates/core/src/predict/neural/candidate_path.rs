@@ -5,6 +5,8 @@ use crate::geometry::Point;
 
 /// Paths begin this far behind the vehicle [m].
 pub(super) const BEHIND: f64 = 50.0;
+/// More than any rounding of a distance [m].
+const ROUNDING: f64 = 1e-6;
 
 /// A path on which a vehicle may go on.
 #[derive(Debug, Clone)]
@@ -186,13 +188,19 @@ impl CandidatePath {
     /// Foot of a point that is at most `distance` [m] away from the path: arc length, offset [m], segment. Rough: by the
     /// chords of the segments. `candidates` are those of this point and distance.
     pub(super) fn near(&self, point: Point, distance: f64, candidates: Candidates) -> Option<(f64, f64, usize)> {
-        let mut nearest = distance * distance;
+        let (mut nearest, mut reach) = (distance * distance, distance + ROUNDING);
         let mut found = None;
         for k in self.index.near(candidates) {
             for i in k * STRIDE..((k + 1) * STRIDE).min(self.n_segments()) {
+                // No point of a segment is further from its start than its length.
+                let within = reach + (self.arc_lengths[i + 1] - self.arc_lengths[i]);
+                if (point - self.points[i]).norm_squared() > within * within {
+                    continue;
+                }
                 let (s, distance_squared, side) = self.chord_foot(i, point);
                 if distance_squared < nearest {
                     nearest = distance_squared;
+                    reach = distance_squared.sqrt() + ROUNDING;
                     found = Some((s, distance_squared.sqrt().copysign(side), i));
                 }
             }

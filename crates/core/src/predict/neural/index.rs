@@ -6,13 +6,13 @@ use crate::wide::for_wide_machines;
 /// Segments of a stretch.
 pub(super) const STRIDE: usize = 16;
 /// Stretches that are looked at together.
-const LANES: usize = 8;
+const LANES: usize = 4;
 /// Stretches that have a bit in a mask; those behind are always looked at.
 const BITS: usize = 64;
 /// More than any rounding [m].
 const ROUNDING: f64 = 1e-6;
 
-/// Eight stretches: start, chord, reciprocal of its length squared (0: no chord), and how far the knots are from it at most.
+/// Four stretches: start, chord, reciprocal of its length squared (0: no chord), and how far the knots are from it at most.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     x: [f64; LANES],

@@ -31,9 +31,7 @@ pub use paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT, SLOTS};
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
-use super::{STANDING, STRAIGHT, go_straight, stand};
+use super::{STANDING, STRAIGHT, go_straight, rows_of, stand};
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
@@ -59,30 +57,29 @@ pub struct Neural {
 /// Expectations for everybody who is present. Vehicles are predicted by the network; static obstacles stay, pedestrians
 /// and who drives backwards go straight on. Who has a state that is not a number gets no expectation.
 ///
-/// The work is divided among the threads of the current pool; what comes out depends neither on their number nor on who
-/// else is there to be computed.
+/// What comes out depends neither on the threads that share the work nor on who else is there to be computed.
 pub(super) fn predict(
     settings: &Neural,
     scene: &Scene,
     road: &RoadNetwork,
     n_steps: usize,
-    memory: &super::Memory,
+    (memory, each): (&super::Memory, super::Each<'_>),
 ) -> Predictions {
     let n_modes = settings.modes_max;
     let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
-    if scene.present.is_empty() {
-        return out;
-    }
     let surroundings = Surroundings::of(scene);
-    scene.present.par_chunks(BATCH).zip(out.chunks_mut(BATCH)).for_each(|(present, mut out)| {
+    let parts = out.parts(BATCH);
+    each(parts.len(), &|part| {
         memory.with(|scratch| {
             let (table, scratch) = (&mut scratch.table, &mut scratch.neural);
+            let present = rows_of(scene, part, BATCH);
             table.clear(scene.time_step, present.len(), n_modes, n_steps);
             scratch.answer(&settings.network, present, (scene, road), &surroundings, table);
-            out.copy_from(table);
+            parts.copy_from(part, table);
         });
     });
+    drop(parts);
     out
 }
 
