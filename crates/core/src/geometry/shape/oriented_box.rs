@@ -47,22 +47,6 @@ impl OrientedBox {
             && b.axis.cross(offset).abs() <= b.half_width + a.half_length * sin + a.half_width * cos + TOUCHING
     }
 
-    /// The same as 1 or 0 without an early end, for many pairs at once.
-    #[inline(always)]
-    pub(crate) fn overlaps_counted(&self, other: &Self) -> u64 {
-        let (a, b) = (self, other);
-        let offset = b.center - a.center;
-        let (cos, sin) = (a.axis.dot(b.axis).abs(), a.axis.cross(b.axis).abs());
-        let reach = 2.0 * (a.radius_squared() + b.radius_squared()) + TOUCHING;
-        u64::from(
-            (offset.norm_squared() <= reach)
-                & (offset.dot(a.axis).abs() <= a.half_length + b.half_length * cos + b.half_width * sin + TOUCHING)
-                & (a.axis.cross(offset).abs() <= a.half_width + b.half_length * sin + b.half_width * cos + TOUCHING)
-                & (offset.dot(b.axis).abs() <= b.half_length + a.half_length * cos + a.half_width * sin + TOUCHING)
-                & (b.axis.cross(offset).abs() <= b.half_width + a.half_length * sin + a.half_width * cos + TOUCHING),
-        )
-    }
-
     /// The box and the straight segment from `start` to `end` share a point; touching counts.
     #[inline]
     pub fn overlaps_segment(&self, start: Point, end: Point) -> bool {
@@ -247,8 +231,6 @@ mod tests {
             let by_box = OrientedBox::new(pose, length, width).overlaps(&OrientedBox::new(other, 4.5, 1.8));
             let by_shape = Shape::rectangle(length, width).overlaps(pose, &Shape::rectangle(4.5, 1.8), other);
             assert_eq!(by_box, by_shape, "{pose:?} {length} {width} {other:?}");
-            let counted = OrientedBox::new(pose, length, width).overlaps_counted(&OrientedBox::new(other, 4.5, 1.8));
-            assert_eq!(counted == 1, by_box, "{pose:?} {length} {width} {other:?}");
             overlapping += usize::from(by_box);
         }
         assert!((n / 10..n * 9 / 10).contains(&overlapping), "{overlapping} of {n}: the sample must hold both cases");

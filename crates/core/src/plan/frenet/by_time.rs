@@ -1,20 +1,19 @@
 //! Things with a place and a time, sorted by time, so that those of one time are looked at together.
 
-/// Things of one time are filled up to a multiple of this by things that are infinitely far away.
-pub(super) const GROUP: usize = 4;
+/// Things of one time are filled up to a multiple of this by things whose numbers are none, so that no comparison holds.
+pub(super) const GROUP: usize = 8;
 
-/// Things with `N` numbers each, of which the first is a coordinate; they are numbered in the order in which they were
-/// added. The memory is reused.
+/// Things with `N` numbers each, in single precision; they are numbered in the order in which they were added. The memory is reused.
 #[derive(Debug, Clone)]
 pub(super) struct ByTime<const N: usize> {
     /// Before sorting.
-    added: Vec<(usize, [f64; N])>,
+    added: Vec<(usize, [f32; N])>,
     /// Those of time `i` are at `starts[i]..starts[i + 1]`, with filling.
     starts: Vec<usize>,
     /// How many there are of each time.
     counts: Vec<usize>,
     order: Vec<usize>,
-    columns: [Vec<f64>; N],
+    columns: [Vec<f32>; N],
 }
 
 impl<const N: usize> Default for ByTime<N> {
@@ -35,7 +34,7 @@ impl<const N: usize> ByTime<N> {
     }
 
     /// One thing more.
-    pub(super) fn push(&mut self, time: usize, numbers: [f64; N]) {
+    pub(super) fn push(&mut self, time: usize, numbers: [f32; N]) {
         self.added.push((time, numbers));
     }
 
@@ -56,7 +55,7 @@ impl<const N: usize> ByTime<N> {
         self.starts.push(n);
         for column in &mut self.columns {
             column.clear();
-            column.resize(n, f64::INFINITY);
+            column.resize(n, f32::NAN);
         }
         self.order.resize(n, 0);
         for (index, (time, numbers)) in self.added.iter().enumerate() {
@@ -75,26 +74,43 @@ impl<const N: usize> ByTime<N> {
         &self.order[self.starts[time]..][..self.counts[time]]
     }
 
-    /// Some thing of a time passes a test, which answers 1 for yes and 0 for no, and 0 if the numbers are infinite. It is
-    /// given the numbers of a group, column by column, and which of the group to test.
+    /// Where the groups of a time are: the first one and where they end, in steps of `GROUP`.
     #[inline(always)]
-    pub(super) fn any(&self, time: usize, test: impl Fn(&[[f64; GROUP]; N], usize) -> u64) -> bool {
-        let end = self.starts[time + 1];
-        let mut found = 0;
-        let mut i = self.starts[time];
+    pub(super) fn groups(&self, time: usize) -> (usize, usize) {
+        (self.starts[time], self.starts[time + 1])
+    }
+
+    /// Numbers of the things of a group that pass a test, in the order in which they were added, and how many there are.
+    /// The test answers 1 for yes and 0 for no, and 0 if the numbers are none. It is given the numbers of the group,
+    /// column by column, and which of the group to test.
+    #[inline(always)]
+    pub(super) fn passing(
+        &self,
+        group: usize,
+        test: impl Fn(&[[f32; GROUP]; N], usize) -> u32,
+    ) -> ([usize; GROUP], usize) {
         // Not by iterators: functions of theirs that are not inlined know nothing of wide machines.
-        while i + GROUP <= end {
-            let mut group = [[0.0; GROUP]; N];
-            for (group, column) in group.iter_mut().zip(&self.columns) {
-                if let [a, b, c, d] = column[i..i + GROUP] {
-                    *group = [a, b, c, d];
-                }
+        let mut numbers = [[0.0; GROUP]; N];
+        for (numbers, column) in numbers.iter_mut().zip(&self.columns) {
+            if let [a, b, c, d, e, f, g, h] = column[group..group + GROUP] {
+                *numbers = [a, b, c, d, e, f, g, h];
             }
-            let in_group = [test(&group, 0), test(&group, 1), test(&group, 2), test(&group, 3)];
-            found |= in_group[0] | in_group[1] | in_group[2] | in_group[3];
-            i += GROUP;
         }
-        found != 0
+        let (mut passed, mut any) = ([0; GROUP], 0);
+        for k in 0..GROUP {
+            passed[k] = test(&numbers, k);
+        }
+        for k in 0..GROUP {
+            any |= passed[k];
+        }
+        let (mut found, mut n) = ([0; GROUP], 0);
+        if any != 0 {
+            for k in 0..GROUP {
+                found[n.min(GROUP - 1)] = self.order[group + k];
+                n += passed[k] as usize;
+            }
+        }
+        (found, n)
     }
 }
 
@@ -108,20 +124,23 @@ mod tests {
         for round in 0..2 {
             by_time.clear();
             for i in 0..14 {
-                by_time.push(i * 5 % 3, [i as f64, -1.0]);
+                by_time.push(i * 5 % 3, [i as f32, -1.0]);
             }
             by_time.sort(4);
             let expected = |time: usize| (0..14).filter(|i| i * 5 % 3 == time).collect::<Vec<_>>();
             for time in 0..4 {
                 assert_eq!(by_time.of(time), expected(time), "round {round}");
+                let passing = |test: &dyn Fn(f32, f32) -> bool| {
+                    let (first, end) = by_time.groups(time);
+                    let groups = (first..end).step_by(GROUP);
+                    let found = groups.map(|i| by_time.passing(i, |c, k| u32::from(test(c[0][k], c[1][k]))));
+                    found.flat_map(|(found, n)| found[..n].to_vec()).collect::<Vec<_>>()
+                };
+                assert_eq!(passing(&|_, one| one < 0.0), expected(time), "the filling passes no test");
                 for i in 0..14 {
-                    let found = by_time.any(time, |columns, k| u64::from(columns[0][k] == i as f64));
-                    assert_eq!(found, expected(time).contains(&i), "{i} at {time}");
+                    let only: Vec<usize> = expected(time).into_iter().filter(|k| *k == i).collect();
+                    assert_eq!(passing(&|number, _| number == i as f32), only, "{i} at {time}");
                 }
-                assert!(
-                    !by_time.any(time, |columns, k| u64::from((0.0..1e9).contains(&columns[1][k]))),
-                    "filling is far"
-                );
             }
         }
     }

@@ -3,7 +3,7 @@
 
 use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
-use super::by_time::ByTime;
+use super::by_time::{ByTime, GROUP};
 use super::expectations::{COST_REACH, Expectations};
 use super::sample::Samples;
 use super::settings::FrenetSettings;
@@ -63,8 +63,10 @@ pub(super) struct Obstacles {
     tracks: Vec<Track>,
     sweeps: Vec<Sweep>,
     expectations: Expectations,
-    /// The swept boxes, by interval: centre, axis, half length and width.
+    /// The swept boxes, by interval: centre from the origin, axis, half length and width.
     sweeps_by_interval: ByTime<6>,
+    /// Where the agent is: numbers in single precision are relative to it.
+    origin: Point,
     /// Box of the region that the agent's footprint can reach up to each point.
     reach: Vec<Aabb>,
     /// What the sample at hand covers during each interval.
@@ -86,7 +88,8 @@ impl Obstacles {
     ) {
         self.tracks.clear();
         self.sweeps.clear();
-        self.expectations.clear();
+        self.origin = request.state.pose().position;
+        self.expectations.clear(self.origin);
         self.sweeps_by_interval.clear();
         let vehicle = request.vehicle;
         (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
@@ -179,19 +182,25 @@ impl Obstacles {
             let counts = *probability > 0.0 && !is_left_alone;
             let first = predictions.offset(other.row, mode);
             let mut track = None;
-            let mut before = Some((other.pose.position, now));
+            // Boxes are worked out where they are needed.
+            let body_at = |k: usize, position: Point| other.shape.oriented_box_along(position, outlook.axes[k]);
+            let mut before = Some((other.pose.position, Some(now)));
             for point in 1..self.reach.len() {
                 let k = first + point + shift - 1;
                 if point + shift > predictions.n_steps {
                     break;
                 }
-                let position = Point::new(predictions.x[k], predictions.y[k]);
-                let here =
-                    predictions.valid[k].then(|| (position, other.shape.oriented_box_along(position, outlook.axes[k])));
-                let is_near = |position: Point| self.reach[point].grown(radius).contains(position);
-                if let (true, Some((from, a)), Some((to, b))) = (hard, before, here)
-                    && (is_near(from) || is_near(to))
-                {
+                if !predictions.valid[k] {
+                    before = None;
+                    continue;
+                }
+                let to = Point::new(predictions.x[k], predictions.y[k]);
+                let (reach, near) = (self.reach[point], self.reach[point].grown(radius));
+                let from = before.filter(|(from, _)| hard && (near.contains(*from) || near.contains(to)));
+                let is_expected = counts && near.grown(COST_REACH).contains(to);
+                let body = (from.is_some() || is_expected).then(|| body_at(k, to));
+                if let (Some((from, a)), Some(b)) = (from, body) {
+                    let a = a.unwrap_or_else(|| body_at(k - 1, from));
                     let track = *track.get_or_insert_with(|| {
                         self.tracks.push(Track { other: index, overlaps_now, exact: false });
                         self.tracks.len() as u32 - 1
@@ -202,23 +211,20 @@ impl Obstacles {
                     let displacement = b.center - a.center;
                     self.push_sweep(point - 1, Sweep { track, radius: swept.radius(), swept, end: b, displacement });
                 }
-                if let (true, Some((position, body))) = (counts, here)
-                    && self.reach[point].grown(COST_REACH + radius).contains(position)
+                if let (true, Some(body)) = (is_expected, body)
+                    && reach.grown(COST_REACH).contains(body.center)
                 {
                     let [xx, xy, yy] =
                         [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
-                    if self.reach[point].grown(COST_REACH).contains(body.center) {
-                        self.expectations.push(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
-                    }
+                    self.expectations.push(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
                 }
-                before = here;
+                before = Some((to, body));
             }
         }
     }
 
     fn push_sweep(&mut self, interval: usize, sweep: Sweep) {
-        let OrientedBox { center, axis, half_length, half_width } = sweep.swept;
-        self.sweeps_by_interval.push(interval, [center.x, center.y, axis.x, axis.y, half_length, half_width]);
+        self.sweeps_by_interval.push(interval, rough(&sweep.swept, self.origin));
         self.sweeps.push(sweep);
     }
 
@@ -241,7 +247,7 @@ impl Obstacles {
         self.ignored.resize(self.tracks.len(), false);
         cover(points, (self.half_length, self.half_width), &mut self.steps);
         let mut interval = 0;
-        while let Some(found) = next_overlap(&self.sweeps_by_interval, &self.steps, interval) {
+        while let Some(found) = next_overlap(self, interval) {
             if let Some(contact) = self.contact_during(found, points, dt, request) {
                 return Some(contact);
             }
@@ -388,24 +394,52 @@ fn covers_at(points: &[Waypoint], (half_length, half_width): (f64, f64), out: &m
     }
 }
 
+/// Numbers of a box in single precision: centre from the origin, axis, half length and width.
+#[inline(always)]
+fn rough(box_: &OrientedBox, origin: Point) -> [f32; 6] {
+    let (center, axis) = (box_.center - origin, box_.axis);
+    [center.x, center.y, axis.x, axis.y, box_.half_length, box_.half_width].map(|number| number as f32)
+}
+
 for_wide_machines! {
-    /// The first interval, from one on, in which a sample overlaps some sweep.
-    fn next_overlap = overlap_from, (sweeps: &ByTime<6>, steps: &[OrientedBox], first: usize) -> Option<usize>
+    /// The first interval, from one on, in which the sample at hand overlaps some sweep.
+    fn next_overlap = overlap_from, (obstacles: &Obstacles, first: usize) -> Option<usize>
 }
 
 #[inline(always)]
-fn overlap_from(sweeps: &ByTime<6>, steps: &[OrientedBox], first: usize) -> Option<usize> {
-    for (interval, step) in (first..).zip(&steps[first..]) {
-        let is_hit = sweeps.any(interval, |[x, y, axis_x, axis_y, half_length, half_width], k| {
-            let (center, axis) = (Point::new(x[k], y[k]), Point::new(axis_x[k], axis_y[k]));
-            let (half_length, half_width) = (half_length[k], half_width[k]);
-            step.overlaps_counted(&OrientedBox { center, axis, half_length, half_width })
-        });
-        if is_hit {
-            return Some(interval);
+fn overlap_from(obstacles: &Obstacles, first: usize) -> Option<usize> {
+    let Obstacles { sweeps, sweeps_by_interval, origin, steps, .. } = obstacles;
+    for interval in first..steps.len() {
+        let step = &steps[interval];
+        let numbers = rough(step, *origin);
+        let (mut group, end) = sweeps_by_interval.groups(interval);
+        while group < end {
+            let (found, n) = sweeps_by_interval.passing(group, |others, k| may_overlap(&numbers, others, k));
+            for index in &found[..n] {
+                if step.overlaps(&sweeps[*index].swept) {
+                    return Some(interval);
+                }
+            }
+            group += GROUP;
         }
     }
     None
+}
+
+/// No side direction of the first box separates it from one of a group; most that are apart are separated by one.
+#[inline(always)]
+fn may_overlap(a: &[f32; 6], [x, y, axis_x, axis_y, half_length, half_width]: &[[f32; GROUP]; 6], k: usize) -> u32 {
+    /// More than coordinates within a kilometre are rounded by [m].
+    const SLACK: f32 = 2e-3;
+    let [from_x, from_y, ahead_x, ahead_y, length, width] = *a;
+    let (x, y) = (x[k] - from_x, y[k] - from_y);
+    let cos = (axis_x[k] * ahead_x + axis_y[k] * ahead_y).abs();
+    let sin = (axis_y[k] * ahead_x - axis_x[k] * ahead_y).abs();
+    let (ahead, aside) = ((x * ahead_x + y * ahead_y).abs(), (y * ahead_x - x * ahead_y).abs());
+    u32::from(
+        (ahead <= length + half_length[k] * cos + half_width[k] * sin + SLACK)
+            & (aside <= width + half_length[k] * sin + half_width[k] * cos + SLACK),
+    )
 }
 
 /// The box with margin on every side, or without if the margin already touches the agent; and whether the plain box
