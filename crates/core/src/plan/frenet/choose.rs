@@ -3,40 +3,57 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// A lower bound of the cost of a sample, or of all samples of a group. Ordered by (bound, index), a total order.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Entry {
-    bound: f64,
-    /// Of the sample; of a group's first sample.
-    index: u32,
-    group: Option<u32>,
-}
+/// A lower bound of the cost of a sample, or of all samples of a group. Ordered by (bound, index), a total order: one
+/// number holds both, so that entries are compared quickly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Entry(
+    /// The bound, so that larger ones have larger bits; the index of the sample, or of the group's first sample; the
+    /// number of the group plus 1, or 0.
+    u128,
+);
 
 impl Entry {
     pub(super) fn sample(bound: f64, index: usize) -> Self {
-        Self { bound, index: index as u32, group: None }
+        Self::new(bound, index as u32, 0)
     }
 
     /// A group whose first sample is `first`; the others follow it.
     pub(super) fn group(bound: f64, first: usize, group: usize) -> Self {
-        Self { bound, index: first as u32, group: Some(group as u32) }
+        Self::new(bound, first as u32, group as u32 + 1)
+    }
+
+    #[inline]
+    fn new(bound: f64, index: u32, group: u32) -> Self {
+        let bits = reordered(bound.to_bits()) ^ (1 << 63);
+        Self(u128::from(bits) << 64 | u128::from(index) << 32 | u128::from(group))
+    }
+
+    #[inline]
+    fn bound(self) -> f64 {
+        f64::from_bits(reordered((self.0 >> 64) as u64 ^ (1 << 63)))
+    }
+
+    #[inline]
+    fn index(self) -> usize {
+        (self.0 >> 32) as u32 as usize
+    }
+
+    #[inline]
+    fn group_number(self) -> Option<usize> {
+        (self.0 as u32 as usize).checked_sub(1)
+    }
+
+    /// The same with another bound.
+    #[inline]
+    fn with(self, bound: f64) -> Self {
+        Self::new(bound, self.index() as u32, self.0 as u32)
     }
 }
 
-impl Eq for Entry {}
-
-impl PartialOrd for Entry {
-    #[inline]
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Entry {
-    #[inline]
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.bound.total_cmp(&other.bound).then(self.index.cmp(&other.index)).then(self.group.cmp(&other.group))
-    }
+/// Bits of numbers in the order of `f64::total_cmp` as signed integers, and back.
+#[inline]
+fn reordered(bits: u64) -> u64 {
+    bits ^ (((bits as i64 >> 63) as u64) >> 1)
 }
 
 /// What one more step of work on a sample found.
@@ -69,7 +86,7 @@ pub(super) type Heap = BinaryHeap<Reverse<Entry>>;
 pub(super) fn start(heap: &mut Heap, entries: impl Iterator<Item = Entry>) {
     let mut memory = std::mem::take(heap).into_vec();
     memory.clear();
-    memory.extend(entries.filter(|entry| entry.bound.is_finite()).map(Reverse));
+    memory.extend(entries.filter(|entry| entry.bound().is_finite()).map(Reverse));
     *heap = BinaryHeap::from(memory);
 }
 
@@ -80,25 +97,25 @@ pub(super) fn start(heap: &mut Heap, entries: impl Iterator<Item = Entry>) {
 /// bound, the result is that of `exhaustive`.
 pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(usize, f64)> {
     while let Some(Reverse(mut entry)) = heap.pop() {
-        let index = entry.index as usize;
-        if let Some(group) = entry.group {
-            if let Some(bound) = search.tighten(group as usize) {
-                entry.bound = bound;
+        let index = entry.index();
+        if let Some(group) = entry.group_number() {
+            if let Some(bound) = search.tighten(group) {
+                entry = entry.with(bound);
                 if heap.peek().is_some_and(|Reverse(next)| *next < entry) {
                     heap.push(Reverse(entry));
                     continue;
                 }
             }
-            let samples = search.open(group as usize).enumerate().filter(|(_, bound)| bound.is_finite());
+            let samples = search.open(group).enumerate().filter(|(_, bound)| bound.is_finite());
             heap.extend(samples.map(|(i, bound)| Reverse(Entry::sample(bound, index + i))));
             continue;
         }
         loop {
             match search.refine(index) {
                 Refined::Rejected => break,
-                Refined::Bound(bound) => entry.bound = bound,
+                Refined::Bound(bound) => entry = entry.with(bound),
                 Refined::Cost(cost) => {
-                    entry.bound = cost;
+                    entry = entry.with(cost);
                     if heap.peek().is_none_or(|Reverse(next)| entry < *next) {
                         return Some((index, cost));
                     }
@@ -117,10 +134,11 @@ pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(u
 pub(super) fn exhaustive(heap: &Heap, search: &mut impl Search) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
     let mut entries: Vec<Entry> = heap.iter().map(|Reverse(entry)| *entry).collect();
-    entries.sort_unstable_by_key(|entry| entry.index);
-    for Entry { bound, index, group } in entries {
-        let bounds: Vec<f64> = group.map_or_else(|| vec![bound], |group| search.open(group as usize).collect());
-        for sample in (0..bounds.len()).filter(|i| bounds[*i].is_finite()).map(|i| index as usize + i) {
+    entries.sort_unstable_by_key(|entry| entry.index());
+    for entry in entries {
+        let (bound, index, group) = (entry.bound(), entry.index(), entry.group_number());
+        let bounds: Vec<f64> = group.map_or_else(|| vec![bound], |group| search.open(group).collect());
+        for sample in (0..bounds.len()).filter(|i| bounds[*i].is_finite()).map(|i| index + i) {
             let cost = loop {
                 match search.refine(sample) {
                     Refined::Rejected => break None,

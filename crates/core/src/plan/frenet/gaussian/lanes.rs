@@ -16,6 +16,8 @@ pub(super) const LANES: usize = 8;
 /// Terms of the series, and the correlation up to which they do: the rest is below 2e-7.
 const TERMS: usize = 6;
 const SERIES_UP_TO: f32 = 0.15;
+/// Smaller correlations are none.
+const INDEPENDENT: f32 = 1e-8;
 /// Correlations up to which three, four, six and eight nodes give the integral to 3e-7.
 pub(super) const NODES_UP_TO: [f32; 4] = [0.4, 0.58, 0.77, 0.88];
 const RULE_3: [(f64, f64); 3] = gauss_legendre();
@@ -61,23 +63,29 @@ impl Boxes {
     #[inline(always)]
     fn by_series(&self, rho: f32) -> [f32; LANES] {
         let mut found = [0.0; LANES];
+        // Powers of less would be too small for the number format.
+        let rho = if rho < -INDEPENDENT || rho > INDEPENDENT { rho } else { 0.0 };
         for lane in 0..LANES {
             let Place { x, y, sign } = self.place(lane);
             let rho = sign * rho;
             // Derivatives of the distribution function: Hermite polynomials times the density, by recurrence.
             let (mut x_now, mut y_now) = ([x.low_density, x.high_density], [y.low_density, y.high_density]);
             let (mut x_before, mut y_before) = ([0.0; 2], [0.0; 2]);
-            let mut gain = 0.0;
-            let mut factor = rho * INVERSE_TAU;
-            for n in 1..=TERMS {
-                gain += factor * ((x_now[1] - x_now[0]) * (y_now[1] - y_now[0]));
-                factor *= rho / (n + 1) as f32;
-                let next = |z: f32, now: f32, before: f32| z * now - (n - 1) as f32 * before;
+            let mut products = [0.0; TERMS];
+            for n in 0..TERMS {
+                products[n] = (x_now[1] - x_now[0]) * (y_now[1] - y_now[0]);
+                let next = |z: f32, now: f32, before: f32| z * now - n as f32 * before;
                 let x_next = [next(x.low, x_now[0], x_before[0]), next(x.high, x_now[1], x_before[1])];
                 let y_next = [next(y.low, y_now[0], y_before[0]), next(y.high, y_now[1], y_before[1])];
                 (x_before, x_now) = (x_now, x_next);
                 (y_before, y_now) = (y_now, y_next);
             }
+            let mut gain = 0.0;
+            for n in 0..TERMS {
+                let n = TERMS - 1 - n;
+                gain = rho * (products[n] + gain) * (1.0 / (n + 1) as f32);
+            }
+            gain *= INVERSE_TAU;
             found[lane] = probability(&x, &y, gain);
         }
         found
@@ -175,16 +183,20 @@ fn density_and_tail(z: f32) -> (f32, f32) {
     (density, density * polynomial)
 }
 
-/// 2 to a number up to about 0, relative error below 2e-7; 0 for those below -126.
+/// 2 to a number up to about 0, relative error below 2e-7. What is below 1e-12 counts as nothing: products of smaller
+/// numbers would be too small for the number format, and then some processors take very long.
 #[inline(always)]
 fn power_of_two(x: f32) -> f32 {
     /// Adding and subtracting it rounds to an integer; its low bits hold that integer.
     const ROUNDER: f32 = 12_582_912.0;
-    let x = if x > -126.0 { x } else { -126.0 };
+    const LEAST: f32 = -40.0;
+    let is_something = x > LEAST;
+    let x = if is_something { x } else { LEAST };
     let shifted = x + ROUNDER;
     let f = x - (shifted - ROUNDER);
     // Weighted least squares, |f| <= 1/2.
     let series = 1.0
         + f * (0.693_147 + f * (0.240_222_42 + f * (0.055_507_337 + f * (0.009_671_513 + f * 0.001_326_472_8))));
-    series * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23)
+    let power = series * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23);
+    if is_something { power } else { 0.0 }
 }
