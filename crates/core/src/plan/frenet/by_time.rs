@@ -80,15 +80,10 @@ impl<const N: usize> ByTime<N> {
         (self.starts[time], self.starts[time + 1])
     }
 
-    /// Numbers of the things of a group that pass a test, in the order in which they were added, and how many there are.
-    /// The test answers 1 for yes and 0 for no, and 0 if the numbers are none. It is given the numbers of the group,
-    /// column by column, and which of the group to test.
+    /// Which things of a group pass a test, one bit each. The test answers 1 for yes and 0 for no, and 0 if the numbers
+    /// are none. It is given the numbers of the group, column by column, and which of the group to test.
     #[inline(always)]
-    pub(super) fn passing(
-        &self,
-        group: usize,
-        test: impl Fn(&[[f32; GROUP]; N], usize) -> u32,
-    ) -> ([usize; GROUP], usize) {
+    pub(super) fn passing(&self, group: usize, test: impl Fn(&[[f32; GROUP]; N], usize) -> u32) -> u32 {
         // Not by iterators: functions of theirs that are not inlined know nothing of wide machines.
         let mut numbers = [[0.0; GROUP]; N];
         for (numbers, column) in numbers.iter_mut().zip(&self.columns) {
@@ -96,21 +91,21 @@ impl<const N: usize> ByTime<N> {
                 *numbers = [a, b, c, d, e, f, g, h];
             }
         }
-        let (mut passed, mut any) = ([0; GROUP], 0);
+        let mut bits = [0; GROUP];
         for k in 0..GROUP {
-            passed[k] = test(&numbers, k);
+            bits[k] = test(&numbers, k).wrapping_neg() & 1 << k;
         }
+        let mut passing = 0;
         for k in 0..GROUP {
-            any |= passed[k];
+            passing |= bits[k];
         }
-        let (mut found, mut n) = ([0; GROUP], 0);
-        if any != 0 {
-            for k in 0..GROUP {
-                found[n.min(GROUP - 1)] = self.order[group + k];
-                n += passed[k] as usize;
-            }
-        }
-        (found, n)
+        passing
+    }
+
+    /// Number of the first thing of a group among those of some bits, at least one.
+    #[inline(always)]
+    pub(super) fn number(&self, group: usize, bits: u32) -> usize {
+        self.order[group + bits.trailing_zeros() as usize]
     }
 }
 
@@ -133,8 +128,9 @@ mod tests {
                 let passing = |test: &dyn Fn(f32, f32) -> bool| {
                     let (first, end) = by_time.groups(time);
                     let groups = (first..end).step_by(GROUP);
-                    let found = groups.map(|i| by_time.passing(i, |c, k| u32::from(test(c[0][k], c[1][k]))));
-                    found.flat_map(|(found, n)| found[..n].to_vec()).collect::<Vec<_>>()
+                    let bits = |i| by_time.passing(i, |c, k| u32::from(test(c[0][k], c[1][k])));
+                    let one_by_one = |i: usize| (0..GROUP).filter(move |k| bits(i) >> k & 1 == 1).map(move |k| (i, k));
+                    groups.flat_map(one_by_one).map(|(i, k)| by_time.number(i, 1 << k)).collect::<Vec<_>>()
                 };
                 assert_eq!(passing(&|_, one| one < 0.0), expected(time), "the filling passes no test");
                 for i in 0..14 {

@@ -55,8 +55,13 @@ impl Expectations {
         let ahead = body.axis * (body.half_length + 0.5 * settings.prediction_margin_length);
         let left = body.axis.left() * (body.half_width + 0.5 * settings.prediction_margin_width);
         let [xx, xy, yy] = covariance;
-        let expectation =
-            Expectation { mean: body.center, front_left: ahead + left, front_right: ahead - left, probability, covariance };
+        let expectation = Expectation {
+            mean: body.center,
+            front_left: ahead + left,
+            front_right: ahead - left,
+            probability,
+            covariance,
+        };
         let Expectation { front_left: a, front_right: b, .. } = expectation;
         let mean = expectation.mean - self.origin;
         let numbers = [mean.x, mean.y, a.x, a.y, b.x, b.y, xx, xy, yy];
@@ -139,8 +144,8 @@ impl Expectation {
             front_left: view.in_body(self.front_left),
             front_right: view.in_body(self.front_right),
         };
-        let [center, a, b, c, d] = Normal2::new(xx, xy, yy).probabilities(&mean, half).map(f64::from);
-        1000.0 * self.probability * (center + 0.5 * ((a + b) + (c + d)))
+        let probability = Normal2::new(xx, xy, yy).centre_and_corners(&mean, half);
+        1000.0 * self.probability * f64::from(probability)
     }
 }
 
@@ -165,11 +170,7 @@ impl RoughView {
 
     /// As `View::counts`, one of a group.
     #[inline(always)]
-    fn may_count(
-        &self,
-        [x, y, left_x, left_y, right_x, right_y, xx, xy, yy]: &[[f32; GROUP]; 9],
-        k: usize,
-    ) -> u32 {
+    fn may_count(&self, [x, y, left_x, left_y, right_x, right_y, xx, xy, yy]: &[[f32; GROUP]; 9], k: usize) -> u32 {
         /// More than coordinates within a kilometre are rounded by [m].
         const SLACK: f32 = 2e-3;
         /// More than rounding changes a variance by, as a fraction of the sum of both.
@@ -213,9 +214,10 @@ fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, 
     let mut sum = 0.0;
     let (mut group, end) = by_point.groups(i);
     while group < end {
-        let (found, n) = by_point.passing(group, |numbers, k| rough.may_count(numbers, k));
-        for index in &found[..n] {
-            sum += list[*index].cost(&view, half);
+        let mut passing = by_point.passing(group, |numbers, k| rough.may_count(numbers, k));
+        while passing != 0 {
+            sum += list[by_point.number(group, passing)].cost(&view, half);
+            passing &= passing - 1;
         }
         group += GROUP;
     }

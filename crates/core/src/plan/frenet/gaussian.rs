@@ -20,6 +20,9 @@ const INVERSE_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
 const LEFT_DIAGONAL: [f64; LANES] = [0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0];
 const RIGHT_DIAGONAL: [f64; LANES] = [0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0];
 
+/// The centre counts twice as much as a corner.
+const WEIGHTS: [f32; LANES] = [1.0, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0];
+
 /// Standard deviations along x and y and correlation of a normal distribution in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Normal2 {
@@ -48,36 +51,44 @@ impl Normal2 {
         Self { inverse_sigma: (x, y), rho: if rho < -0.9999 { -0.9999 } else { rho } }
     }
 
-    /// Probabilities that the distributed centre and corners of a footprint lie within `half` of the origin in x and in
-    /// y [m]: centre, front left, front right, rear right, rear left. Error below 6e-7; never negative.
+    /// The probability that the distributed centre of a footprint lies within `half` of the origin in x and in y [m],
+    /// plus half of those of its four corners. Error of each below 6e-7; never negative.
     #[inline(always)]
-    pub(super) fn probabilities(&self, mean: &Footprint, half: (f64, f64)) -> [f32; 5] {
-        let inverse_sigma = (f64::from(self.inverse_sigma.0), f64::from(self.inverse_sigma.1));
-        let mut boxes = Boxes { half, x: [0.0; LANES], y: [0.0; LANES], inverse_sigma };
+    pub(super) fn centre_and_corners(&self, mean: &Footprint, half: (f64, f64)) -> f32 {
         let Footprint { center, front_left, front_right } = *mean;
+        let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
             let (left, right) = (LEFT_DIAGONAL[lane], RIGHT_DIAGONAL[lane]);
-            boxes.x[lane] = center.x + (left * front_left.x + right * front_right.x);
-            boxes.y[lane] = center.y + (left * front_left.y + right * front_right.y);
+            x[lane] = center.x + (left * front_left.x + right * front_right.x);
+            y[lane] = center.y + (left * front_left.y + right * front_right.y);
         }
+        let found = self.probabilities(&x, &y, half);
+        let mut halves = [0.0; LANES / 2];
+        for lane in 0..LANES / 2 {
+            halves[lane] = WEIGHTS[lane] * found[lane] + WEIGHTS[lane + LANES / 2] * found[lane + LANES / 2];
+        }
+        (halves[0] + halves[2]) + (halves[1] + halves[3])
+    }
+
+    /// Probabilities of boxes around several centres [m].
+    #[inline(always)]
+    fn probabilities(&self, x: &[f64; LANES], y: &[f64; LANES], half: (f64, f64)) -> [f32; LANES] {
+        let inverse_sigma = (f64::from(self.inverse_sigma.0), f64::from(self.inverse_sigma.1));
+        let boxes = Boxes::new(x, y, half, inverse_sigma);
         let [.., moderate] = NODES_UP_TO;
-        let found = if self.rho > moderate || self.rho < -moderate {
-            self.strongly_correlated(&boxes)
-        } else {
-            boxes.probabilities(self.rho)
-        };
-        let [center, front_left, front_right, rear_right, rear_left, ..] = found;
-        [center, front_left, front_right, rear_right, rear_left]
+        if self.rho > moderate || self.rho < -moderate {
+            return self.strongly_correlated(&boxes);
+        }
+        boxes.probabilities(self.rho)
     }
 
     #[cold]
     fn strongly_correlated(&self, boxes: &Boxes) -> [f32; LANES] {
-        let Boxes { half, inverse_sigma, .. } = *boxes;
-        let side = |center: f64, half: f64, inverse: f64| ((center - half) * inverse, (center + half) * inverse);
+        let side = |low: f32, high: f32| (f64::from(low), f64::from(high));
         std::array::from_fn(|lane| {
-            let x = side(boxes.x[lane], half.0, inverse_sigma.0);
-            let y = side(boxes.y[lane], half.1, inverse_sigma.1);
-            if lane < 5 { slabs::box_probability(x, y, f64::from(self.rho)) as f32 } else { 0.0 }
+            let (x, y) = (side(boxes.low_x[lane], boxes.high_x[lane]), side(boxes.low_y[lane], boxes.high_y[lane]));
+            let rho = f64::from(boxes.sign[lane] * self.rho);
+            if WEIGHTS[lane] > 0.0 { slabs::box_probability(x, y, rho) as f32 } else { 0.0 }
         })
     }
 }

@@ -414,11 +414,12 @@ fn overlap_from(obstacles: &Obstacles, first: usize) -> Option<usize> {
         let numbers = rough(step, *origin);
         let (mut group, end) = sweeps_by_interval.groups(interval);
         while group < end {
-            let (found, n) = sweeps_by_interval.passing(group, |others, k| may_overlap(&numbers, others, k));
-            for index in &found[..n] {
-                if step.overlaps(&sweeps[*index].swept) {
+            let mut passing = sweeps_by_interval.passing(group, |others, k| may_overlap(&numbers, others, k));
+            while passing != 0 {
+                if step.overlaps(&sweeps[sweeps_by_interval.number(group, passing)].swept) {
                     return Some(interval);
                 }
+                passing &= passing - 1;
             }
             group += GROUP;
         }

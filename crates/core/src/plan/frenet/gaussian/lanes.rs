@@ -16,8 +16,6 @@ pub(super) const LANES: usize = 8;
 /// Terms of the series, and the correlation up to which they do: the rest is below 2e-7.
 const TERMS: usize = 6;
 const SERIES_UP_TO: f32 = 0.15;
-/// Smaller correlations are none.
-const INDEPENDENT: f32 = 1e-8;
 /// Correlations up to which three, four, six and eight nodes give the integral to 3e-7.
 pub(super) const NODES_UP_TO: [f32; 4] = [0.4, 0.58, 0.77, 0.88];
 const RULE_3: [(f64, f64); 3] = gauss_legendre();
@@ -30,17 +28,39 @@ const SQUARE_TO_POWER: f32 = -0.721_347_5;
 const LOG2_E: f32 = std::f32::consts::LOG2_E;
 const INVERSE_TAU: f32 = 0.159_154_94;
 
-/// Boxes of one size around several centres [m], and the standard deviations. Where the sides are is worked out in double
-/// precision: they can be many deviations from the centres.
+/// Boxes, reflected into the first quadrant: the ends of their sides [standard deviations].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Boxes {
-    pub(super) half: (f64, f64),
-    pub(super) x: [f64; LANES],
-    pub(super) y: [f64; LANES],
-    pub(super) inverse_sigma: (f64, f64),
+    pub(super) low_x: [f32; LANES],
+    pub(super) high_x: [f32; LANES],
+    pub(super) low_y: [f32; LANES],
+    pub(super) high_y: [f32; LANES],
+    /// A reflection of one axis changes the sign of the correlation.
+    pub(super) sign: [f32; LANES],
 }
 
 impl Boxes {
+    /// Around centres [m], of one size, in double precision: sides can be many deviations from the mean.
+    #[inline(always)]
+    pub(super) fn new(
+        x: &[f64; LANES],
+        y: &[f64; LANES],
+        half: (f64, f64),
+        (inverse_sigma_x, inverse_sigma_y): (f64, f64),
+    ) -> Self {
+        let zeros = [0.0; LANES];
+        let mut boxes = Self { low_x: zeros, high_x: zeros, low_y: zeros, high_y: zeros, sign: zeros };
+        for lane in 0..LANES {
+            let (far_x, far_y) = (x[lane].abs(), y[lane].abs());
+            boxes.low_x[lane] = ((far_x - half.0) * inverse_sigma_x) as f32;
+            boxes.high_x[lane] = ((far_x + half.0) * inverse_sigma_x) as f32;
+            boxes.low_y[lane] = ((far_y - half.1) * inverse_sigma_y) as f32;
+            boxes.high_y[lane] = ((far_y + half.1) * inverse_sigma_y) as f32;
+            boxes.sign[lane] = (if (x[lane] < 0.0) == (y[lane] < 0.0) { 1.0_f64 } else { -1.0 }) as f32;
+        }
+        boxes
+    }
+
     /// The probability of each box; the mean is the origin. Error below 5e-7; never negative. The correlation must not
     /// be stronger than the last of `NODES_UP_TO`.
     #[inline(always)]
@@ -62,31 +82,30 @@ impl Boxes {
 
     #[inline(always)]
     fn by_series(&self, rho: f32) -> [f32; LANES] {
+        /// What is smaller counts as nothing, see `power_of_two`.
+        const NOTHING: f32 = 1e-12;
+        let (mut factors, mut factor) = ([0.0; TERMS], INVERSE_TAU);
+        for n in 0..TERMS {
+            factor *= rho / (n + 1) as f32;
+            factor = if factor < -NOTHING || factor > NOTHING { factor } else { 0.0 };
+            factors[n] = factor;
+        }
         let mut found = [0.0; LANES];
-        // Powers of less would be too small for the number format.
-        let rho = if rho < -INDEPENDENT || rho > INDEPENDENT { rho } else { 0.0 };
         for lane in 0..LANES {
-            let Place { x, y, sign } = self.place(lane);
-            let rho = sign * rho;
+            let (x, y) = self.sides(lane);
             // Derivatives of the distribution function: Hermite polynomials times the density, by recurrence.
             let (mut x_now, mut y_now) = ([x.low_density, x.high_density], [y.low_density, y.high_density]);
             let (mut x_before, mut y_before) = ([0.0; 2], [0.0; 2]);
-            let mut products = [0.0; TERMS];
+            let mut gains = [0.0; 2];
             for n in 0..TERMS {
-                products[n] = (x_now[1] - x_now[0]) * (y_now[1] - y_now[0]);
+                gains[n % 2] += factors[n] * ((x_now[1] - x_now[0]) * (y_now[1] - y_now[0]));
                 let next = |z: f32, now: f32, before: f32| z * now - n as f32 * before;
                 let x_next = [next(x.low, x_now[0], x_before[0]), next(x.high, x_now[1], x_before[1])];
                 let y_next = [next(y.low, y_now[0], y_before[0]), next(y.high, y_now[1], y_before[1])];
                 (x_before, x_now) = (x_now, x_next);
                 (y_before, y_now) = (y_now, y_next);
             }
-            let mut gain = 0.0;
-            for n in 0..TERMS {
-                let n = TERMS - 1 - n;
-                gain = rho * (products[n] + gain) * (1.0 / (n + 1) as f32);
-            }
-            gain *= INVERSE_TAU;
-            found[lane] = probability(&x, &y, gain);
+            found[lane] = probability(&x, &y, self.sign[lane] * gains[0] + gains[1]);
         }
         found
     }
@@ -106,16 +125,16 @@ impl Boxes {
         }
         let mut found = [0.0; LANES];
         for lane in 0..LANES {
-            let Place { x, y, sign } = self.place(lane);
+            let ((x, y), sign) = (self.sides(lane), self.sign[lane]);
             let squares = [x.low * x.low, x.high * x.high, y.low * y.low, y.high * y.high];
             let mut gain = 0.0;
             for [weight, of_square, of_product] in nodes {
                 let of_product = sign * of_product;
                 let density = |square: f32, product: f32| power_of_two(of_square * square + of_product * product);
-                let same = density(squares[0] + squares[2], x.low * y.low)
-                    + density(squares[1] + squares[3], x.high * y.high);
-                let other = density(squares[0] + squares[3], x.low * y.high)
-                    + density(squares[1] + squares[2], x.high * y.low);
+                let same =
+                    density(squares[0] + squares[2], x.low * y.low) + density(squares[1] + squares[3], x.high * y.high);
+                let other =
+                    density(squares[0] + squares[3], x.low * y.high) + density(squares[1] + squares[2], x.high * y.low);
                 gain += weight * (same - other);
             }
             found[lane] = probability(&x, &y, sign * gain);
@@ -123,24 +142,10 @@ impl Boxes {
         found
     }
 
-    /// A box reflected into the first quadrant; a reflection of one axis changes the sign of the correlation.
     #[inline(always)]
-    fn place(&self, lane: usize) -> Place {
-        let (x, y) = (self.x[lane], self.y[lane]);
-        let sign = if (x < 0.0) == (y < 0.0) { 1.0 } else { -1.0 };
-        let (x, y) = (if x < 0.0 { -x } else { x }, if y < 0.0 { -y } else { y });
-        let x = Side::new((x - self.half.0) * self.inverse_sigma.0, (x + self.half.0) * self.inverse_sigma.0);
-        let y = Side::new((y - self.half.1) * self.inverse_sigma.1, (y + self.half.1) * self.inverse_sigma.1);
-        Place { x, y, sign }
+    fn sides(&self, lane: usize) -> (Side, Side) {
+        (Side::new(self.low_x[lane], self.high_x[lane]), Side::new(self.low_y[lane], self.high_y[lane]))
     }
-}
-
-/// Where a box is, in the first quadrant.
-struct Place {
-    x: Side,
-    y: Side,
-    /// Of the correlation.
-    sign: f32,
 }
 
 /// One side of a box: its ends [standard deviations], times sqrt(2 pi) the densities there, and the probability between.
@@ -155,8 +160,7 @@ struct Side {
 impl Side {
     /// Between two ends whose middle is not negative.
     #[inline(always)]
-    fn new(low: f64, high: f64) -> Self {
-        let (low, high) = (low as f32, high as f32);
+    fn new(low: f32, high: f32) -> Self {
         let (low_density, low_tail) = density_and_tail(if low < 0.0 { -low } else { low });
         let (high_density, high_tail) = density_and_tail(high);
         let probability = (if low < 0.0 { 1.0 - low_tail } else { low_tail }) - high_tail;
@@ -195,8 +199,8 @@ fn power_of_two(x: f32) -> f32 {
     let shifted = x + ROUNDER;
     let f = x - (shifted - ROUNDER);
     // Weighted least squares, |f| <= 1/2.
-    let series = 1.0
-        + f * (0.693_147 + f * (0.240_222_42 + f * (0.055_507_337 + f * (0.009_671_513 + f * 0.001_326_472_8))));
+    let series =
+        1.0 + f * (0.693_147 + f * (0.240_222_42 + f * (0.055_507_337 + f * (0.009_671_513 + f * 0.001_326_472_8))));
     let power = series * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23);
     if is_something { power } else { 0.0 }
 }

@@ -24,12 +24,9 @@ fn brute_force(variance_x: f64, covariance: f64, variance_y: f64, center: (f64, 
     sum * hx * hy / (std::f64::consts::TAU * determinant.sqrt())
 }
 
-/// The box of a footprint that is a point.
 fn one_box(normal: &Normal2, center: (f64, f64), half: (f64, f64)) -> f64 {
-    let nothing = Point::default();
-    let point = Footprint { center: Point::new(center.0, center.1), front_left: nothing, front_right: nothing };
-    let found = normal.probabilities(&point, half);
-    assert!(found.iter().all(|p| *p == found[0]), "{found:?}");
+    let found = normal.probabilities(&[center.0; LANES], &[center.1; LANES], half);
+    assert!(found[..5].iter().all(|p| *p == found[0]), "{found:?}");
     f64::from(found[0])
 }
 
@@ -74,10 +71,11 @@ fn boxes_of_all_sizes_and_places_agree_with_the_slabs() {
 fn the_corners_of_a_footprint_are_those_of_boxes_around_them() {
     let normal = Normal2::new(0.8, 0.1, 0.5);
     let (center, left, right) = (Point::new(1.4, -0.6), Point::new(2.3, 1.3), Point::new(2.5, -1.1));
-    let found = normal.probabilities(&Footprint { center, front_left: left, front_right: right }, (2.2, 0.9));
-    for (found, place) in found.into_iter().zip([center, center + left, center + right, center - left, center - right]) {
-        assert_eq!(f64::from(found), one_box(&normal, (place.x, place.y), (2.2, 0.9)));
-    }
+    let found = normal.centre_and_corners(&Footprint { center, front_left: left, front_right: right }, (2.2, 0.9));
+    let place = |p: Point| one_box(&normal, (p.x, p.y), (2.2, 0.9));
+    let corners = [center + left, center + right, center - left, center - right].map(place);
+    assert!((f64::from(found) - (place(center) + 0.5 * corners.iter().sum::<f64>())).abs() < 1e-6, "{found}");
+    assert!(corners.iter().all(|p| *p > 0.01), "{corners:?}");
 }
 
 #[test]
