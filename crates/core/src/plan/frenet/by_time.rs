@@ -82,9 +82,9 @@ impl<const N: usize> ByTime<N> {
 
     /// Which things of a group pass a test, one bit each. The test answers 1 for yes and 0 for no, and 0 if the numbers
     /// are none. It is given the numbers of the group, column by column, and which of the group to test.
+    #[expect(clippy::needless_range_loop, reason = "functions of iterators that are not inlined know no wide machines")]
     #[inline(always)]
     pub(super) fn passing(&self, group: usize, test: impl Fn(&[[f32; GROUP]; N], usize) -> u32) -> u32 {
-        // Not by iterators: functions of theirs that are not inlined know nothing of wide machines.
         let mut numbers = [[0.0; GROUP]; N];
         for (numbers, column) in numbers.iter_mut().zip(&self.columns) {
             if let [a, b, c, d, e, f, g, h] = column[group..group + GROUP] {

@@ -409,8 +409,7 @@ for_wide_machines! {
 #[inline(always)]
 fn overlap_from(obstacles: &Obstacles, first: usize) -> Option<usize> {
     let Obstacles { sweeps, sweeps_by_interval, origin, steps, .. } = obstacles;
-    for interval in first..steps.len() {
-        let step = &steps[interval];
+    for (interval, step) in (first..).zip(&steps[first..]) {
         let numbers = rough(step, *origin);
         let (mut group, end) = sweeps_by_interval.groups(interval);
         while group < end {

@@ -7,6 +7,8 @@
 //! Biometrika 41, 1954), is integrated with Gauss-Legendre nodes (Drezner and Wesolowsky, J. Statist. Comput. Simul. 35,
 //! 1990).
 
+#![expect(clippy::needless_range_loop, reason = "loops over lanes become one step of a wide machine")]
+
 use super::REACH;
 use super::quadrature::gauss_legendre;
 
@@ -87,7 +89,7 @@ impl Boxes {
         let (mut factors, mut factor) = ([0.0; TERMS], INVERSE_TAU);
         for n in 0..TERMS {
             factor *= rho / (n + 1) as f32;
-            factor = if factor < -NOTHING || factor > NOTHING { factor } else { 0.0 };
+            factor = if factor.abs() > NOTHING { factor } else { 0.0 };
             factors[n] = factor;
         }
         let mut found = [0.0; LANES];
@@ -199,8 +201,9 @@ fn power_of_two(x: f32) -> f32 {
     let shifted = x + ROUNDER;
     let f = x - (shifted - ROUNDER);
     // Weighted least squares, |f| <= 1/2.
-    let series =
-        1.0 + f * (0.693_147 + f * (0.240_222_42 + f * (0.055_507_337 + f * (0.009_671_513 + f * 0.001_326_472_8))));
+    let series = 1.0
+        + f * (std::f32::consts::LN_2
+            + f * (0.240_222_83 + f * (0.055_505_585 + f * (0.009_669_691 + f * 0.001_330_060_4))));
     let power = series * f32::from_bits(shifted.to_bits().wrapping_add(127) << 23);
     if is_something { power } else { 0.0 }
 }
