@@ -74,7 +74,9 @@ impl Index {
 
     /// The stretches that may be nearer to a point than `distance` [m], and those that a straight way from there may meet.
     pub(super) fn look(&self, point: Point, distance: f64, way: Point) -> Candidates {
-        look(&self.blocks, point, distance, way)
+        let found = look(&self.blocks, point, distance, way);
+        let known = if self.n < BITS { (1 << self.n) - 1 } else { u64::MAX };
+        Candidates { near: found.near & known, crossed: found.crossed & known }
     }
 
     /// Stretches that are near, ascending.
@@ -101,8 +103,20 @@ for_wide_machines! {
     fn look = look_at_blocks, (blocks: &[Block], point: Point, distance: f64, way: Point) -> Candidates
 }
 
+/// A number per stretch of a block: small loops of their own, which the compiler turns into wide operations.
+macro_rules! per_lane {
+    ($lane:ident: $value:expr) => {{
+        let mut values = [0.0; LANES];
+        for $lane in 0..LANES {
+            values[$lane] = $value;
+        }
+        values
+    }};
+}
+
 /// All knots of a stretch lie within its deviation of the chord, so on each side of the way, and along it, the ends of
 /// the chord tell where they can be.
+#[expect(clippy::needless_range_loop, reason = "functions of iterators are not inlined where AVX2 is on")]
 #[inline(always)]
 fn look_at_blocks(blocks: &[Block], point: Point, distance: f64, way: Point) -> Candidates {
     let way_squared = way.norm_squared();
@@ -110,27 +124,41 @@ fn look_at_blocks(blocks: &[Block], point: Point, distance: f64, way: Point) -> 
     let mut found = Candidates { near: 0, crossed: 0 };
     let n = if blocks.len() < BITS / LANES { blocks.len() } else { BITS / LANES };
     for (k, block) in blocks[..n].iter().enumerate() {
-        let (mut near, mut crossed) = (0_u64, 0_u64);
-        for lane in 0..LANES {
-            let (x, y) = (point.x - block.x[lane], point.y - block.y[lane]);
-            let (chord_x, chord_y) = (block.chord_x[lane], block.chord_y[lane]);
-            let fraction = ((x * chord_x + y * chord_y) * block.inverse[lane]).clamp(0.0, 1.0);
-            let (away_x, away_y) = (x - chord_x * fraction, y - chord_y * fraction);
-            let reach = distance + block.deviation[lane];
-            let is_near = away_x * away_x + away_y * away_y <= reach * reach;
-            let margin = block.deviation[lane] * way_length;
-            let (side, along) = (way.y * x - way.x * y, -(way.x * x + way.y * y));
-            let side_end = side + (way.x * chord_y - way.y * chord_x);
-            let along_end = along + (way.x * chord_x + way.y * chord_y);
-            let is_beside = side.min(side_end) > margin || side.max(side_end) < -margin;
-            let is_off = along.max(along_end) < -margin || along.min(along_end) > way_squared + margin;
-            near |= u64::from(is_near) << lane;
-            crossed |= u64::from(!(is_beside | is_off)) << lane;
+        let Block { x, y, chord_x, chord_y, inverse, deviation } = block;
+        let (x, y) = (per_lane!(i: point.x - x[i]), per_lane!(i: point.y - y[i]));
+        let fraction = per_lane!(i: (x[i] * chord_x[i] + y[i] * chord_y[i]) * inverse[i]);
+        let fraction = per_lane!(i: less(more(fraction[i], 0.0), 1.0));
+        let away_x = per_lane!(i: x[i] - chord_x[i] * fraction[i]);
+        let away_y = per_lane!(i: y[i] - chord_y[i] * fraction[i]);
+        let reach = per_lane!(i: distance + deviation[i]);
+        let near = per_lane!(i: reach[i] * reach[i] - (away_x[i] * away_x[i] + away_y[i] * away_y[i]));
+        // Start and end of the chord beside and along the way.
+        let side = per_lane!(i: way.y * x[i] - way.x * y[i]);
+        let side_end = per_lane!(i: side[i] + (way.x * chord_y[i] - way.y * chord_x[i]));
+        let along = per_lane!(i: -(way.x * x[i] + way.y * y[i]));
+        let along_end = per_lane!(i: along[i] + (way.x * chord_x[i] + way.y * chord_y[i]));
+        let beside = per_lane!(i: less(-less(side[i], side_end[i]), more(side[i], side_end[i])));
+        let before = per_lane!(i: less(more(along[i], along_end[i]), way_squared - less(along[i], along_end[i])));
+        let crossed = per_lane!(i: less(beside[i], before[i]) + deviation[i] * way_length);
+        for i in 0..LANES {
+            found.near |= u64::from(near[i] >= 0.0) << (k * LANES + i);
         }
-        found.near |= near << (k * LANES);
-        found.crossed |= crossed << (k * LANES);
+        for i in 0..LANES {
+            found.crossed |= u64::from(crossed[i] >= 0.0) << (k * LANES + i);
+        }
     }
     found
+}
+
+/// The smaller of two numbers; without the detours of `f64::min` for what is not a number.
+#[inline(always)]
+fn less(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn more(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 #[cfg(test)]
@@ -188,7 +216,7 @@ mod tests {
         for i in 0..100 {
             let (point, way) = (Point::new(f64::from(i), 3.0), Point::from_angle(f64::from(i)) * 30.0);
             let narrow = look_at_blocks(&index.blocks, point, 3.4, way);
-            assert_eq!(index.look(point, 3.4, way), narrow);
+            assert_eq!(look(&index.blocks, point, 3.4, way), narrow);
         }
     }
 }
