@@ -101,6 +101,19 @@ def test_predictions_have_modes_that_add_up_to_one(file, modes_max):
     assert (np.linalg.eigvalsh(covariance) > 0).all()
 
 
+def test_a_tail_is_one_more_mode(file):
+    write_weights(file, weights(**{"decode.tail": np.array([0.1, 5.0, 0.02, 8.0])}), {"feature_version": VERSION})
+    simulation = Simulation(scenario(), agents=[100], predictor=Neural(2, str(file)), threads=1)
+    found = simulation._predict(simulation.world.scene())
+    assert found.x.shape == (3, 3, 30)
+    assert found.probability.sum(axis=1) == pytest.approx(1.0)
+    last = (found.probability > 0).sum(axis=1) - 1
+    rows = np.arange(3)
+    assert set(np.round(found.probability[rows, last], 6)) <= {0.1, 0.02}
+    assert (found.x[rows, last] == found.x[:, 0]).all()
+    assert (np.linalg.det(found.covariance[rows, last]) > np.linalg.det(found.covariance[:, 0])).all()
+
+
 @pytest.mark.parametrize("dt", [0.1, 0.2])
 def test_a_run_with_it_is_the_same_on_any_number_of_threads(file, dt):
     cars = [Car(i, 20.0 + 12.0 * i, 3.5 * (i % 2), velocity=6.0 + i % 3) for i in range(1, 8)]
@@ -129,6 +142,11 @@ def test_a_truncated_file_is_named(file):
         ({}, None, r"made for features of version none"),
         ({"agent.0.bias": np.zeros(25)}, VERSION, r"small.safetensors: tensor agent.0.bias has shape \[25\], \(24\)"),
         ({"more": np.zeros(1)}, VERSION, "nothing is known of the tensor more"),
+        (
+            {"decode.tail": np.array([0.1, 0.5, 0.0, 1.0])},
+            VERSION,
+            "tensor decode.tail must have probabilities below 0.5",
+        ),
         ({"calibration.s": np.zeros(6)}, VERSION, "tensor calibration.s has values that are not positive"),
         ({"agent.0.bias": np.full(24, np.nan)}, VERSION, "tensor agent.0.bias has values that are not finite numbers"),
     ],

@@ -67,7 +67,8 @@ def test_predictions_are_of_now_and_for_those_in_sight_and_oneself():
     view, predictions = views[5]
     assert predictions.time_step == 5
     assert predictions.ids.tolist() == sorted([*view.ids.tolist(), 100])
-    assert predictions.covariance.shape == (len(predictions.ids), Neural().modes_max, 30, 2, 2)
+    n_modes = Neural().modes_max + 1  # the wide one
+    assert predictions.covariance.shape == (len(predictions.ids), n_modes, 30, 2, 2)
 
 
 @pytest.mark.parametrize(("dt", "steps"), [(0.1, 30), (0.2, 30), (0.04, 75), (0.05, 60)])

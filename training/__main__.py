@@ -17,12 +17,13 @@ import numpy as np
 import torch
 
 from interdrive.predictors import Neural
-from training.calibration import Calibration, calibrated, fitted
+from training.calibration import Calibration, calibrated, fitted, with_fitted_tail
 from training.dataset import RIVALS, gather, scenario_files
 from training.evaluate import errors, groups, modes_of, rival_modes, table
 from training.export import digest_of, write_fixture, write_weights
 from training.fit import Course, answer_to, fit, shares
 from training.split import FOLDS, place_of, read_places
+from training.tail import with_tail
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -183,18 +184,19 @@ def _calibration(
     networks: Mapping[str, Network], rows: Rows, part: NDArray[np.str_], places: tuple[Place, ...]
 ) -> Calibration:
     """From what each network says of moving vehicles in the third that it was not trained on."""
-    answers, agents, targets, weights = [], [], [], []
+    answers, agents, targets, weights, asked = [], [], [], [], []
     share = shares(rows, places) * (rows["made"] != "steady") * np.isfinite(rows["future"][:, -1, 0])
     generator = np.random.default_rng(0)
     for fold, network in networks.items():
         there = np.flatnonzero((part == fold) & (share > 0))
         drawn = generator.choice(there, CALIBRATION_ROWS, p=share[there] / share[there].sum())
         here = {name: values[drawn] for name, values in rows.items()}
+        asked.append(here)
         answers.append(answer_to(network, here))
         agents.append(torch.from_numpy(here["agent"]))
         targets.append(torch.from_numpy(here["target"]))
         weights.append(torch.from_numpy((~here["standing"]).astype(np.float32) / CALIBRATION_ROWS))
-    return fitted(answers, agents, targets, weights)
+    return with_fitted_tail(fitted(answers, agents, targets, weights), answers, asked, MODES_MAX)
 
 
 def _evaluation(
@@ -227,7 +229,8 @@ def _beside_rivals(network: Network, calibration: Calibration, rows: Rows) -> di
 def _said(answer: Answer, calibration: Calibration, rows: Rows) -> Modes:
     """What the predictor says."""
     agent, standing = torch.from_numpy(rows["agent"]), torch.from_numpy(rows["standing"])
-    return modes_of(calibrated(answer, calibration, agent, standing), rows, MODES_MAX)
+    modes = modes_of(calibrated(answer, calibration, agent, standing), rows, MODES_MAX)
+    return modes if calibration.tail is None else with_tail(modes, rows["standing"], calibration.tail)
 
 
 def _without_all(lines: Sequence[dict[str, str | float]]) -> list[dict[str, str | float]]:

@@ -6,19 +6,25 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
+
+from training.evaluate import NOMINAL, Modes, levels, modes_of
+from training.tail import Tail, together, with_tail
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
     from torch import Tensor
 
+    from training.dataset import Rows
     from training.network import Answer
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Factors of the standard deviations, and the divisor of the logits.
+    """Factors of the standard deviations, the divisor of the logits, and the wide mode.
 
     Attributes:
         s: Factors of those along the path, per knot.
@@ -27,6 +33,7 @@ class Calibration:
             multiplied with each feature of how even its past was.
         evenness_d: The same across the path.
         temperature: Divisor of the logits.
+        tail: The wide mode; None is none.
     """
 
     s: tuple[float, ...]
@@ -34,8 +41,17 @@ class Calibration:
     evenness_s: tuple[float, ...]
     evenness_d: tuple[float, ...]
     temperature: float
+    tail: Tail | None = None
 
 
+_LOG_TAU = math.log(2.0 * math.pi)
+#: Which modes are merged into one spread depends a little on the factors: the tail is fitted again after them.
+_ROUNDS = 2
+#: Probabilities of the wide mode that are tried; with a fifth and more planners would have to keep clear of it.
+_SHARES = (0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18)
+#: Knots at which regions are compared with what they promise, and how many rows are left out for it.
+_LOOKED_AT = (1, 3, 5)
+_EVERY = 3
 #: Larger temperatures would buy likelihood of a few rows with probability for ways that nobody takes.
 _TEMPERATURE_MAX = 1.5
 
@@ -135,3 +151,134 @@ def fitted(
         tuple(round(value, 4) for value in row) for row in _with_constant(factors.detach()[2 * n + 1 :]).tolist()
     ]
     return Calibration(tuple(found[:n]), tuple(found[n : 2 * n]), evenness[0], evenness[1], 1.0)
+
+
+def with_fitted_tail(
+    calibration: Calibration, answers: Sequence[Answer], rows: Sequence[Rows], modes_max: int
+) -> Calibration:
+    """The calibration with a tail, and with smaller factors of the spreads, which need not hold the tail any more.
+
+    Args:
+        calibration: Without a tail.
+        answers: What networks say at places that they were not trained on.
+        rows: What was asked and true there.
+        modes_max: Modes that the predictor keeps.
+    """
+    for _ in range(_ROUNDS):
+        without = replace(calibration, tail=None)
+        said = [
+            modes_of(
+                calibrated(answer, without, torch.from_numpy(there["agent"]), torch.from_numpy(there["standing"])),
+                there,
+                modes_max,
+            )
+            for answer, there in zip(answers, rows, strict=True)
+        ]
+        narrower, tail = fitted_tail(said, rows)
+        s, d = (tuple(round(narrower * value, 4) for value in values) for values in (calibration.s, calibration.d))
+        calibration = replace(calibration, s=s, d=d, tail=tail)
+    return calibration
+
+
+def fitted_tail(said: Sequence[Modes], rows: Sequence[Rows]) -> tuple[float, Tail]:
+    """A factor on the spreads of the modes, and the tail.
+
+    For vehicles that drive, of several probabilities the one whose regions come nearest to what they promise; factors,
+    and the probability for vehicles that stand, whose spread is fixed, are those under which the true positions at all
+    knots are most likely.
+
+    Args:
+        said: What networks say at places that they were not trained on, without a wide mode.
+        rows: What was true there.
+    """
+    drives, stands = (
+        [_Part.of(modes, there["standing"] == standing, there) for modes, there in zip(said, rows, strict=True)]
+        for standing in (False, True)
+    )
+    (_, share_of_stands, factor_of_stands) = _fit(stands, narrows=False)
+    found = []
+    for share in _SHARES:
+        narrower, _, factor = _fit(drives, share=share)
+        tail = Tail((share, share_of_stands), (factor, factor_of_stands))
+        found.append((_broken_promises(said, rows, narrower, tail), narrower, tail))
+    _, narrower, tail = min(found, key=lambda entry: entry[0])
+    return narrower, tail
+
+
+def _broken_promises(said: Sequence[Modes], rows: Sequence[Rows], narrower: float, tail: Tail) -> float:
+    """Sum of what regions of highest density hold too much or too little, of vehicles that drive, at 1, 2 and 3 s."""
+    inside = {knot: [] for knot in _LOOKED_AT}
+    for modes, there in zip(said, rows, strict=True):
+        drives = np.flatnonzero(~there["standing"])[::_EVERY]
+        here = {name: there[name][drives] for name in ("velocity", "future", "standing")}
+        assert modes.covariance is not None, "spreads are needed"
+        narrow = Modes(modes.probability[drives], modes.xy[drives], modes.covariance[drives] * narrower**2)
+        full = with_tail(narrow, here["standing"], tail)
+        for knot, found in inside.items():
+            found.append(levels(full, here, knot))
+    pooled = [np.concatenate(found) for found in inside.values()]
+    return sum(abs(float(np.nanmean(found <= q)) - q) for found in pooled for q in NOMINAL)
+
+
+def _fit(parts: Sequence[_Part], share: float | None = None, *, narrows: bool = True) -> tuple[float, float, float]:
+    """Factor on the spreads of the others, probability (if it is not given) and factor of the wide mode."""
+    values = torch.tensor([0.0, math.log(3.0), math.log(0.1 / 0.9)], dtype=torch.float64, requires_grad=True)
+    optimizer = torch.optim.LBFGS([values], lr=0.5, max_iter=60, line_search_fn="strong_wolfe")
+    total = sum(int(part.known.sum()) for part in parts)
+
+    def now() -> tuple[Tensor, Tensor, Tensor]:
+        one = torch.ones((), dtype=torch.float64)
+        chosen = torch.sigmoid(values[2]) if share is None else share * one
+        return values[0].exp() if narrows else one, chosen, values[1].exp()
+
+    def closure() -> Tensor:
+        optimizer.zero_grad()
+        loss = -torch.stack([part.likelihood(*now()) for part in parts]).sum() / total
+        loss.backward()
+        return loss
+
+    optimizer.step(closure)
+    narrower, found, factor = (round(float(value.detach()), 4) for value in now())
+    if not (0.2 < narrower < 5.0 and 0.001 < found < 0.5 and 1.0 <= factor < 50.0):
+        raise ValueError(f"the tail did not converge: {narrower}, {found}, {factor}")
+    return narrower, found, factor
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Logarithms of probabilities (n, m), squared distances and determinants that do not depend on the tail."""
+
+    log_p: Tensor
+    covariance: Tensor
+    together: Tensor
+    spread: Tensor
+    apart: Tensor
+    known: Tensor
+
+    @classmethod
+    def of(cls, modes: Modes, mask: NDArray[np.bool_], rows: Rows) -> _Part:
+        """Of chosen rows; `spread` is what the modes' own covariances contribute to the second moments."""
+        assert modes.covariance is not None, "spreads are needed"
+        here = Modes(modes.probability[mask], modes.xy[mask], modes.covariance[mask])
+        truth = rows["future"][mask].astype(np.float64)
+        known = np.isfinite(truth).all(axis=-1)
+        spread = (here.probability[:, :, None, None, None] * modes.covariance[mask]).sum(axis=1)
+        arrays = (
+            np.log(np.maximum(here.probability, 1e-30)), modes.covariance[mask], together(here), spread,
+            np.nan_to_num(truth)[:, None] - here.xy, known,
+        )  # fmt: skip
+        return cls(*(torch.from_numpy(np.ascontiguousarray(values)) for values in arrays))
+
+    def likelihood(self, narrower: Tensor, share: Tensor, factor: Tensor) -> Tensor:
+        """Sum of the logarithms of the densities at the true positions."""
+        narrow = self.covariance * narrower**2
+        wide = (self.together + (narrower**2 - 1.0) * self.spread) * factor**2
+        covariance = torch.cat([narrow, wide[:, None]], dim=1)
+        apart = torch.cat([self.apart, self.apart[:, :1]], dim=1)
+        log_p = torch.cat([self.log_p + torch.log1p(-share), share.log().expand(len(self.log_p), 1)], dim=1)
+        xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+        determinant = xx * yy - xy**2
+        x, y = apart[..., 0], apart[..., 1]
+        energy = (yy * x**2 - 2.0 * xy * x * y + xx * y**2) / determinant
+        density = log_p[..., None] - 0.5 * (energy + determinant.log()) - _LOG_TAU
+        return (torch.logsumexp(density, dim=1) * self.known).sum()

@@ -18,7 +18,7 @@ from interdrive.handles import core_road, core_scenario
 from interdrive.predictors import PredictorSettings, native
 from interdrive.predictors import resolve as resolve_predictor
 from interdrive.run_settings import RoadSettings
-from training.driven import driven_traffic, files_to_drive
+from training.driven import behaviour_of, driven_traffic, files_to_drive
 from training.split import FOLDS, place_of
 from training.steady import steady_traffic
 
@@ -154,7 +154,7 @@ def scenario_files(folders: Sequence[Path]) -> list[Path]:
 
 
 def cached_rows(path: Path, cache: Path, steady_speed: float | None = None, planner: str | None = None) -> Rows:
-    """Rows of a file, made once and kept in the cache.
+    """Rows of a file, made once and kept in the cache; those that a planner drove, once for what it does now.
 
     Args:
         path: The file.
@@ -164,7 +164,7 @@ def cached_rows(path: Path, cache: Path, steady_speed: float | None = None, plan
     """
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     kind = "" if steady_speed is None else f"-steady{steady_speed:g}"
-    kind += "" if planner is None else f"-{planner}"
+    kind += "" if planner is None else f"-{planner}-{behaviour_of(planner)}"
     kept = cache / f"{path.stem}-{digest[:12]}{kind}-{_core.NEURAL['version']}.{REVISION}.npz"
     if not kept.exists():
         scenario = read_scenario(path)

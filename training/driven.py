@@ -6,12 +6,17 @@ predictor meets most in a run.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import __version__
 from interdrive.errors import InputError
+from interdrive.files import read_scenario, shipped_scenario
+from interdrive.run_settings import SimulationSettings
 from interdrive.scenario import Obstacles, Shape
 from interdrive.simulation import simulate
 from training.split import FOLDS, place_of
@@ -31,6 +36,8 @@ _PLANNERS = ("frenet", "idm_mobil", "frenet")
 _PREDICTOR = "lane_following"
 #: So many files of a place are driven at most.
 _FILES_PER_PLACE = 8
+#: Shipped scenarios by whose agents a planner is known.
+_WITNESSES = ("lane_merge", "t_junction")
 
 
 def files_to_drive(files: Sequence[Path], places: tuple[Place, ...]) -> dict[str, str]:
@@ -47,6 +54,22 @@ def files_to_drive(files: Sequence[Path], places: tuple[Place, ...]) -> dict[str
         for k in take:
             chosen[there[k]] = _PLANNERS[len(chosen) % len(_PLANNERS)]
     return chosen
+
+
+@cache
+def behaviour_of(planner: str) -> str:
+    """Twelve digits that change with what a planner does: rows driven by another version of it are other rows.
+
+    They stand for the version of interdrive, all default settings of a run, and every position of all agents that the
+    planner drives in two shipped scenarios.
+    """
+    found = hashlib.sha256(f"{__version__} {_PREDICTOR} {SimulationSettings()}".encode())
+    for name in _WITNESSES:
+        driven = driven_traffic(read_scenario(shipped_scenario(name)), planner)
+        assert driven is not None, "shipped scenarios have agents"
+        for values in (driven[0].obstacles.x, driven[0].obstacles.y, driven[1]):
+            found.update(np.ascontiguousarray(values).tobytes())
+    return found.hexdigest()[:12]
 
 
 def driven_traffic(scenario: Scenario, planner: str) -> tuple[Scenario, NDArray[np.int64]] | None:

@@ -83,9 +83,10 @@ class _Drives:
 def modes_of(answer: Answer, rows: Rows, modes_max: int, merging: Merging | None = None) -> Modes:
     """Modes in the world as the predictor makes them: who stands stays exactly, the most probable modes are kept."""
     n, n_slots, n_modes = answer.log_probability.shape
-    p = answer.log_probability.double().exp().numpy().reshape(n, -1)
+    p = np.exp(np.asarray(answer.log_probability, np.float64)).reshape(n, -1)
     s, d, sigma_s, sigma_d = (
-        getattr(answer, name).double().numpy().reshape(n, -1, len(KNOTS)) for name in ("s", "d", "sigma_s", "sigma_d")
+        np.asarray(getattr(answer, name), np.float64).reshape(n, -1, len(KNOTS))
+        for name in ("s", "d", "sigma_s", "sigma_d")
     )
     slot = np.broadcast_to(np.repeat(np.arange(n_slots), n_modes), p.shape)
     stays = rows["standing"][:, None] & (s[..., -1] < STAY_DISTANCE)

@@ -66,6 +66,9 @@ def write_weights(path: Path, network: Network, calibration: Calibration, metada
         "decode.dead_zone": np.asarray(DEAD_ZONE, np.float32),
         "decode.merging": np.asarray(astuple(MERGING), np.float32),
     }
+    if calibration.tail is not None:
+        pairs = zip(calibration.tail.probability, calibration.tail.factor, strict=True)
+        tensors["decode.tail"] = np.asarray([value for pair in pairs for value in pair], np.float32)
     sizes = network.sizes
     described = {
         "feature_version": str(_core.NEURAL["version"]),

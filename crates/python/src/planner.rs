@@ -75,6 +75,7 @@ record!(
         rear_cone_angle,
         rear_cone_distance,
         collision_mode_probability,
+        expectation_density_min,
         stop_targets,
         lazy,
     ]

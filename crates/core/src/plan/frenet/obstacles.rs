@@ -1,6 +1,8 @@
 //! The other participants as the planner sees them: swept boxes per time interval for the collision test, expected
 //! positions per point for the prediction cost. Made once per plan, only for what the samples can reach.
 
+use std::f64::consts::TAU;
+
 use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
 use super::by_time::{ByTime, GROUP};
@@ -175,12 +177,15 @@ impl Obstacles {
         let now = other.shape.oriented_box(other.pose);
         let (box_now, overlaps_now) = with_margin(&now, margin, ego);
         let (half_length, half_width) = (box_now.half_length, box_now.half_width);
+        let [xx, xy, yy] = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
         let is_left_alone = is_in_rear_cone(ego, &now, settings);
         let modes = probabilities(other, request);
         for (mode, probability) in modes.iter().enumerate().filter(|(mode, _)| is_reached(&extents[*mode])) {
             let hard = *probability >= settings.collision_mode_probability || mode == likeliest(modes);
             let counts = *probability > 0.0 && !is_left_alone;
             let first = predictions.offset(other.row, mode);
+            // The density in the middle is the probability over 2 pi times the root of the determinant.
+            let most = (probability / (TAU * settings.expectation_density_min)).powi(2);
             let mut track = None;
             // Boxes are worked out where they are needed.
             let body_at = |k: usize, position: Point| other.shape.oriented_box_along(position, outlook.axes[k]);
@@ -192,6 +197,10 @@ impl Obstacles {
                 }
                 if !predictions.valid[k] {
                     before = None;
+                    continue;
+                }
+                let counts = counts && xx[k] * yy[k] - xy[k] * xy[k] <= most;
+                if !hard && !counts {
                     continue;
                 }
                 let to = Point::new(predictions.x[k], predictions.y[k]);
@@ -214,8 +223,6 @@ impl Obstacles {
                 if let (true, Some(body)) = (is_expected, body)
                     && reach.grown(COST_REACH).contains(body.center)
                 {
-                    let [xx, xy, yy] =
-                        [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
                     self.expectations.push(point, &body, [xx[k], xy[k], yy[k]], *probability, settings);
                 }
                 before = Some((to, body));

@@ -152,6 +152,9 @@ pub struct FrenetSettings {
     pub rear_cone_distance: f64,
     /// Modes with at least this probability must not be hit; the most probable one always counts.
     pub collision_mode_probability: f64,
+    /// A mode whose expected positions have less than this probability per area [1/m²] even in the middle, where they are
+    /// densest, costs nothing then: it says next to nothing about where somebody will be.
+    pub expectation_density_min: f64,
     /// Comfortable driving.
     pub comfort: Comfort,
     /// Also sample stops behind the leader and before the end of the goal area.
@@ -174,6 +177,7 @@ impl Default for FrenetSettings {
             rear_cone_angle: 20_f64.to_radians(),
             rear_cone_distance: 6.0,
             collision_mode_probability: 0.2,
+            expectation_density_min: 0.02,
             comfort: Comfort::default(),
             stop_targets: true,
             lazy: true,
@@ -211,6 +215,7 @@ impl FrenetSettings {
             ("rear_cone_angle", self.rear_cone_angle, std::f64::consts::TAU),
             ("rear_cone_distance", self.rear_cone_distance, 1e6),
             ("collision_mode_probability", self.collision_mode_probability, 1.0),
+            ("expectation_density_min", self.expectation_density_min, 1e6),
             ("comfort.standstill_gap", self.comfort.standstill_gap, 100.0),
             ("comfort.cruise_velocity_min", self.comfort.cruise_velocity_min, 100.0),
         ];

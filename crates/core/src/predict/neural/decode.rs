@@ -5,6 +5,7 @@ use super::feature_table::N_AGENT;
 use super::inputs::{Inputs, KNOT_TIME, N_KNOTS, Settling};
 use super::network::{MODE_OUTPUTS, Merging, Network};
 use super::profile::Profile;
+use super::tail;
 use crate::geometry::{Point, Pose, wrap_angle};
 use crate::predict::{STANDING_VARIANCE, write};
 use crate::scene::Scene;
@@ -145,11 +146,15 @@ impl<'a> Vehicle<'a> {
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         self.merge(modes, kept, &network.merging);
         modes.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        modes.truncate(out.n_modes);
+        let tail = network.tail;
+        modes.truncate(out.n_modes - usize::from(tail.is_some()));
         let total: f64 = modes.iter().map(|mode| mode.probability).sum();
         for (k, mode) in modes.iter().enumerate() {
             out.probability[row * out.n_modes + k] = mode.probability / total;
             self.write_mode(mode, out, row, k, dt);
+        }
+        if let Some(tail) = tail {
+            tail::add(tail[usize::from(self.inputs.standing[self.i])], modes.len(), out, row);
         }
         true
     }

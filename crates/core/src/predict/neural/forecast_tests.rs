@@ -1,7 +1,7 @@
 //! What comes out for networks whose answer is known, and for any network.
 
 use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
-use super::network::{MODE_OUTPUTS, Network, Tensor};
+use super::network::{MODE_OUTPUTS, Network, Tail, Tensor};
 use super::paths::N_PATHS;
 use super::tests::{Track, car, scene};
 use super::{Inputs, N_KNOTS, Neural};
@@ -306,6 +306,39 @@ fn pedestrians_and_who_reverses_go_straight_on_and_static_ones_stay() {
 }
 
 #[test]
+fn the_wide_mode_has_the_moments_of_all_others_around_the_most_probable_one() {
+    let modes = [(1.0, NOTHING, NOTHING), (0.0, [3.0; N_KNOTS], [0.4; N_KNOTS])];
+    let scenes = [car(20.0, 0.0, 0.0, 10.0, 30, 0.1), car(80.0, 0.0, 0.0, 0.0, 30, 0.1)];
+    let now = scene(&scenes, 0.1);
+    let mut network = constant_network(&modes);
+    let narrow = predicted(network.clone(), 2, &now, &straight_road(1), N_STEPS);
+    network.tail = Some([Tail { probability: 0.1, factor: 3.0 }, Tail { probability: 0.02, factor: 8.0 }]);
+    let found = predicted(network, 2, &now, &straight_road(1), N_STEPS);
+    assert!((narrow.n_modes, found.n_modes) == (2, 3));
+    for (row, (share, factor)) in [(0.1, 3.0), (0.02, 8.0)].into_iter().enumerate() {
+        let p = &narrow.probability[2 * row..][..2];
+        let with_tail = [p[0] * (1.0 - share), p[1] * (1.0 - share), share];
+        let same = found.probability[3 * row..][..3].iter().zip(with_tail).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(same && p[1] > 0.2, "{:?}", found.probability);
+        for step in [0, 11, 29] {
+            let [a, b] = [0, 1].map(|mode| narrow.offset(row, mode) + step);
+            let wide = found.offset(row, 2) + step;
+            let (x, y) = (narrow.x[b] - narrow.x[a], narrow.y[b] - narrow.y[a]);
+            let expected = [
+                p[0] * narrow.covariance_xx[a] + p[1] * (narrow.covariance_xx[b] + x * x),
+                p[0] * narrow.covariance_xy[a] + p[1] * (narrow.covariance_xy[b] + x * y),
+                p[0] * narrow.covariance_yy[a] + p[1] * (narrow.covariance_yy[b] + y * y),
+            ];
+            let is = [found.covariance_xx[wide], found.covariance_xy[wide], found.covariance_yy[wide]];
+            for (is, expected) in is.into_iter().zip(expected) {
+                assert!((is - factor * factor * expected).abs() < 1e-9 * (1.0 + is.abs()), "{is} {expected}");
+            }
+            assert!((found.x[wide], found.y[wide]) == (narrow.x[a], narrow.y[a]) && found.valid[wide]);
+        }
+    }
+}
+
+#[test]
 fn weights_that_overflow_leave_vehicles_to_constant_velocity() {
     let network = Network::new(tensors(2, 1e30)).expect("finite weights");
     let now = scene(&[car(20.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);
@@ -316,7 +349,11 @@ fn weights_that_overflow_leave_vehicles_to_constant_velocity() {
 #[test]
 fn tensors_that_do_not_fit_are_refused_by_their_name() {
     type Change = fn(&mut Vec<Tensor>);
-    let cases: [(Change, &str); 10] = [
+    let cases: [(Change, &str); 11] = [
+        (
+            |t| t.push(tensor("decode.tail", &[4], vec![0.1, 0.5, 0.02, 8.0])),
+            "tensor decode.tail must have probabilities below 0.5 and factors of 1 or more",
+        ),
         (
             |t| t.push(tensor("calibration.temperature", &[1], vec![f32::INFINITY])),
             "tensor calibration.temperature has values that are not finite numbers",

@@ -16,6 +16,7 @@ mod network;
 mod paths;
 mod profile;
 mod surroundings;
+mod tail;
 mod traffic;
 #[cfg(test)]
 mod tests;
@@ -50,8 +51,15 @@ const PEDESTRIAN_SIGMA: (f64, f64) = (0.15, 0.3);
 pub struct Neural {
     /// The network.
     pub network: Arc<Network>,
-    /// Number of modes of a vehicle at most; the most probable ones are kept.
+    /// Number of modes of a vehicle at most, without the wide one; the most probable ones are kept.
     pub modes_max: usize,
+}
+
+impl Neural {
+    /// Modes of the tables, with the wide one.
+    fn n_modes(&self) -> usize {
+        self.modes_max + usize::from(self.network.tail.is_some())
+    }
 }
 
 /// Expectations for everybody who is present. Vehicles are predicted by the network; static obstacles stay, pedestrians
@@ -65,7 +73,7 @@ pub(super) fn predict(
     n_steps: usize,
     (memory, each): (&super::Memory, super::Each<'_>),
 ) -> Predictions {
-    let n_modes = settings.modes_max;
+    let n_modes = settings.n_modes();
     let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
     let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
     let surroundings = Surroundings::of(scene);

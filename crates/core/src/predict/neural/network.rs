@@ -33,6 +33,16 @@ pub struct Merging {
     pub moment: f64,
 }
 
+/// What the modes leave out: a wide mode around the most probable one, which makes every mixture a contaminated normal
+/// distribution (Tukey, "A survey of sampling from contaminated distributions", 1960).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tail {
+    /// Its probability; the other modes share the rest.
+    pub probability: f64,
+    /// Factor on the standard deviation of all other modes together, around the most probable one.
+    pub factor: f64,
+}
+
 /// A tensor of a file of weights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor {
@@ -70,6 +80,8 @@ pub struct Network {
     pub dead_zone: [f64; 2],
     /// When modes are one.
     pub merging: Merging,
+    /// The wide modes of vehicles that drive and of those that stand, if there are any.
+    pub tail: Option<[Tail; 2]>,
 }
 
 /// Tensors that have not been taken yet.
@@ -136,7 +148,7 @@ impl Tensors {
 impl Network {
     /// From the tensors of a file: `agent`, `neighbour`, `path` and `head`, each with layers 0 and 1 with `weight` and
     /// `bias`; `calibration.s` and `calibration.d`; `calibration.temperature`, `calibration.evenness_s`, `calibration.evenness_d`,
-    /// `decode.dead_zone` and `decode.merging` if the file has them.
+    /// `decode.dead_zone`, `decode.merging` and `decode.tail` if the file has them.
     /// The widths of the layers are those of the tensors.
     ///
     /// # Errors
@@ -178,6 +190,15 @@ impl Network {
             }
         }
         let merging = Merging { distance, share, moment };
+        let [p_drives, of_drives, p_stands, of_stands] =
+            tensors.optional_values("decode.tail", [0.0, 1.0, 0.0, 1.0])?;
+        let tail = [(p_drives, of_drives), (p_stands, of_stands)];
+        if tail.iter().any(|(probability, factor)| !(0.0..0.5).contains(probability) || *factor < 1.0) {
+            return Err(Error::invalid(
+                "tensor decode.tail must have probabilities below 0.5 and factors of 1 or more",
+            ));
+        }
+        let tail = (p_drives + p_stands > 0.0).then(|| tail.map(|(probability, factor)| Tail { probability, factor }));
         if let Some(unknown) = tensors.left.first() {
             return Err(Error::invalid(format!("nothing is known of the tensor {}", unknown.name)));
         }
@@ -195,6 +216,7 @@ impl Network {
             temperature,
             dead_zone,
             merging,
+            tail,
         })
     }
 

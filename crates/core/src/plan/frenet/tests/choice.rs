@@ -189,3 +189,20 @@ fn plans_do_not_depend_on_what_was_planned_with_the_same_memory() {
         assert_eq!((again.status, again.trajectory), (fresh.status, fresh.trajectory));
     }
 }
+
+#[test]
+fn an_expectation_that_is_nowhere_dense_costs_nothing() {
+    let beside = Car { sigma: (1.0, 1.0), ..Car::at(30.0, 2.6, 0.0, 10.0) };
+    let drive = Drive::on_three_lanes(20.0, 10.0).with_cars(vec![beside]);
+    let cost = |least: f64| {
+        let settings = FrenetSettings { expectation_density_min: least, ..eager() };
+        let terms = drive.candidates(&settings).terms;
+        // Samples that are not admissible have none.
+        terms.chunks_exact(13).map(|terms| terms[12]).filter(|term| term.is_finite()).sum::<f64>()
+    };
+    // The variance is 0.1 m² after the first step and 3 m² after the last, the density 1.6 and 0.053 per m².
+    let whole = cost(0.0);
+    assert!(whole > 0.0 && cost(0.05) == whole, "{whole}");
+    assert!(0.0 < cost(0.1) && cost(0.1) < whole, "{} {whole}", cost(0.1));
+    assert!(cost(1.6) == 0.0);
+}
