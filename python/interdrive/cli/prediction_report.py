@@ -49,7 +49,7 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
         "displacement predicted for 3 s of vehicles that stay, and of all that stand [m]; predicted off the road",
         {
             "stay": ("stays_samples", "{}"),
-            "nll, median": ("stays_median", "{:.2f}"),
+            "median": ("stays_median", "{:.2f}"),
             "95 %": ("stays_p95", "{:.2f}"),
             "stand": ("stands_samples", "{}"),
             "median ": ("stands_median", "{:.2f}"),
@@ -99,7 +99,7 @@ def _print_by_traffic(console: Console, rows: Sequence[Mapping[str, Any]]) -> No
         "best": ("fde_best_3", "{:.2f}"),
         "missed": ("miss_rate", "{:.1%}"),
         "nll": ("nll_3", "{:.2f}"),
-        "median": ("nll_median_3", "{:.2f}"),
+        "nll, median": ("nll_median_3", "{:.2f}"),
         **{f"{mass} % m": (f"moving_{mass}_3", "{:.1%}") for mass in (50, 90, 99)},
     }
     for traffic in TRAFFIC:
