@@ -22,6 +22,7 @@ from training.dataset import RIVALS, gather, scenario_files
 from training.evaluate import errors, groups, modes_of, rival_modes, table
 from training.export import digest_of, write_fixture, write_weights
 from training.fit import Course, answer_to, fit, shares
+from training.networks import load, save
 from training.split import FOLDS, place_of, read_places
 from training.tail import with_tail
 
@@ -63,15 +64,29 @@ def main() -> int:
 
     course = Course(epochs=arguments.epochs, seed=arguments.seed)
     log: list[dict[str, object]] = []
+    data = digest_of(files)
+    made = {"data": data, "course": asdict(course)}
+    earlier = []
+
+    def trained(name: str, chosen: NDArray[np.bool_], unseen: NDArray[np.bool_] | None) -> Network:
+        kept = arguments.networks / f"{name.replace(' ', '_')}.pt" if arguments.networks else None
+        if kept is not None and kept.exists():
+            network, lines = load(kept, made)
+            earlier.append(name)
+        else:
+            lines = []
+            network = _trained(name, rows, chosen, unseen, places, course, lines, say)
+            if kept is not None:
+                save(kept, network, made, lines)
+        log.extend(lines)
+        return network
+
     held_out = {
-        fold: _trained(
-            f"without {fold}", rows, (part != fold) & (part != "validation"), part == fold, places, course, log, say
-        )
-        for fold in FOLDS
+        fold: trained(f"without {fold}", (part != fold) & (part != "validation"), part == fold) for fold in FOLDS
     }
     calibration = _calibration(held_out, rows, part, places)
     say(f"calibration: {calibration}")
-    network = _trained("shipped", rows, part != "validation", None, places, course, log, say)
+    network = trained("shipped", part != "validation", None)
 
     arguments.log.mkdir(parents=True, exist_ok=True)
     _write_csv(arguments.log / "files.csv", _data_list(files, places))
@@ -81,13 +96,16 @@ def main() -> int:
     metadata = {
         "seed": str(course.seed),
         "epochs": str(course.epochs),
-        "data": digest_of(files),
+        "data": data,
         "files": str(len(files)),
     }
     write_weights(arguments.weights, network, calibration, metadata)
     write_fixture(arguments.fixture, network, _only(rows, part == "validation"))
     say(f"wrote {arguments.weights} ({arguments.weights.stat().st_size // 1000} kB)")
-    summary = _summary(lines, asdict(course), metadata, calibration, time.perf_counter() - started)
+    of_earlier = f"{len(earlier)} of {len(FOLDS) + 1} networks from an earlier run, " if earlier else ""
+    minutes = (time.perf_counter() - started) / 60
+    took = f"{minutes:.0f} min on one core, {of_earlier}rows from the cache"
+    summary = _summary(lines, asdict(course), metadata, calibration, took)
     (arguments.log / "summary.txt").write_text(summary, encoding="utf-8")
     print(summary)
     return 0
@@ -105,6 +123,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--cache", type=Path, default=cache, help="where rows and unpacked archives are kept")
     parser.add_argument("--epochs", type=int, default=Course.epochs)
     parser.add_argument("--seed", type=int, default=Course.seed)
+    parser.add_argument("--networks", type=Path, help="where networks are kept; those that are there are not trained")
     parser.add_argument("--log", type=Path, default=ROOT / "training" / "log")
     parser.add_argument("--weights", type=Path, default=ROOT / "python/interdrive/predictors/neural.safetensors")
     parser.add_argument("--fixture", type=Path, default=ROOT / "tests/neural_forward.npz")
@@ -259,11 +278,11 @@ def _summary(
     course: Mapping[str, object],
     metadata: Mapping[str, str],
     calibration: Calibration,
-    seconds: float,
+    took: str,
 ) -> str:
     """The figures that matter, as text."""
     text = [f"{name}: {value}" for name, value in {**metadata, "course": course}.items()]
-    text += [f"calibration: {calibration}", f"time: {seconds / 60:.0f} min on one core, rows from the cache", ""]
+    text += [f"calibration: {calibration}", f"time: {took}", ""]
     columns = ("part", "category", "predictor", "rows", "fde", "min_fde", "ade", "miss", "standing", "standing_median",
                "standing_p95", "inside_50_at_3s", "inside_90_at_3s", "inside_99_at_3s")  # fmt: skip
     text.append("  ".join(columns))

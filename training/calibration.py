@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from training.evaluate import NOMINAL, Modes, levels, modes_of
+from training.evaluate import NOMINAL, Modes, levels, modes_of, share_inside
 from training.tail import Tail, together, with_tail
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ _LOG_TAU = math.log(2.0 * math.pi)
 _ROUNDS = 2
 #: Probabilities of the wide mode that are tried; with a fifth and more planners would have to keep clear of it.
 _SHARES = (0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18)
-#: Knots at which regions are compared with what they promise, and how many rows are left out for it.
+#: Knots at which regions are compared with what they promise; every third row is looked at.
 _LOOKED_AT = (1, 3, 5)
 _EVERY = 3
 #: Larger temperatures would buy likelihood of a few rows with probability for ways that nobody takes.
@@ -217,7 +217,7 @@ def _broken_promises(said: Sequence[Modes], rows: Sequence[Rows], narrower: floa
         for knot, found in inside.items():
             found.append(levels(full, here, knot))
     pooled = [np.concatenate(found) for found in inside.values()]
-    return sum(abs(float(np.nanmean(found <= q)) - q) for found in pooled for q in NOMINAL)
+    return sum(abs(share_inside(found, q) - q) for found in pooled for q in NOMINAL)
 
 
 def _fit(parts: Sequence[_Part], share: float | None = None, *, narrows: bool = True) -> tuple[float, float, float]:

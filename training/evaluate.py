@@ -251,6 +251,12 @@ def levels(modes: Modes, rows: Rows, knot: int, seed: int = 0) -> Floats:
     return np.where(np.isfinite(truth[:, 0, 0]), level, np.nan)
 
 
+def share_inside(level: Floats, q: float) -> float:
+    """Share of the known true positions that are in the region that holds a share q; nan if none is known."""
+    known = level[np.isfinite(level)]
+    return float((known <= q).mean()) if len(known) else float("nan")
+
+
 def groups(rows: Rows, categories: Mapping[str, str]) -> dict[str, NDArray[np.bool_]]:
     """Rows of every category and of all, those whose recording lasts 3 s."""
     whole = np.isfinite(rows["future"][:, -1, 0])
@@ -277,6 +283,6 @@ def table(named: Mapping[str, Modes], rows: Rows, categories: Mapping[str, str])
             for knot, values in level.items():
                 inside = values[chosen & ~rows["standing"]]
                 for q in NOMINAL:
-                    line[f"inside_{round(100 * q)}_at_{KNOTS[knot]:.0f}s"] = round(float(np.nanmean(inside <= q)), 3)
+                    line[f"inside_{round(100 * q)}_at_{KNOTS[knot]:.0f}s"] = round(share_inside(inside, q), 3)
             lines.append(line)
     return lines

@@ -135,7 +135,8 @@ class Neural:
     exactly or go. Source: `training/`.
 
     Attributes:
-        modes_max: Number of modes at most (1 to 8); the most probable ones are kept.
+        modes_max: Number of drives at most (1 to 8); the most probable ones are kept. The wide mode of the shipped
+            weights is one more.
         weights: File of weights of one's own, as `training/` writes it; empty for those that are shipped.
     """
 

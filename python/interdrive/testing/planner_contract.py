@@ -23,8 +23,10 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 
-#: Changes of heading per step that are no turn [rad].
-_HEADING_NOISE = 0.01
+#: Changes of heading per time that are no turn [rad/s].
+_YAW_NOISE = 0.1
+#: Who moves less per step turns on the spot [m].
+_SPOT = 1e-3
 
 
 def _worlds() -> dict[str, Scenario]:
@@ -96,8 +98,12 @@ class _Watched:
         back = vehicle.rear_axle_to_center
         rear = np.array([plan.x - back * np.cos(plan.orientation), plan.y - back * np.sin(plan.orientation)])
         way, turned = np.hypot(*np.diff(rear)), np.abs(np.diff(np.unwrap(plan.orientation)))
-        if (turned > 1.1 * vehicle.curvature_max * way + _HEADING_NOISE).any():
-            curvature = (turned / np.maximum(way, 1e-9)).max()
+        too_sharp = turned > 1.1 * vehicle.curvature_max * way + _YAW_NOISE * dt
+        if too_sharp.any():
+            way, turned = way[too_sharp], turned[too_sharp]
+            if way.min() < _SPOT:
+                fail(f"the plan turns by {turned[way < _SPOT].max() / dt:.2f} rad/s on the spot")
+            curvature = (turned / way).max()
             fail(f"the plan turns by {curvature:.2f} rad per metre, the vehicle by {vehicle.curvature_max:.2f} at most")
 
 
