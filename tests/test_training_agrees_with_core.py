@@ -115,3 +115,24 @@ def test_driven_rows_of_another_planner_or_version_are_other_rows(monkeypatch):
     driven.behaviour_of.cache_clear()
     assert driven.behaviour_of("idm") != digits["idm"]
     driven.behaviour_of.cache_clear()
+
+
+def test_true_positions_that_are_not_known_are_not_outside_a_region():
+    assert evaluate.share_inside(np.array([0.1, np.nan, 0.9]), 0.5) == 0.5
+    assert np.isnan(evaluate.share_inside(np.array([np.nan]), 0.5))
+
+
+def test_a_kept_network_is_the_one_that_was_trained_and_is_only_used_for_the_same_course(tmp_path):
+    torch = pytest.importorskip("torch", reason="networks are trained with torch")
+    networks, network = pytest.importorskip("training.networks"), pytest.importorskip("training.network")
+    made, lines = {"data": "digest", "course": {"epochs": 20}}, [{"epoch": 1, "loss": 0.5}]
+    trained = network.Network(network.Sizes(head=32))
+    networks.save(tmp_path / "kept" / "shipped.pt", trained, made, lines)
+    found, said = networks.load(tmp_path / "kept" / "shipped.pt", made)
+    assert said == lines
+    assert found.sizes == trained.sizes
+    assert all(
+        torch.equal(a, b) for a, b in zip(found.state_dict().values(), trained.state_dict().values(), strict=True)
+    )
+    with pytest.raises(ValueError, match="trained on other files or in another way"):
+        networks.load(tmp_path / "kept" / "shipped.pt", {**made, "course": {"epochs": 12}})
