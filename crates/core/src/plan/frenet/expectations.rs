@@ -223,3 +223,6 @@ fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, 
     }
     sum
 }
+
+#[cfg(test)]
+mod tests;

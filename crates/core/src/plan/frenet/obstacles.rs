@@ -536,3 +536,6 @@ fn is_separating(
 fn touches(other: &Other, request: &PlanRequest, point: &Waypoint) -> bool {
     other.shape.overlaps(other.pose, request.shape, point.pose())
 }
+
+#[cfg(test)]
+mod tests;
