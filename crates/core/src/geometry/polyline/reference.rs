@@ -444,5 +444,4 @@ fn next_knot(knot: &Knot, curvature: f64, spacing: f64) -> Knot {
 }
 
 #[cfg(test)]
-#[cfg(test)]
 mod tests;

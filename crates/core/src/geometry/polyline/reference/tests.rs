@@ -1,5 +1,6 @@
 use super::*;
 use crate::geometry::polyline::Polyline;
+use crate::geometry::shape::Lcg;
 use std::f64::consts::{PI, TAU};
 
 /// Vertices of a figure of eight: it crosses itself in the middle and turns by 2 pi each way.
@@ -132,4 +133,73 @@ fn two_points_a_few_centimetres_apart_are_a_path() {
     let path = ReferencePath::through(&[Point::new(1.0, 1.0), Point::new(1.0, 1.05)]).expect("valid");
     assert!((path.length() - 0.05).abs() < 1e-6);
     assert!((path.at(1.0).theta - PI / 2.0).abs() < 1e-9);
+}
+
+/// Two straight lines 9 m apart that a half circle joins.
+fn hairpin() -> Vec<Point> {
+    let there = (0..20).map(|i| Point::new(3.0 * f64::from(i), 0.0));
+    let bend = (0..=10).map(|i| Point::new(60.0, 4.5) + Point::from_angle(PI * (f64::from(i) / 10.0 - 0.5)) * 4.5);
+    let back = (0..20).map(|i| Point::new(57.0 - 3.0 * f64::from(i), 9.0));
+    there.chain(bend).chain(back).collect()
+}
+
+#[test]
+fn where_a_path_cannot_pass_a_point_it_does_not() {
+    let mut random = Lcg::new(3);
+    let (mut n_far, mut n_near) = (0, 0);
+    for points in [figure_of_eight(), rough_corner(), hairpin()] {
+        let path = ReferencePath::through(&points).expect("valid");
+        for _ in 0..400 {
+            let beside = path.at(random.within(0.0, path.length())).offset(random.within(-30.0, 30.0));
+            let (a, b) = (random.within(-5.0, path.length() + 5.0), random.within(-5.0, path.length() + 5.0));
+            let (from, to, distance) = (a.min(b), a.max(b), random.within(0.0, 15.0));
+            let n = ((to - from) / 0.05) as usize + 1;
+            let along = (0..=n).map(|i| from + (to - from) * i as f64 / n as f64);
+            let nearest = along.map(|s| path.at(s).position.distance(beside)).fold(f64::INFINITY, f64::min);
+            let may_pass = path.may_pass(beside, distance, from, to);
+            // A foot is at most as far from a sample as those are from each other.
+            assert!(may_pass || nearest > distance, "{beside:?} within {distance}, {from} to {to}: {nearest}");
+            // ... and it is not just always possible.
+            assert!(!may_pass || nearest <= distance + 3.0 * path.spacing(), "{beside:?}, {distance}: {nearest}");
+            n_far += usize::from(!may_pass);
+            n_near += usize::from(may_pass);
+        }
+        assert!(path.may_pass(Point::new(f64::NAN, 0.0), 1.0, 0.0, 10.0), "not a number is not far");
+    }
+    assert!(n_far > 200 && n_near > 200, "{n_far} {n_near}");
+}
+
+#[test]
+fn a_foot_found_from_the_last_one_is_the_nearest_one_along_a_drive() {
+    const WINDOW: f64 = 10.0;
+    let mut random = Lcg::new(4);
+    for points in [figure_of_eight(), rough_corner(), hairpin()] {
+        let path = ReferencePath::through(&points).expect("valid");
+        for _ in 0..20 {
+            let (phase, width) = (random.within(0.0, TAU), random.within(0.0, 1.5));
+            let (mut s, mut hint, mut n) = (0.5, 0.5, 0);
+            while s < path.length() - 0.5 {
+                let (at, d) = (path.at(s), width * (0.1 * s + phase).sin());
+                let point = at.offset(d);
+                let (found_s, found_d, found_at) = path.project_from(point, hint, WINDOW).expect("has a foot");
+                assert_eq!(path.project_near(point, hint, WINDOW), Some((found_s, found_d)), "{point:?} from {hint}");
+                assert!((found_s - s).abs() < 1e-8 && (found_d - d).abs() < 1e-8, "{s} {d}: {found_s} {found_d}");
+                assert_eq!(found_at, path.at(found_s));
+                // The other branches of the figure of eight are as near where they cross.
+                if let Some((global, offset)) = path.project(point)
+                    && (global - found_s).abs() > 1e-8
+                {
+                    assert!(
+                        (global - found_s).abs() > 20.0 && offset.abs() <= found_d.abs() + 1e-8,
+                        "{global} {found_s}"
+                    );
+                }
+                (hint, n) = (found_s, n + 1);
+                s += random.within(0.0, 3.0);
+            }
+            assert!(n > 40, "{n} points");
+        }
+        assert_eq!(path.project_from(path.at(5.0).offset(25.0), 5.0, WINDOW), None, "farther than 20 m");
+        assert_eq!(path.project_from(Point::new(f64::NAN, 0.0), 5.0, WINDOW), None);
+    }
 }
