@@ -164,12 +164,13 @@ pub struct Scratch {
     motions: Vec<car_following::Motion>,
     free: Vec<car_following::Motion>,
     road: Vec<u32>,
+    effort: usize,
 }
 
 impl Scratch {
-    /// Roughly how much work the last plan was, to compare plans with.
+    /// Roughly how much work the last plan was, to compare plans with: 0 where it was little.
     pub(crate) fn effort(&self) -> usize {
-        self.frenet.effort()
+        self.effort
     }
 }
 
@@ -183,12 +184,17 @@ pub fn plan(
     request: &PlanRequest,
     scratch: &mut Scratch,
 ) -> Option<PlanResult> {
+    scratch.effort = 0;
     if !request.state.is_finite() && !matches!(planner, Planner::External) {
         return Some(refused(request, scratch, "the present state is not a number"));
     }
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
-        (Planner::Frenet(settings), _) => frenet::plan(request, settings, &mut scratch.frenet),
+        (Planner::Frenet(settings), _) => {
+            let found = frenet::plan(request, settings, &mut scratch.frenet);
+            scratch.effort = scratch.frenet.effort();
+            found
+        }
         (Planner::Recorded, Prepared::Track(track)) => recorded::plan(request, track, scratch),
         (Planner::VelocityAdjusting(law), Prepared::Track(track)) => {
             velocity_adjusting::plan(request, law, track, scratch)

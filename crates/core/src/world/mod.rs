@@ -87,7 +87,7 @@ struct Drive {
     was_on_road: bool,
     /// Fraction of the step at which the collision that ended it happened.
     contact_fraction: f64,
-    /// How much work its last plan was: who needs long begins first. Nothing but time depends on it.
+    /// How much work its last plan was, 0 if that was kept: who needs long begins first. Nothing but time depends on it.
     effort: AtomicUsize,
 }
 

@@ -95,6 +95,7 @@ impl World {
         scratch: &mut Scratch,
     ) -> Option<PlanResult> {
         if let Some(kept) = self.kept_plan(drive) {
+            drive.effort.store(0, Ordering::Relaxed);
             return Some(kept);
         }
         if drive.agent.planner == Planner::External {

@@ -55,12 +55,13 @@ pub struct Scratch {
     heap: choose::Heap,
     work: Work,
     road: Vec<u32>,
+    effort: usize,
 }
 
 impl Scratch {
-    /// Trajectories that the last plan looked at as a whole.
+    /// Trajectories that the last plan looked at as a whole, in all its attempts.
     pub(crate) fn effort(&self) -> usize {
-        self.work.n_trajectories()
+        self.effort
     }
 }
 
@@ -93,6 +94,7 @@ impl Premises {
 /// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scratch) -> PlanResult {
+    scratch.effort = 0;
     let mut result = attempt(request, settings, scratch, Premises::STATED);
     if result.status != PlanStatus::Planned && scratch.work.leaves_road {
         result = attempt(request, settings, scratch, Premises::NARROW);
@@ -116,7 +118,7 @@ fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scrat
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let desired = Desired::new(request, &start, settings);
-    let Scratch { samples, costs, obstacles, previous, heap, work, road } = scratch;
+    let Scratch { samples, costs, obstacles, previous, heap, work, road, effort } = scratch;
     prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous));
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
@@ -127,6 +129,7 @@ fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scrat
     } else {
         choose::exhaustive(heap, &mut evaluation)
     };
+    *effort += evaluation.tables.work.n_trajectories();
     if let Some((sample, cost)) = choice {
         evaluation.write_if_drivable(sample);
         let trajectory = trajectory(request, start, evaluation.points());

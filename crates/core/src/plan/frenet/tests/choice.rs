@@ -1,9 +1,13 @@
 //! Which sample is chosen, and that laziness does not change it.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::{Car, Drive};
 use crate::geometry::shape::{Lcg, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::frenet::{CostWeights, FrenetSettings, Rejection, Scratch, plan};
+use crate::plan::frenet::{CostWeights, FrenetSettings, Premises, Rejection, Scratch, attempt, plan};
+use crate::plan::pace::SpeedLimits;
+use crate::plan::{self, IdmSettings, Planner, Prepared};
 use crate::road::testing::{arc, lane, open};
 use crate::trajectory::PlanStatus;
 
@@ -205,4 +209,33 @@ fn an_expectation_that_is_nowhere_dense_costs_nothing() {
     assert!(whole > 0.0 && cost(0.05) == whole, "{whole}");
     assert!(0.0 < cost(0.1) && cost(0.1) < whole, "{} {whole}", cost(0.1));
     assert!(cost(1.6) == 0.0);
+}
+
+#[test]
+fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
+    let across = |x: f64| Car { shape: Shape::rectangle(20.0, 3.0), ..Car::at(x, 0.0, FRAC_PI_2, 0.0) };
+    let blocked = Drive::on_three_lanes(100.0, 15.0).with_cars(vec![across(111.0)]);
+    let (settings, mut scratch) = (FrenetSettings::default(), Scratch::default());
+    let of_attempt = |premises: Premises| {
+        let mut fresh = Scratch::default();
+        let result = blocked.with_request(|request| attempt(request, &settings, &mut fresh, premises));
+        assert_ne!(result.status, PlanStatus::Planned, "nobody gets around it");
+        (fresh.effort(), fresh.work.leaves_road)
+    };
+    let (stated, leaves_road) = of_attempt(Premises::STATED);
+    let narrow = if leaves_road { of_attempt(Premises::NARROW).0 } else { 0 };
+    let all = stated + narrow + Premises::DOUBTED.map(|premises| of_attempt(premises).0).iter().sum::<usize>();
+    for _ in 0..2 {
+        blocked.with_request(|request| plan(request, &settings, &mut scratch));
+        assert!(scratch.effort() == all && all > stated && stated > 0, "{} of {all}, first {stated}", scratch.effort());
+    }
+    let mut all_planners = plan::Scratch { frenet: scratch, effort: all, ..plan::Scratch::default() };
+    let prepared =
+        Prepared::SpeedLimits(SpeedLimits::along(&blocked.route.path, &blocked.route.lanelets, &blocked.road));
+    let idm = Planner::Idm(IdmSettings::default());
+    blocked.with_request(|request| plan::plan(&idm, &prepared, request, &mut all_planners));
+    assert_eq!(all_planners.effort(), 0);
+    let frenet = Planner::Frenet(Box::default());
+    blocked.with_request(|request| plan::plan(&frenet, &Prepared::Nothing, request, &mut all_planners));
+    assert_eq!(all_planners.effort(), all);
 }
