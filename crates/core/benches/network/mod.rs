@@ -1,28 +1,30 @@
-//! A network as wide as the one that is shipped.
+//! The network that is shipped, for tests and measurements that must not need Python.
 
-use interdrive_core::predict::neural::{MODE_OUTPUTS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_PATH, Network, Tensor};
+use interdrive_core::predict::neural::{Network, Tensor};
 
-/// Weights of no meaning.
+const WEIGHTS: &[u8] = include_bytes!("../../../../python/interdrive/predictors/neural.safetensors");
+
+/// Reads what `training/` writes and nothing else: safetensors is the length of a header (64 bits, little-endian), the
+/// header in JSON, and the values.
 pub fn network() -> Network {
-    let mut tensors = vec![];
-    let mut add = |name: String, shape: Vec<usize>, value: &dyn Fn(usize) -> f32| {
-        let values = (0..shape.iter().product()).map(value).collect();
-        tensors.push(Tensor { name, shape, values });
-    };
-    for (name, n_in, n_out) in [
-        ("agent.0", N_AGENT, 64),
-        ("agent.1", 64, 64),
-        ("neighbour.0", N_NEIGHBOUR, 32),
-        ("neighbour.1", 32, 32),
-        ("path.0", N_PATH + 96, 64),
-        ("path.1", 64, 64),
-        ("head.0", 128, 64),
-        ("head.1", 64, 2 * MODE_OUTPUTS),
-    ] {
-        add(format!("{name}.weight"), vec![n_out, n_in], &|k| ((k * 37 % 101) as f32 - 50.0) * 2e-3);
-        add(format!("{name}.bias"), vec![n_out], &|k| ((k * 31 % 17) as f32 - 8.0) * 1e-2);
-    }
-    add("calibration.s".to_string(), vec![N_KNOTS], &|_| 1.0);
-    add("calibration.d".to_string(), vec![N_KNOTS], &|_| 1.0);
-    Network::new(tensors).expect("a network")
+    let (n, rest) = WEIGHTS.split_at(8);
+    let (header, values) = rest.split_at(u64::from_le_bytes(n.try_into().expect("8 bytes")) as usize);
+    let header = std::str::from_utf8(header).expect("a header");
+    // {"name":{"dtype":"F32","shape":[64,62],"data_offsets":[256,16128]}, ...
+    let tensors = header.match_indices(":{\"dtype\":\"F32\",").map(|(at, _)| {
+        let name = header[..at].trim_end_matches('"').rsplit('"').next().expect("a name").to_string();
+        let [start, end] = numbers(&header[at..], "data_offsets")[..] else { panic!("{name} has no place") };
+        let values = values[start..end].chunks_exact(4);
+        let values = values.map(|bytes| f32::from_le_bytes(bytes.try_into().expect("4 bytes"))).collect();
+        Tensor { name, shape: numbers(&header[at..], "shape"), values }
+    });
+    let network = Network::new(tensors.collect()).expect("a network");
+    assert!(network.tail.is_some(), "decodes as the predictor does");
+    network
+}
+
+/// The first list of a name.
+fn numbers(header: &str, name: &str) -> Vec<usize> {
+    let list = header.split(&format!("\"{name}\":[")).nth(1).and_then(|rest| rest.split(']').next());
+    list.expect(name).split(',').map(|number| number.parse().expect("a number")).collect()
 }
