@@ -99,7 +99,7 @@ pub enum Predictor {
 
 /// Participants that one thread answers for before it looks for more work.
 const CHUNK: usize = 4;
-/// Most modes that a predictor may have.
+/// Most modes that a predictor may be asked for; the wide one of `neural` comes on top.
 const MODES_LIMIT: usize = 8;
 
 /// Memory that predictions reuse: after the first few nothing but the table is allocated. Holds no state: a prediction
@@ -136,8 +136,8 @@ pub fn one_by_one(n: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..n).for_each(work);
 }
 
-/// Expectations for all present participants over `n_steps` steps, on the threads of the rayon pool in which it is called,
-/// or by the calling thread.
+/// Expectations for all present participants over `n_steps` steps, on the threads of the rayon pool in which it is
+/// called; outside of one, on the calling thread.
 ///
 /// # Errors
 /// `InvalidInput` for zero steps, zero modes or more than 8, or a predictor that was made for another road network.

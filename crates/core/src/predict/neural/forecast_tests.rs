@@ -339,6 +339,28 @@ fn the_wide_mode_has_the_moments_of_all_others_around_the_most_probable_one() {
 }
 
 #[test]
+fn the_wide_mode_is_never_the_most_probable_one() {
+    let modes: [_; 8] = std::array::from_fn(|k| (0.0, [2.0 * k as f32 - 8.0; N_KNOTS], NOTHING));
+    let now = scene(&[car(20.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);
+    for (logit, share) in [(0.0, 1.0 / 9.0), (1.0, 0.12)] {
+        let mut modes = modes;
+        modes[4].0 = logit;
+        let mut network = constant_network(&modes);
+        network.tail = Some([Tail { probability: 0.12, factor: 6.0 }; 2]);
+        let found = predicted(network, 8, &now, &straight_road(1), N_STEPS);
+        assert_eq!(found.n_modes, 9);
+        let p = &found.probability[..9];
+        assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12 && p[8] <= p[0], "{p:?}");
+        assert!((p[8] - share).abs() < 1e-9 && p[..8].iter().all(|narrow| *narrow > 0.05), "{p:?}");
+        let [first, wide] = [0, 8].map(|mode| found.offset(0, mode) + N_STEPS - 1);
+        assert!(found.x[wide] == found.x[first], "the drive of the most probable one");
+    }
+    let network = constant_network(&modes);
+    let predictor = Predictor::Neural(Neural { network: network.into(), modes_max: 9 });
+    assert!(predict(&predictor, &now, &straight_road(1), N_STEPS).is_err(), "more than can be asked for");
+}
+
+#[test]
 fn weights_that_overflow_leave_vehicles_to_constant_velocity() {
     let network = Network::new(tensors(2, 1e30)).expect("finite weights");
     let now = scene(&[car(20.0, 0.0, 0.0, 10.0, 30, 0.1)], 0.1);

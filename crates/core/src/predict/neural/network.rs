@@ -37,7 +37,8 @@ pub struct Merging {
 /// distribution (Tukey, "A survey of sampling from contaminated distributions", 1960).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tail {
-    /// Its probability; the other modes share the rest.
+    /// Its probability; the other modes share the rest. If all of them were less probable then, it is as probable as
+    /// the most probable one.
     pub probability: f64,
     /// Factor on the standard deviation of all other modes together, around the most probable one.
     pub factor: f64,
@@ -147,9 +148,9 @@ impl Tensors {
 
 impl Network {
     /// From the tensors of a file: `agent`, `neighbour`, `path` and `head`, each with layers 0 and 1 with `weight` and
-    /// `bias`; `calibration.s` and `calibration.d`; `calibration.temperature`, `calibration.evenness_s`, `calibration.evenness_d`,
-    /// `decode.dead_zone`, `decode.merging` and `decode.tail` if the file has them.
-    /// The widths of the layers are those of the tensors.
+    /// `bias`; `calibration.s` and `calibration.d`; `calibration.temperature`, `calibration.evenness_s`,
+    /// `calibration.evenness_d`, `decode.dead_zone`, `decode.merging` and `decode.tail` if the file has them. The widths
+    /// of the layers are those of the tensors.
     ///
     /// # Errors
     /// `InvalidInput` naming the tensor that is missing, unknown, of a wrong shape or with impossible values.

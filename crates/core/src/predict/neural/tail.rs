@@ -4,7 +4,7 @@ use super::network::Tail;
 use crate::trajectory::Predictions;
 
 /// Adds the wide mode behind the others, of which there are `n_modes`: the drive of the first one, with the second moments
-/// of all of them around it, times the square of a factor.
+/// of all of them around it, times the square of a factor. It is never more probable than the first one.
 pub(super) fn add(tail: Tail, n_modes: usize, out: &mut Predictions, row: usize) {
     let n_steps = out.n_steps;
     let (first, wide) = (out.offset(row, 0), out.offset(row, n_modes));
@@ -27,6 +27,8 @@ pub(super) fn add(tail: Tail, n_modes: usize, out: &mut Predictions, row: usize)
         }
     }
     let probability = &mut out.probability[row * out.n_modes..][..n_modes + 1];
-    probability.iter_mut().for_each(|p| *p *= 1.0 - tail.probability);
-    probability[n_modes] = tail.probability;
+    // With p / (1 + p) both are as probable.
+    let share = tail.probability.min(probability[0] / (1.0 + probability[0]));
+    probability.iter_mut().for_each(|p| *p *= 1.0 - share);
+    probability[n_modes] = share.min(probability[0]);
 }

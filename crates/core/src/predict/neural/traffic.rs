@@ -12,7 +12,7 @@ const CROSSING_SPEED: f64 = 0.5;
 /// Footprints pass each other on a path if this much room [m] is left.
 const ROOM: f64 = 0.2;
 
-/// Somebody on a path: bumper gap [m], row for ties, velocity along the path [m/s], offset [m], body.
+/// Somebody on a path: bumper gap [m], velocity along the path [m/s], offset [m], body.
 #[derive(Clone, Copy)]
 pub struct OnPath<'a> {
     pub gap: f64,
