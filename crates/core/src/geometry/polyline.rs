@@ -5,6 +5,8 @@ mod smoothing;
 
 pub use reference::{PathPoint, ReferencePath};
 
+use std::ops::Range;
+
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 
@@ -97,35 +99,41 @@ impl Polyline {
 
     /// Nearest foot over all segments; a point beyond an end has its foot at the end.
     pub fn project(&self, point: Point) -> Projection {
-        let (mut best, mut least) = (Projection { s: 0.0, d: 0.0, distance: f64::INFINITY }, f64::INFINITY);
-        for i in 0..self.points.len() - 1 {
-            let (delta, offset) = (self.points[i + 1] - self.points[i], point - self.points[i]);
-            let fraction = (offset.dot(delta) / delta.norm_squared()).clamp(0.0, 1.0);
-            let squared = (offset - delta * fraction).norm_squared();
-            if squared < least {
-                let distance = squared.sqrt();
-                if distance < best.distance {
-                    let s = self.arc_lengths[i] + fraction * (self.arc_lengths[i + 1] - self.arc_lengths[i]);
-                    best = Projection { s, d: distance.copysign(delta.cross(offset)), distance };
-                    least = squared;
-                }
-            }
-        }
-        best
+        self.nearest_foot(point, 0..self.points.len() - 1, |_, _| (0.0, 1.0))
     }
 
     /// Nearest foot among the arc lengths from `from` to `to` [m], which are clamped to the ends.
     pub fn project_between(&self, point: Point, from: f64, to: f64) -> Projection {
-        let mut best = Projection { s: 0.0, d: 0.0, distance: f64::INFINITY };
-        for i in self.segment_at(from)..=self.segment_at(to.max(from)) {
-            let (start, span) = (self.arc_lengths[i], self.arc_lengths[i + 1] - self.arc_lengths[i]);
+        let segments = self.segment_at(from)..self.segment_at(to.max(from)) + 1;
+        self.nearest_foot(point, segments, |start, span| {
             let (low, high) = (((from - start) / span).clamp(0.0, 1.0), ((to - start) / span).clamp(0.0, 1.0));
-            let delta = self.points[i + 1] - self.points[i];
-            let offset = point - self.points[i];
-            let fraction = (offset.dot(delta) / delta.norm_squared()).max(low).min(high.max(low));
-            let distance = offset.distance(delta * fraction);
-            if distance < best.distance {
-                best = Projection { s: start + fraction * span, d: distance.copysign(delta.cross(offset)), distance };
+            (low, high.max(low))
+        })
+    }
+
+    /// The nearest foot on some segments, of each between two fractions of it, which depend on its start and length
+    /// [m]; the first one of equals.
+    #[inline(always)]
+    fn nearest_foot(
+        &self,
+        point: Point,
+        segments: Range<usize>,
+        fractions: impl Fn(f64, f64) -> (f64, f64),
+    ) -> Projection {
+        let (mut best, mut least) = (Projection { s: 0.0, d: 0.0, distance: f64::INFINITY }, f64::INFINITY);
+        for i in segments {
+            let (delta, offset) = (self.points[i + 1] - self.points[i], point - self.points[i]);
+            let (start, span) = (self.arc_lengths[i], self.arc_lengths[i + 1] - self.arc_lengths[i]);
+            let (low, high) = fractions(start, span);
+            let fraction = (offset.dot(delta) / delta.norm_squared()).max(low).min(high);
+            let squared = (offset - delta * fraction).norm_squared();
+            if squared < least {
+                let distance = squared.sqrt();
+                if distance < best.distance {
+                    best =
+                        Projection { s: start + fraction * span, d: distance.copysign(delta.cross(offset)), distance };
+                    least = squared;
+                }
             }
         }
         best

@@ -12,7 +12,8 @@ pub(super) struct Threads {
 }
 
 impl Threads {
-    /// So many, with the one that calls.
+    /// For work by so many at once, one of them the calling thread. The pool has as many, so that `install` has them all;
+    /// `each` leaves one of them idle.
     pub(super) fn new(n: usize) -> Result<Self> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
         let pool = pool.map_err(|error| Error::invalid(format!("{n} threads could not be started: {error}")))?;

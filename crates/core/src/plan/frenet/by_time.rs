@@ -3,7 +3,8 @@
 /// Things of one time are filled up to a multiple of this by things whose numbers are none, so that no comparison holds.
 pub(super) const GROUP: usize = 8;
 
-/// Things with `N` numbers each, in single precision; they are numbered in the order in which they were added. The memory is reused.
+/// Things with `N` numbers each, in single precision; they are numbered in the order in which they were added. The
+/// memory is reused.
 #[derive(Debug, Clone)]
 pub(super) struct ByTime<const N: usize> {
     /// Before sorting.

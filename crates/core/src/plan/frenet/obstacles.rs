@@ -210,10 +210,8 @@ impl Obstacles {
                 let body = (from.is_some() || is_expected).then(|| body_at(k, to));
                 if let (Some((from, a)), Some(b)) = (from, body) {
                     let a = a.unwrap_or_else(|| body_at(k - 1, from));
-                    let track = *track.get_or_insert_with(|| {
-                        self.tracks.push(Track { other: index, overlaps_now, exact: false });
-                        self.tracks.len() as u32 - 1
-                    });
+                    let track = *track
+                        .get_or_insert_with(|| self.push_track(Track { other: index, overlaps_now, exact: false }));
                     let a = OrientedBox { half_length, half_width, ..a };
                     let b = OrientedBox { half_length, half_width, ..b };
                     let swept = OrientedBox::spanning(&a, &b);
@@ -244,8 +242,7 @@ impl Obstacles {
     ///
     /// Not a contact: somebody behind the agent's rear who heads the same way while the agent stays in its lane (they
     /// would hit the agent, and keeping distance is up to them) or who comes second and must yield, from then on for
-    /// good; an overlap that exists from the
-    /// start, until it first ends, as long as the centres do not approach.
+    /// good; an overlap that exists from the start, until it first ends, as long as the centres do not approach.
     pub(super) fn first_contact(&mut self, points: &[Waypoint], dt: f64, request: &PlanRequest) -> Option<Contact> {
         if self.sweeps.is_empty() {
             return None;

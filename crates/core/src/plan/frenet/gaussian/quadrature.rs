@@ -1,6 +1,7 @@
 //! Gauss-Legendre rules, worked out by the compiler.
 
-/// Nodes in [-1, 1] with their weights: zeros of the Legendre polynomial of degree `N` by Newton's method from the usual cosine guesses.
+/// Nodes in [-1, 1] with their weights: zeros of the Legendre polynomial of degree `N` by Newton's method from the usual
+/// cosine guesses.
 pub(super) const fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
     let mut rule = [(0.0, 0.0); N];
     let mut i = 0;
