@@ -85,9 +85,9 @@ class Frenet:
         rear_cone_distance: ... in which participants further away than this are left to keep their distance [m].
         collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
             always counts.
-        expectation_density_min: A mode whose expected positions have less than this probability per area even in the
-            middle, where they are densest, costs nothing then: it says next to nothing about where somebody will be
-            [1/m²].
+        expectation_density_min: A less probable mode whose expected positions have less than this probability per area
+            even in the middle, where they are densest, costs nothing then: it says next to nothing about where somebody
+            will be [1/m²].
         stop_targets: Also sample stops behind the leader and before the end of the goal area.
         lazy: Find the best sample with as little work as possible; False evaluates all. The choice is the same.
         weights: Weights of the cost.

@@ -185,7 +185,8 @@ impl Obstacles {
             let counts = *probability > 0.0 && !is_left_alone;
             let first = predictions.offset(other.row, mode);
             // The density in the middle is the probability over 2 pi times the root of the determinant.
-            let most = (probability / (TAU * settings.expectation_density_min)).powi(2);
+            let dense = (probability / (TAU * settings.expectation_density_min)).powi(2);
+            let determinant_max = if hard { f64::INFINITY } else { dense };
             let mut track = None;
             // Boxes are worked out where they are needed.
             let body_at = |k: usize, position: Point| other.shape.oriented_box_along(position, outlook.axes[k]);
@@ -199,7 +200,7 @@ impl Obstacles {
                     before = None;
                     continue;
                 }
-                let counts = counts && xx[k] * yy[k] - xy[k] * xy[k] <= most;
+                let counts = counts && xx[k] * yy[k] - xy[k] * xy[k] <= determinant_max;
                 if !hard && !counts {
                     continue;
                 }

@@ -152,8 +152,8 @@ pub struct FrenetSettings {
     pub rear_cone_distance: f64,
     /// Modes with at least this probability must not be hit; the most probable one always counts.
     pub collision_mode_probability: f64,
-    /// A mode whose expected positions have less than this probability per area [1/m²] even in the middle, where they are
-    /// densest, costs nothing then: it says next to nothing about where somebody will be.
+    /// A mode that need not be missed and whose expected positions have less than this probability per area [1/m²] even in
+    /// the middle, where they are densest, costs nothing then: it says next to nothing about where somebody will be.
     pub expectation_density_min: f64,
     /// Comfortable driving.
     pub comfort: Comfort,

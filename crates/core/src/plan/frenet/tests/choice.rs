@@ -5,11 +5,11 @@ use std::f64::consts::FRAC_PI_2;
 use super::{Car, Drive};
 use crate::geometry::shape::{Lcg, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::frenet::{CostWeights, FrenetSettings, Premises, Rejection, Scratch, attempt, plan};
+use crate::plan::frenet::{CostWeights, FrenetSettings, Premises, Rejection, Scratch, attempt, candidates, plan};
 use crate::plan::pace::SpeedLimits;
-use crate::plan::{self, IdmSettings, Planner, Prepared};
+use crate::plan::{self, IdmSettings, Outlook, PlanRequest, Planner, Prepared};
 use crate::road::testing::{arc, lane, open};
-use crate::trajectory::PlanStatus;
+use crate::trajectory::{PlanStatus, Predictions};
 
 fn eager() -> FrenetSettings {
     FrenetSettings { lazy: false, ..FrenetSettings::default() }
@@ -195,20 +195,38 @@ fn plans_do_not_depend_on_what_was_planned_with_the_same_memory() {
 }
 
 #[test]
-fn an_expectation_that_is_nowhere_dense_costs_nothing() {
+fn an_improbable_mode_that_is_nowhere_dense_costs_nothing() {
     let beside = Car { sigma: (1.0, 1.0), ..Car::at(30.0, 2.6, 0.0, 10.0) };
     let drive = Drive::on_three_lanes(20.0, 10.0).with_cars(vec![beside]);
-    let cost = |least: f64| {
+    // The other mode is far away.
+    let cost = |probability: f64, least: f64| {
         let settings = FrenetSettings { expectation_density_min: least, ..eager() };
-        let terms = drive.candidates(&settings).terms;
+        let terms = drive.with_request(|request| {
+            let one = request.predictions;
+            let mut two = Predictions::empty(one.time_step, one.ids.clone(), 2, one.n_steps);
+            (two.probability[0], two.probability[1]) = (1.0 - probability, probability);
+            for mode in 0..2 {
+                for k in 0..one.n_steps {
+                    let to = two.offset(0, mode) + k;
+                    (two.x[to], two.y[to]) = (one.x[k], one.y[k] + if mode == 0 { 500.0 } else { 0.0 });
+                    (two.covariance_xx[to], two.covariance_yy[to]) = (one.covariance_xx[k], one.covariance_yy[k]);
+                    (two.covariance_xy[to], two.valid[to]) = (one.covariance_xy[k], true);
+                    (two.orientation[to], two.velocity[to]) = (one.orientation[k], one.velocity[k]);
+                }
+            }
+            candidates(&PlanRequest { predictions: &two, outlook: &Outlook::of(&two), ..*request }, &settings).terms
+        });
         // Samples that are not admissible have none.
         terms.chunks_exact(13).map(|terms| terms[12]).filter(|term| term.is_finite()).sum::<f64>()
     };
-    // The variance is 0.1 m² after the first step and 3 m² after the last, the density 1.6 and 0.053 per m².
-    let whole = cost(0.0);
-    assert!(whole > 0.0 && cost(0.05) == whole, "{whole}");
-    assert!(0.0 < cost(0.1) && cost(0.1) < whole, "{} {whole}", cost(0.1));
-    assert!(cost(1.6) == 0.0);
+    // The variance is 0.1 m² after the first step and 3 m² after the last: at a probability of 0.1 the density is 0.16
+    // and 0.0053 per m².
+    let whole = cost(0.1, 0.0);
+    assert!(whole > 0.0 && cost(0.1, 0.005) == whole, "{whole}");
+    assert!(0.0 < cost(0.1, 0.01) && cost(0.1, 0.01) < whole, "{} {whole}", cost(0.1, 0.01));
+    assert!(cost(0.1, 0.17) == 0.0);
+    // Who is probable enough to rule samples out counts everywhere.
+    assert!(cost(0.3, 0.17) == cost(0.3, 0.0) && cost(0.3, 0.0) > 0.0);
 }
 
 #[test]
