@@ -65,9 +65,9 @@ def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(cluster, place)
         assert time.monotonic() < until, "no run was begun on the second node"
         time.sleep(0.05)
     cluster.lose_node()
-    ended(process)
+    out = ended(process)
     rows = stored(place / "ray")
-    assert {row["status"] for row in rows} == {"finished"}
+    assert {row["status"] for row in rows} == {"finished"}, out
     assert len({row["key"] for row in rows}) == len(rows) == 6
     assert len(list((place / "marks").iterdir())) >= 4  # of three runs one was begun again
     assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
