@@ -12,8 +12,10 @@ impl Polynomial {
         let [c0, c1, a0] = start;
         let w = end_slope - c1 - a0 * length;
         let e = -a0;
-        let c3 = (3.0 * w - e * length) / (3.0 * length * length);
-        let c4 = (e * length - 2.0 * w) / (4.0 * length.powi(3));
+        let per_length = length.recip();
+        let squared = per_length * per_length;
+        let c3 = (w - e * length * (1.0 / 3.0)) * squared;
+        let c4 = (0.25 * e * length - 0.5 * w) * squared * per_length;
         Self { c: [c0, c1, 0.5 * a0, c3, c4, 0.0] }
     }
 

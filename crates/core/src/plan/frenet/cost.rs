@@ -4,6 +4,7 @@
 
 use super::super::PlanRequest;
 use super::super::frame::Waypoint;
+use super::bounds::{FirstBounds, largest, smallest};
 use super::lateral::LateralPoints;
 use super::obstacles::Obstacles;
 use super::sample::{Motion, Samples};
@@ -15,7 +16,7 @@ use crate::wide::for_wide_machines;
 /// a row are worked out when somebody asks for them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TableCosts {
-    /// One entry per sample, valid once `compute_row` has seen its row.
+    /// One entry per sample, of this plan once `compute_row` has seen its row.
     pub(super) velocity_offset: Vec<f64>,
     /// Weighted sum of the terms from the tables, likewise.
     pub(super) total: Vec<f64>,
@@ -27,14 +28,9 @@ pub(super) struct TableCosts {
     speeds: LaneSpeeds,
     /// The smallest weighted sum of the lateral terms, by lateral table of time.
     lateral: Vec<f64>,
-    /// What samples with lateral polynomials of time have at each point: largest offset, squares of the smallest and
-    /// the largest lateral speed; (tables, three, points with padding).
-    spreads: Vec<f64>,
+    first: FirstBounds,
     /// 1 for points, 0 for padding.
     counts: Vec<f64>,
-    /// Largest curvature of the path from the start up to each of its knots [1/m], absolute, and the first of them.
-    curvature_up_to: Vec<f64>,
-    first_knot: usize,
 }
 
 /// Lanes that are worked on at once.
@@ -63,10 +59,13 @@ impl LaneSpeeds {
         }
         let (motion, lateral) = (samples.motions(index), samples.lateral_points(index));
         self.n_points = samples.n_points;
-        self.curvature.clear();
-        self.curvature.extend(motion.s.iter().map(|s| curvature_at(path, *s)));
-        for buffer in [&mut self.along, &mut self.along_by_lane, &mut self.sideways, &mut self.sideways_by_lane] {
+        let Self { curvature, along, along_by_lane, sideways, sideways_by_lane, .. } = self;
+        for buffer in [&mut *curvature, along, along_by_lane, sideways, sideways_by_lane] {
             buffer.resize(samples.stride, 0.0);
+        }
+        let look_up = CurvatureAt::new(path);
+        for (curvature, s) in curvature.iter_mut().zip(motion.s) {
+            *curvature = look_up.at(*s);
         }
         write_speeds(self, motion.s_dot, &lateral, samples.rows[index].is_over_arc);
     }
@@ -116,30 +115,6 @@ fn squares_of(speeds: &LaneSpeeds, lanes: &[f64], desired: f64) -> [f64; LANES] 
     sums
 }
 
-/// The smallest absolute value of numbers between two.
-#[inline(always)]
-fn smallest(a: f64, b: f64) -> f64 {
-    let (low, high) = if a < b { (a, b) } else { (b, a) };
-    let near = if low > -high { low } else { -high };
-    if near > 0.0 { near } else { 0.0 }
-}
-
-/// The largest absolute value of numbers between two.
-#[inline(always)]
-fn largest(a: f64, b: f64) -> f64 {
-    let (a, b) = (a.abs(), b.abs());
-    if a > b { a } else { b }
-}
-
-/// What speeds between two differ at least by from the desired one, squared.
-#[inline(always)]
-fn squared_gap(low: f64, high: f64, desired: f64) -> f64 {
-    let (above, below) = (low - desired, desired - high);
-    let gap = if above > below { above } else { below };
-    let gap = if gap > 0.0 { gap } else { 0.0 };
-    gap * gap
-}
-
 /// Sum over all points with padding in an order that suits wide machines.
 #[inline(always)]
 fn summed(n: usize, value: impl Fn(usize) -> f64) -> f64 {
@@ -168,53 +143,14 @@ fn gaps_of(speeds: &LaneSpeeds, counts: &[f64], [first, last]: [f64; 2], desired
         let aside = (sideways[i] + first * sideways_by_lane[i], sideways[i] + last * sideways_by_lane[i]);
         let (low, low_aside) = (smallest(ahead.0, ahead.1), smallest(aside.0, aside.1));
         let (high, high_aside) = (largest(ahead.0, ahead.1), largest(aside.0, aside.1));
-        let low = (low * low + low_aside * low_aside).sqrt();
-        let high = (high * high + high_aside * high_aside).sqrt();
-        counts[i] * squared_gap(low, high, desired)
+        let (low, high) = (low * low + low_aside * low_aside, high * high + high_aside * high_aside);
+        // Only one of both can be on the wrong side of the desired speed.
+        let is_fast = low > desired * desired;
+        let speed = (if is_fast { low } else { high }).sqrt();
+        let gap = if is_fast { speed - desired } else { desired - speed };
+        let gap = if gap > 0.0 { gap } else { 0.0 };
+        counts[i] * (gap * gap)
     })
-}
-
-for_wide_machines! {
-    /// The same from bounds of the offset and the lateral speed, for a path that bends at most so much.
-    fn summed_gaps_over_time = gaps_over_time, (
-        s_dot: &[f64],
-        spread: [&[f64]; 3],
-        counts: &[f64],
-        curvature: f64,
-        desired: f64,
-    ) -> f64
-}
-
-#[inline(always)]
-fn gaps_over_time(s_dot: &[f64], spread: [&[f64]; 3], counts: &[f64], curvature: f64, desired: f64) -> f64 {
-    let n = counts.len();
-    let [widest, low_aside, high_aside] = spread;
-    let (s_dot, widest, low_aside, high_aside) = (&s_dot[..n], &widest[..n], &low_aside[..n], &high_aside[..n]);
-    summed(n, |i| {
-        let bend = curvature * widest[i];
-        let inside = if bend < 1.0 { s_dot[i] * (1.0 - bend) } else { 0.0 };
-        let outside = s_dot[i] * (1.0 + bend);
-        let low = (inside * inside + low_aside[i]).sqrt();
-        let high = (outside * outside + high_aside[i]).sqrt();
-        counts[i] * squared_gap(low, high, desired)
-    })
-}
-
-for_wide_machines! {
-    /// The same for speeds between two multiples of that along the path.
-    fn summed_gaps_over_arc = gaps_over_arc, (
-        s_dot: &[f64],
-        counts: &[f64],
-        factors: [f64; 2],
-        desired: f64,
-    ) -> f64
-}
-
-#[inline(always)]
-fn gaps_over_arc(s_dot: &[f64], counts: &[f64], factors: [f64; 2], desired: f64) -> f64 {
-    let n = counts.len();
-    let s_dot = &s_dot[..n];
-    summed(n, |i| counts[i] * squared_gap(s_dot[i] * factors[0], s_dot[i] * factors[1], desired))
 }
 
 impl TableCosts {
@@ -228,70 +164,31 @@ impl TableCosts {
     ) {
         self.desired_velocity = desired_velocity;
         self.speeds.row = None;
-        for buffer in [&mut self.velocity_offset, &mut self.total] {
-            buffer.clear();
-            buffer.resize(samples.len(), f64::INFINITY);
-        }
+        self.velocity_offset.resize(samples.len(), f64::INFINITY);
+        self.total.resize(samples.len(), f64::INFINITY);
         self.is_tight.clear();
         self.is_tight.resize(samples.rows.len(), false);
         self.counts.clear();
         self.counts.extend((0..samples.stride).map(|i| if i < samples.n_points { 1.0 } else { 0.0 }));
         self.lateral.clear();
-        self.spreads.clear();
         for table in 0..samples.lateral.len() {
             self.lateral.push(least_lateral(samples, table, weights));
-            self.push_spread(samples, table);
         }
-        self.find_curvatures(samples, path);
+        self.first.prepare(samples, path);
         self.bounds.clear();
         for index in 0..samples.rows.len() {
-            self.bounds.push(self.first_bound(samples, index, weights, path));
+            let bound = self.first_bound(samples, index, weights, path);
+            self.bounds.push(bound);
         }
     }
 
-    fn push_spread(&mut self, samples: &Samples, table: usize) {
-        let (points, n) = (samples.lateral.points(table), samples.stride);
-        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
-        let first = self.spreads.len();
-        self.spreads.resize(first + 3 * n, 0.0);
-        write_spread(&points, outer, &mut self.spreads[first..]);
-    }
-
-    /// The largest curvature up to each knot that samples can reach.
-    fn find_curvatures(&mut self, samples: &Samples, path: &ReferencePath) {
-        let knots = path.curvature();
-        let knot = |s: f64| ((s / path.spacing()) as usize).min(knots.len() - 1);
-        // Speeds that count as 0 may be slightly negative: one knot more on both sides.
-        self.first_knot = knot(samples.furthest[0]).saturating_sub(1);
-        let last = (knot(samples.furthest[samples.n_points - 1]) + 2).min(knots.len() - 1);
-        let mut largest = 0.0_f64;
-        self.curvature_up_to.clear();
-        self.curvature_up_to.extend(knots[self.first_knot..=last].iter().map(|curvature| {
-            largest = largest.max(curvature.abs());
-            largest
-        }));
-    }
-
-    fn first_bound(&self, samples: &Samples, index: usize, weights: &CostWeights, path: &ReferencePath) -> f64 {
+    fn first_bound(&mut self, samples: &Samples, index: usize, weights: &CostWeights, path: &ReferencePath) -> f64 {
         let row = &samples.rows[index];
         if row.rejection != super::Rejection::Admissible {
             return f64::INFINITY;
         }
-        let motion = samples.motions(index);
-        let end = (motion.s[samples.n_points - 1] / path.spacing()) as usize + 2;
-        let place = end.saturating_sub(self.first_knot).min(self.curvature_up_to.len() - 1);
-        let (curvature, desired) = (self.curvature_up_to[place], self.desired_velocity);
-        let (gaps, lateral) = if let Some(table) = row.table {
-            let spread = &self.spreads[3 * table * samples.stride..];
-            let spread = [0, 1, 2].map(|k| &spread[k * samples.stride..(k + 1) * samples.stride]);
-            let gaps = summed_gaps_over_time(motion.s_dot, spread, &self.counts, curvature, desired);
-            (gaps, self.lateral[table])
-        } else {
-            let [widest, slope] = samples.lateral_bounds(index);
-            let bend = curvature * widest;
-            let factors = [(1.0 - bend).max(0.0), (1.0 + bend).hypot(slope)];
-            (summed_gaps_over_arc(motion.s_dot, &self.counts, factors, desired), 0.0)
-        };
+        let gaps = self.first.gaps(samples, index, self.desired_velocity, path);
+        let lateral = row.table.map_or(0.0, |table| self.lateral[table]);
         (from_tables(weights, gaps.sqrt(), 0.0, 0.0, row.jerk) + lateral) * (1.0 - ROUNDING)
     }
 
@@ -306,6 +203,7 @@ impl TableCosts {
         if std::mem::replace(&mut self.is_tight[index], true) {
             return None;
         }
+        samples.load_motion(index);
         let table = samples.lateral_table(index);
         self.speeds.find(samples, index, path);
         let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
@@ -324,6 +222,7 @@ impl TableCosts {
         weights: &CostWeights,
         path: &ReferencePath,
     ) {
+        samples.load_motion(index);
         let table = samples.lateral_table(index);
         self.speeds.find(samples, index, path);
         let n_lanes = samples.lanes.len();
@@ -343,25 +242,6 @@ impl TableCosts {
     }
 }
 
-for_wide_machines! {
-    fn write_spread = spread_at, (points: &LateralPoints, outer: [f64; 2], out: &mut [f64])
-}
-
-#[inline(always)]
-fn spread_at(points: &LateralPoints, [first, last]: [f64; 2], out: &mut [f64]) {
-    let n = points.home[0].len();
-    let LateralPoints { home, step } = points.cut(0..n);
-    let (widest, rest) = out.split_at_mut(n);
-    let (low, high) = rest.split_at_mut(n);
-    for i in 0..n {
-        let outer = |k: usize| (home[k][i] + first * step[k][i], home[k][i] + last * step[k][i]);
-        let (offset, speed) = (outer(0), outer(1));
-        widest[i] = largest(offset.0, offset.1);
-        let (slow, fast) = (smallest(speed.0, speed.1), largest(speed.0, speed.1));
-        (low[i], high[i]) = (slow * slow, fast * fast);
-    }
-}
-
 /// The smallest weighted sum of the lateral terms of a table.
 fn least_lateral(samples: &Samples, table: usize, weights: &CostWeights) -> f64 {
     let lanes = table * samples.lanes.len()..(table + 1) * samples.lanes.len();
@@ -371,12 +251,22 @@ fn least_lateral(samples: &Samples, table: usize, weights: &CostWeights) -> f64 
 }
 
 /// `path.at(s).curvature` without the rest.
-#[inline]
-fn curvature_at(path: &ReferencePath, s: f64) -> f64 {
-    let knots = path.curvature();
-    let position = s / path.spacing();
-    let i = (position as usize).min(knots.len() - 2);
-    knots[i] + (knots[i + 1] - knots[i]) * (position - i as f64)
+pub(super) struct CurvatureAt<'a> {
+    knots: &'a [f64],
+    per_spacing: f64,
+}
+
+impl<'a> CurvatureAt<'a> {
+    pub(super) fn new(path: &'a ReferencePath) -> Self {
+        Self { knots: path.curvature(), per_spacing: path.spacing().recip() }
+    }
+
+    #[inline]
+    pub(super) fn at(&self, s: f64) -> f64 {
+        let position = s * self.per_spacing;
+        let i = (position as usize).min(self.knots.len() - 2);
+        self.knots[i] + (self.knots[i + 1] - self.knots[i]) * (position - i as f64)
+    }
 }
 
 /// Weighted sum of the first four terms.

@@ -3,6 +3,7 @@
 use super::super::arrival::{self, LOOK_AHEAD};
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
+use super::cost::CurvatureAt;
 use super::settings::{Comfort, FrenetSettings};
 use crate::geometry::polyline::ReferencePath;
 
@@ -50,13 +51,9 @@ impl Desired {
         let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min);
         let (goal_velocity, goal_stop) = goal;
         let step = comfort.velocity_step;
-        let velocity = goal_velocity
-            .min(start.velocity + step)
-            .min(vehicle.velocity_max)
-            .min(curve_velocity(&request.route.path, start, comfort))
-            .min(following)
-            .max(start.velocity - step)
-            .max(0.0);
+        let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
+        let velocity =
+            curve_velocity(&request.route.path, start, comfort, elsewhere).max(start.velocity - step).max(0.0);
         let leader_stop = standing - comfort.standstill_gap - (front - start.s);
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
@@ -109,17 +106,25 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     (ahead && !beside && (stands || moves_along)).then_some(Leader { rear: s - half_s, velocity })
 }
 
-/// Speed from which all curves ahead can be taken comfortably after comfortable braking.
-fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort) -> f64 {
+/// Speed from which all curves ahead can be taken comfortably after comfortable braking, or `velocity` if that is less.
+fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort, velocity: f64) -> f64 {
     let b = comfort.deceleration;
     let lead = start.velocity * LOOK_AHEAD;
     let reach = (20.0 + lead + 0.5 * start.velocity.powi(2) / b).min(CURVE_REACH);
-    let squares = (0..(reach / CURVE_STEP) as usize).map(|i| {
+    let curvature = CurvatureAt::new(path);
+    let mut square = velocity * velocity;
+    for i in 0..(reach / CURVE_STEP) as usize {
         let ahead = i as f64 * CURVE_STEP;
-        comfort.lateral_acceleration / path.at(start.s + ahead).curvature.abs().max(1e-9)
-            + 2.0 * b * (ahead - lead).max(0.0)
-    });
-    squares.fold(f64::INFINITY, f64::min).sqrt()
+        let room = square - 2.0 * b * (ahead - lead).max(0.0);
+        if room <= 0.0 {
+            break; // Curves from here on do not matter.
+        }
+        let bend = curvature.at(start.s + ahead).abs();
+        if room * bend > comfort.lateral_acceleration {
+            square += comfort.lateral_acceleration / bend - room;
+        }
+    }
+    square.sqrt()
 }
 
 #[cfg(test)]

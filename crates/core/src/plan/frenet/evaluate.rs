@@ -21,11 +21,12 @@ const BLOCK: usize = 2;
 /// Sums in different orders differ by less than this fraction.
 const SUMMATION_ROUNDING: f64 = 1e-12;
 
-/// How far the evaluation of a sample has got.
-#[derive(Debug, Clone, Copy, Default)]
+/// Slot of a sample that is not in the pool.
+const NOWHERE: u32 = u32::MAX;
+
+/// How far the evaluation of a sample in the pool has got.
+#[derive(Debug, Clone, Copy)]
 struct Progress {
-    /// Points in the pool, once it is admissible.
-    slot: Option<u32>,
     /// Cost without prediction.
     base: f64,
     /// Sum of the prediction term so far, and how many points of the order are in it.
@@ -38,6 +39,8 @@ struct Progress {
 /// Memory of the evaluations of one plan.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Work {
+    /// Place in the pool of every sample that is admissible.
+    slots: Vec<u32>,
     progress: Vec<Progress>,
     /// Trajectories of the admissible samples that were looked at.
     pool: Vec<Waypoint>,
@@ -56,8 +59,9 @@ pub(super) struct Work {
 
 impl Work {
     fn reset(&mut self, n_samples: usize) {
+        self.slots.clear();
+        self.slots.resize(n_samples, NOWHERE);
         self.progress.clear();
-        self.progress.resize(n_samples, Progress::default());
         self.pool.clear();
         self.contributions.clear();
         self.order.clear();
@@ -124,7 +128,7 @@ impl<'a> Evaluation<'a> {
 
     /// Number of samples.
     pub(super) fn len(&self) -> usize {
-        self.tables.work.progress.len()
+        self.tables.work.slots.len()
     }
 
     /// Where the search begins: a group per row that is not rejected, and the previous plan.
@@ -157,11 +161,11 @@ impl<'a> Evaluation<'a> {
         }
         let is_complete = self.tables.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
         let work = &mut *self.tables.work;
-        let slot = Some((work.pool.len() / self.problem.limits.n_points) as u32);
+        work.slots[sample] = work.progress.len() as u32;
         work.pool.extend_from_slice(&work.points);
         work.contributions.resize(work.pool.len(), 0.0);
         let cost = is_complete.then_some(base);
-        work.progress[sample] = Progress { slot, base, prediction: 0.0, n_done: 0, cost };
+        work.progress.push(Progress { base, prediction: 0.0, n_done: 0, cost });
         Refined::Bound(base)
     }
 
@@ -324,15 +328,16 @@ impl Search for Evaluation<'_> {
     /// block by block, at last the road, which few get to.
     fn refine(&mut self, sample: usize) -> Refined {
         let n_points = self.problem.limits.n_points;
-        let Work { progress, pool, contributions, order, .. } = &mut *self.tables.work;
-        let progress = &mut progress[sample];
-        let Some(slot) = progress.slot else {
+        let Work { slots, progress, pool, contributions, order, .. } = &mut *self.tables.work;
+        let slot = slots[sample];
+        if slot == NOWHERE {
             return self.admit(sample);
-        };
-        if let Some(cost) = progress.cost {
-            return self.if_on_road(slot as usize * n_points..(slot as usize + 1) * n_points, cost);
         }
+        let progress = &mut progress[slot as usize];
         let slot = slot as usize * n_points..(slot as usize + 1) * n_points;
+        if let Some(cost) = progress.cost {
+            return self.if_on_road(slot, cost);
+        }
         let (points, contributions) = (&pool[slot.clone()], &mut contributions[slot]);
         let is_first = order.is_empty();
         if is_first {

@@ -52,29 +52,23 @@ impl Rejection {
     }
 }
 
-/// Conditions under which a motion along the path surely breaks no limit.
+/// Conditions under which a motion along the path surely breaks no limit of the vehicle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AlongPath {
-    /// Of the path [m].
-    length: f64,
     /// Speed that still counts as 0 [m/s].
-    lowest: f64,
+    lowest: f32,
     /// [m/s²]
-    acceleration: f64,
+    acceleration: f32,
     /// Acceleration times speed [m²/s³].
-    power: f64,
+    power: f32,
     /// Lateral polynomials of time are for speeds from this on [m/s].
-    pub(super) low_velocity: f64,
+    pub(super) low_velocity: f32,
 }
 
 impl AlongPath {
     #[inline(always)]
-    pub(super) fn surely_holds(&self, s: f64, s_dot: f64, s_ddot: f64) -> bool {
-        (s >= 0.0)
-            & (s <= self.length)
-            & (s_dot >= self.lowest)
-            & (s_ddot.abs() <= self.acceleration)
-            & (s_ddot * s_dot <= self.power)
+    pub(super) fn surely_holds(&self, s_dot: f32, s_ddot: f32) -> bool {
+        (s_dot >= self.lowest) & (s_ddot.abs() <= self.acceleration) & (s_ddot * s_dot <= self.power)
     }
 }
 
@@ -148,13 +142,18 @@ impl Limits {
         if s_ddot.abs() > PATH_FACTOR * limit { Rejection::Acceleration } else { Rejection::Admissible }
     }
 
-    /// A quick form of `check_along_path` for paths of a length [m].
-    pub(super) fn along_path(&self, length: f64, rounding: f64, low_velocity: f64) -> AlongPath {
-        /// A little less than the limits, so that rounding makes doubt and not certainty.
-        const SAFETY: f64 = 1.0 - 1e-9;
+    /// A quick form of `check_along_path`.
+    pub(super) fn along_path(&self, rounding: f64, low_velocity: f64) -> AlongPath {
+        /// A little less than the limits, so that single precision makes doubt and not certainty.
+        const SAFETY: f64 = 1.0 - 1e-3;
         let acceleration = SAFETY * PATH_FACTOR * self.acceleration_max;
         let power = acceleration * PATH_FACTOR * self.vehicle.velocity_switch;
-        AlongPath { length, lowest: -rounding, acceleration, power, low_velocity }
+        AlongPath {
+            lowest: (-0.5 * rounding) as f32,
+            acceleration: acceleration as f32,
+            power: power as f32,
+            low_velocity: low_velocity as f32,
+        }
     }
 
     /// Checks point number `point` and the step to it from `before`.

@@ -89,8 +89,10 @@ impl LateralTables {
         let table = self.push();
         let points = &mut self.points[table * N_PARTS * self.stride..];
         write_parts((&home, &step), times, end_time + 1e-9, points);
-        let jerk = |lane: &f64| Polynomial::to_rest(from, *lane, end_time).squared_jerk(end_time).max(0.0).sqrt();
-        self.jerk.extend(lanes.iter().map(jerk));
+        for lane in lanes {
+            let polynomial = Polynomial { c: std::array::from_fn(|k| home.c[k] + lane * step.c[k]) };
+            self.jerk.push(polynomial.squared_jerk(end_time).max(0.0).sqrt());
+        }
         self.sum_offsets(table, lanes);
         table
     }
@@ -130,8 +132,9 @@ impl LateralTables {
             linear += weight * 2.0 * a * b;
             square += weight * b * b;
         }
-        let jerk = |lane: &f64| (constant + lane * (linear + lane * square)).max(0.0).sqrt();
-        self.jerk.extend(lanes.iter().map(jerk));
+        for lane in lanes {
+            self.jerk.push((constant + lane * (linear + lane * square)).max(0.0).sqrt());
+        }
         self.sum_offsets(table, lanes);
         table
     }
@@ -144,19 +147,17 @@ impl LateralTables {
     }
 
     fn sum_offsets(&mut self, table: usize, lanes: &[f64]) {
-        let first = self.offset.len();
-        self.offset.resize(first + lanes.len(), 0.0);
         let part = |k: usize| &self.points[(table * N_PARTS + k) * self.stride..][..self.n_points];
         let last_half = self.n_points - self.n_points / 2;
-        let sums = &mut self.offset[first..];
+        // Sums of (home + lane step)².
+        let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
         for (home, step) in part(0)[last_half..].iter().zip(&part(3)[last_half..]) {
-            for (sum, lane) in sums.iter_mut().zip(lanes) {
-                let d = home + lane * step;
-                *sum += d * d;
-            }
+            constant += home * home;
+            linear += 2.0 * home * step;
+            square += step * step;
         }
-        for sum in sums {
-            *sum = sum.sqrt();
+        for lane in lanes {
+            self.offset.push((constant + lane * (linear + lane * square)).max(0.0).sqrt());
         }
     }
 }

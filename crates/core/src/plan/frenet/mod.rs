@@ -10,6 +10,7 @@
 //! whole plan, the state is converted afresh at every plan, corners of predicted participants count equally, and limits
 //! include steering rate and lateral acceleration.
 
+mod bounds;
 mod by_time;
 mod candidates;
 mod choose;
@@ -18,6 +19,7 @@ mod desired;
 mod evaluate;
 mod expectations;
 mod fallback;
+mod families;
 mod feasibility;
 mod gaussian;
 mod lateral;

@@ -7,11 +7,11 @@
 use super::super::frame::Start;
 use super::super::polynomial::{Braking, Polynomial};
 use super::desired::Desired;
+use super::families::{BLOCK, CoarseSpeeds, Families, N_MOTION};
 use super::feasibility::{AlongPath, Limits, Rejection};
 use super::lateral::{Along, LateralPoints, LateralTables};
 use super::settings::FrenetSettings;
 use crate::geometry::polyline::ReferencePath;
-use crate::wide::for_wide_machines;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
 /// it gets within the horizon, so its path does not depend on how far it gets.
@@ -22,11 +22,6 @@ const ROUNDING: f64 = 1e-3;
 const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
 const STOP_TIMES: [f64; 4] = [1.25, 1.6, 2.0, 2.4];
-
-/// Points per row are filled up to a multiple of this, by repeating the last one.
-const PADDING: usize = 4;
-/// Numbers per point of a motion: arc length, speed, acceleration.
-const N_MOTION: usize = 3;
 
 /// Arc length and its derivatives by time at one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -78,6 +73,9 @@ pub(super) struct Row {
     pub(super) table: Option<usize>,
     /// Why all its samples are rejected.
     pub(super) rejection: Rejection,
+    /// Its family and, once it is written, the place of its motion; one of both is always there.
+    pub(super) family: Option<usize>,
+    motion: Option<usize>,
     /// Place of its path points, once they are looked up.
     path: Option<usize>,
 }
@@ -111,7 +109,7 @@ pub(super) struct PathPoints<'a> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Samples {
     pub(super) n_points: usize,
-    /// Points of a row with padding.
+    /// Points of a row with padding: a multiple of `BLOCK`; the last point is repeated.
     pub(super) stride: usize,
     pub(super) dt: f64,
     /// End positions [m], ascending.
@@ -120,9 +118,12 @@ pub(super) struct Samples {
     /// Largest arc length that a sample has at each point [m], with padding.
     pub(super) furthest: Vec<f64>,
     pub(super) lateral: LateralTables,
+    /// Speeds that the motions of families are made of are at most this and their end speed together [m/s].
+    pub(super) speed_scale: f64,
     /// When the points are [s], with padding.
     times: Vec<f64>,
-    /// (rows, arc length and derivatives, points with padding)
+    families: Families,
+    /// (rows that were looked at, arc length and derivatives, points with padding)
     motions: Vec<f64>,
     /// (rows that were looked at, what is known, points with padding)
     path: Vec<f64>,
@@ -142,12 +143,13 @@ impl Samples {
         let Inputs { start, desired, limits, settings, path } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
-        self.stride = limits.n_points.next_multiple_of(PADDING);
+        self.stride = limits.n_points.next_multiple_of(BLOCK);
         for buffer in [&mut self.lanes, &mut self.end_times, &mut self.velocities, &mut self.times] {
             buffer.clear();
         }
         self.times.extend((0..self.stride).map(|i| i.min(self.n_points - 1) as f64 * self.dt));
         self.rows.clear();
+        self.families.clear(self.stride);
         self.motions.clear();
         self.path.clear();
         self.furthest.clear();
@@ -159,23 +161,31 @@ impl Samples {
         grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.lanes);
         end_velocities(start, desired.velocity, limits, settings, &mut self.velocities);
         let from = [start.s, start.s_dot, start.s_ddot];
-        let along = limits.along_path(path.length(), ROUNDING, settings.low_velocity);
+        self.speed_scale = start.s_dot.abs() + start.s_ddot.abs() * settings.horizon;
+        let along = limits.along_path(ROUNDING, settings.low_velocity);
         let s_dot = start.s_dot;
         let beside = [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2];
         for t in 0..self.end_times.len() {
             let end_time = self.end_times[t];
             let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.lanes);
+            let family = self.families.push(from, end_time, &self.times);
+            let ends = [self.velocities[0], self.velocities[self.velocities.len() - 1]];
+            let stays = self.families.stays_within(family, ends, path.length());
+            let mut fastest = None;
             for v in 0..self.velocities.len() {
-                let end_velocity = self.velocities[v];
-                let s = Polynomial::to_slope(from, end_velocity, end_time);
-                self.push_polynomial(s, (end_time, end_velocity), Some(table), &along, inputs);
+                if self.push_member((family, table, stays), end_time, self.velocities[v], &along, inputs) {
+                    fastest = Some(self.velocities[v]);
+                }
+            }
+            if let Some(fastest) = fastest {
+                self.families.raise(family, fastest, &mut self.furthest);
             }
         }
         for target in desired.stop_targets.iter().flatten() {
             for factor in STOP_TIMES {
                 let end_time = (factor * stop_time_scale(target - start.s, start.s_dot)).max(settings.t_min);
                 let s = Polynomial::to_rest(from, *target, end_time);
-                self.push_polynomial(s, (end_time, 0.0), None, &along, inputs);
+                self.push_stop(s, end_time, inputs);
             }
         }
         for fraction in BRAKING {
@@ -183,78 +193,125 @@ impl Samples {
         }
     }
 
-    fn push_polynomial(
+    /// Adds the row of a family that ends at a speed; says whether it is admissible.
+    fn push_member(
         &mut self,
-        s: Polynomial,
-        (end_time, end_velocity): (f64, f64),
-        time_table: Option<usize>,
+        (family, table, stays): (usize, usize, bool),
+        end_time: f64,
+        end_velocity: f64,
         along: &AlongPath,
         inputs: &Inputs,
-    ) {
-        let end = s.at(end_time)[0];
-        let out = push(&mut self.motions, N_MOTION * self.stride);
-        let found = write_motion(&s, (end_time, end, end_velocity), &self.times, along, out);
-        let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
-        let is_slow = found.is_slow || inputs.start.velocity < inputs.settings.low_velocity;
-        let table = time_table.filter(|_| !is_slow);
+    ) -> bool {
+        let Inputs { start, limits, settings, .. } = *inputs;
+        let s = Polynomial::to_slope([start.s, start.s_dot, start.s_ddot], end_velocity, end_time);
+        let found = self.families.look(family, end_velocity, along);
+        let is_slow = found.is_slow || start.velocity < settings.low_velocity;
         let row = Row {
             course: Course::Polynomial(s),
             end_time,
             end_velocity,
-            jerk,
-            distance: end - inputs.start.s,
-            is_over_arc: table.is_none(),
-            table,
+            jerk: s.squared_jerk(end_time.min(limits.horizon())).sqrt(),
+            distance: s.at(end_time)[0] - start.s,
+            is_over_arc: is_slow,
+            table: (!is_slow).then_some(table),
             rejection: Rejection::Admissible,
+            family: Some(family),
+            motion: None,
             path: None,
         };
-        self.finish_row(row, found.is_doubtful, inputs);
+        self.rows.push(row);
+        if stays && !found.is_doubtful {
+            return true;
+        }
+        self.write_member(self.rows.len() - 1);
+        self.check_last(inputs)
+    }
+
+    fn push_stop(&mut self, s: Polynomial, end_time: f64, inputs: &Inputs) {
+        let (stride, end, first) = (self.stride, s.at(end_time)[0], self.motions.len());
+        let out = push(&mut self.motions, N_MOTION * stride);
+        for (i, time) in self.times.iter().enumerate() {
+            let [place, speed, acceleration, _] =
+                if *time < end_time + 1e-9 { s.at(*time) } else { [end, 0.0, 0.0, 0.0] };
+            (out[i], out[stride + i], out[2 * stride + i]) = (place, speed, acceleration);
+        }
+        let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
+        let distance = end - inputs.start.s;
+        self.push_alone(Course::Polynomial(s), end_time, jerk, distance, first, inputs);
     }
 
     fn push_braking(&mut self, braking: Braking, inputs: &Inputs) {
-        let stride = self.stride;
+        let (stride, first) = (self.stride, self.motions.len());
         let out = push(&mut self.motions, N_MOTION * stride);
         for (i, time) in self.times.iter().enumerate() {
             let [distance, s_dot, s_ddot, _] = braking.at(*time);
             (out[i], out[stride + i], out[2 * stride + i]) = (inputs.start.s + distance, s_dot, s_ddot);
         }
-        let row = Row {
-            course: Course::Braking(braking),
-            end_time: braking.stop_time(),
+        let jerk = braking.squared_jerk(inputs.limits.horizon()).sqrt();
+        let distance = braking.at(braking.stop_time())[0];
+        self.push_alone(Course::Braking(braking), braking.stop_time(), jerk, distance, first, inputs);
+    }
+
+    /// Adds a row without family that ends at rest and whose motion is written already.
+    fn push_alone(&mut self, course: Course, end_time: f64, jerk: f64, distance: f64, motion: usize, inputs: &Inputs) {
+        self.rows.push(Row {
+            course,
+            end_time,
             end_velocity: 0.0,
-            jerk: braking.squared_jerk(inputs.limits.horizon()).sqrt(),
-            distance: braking.at(braking.stop_time())[0],
+            jerk,
+            distance,
             is_over_arc: true,
             table: None,
             rejection: Rejection::Admissible,
+            family: None,
+            motion: Some(motion),
             path: None,
-        };
-        self.finish_row(row, true, inputs);
+        });
+        if self.check_last(inputs) {
+            for (furthest, s) in self.furthest.iter_mut().zip(&self.motions[motion..motion + self.stride]) {
+                *furthest = furthest.max(*s);
+            }
+        }
     }
 
-    /// Checks the motion that was written last, if there is doubt.
-    fn finish_row(&mut self, mut row: Row, is_doubtful: bool, inputs: &Inputs) {
+    /// Checks the last row, whose motion was written last, and makes its speeds non-negative.
+    fn check_last(&mut self, inputs: &Inputs) -> bool {
         let Inputs { limits, path, .. } = *inputs;
-        let (s, rest) = self.motions[self.rows.len() * N_MOTION * self.stride..].split_at_mut(self.stride);
+        let row = self.rows.last_mut().expect("a row");
+        let first = self.motions.len() - N_MOTION * self.stride;
+        let (s, rest) = self.motions[first..].split_at_mut(self.stride);
         let (s_dot, s_ddot) = rest.split_at_mut(self.stride);
-        for i in 0..if is_doubtful { self.n_points } else { 0 } {
+        for i in 0..self.n_points {
             if s_dot[i] < -ROUNDING {
-                row.rejection = row.rejection.or(Rejection::NegativeSpeed);
+                row.rejection = Rejection::NegativeSpeed;
             }
             row.rejection = row.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
             if !(0.0..=path.length()).contains(&s[i]) {
                 row.rejection = row.rejection.or(Rejection::LeftPath);
             }
-        }
-        for s_dot in s_dot {
-            *s_dot = s_dot.max(0.0);
-        }
-        if row.rejection == Rejection::Admissible {
-            for (furthest, s) in self.furthest.iter_mut().zip(s) {
-                *furthest = furthest.max(*s);
+            if row.rejection != Rejection::Admissible {
+                break;
             }
         }
-        self.rows.push(row);
+        not_negative(s_dot);
+        row.rejection == Rejection::Admissible
+    }
+
+    /// Writes the motion of a row of a family.
+    fn write_member(&mut self, row: usize) {
+        let Row { family, end_velocity, .. } = self.rows[row];
+        self.rows[row].motion = Some(self.motions.len());
+        let out = push(&mut self.motions, N_MOTION * self.stride);
+        self.families.write(family.expect("a family"), end_velocity, out);
+    }
+
+    /// Writes the motion of a row when it is first needed.
+    pub(super) fn load_motion(&mut self, row: usize) {
+        if self.rows[row].motion.is_none() {
+            let first = self.motions.len();
+            self.write_member(row);
+            not_negative(&mut self.motions[first + self.stride..first + 2 * self.stride]);
+        }
     }
 
     /// The table of a row's lateral motion, which is made if it is not there yet.
@@ -264,18 +321,21 @@ impl Samples {
         if let Some(table) = self.rows[row].table {
             return table;
         }
-        let Row { course, end_time, distance, .. } = self.rows[row];
+        self.load_motion(row);
+        let Row { course, end_time, distance, motion, .. } = self.rows[row];
         let [start, d, d_prime, d_prime2] = self.start;
-        let (s, rest) = self.motions[row * N_MOTION * self.stride..][..N_MOTION * self.stride].split_at(self.stride);
+        let (s, rest) = self.motions[motion.expect("it is loaded")..][..N_MOTION * self.stride].split_at(self.stride);
         let (s_dot, s_ddot) = rest.split_at(self.stride);
         self.along.clear();
-        self.along.extend(s.iter().map(|s| s - start));
         self.jerks.clear();
-        self.jerks.extend(self.times.iter().map(|time| match course {
-            Course::Polynomial(s) if *time < end_time + 1e-9 => s.at(*time)[3],
-            Course::Polynomial(_) => 0.0,
-            Course::Braking(braking) => braking.at(*time)[3],
-        }));
+        for (s, time) in s.iter().zip(&self.times) {
+            self.along.push(s - start);
+            self.jerks.push(match course {
+                Course::Polynomial(s) if *time < end_time + 1e-9 => s.at(*time)[3],
+                Course::Polynomial(_) => 0.0,
+                Course::Braking(braking) => braking.at(*time)[3],
+            });
+        }
         let motion = Along { s: &self.along, s_dot, s_ddot, jerk: &self.jerks };
         let length = distance.max(ARC_MIN);
         let from = [d, d_prime, d_prime2];
@@ -304,10 +364,23 @@ impl Samples {
         self.rows.len() * self.lanes.len()
     }
 
-    /// Motion of a row at all points.
+    /// Motion of a row at all points after `load_motion`.
     pub(super) fn motions(&self, row: usize) -> Motions<'_> {
-        let part = |k: usize| &self.motions[(row * N_MOTION + k) * self.stride..][..self.stride];
+        let first = self.rows[row].motion.expect("the motion was written");
+        let part = |k: usize| &self.motions[first + k * self.stride..][..self.stride];
         Motions { s: part(0), s_dot: part(1), s_ddot: part(2) }
+    }
+
+    /// Speeds of a row that belongs to a family, whether it is written or not.
+    pub(super) fn coarse_speeds(&self, row: usize) -> Option<CoarseSpeeds<'_>> {
+        let row = &self.rows[row];
+        row.family.map(|family| self.families.speeds(family, row.end_velocity))
+    }
+
+    /// Arc length of a row at the end of the horizon [m].
+    pub(super) fn last_place(&self, row: usize) -> f64 {
+        let (last, Row { family, end_velocity, .. }) = (self.n_points - 1, self.rows[row]);
+        family.map_or_else(|| self.motions(row).s[last], |family| self.families.place(family, end_velocity, last))
     }
 
     /// Looks up the path points of a row when they are first needed.
@@ -315,8 +388,9 @@ impl Samples {
         if self.rows[row].path.is_some() {
             return;
         }
+        self.load_motion(row);
         let stride = self.stride;
-        let s = &self.motions[row * N_MOTION * stride..][..stride];
+        let s = &self.motions[self.rows[row].motion.expect("it is loaded")..][..stride];
         self.rows[row].path = Some(self.path.len());
         let out = push(&mut self.path, N_PATH * stride);
         for (i, s) in s.iter().enumerate() {
@@ -356,48 +430,11 @@ fn push(buffer: &mut Vec<f64>, n: usize) -> &mut [f64] {
     &mut buffer[first..]
 }
 
-/// What is found while a motion is written.
-#[derive(Debug, Clone, Copy)]
-struct Found {
-    /// It may break a limit.
-    is_doubtful: bool,
-    /// Its speed is below that for polynomials of time somewhere.
-    is_slow: bool,
-}
-
-for_wide_machines! {
-    /// A polynomial up to the end (time, place, speed), then constant speed.
-    fn write_motion = motion_at, (
-        polynomial: &Polynomial,
-        end: (f64, f64, f64),
-        times: &[f64],
-        limits: &AlongPath,
-        out: &mut [f64],
-    ) -> Found
-}
-
-#[inline(always)]
-fn motion_at(
-    polynomial: &Polynomial,
-    (end_time, end, end_velocity): (f64, f64, f64),
-    times: &[f64],
-    limits: &AlongPath,
-    out: &mut [f64],
-) -> Found {
-    let (s, rest) = out.split_at_mut(times.len());
-    let (s_dot, s_ddot) = rest.split_at_mut(times.len());
-    let (mut doubts, mut slow) = (0_u64, 0_u64);
-    for (((time, s), s_dot), s_ddot) in times.iter().zip(s).zip(s_dot).zip(s_ddot) {
-        let [p0, p1, p2, _] = polynomial.at(*time);
-        let moving = *time < end_time + 1e-9;
-        let place = if moving { p0 } else { end + end_velocity * (time - end_time) };
-        let speed = if moving { p1 } else { end_velocity };
-        let acceleration = if moving { p2 } else { 0.0 };
-        (*s, *s_dot, *s_ddot) = (place, speed, acceleration);
-        doubts |= u64::from(!limits.surely_holds(place, speed, acceleration));
-        slow |= u64::from(speed.max(0.0) < limits.low_velocity);
+/// Speeds slightly below 0 become 0.
+fn not_negative(speeds: &mut [f64]) {
+    for speed in speeds {
+        *speed = if *speed > 0.0 { *speed } else { 0.0 };
     }
-    Found { is_doubtful: doubts != 0, is_slow: slow != 0 }
 }
 
 /// 1.1 s, 1.4 s, ... and the horizon; the steps depend on the level.

@@ -16,7 +16,7 @@ fn eager() -> FrenetSettings {
 }
 
 /// A three-lane road, straight or bent, with up to six cars around the agent.
-fn random_drive(random: &mut Lcg) -> Drive {
+pub(super) fn random_drive(random: &mut Lcg) -> Drive {
     let bend = random.within(0.0, 1.0);
     let velocity = if random.within(0.0, 1.0) < 0.25 { random.within(0.0, 3.0) } else { random.within(3.0, 25.0) };
     let radius = random.within(40.0, 300.0);

@@ -1,5 +1,6 @@
 //! Specifications of the whole planner, on small invented roads.
 
+mod bounds;
 mod choice;
 mod closed_loop;
 mod golden;

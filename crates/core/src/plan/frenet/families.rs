@@ -1,0 +1,234 @@
+//! Motions along the path that reach some speed at the same time (a family). Whatever that speed v is, arc length, speed
+//! and acceleration at each point are `rest + v rise`, also after the end.
+
+use super::super::polynomial::Polynomial;
+use super::feasibility::AlongPath;
+use crate::wide::for_wide_machines;
+
+/// Numbers per point of a motion: arc length, speed, acceleration.
+pub(super) const N_MOTION: usize = 3;
+/// Points that are worked on at once.
+pub(super) const BLOCK: usize = 8;
+
+/// All families of one plan; the memory is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Families {
+    /// The motion that ends at rest, then what each m/s at the end adds; (families, 2, `N_MOTION`, points with padding).
+    motions: Vec<f64>,
+    /// Speed and acceleration of both in single precision; (families, 2, 2, points with padding).
+    coarse: Vec<f32>,
+    stride: usize,
+}
+
+/// Speeds at all points in single precision: `rest + end_velocity rise`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CoarseSpeeds<'a> {
+    pub(super) rest: &'a [f32],
+    pub(super) rise: &'a [f32],
+    pub(super) end_velocity: f32,
+}
+
+/// What is found at the points of a motion along the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Found {
+    /// It may break a limit of the vehicle.
+    pub(super) is_doubtful: bool,
+    /// Its speed is below that for polynomials of time somewhere.
+    pub(super) is_slow: bool,
+}
+
+impl Families {
+    /// Begins anew, with tables of `stride` points.
+    pub(super) fn clear(&mut self, stride: usize) {
+        self.motions.clear();
+        self.coarse.clear();
+        self.stride = stride;
+    }
+
+    /// Adds motions from (arc length, speed, acceleration) that end at `end_time`; its number.
+    pub(super) fn push(&mut self, from: [f64; 3], end_time: f64, times: &[f64]) -> usize {
+        let polynomials = [Polynomial::to_slope(from, 0.0, end_time), Polynomial::to_slope([0.0; 3], 1.0, end_time)];
+        let (n, first, first_coarse) = (self.stride, self.motions.len(), self.coarse.len());
+        self.motions.resize(first + 2 * N_MOTION * n, 0.0);
+        self.coarse.resize(first_coarse + 4 * n, 0.0);
+        write_family(&polynomials, end_time, times, &mut self.motions[first..], &mut self.coarse[first_coarse..]);
+        first / (2 * N_MOTION * n)
+    }
+
+    /// Motion that ends at rest, and what each m/s at the end adds.
+    fn parts(&self, family: usize) -> (&[f64], &[f64]) {
+        let n = N_MOTION * self.stride;
+        self.motions[family * 2 * n..(family + 1) * 2 * n].split_at(n)
+    }
+
+    /// Writes arc lengths, speeds and accelerations at all points with padding.
+    pub(super) fn write(&self, family: usize, end_velocity: f64, out: &mut [f64]) {
+        let (rest, rise) = self.parts(family);
+        write_sums(rest, rise, end_velocity, out);
+    }
+
+    /// Arc length at a point [m].
+    pub(super) fn place(&self, family: usize, end_velocity: f64, point: usize) -> f64 {
+        let (rest, rise) = self.parts(family);
+        rest[point] + end_velocity * rise[point]
+    }
+
+    /// Motions with end speeds between these two stay between arc lengths of 0 and `length`.
+    pub(super) fn stays_within(&self, family: usize, end_velocities: [f64; 2], length: f64) -> bool {
+        let (rest, rise) = self.parts(family);
+        leaves(&rest[..self.stride], &rise[..self.stride], end_velocities, length) == 0
+    }
+
+    /// Raises arc lengths to those of a motion.
+    pub(super) fn raise(&self, family: usize, end_velocity: f64, furthest: &mut [f64]) {
+        let (rest, rise) = self.parts(family);
+        raise_to_sums(&rest[..self.stride], &rise[..self.stride], end_velocity, furthest);
+    }
+
+    /// Looks at a motion in single precision.
+    pub(super) fn look(&self, family: usize, end_velocity: f64, limits: &AlongPath) -> Found {
+        look_at(&self.coarse[family * 4 * self.stride..(family + 1) * 4 * self.stride], end_velocity as f32, limits)
+    }
+
+    /// Speeds of a motion.
+    pub(super) fn speeds(&self, family: usize, end_velocity: f64) -> CoarseSpeeds<'_> {
+        let part = |k: usize| &self.coarse[(family * 4 + k) * self.stride..][..self.stride];
+        CoarseSpeeds { rest: part(0), rise: part(2), end_velocity: end_velocity as f32 }
+    }
+}
+
+for_wide_machines! {
+    fn write_family = family_at, (
+        polynomials: &[Polynomial; 2],
+        end_time: f64,
+        times: &[f64],
+        motions: &mut [f64],
+        coarse: &mut [f32],
+    )
+}
+
+#[inline(always)]
+fn family_at(polynomials: &[Polynomial; 2], end_time: f64, times: &[f64], motions: &mut [f64], coarse: &mut [f32]) {
+    let n = times.len();
+    for (k, polynomial) in polynomials.iter().enumerate() {
+        let (end, end_slope) = (polynomial.at(end_time)[0], k as f64);
+        for (b, at) in times.as_chunks::<BLOCK>().0.iter().enumerate() {
+            let (mut parts, mut rounded) = ([[0.0; BLOCK]; N_MOTION], [[0.0; BLOCK]; 2]);
+            for i in 0..BLOCK {
+                let [p0, p1, p2, _] = polynomial.at(at[i]);
+                let moving = at[i] < end_time + 1e-9;
+                let slope = if moving { p1 } else { end_slope };
+                let second = if moving { p2 } else { 0.0 };
+                parts[0][i] = if moving { p0 } else { end + end_slope * (at[i] - end_time) };
+                (parts[1][i], parts[2][i]) = (slope, second);
+                (rounded[0][i], rounded[1][i]) = (slope as f32, second as f32);
+            }
+            for (part, values) in parts.iter().enumerate() {
+                motions[(k * N_MOTION + part) * n + b * BLOCK..][..BLOCK].copy_from_slice(values);
+            }
+            for (part, values) in rounded.iter().enumerate() {
+                coarse[(k * 2 + part) * n + b * BLOCK..][..BLOCK].copy_from_slice(values);
+            }
+        }
+    }
+}
+
+for_wide_machines! {
+    fn write_sums = sums_of, (rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64])
+}
+
+#[inline(always)]
+fn sums_of(rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64]) {
+    let n = out.len();
+    let (rest, rise) = (&rest[..n], &rise[..n]);
+    for i in 0..n {
+        out[i] = rest[i] + factor * rise[i];
+    }
+}
+
+for_wide_machines! {
+    fn raise_to_sums = raise_all, (rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64])
+}
+
+#[inline(always)]
+fn raise_all(rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64]) {
+    let n = out.len();
+    let (rest, rise) = (&rest[..n], &rise[..n]);
+    for i in 0..n {
+        let sum = rest[i] + factor * rise[i];
+        out[i] = if sum > out[i] { sum } else { out[i] };
+    }
+}
+
+for_wide_machines! {
+    /// Not 0 if a sum with the first factor is negative or one with the second is above `length`.
+    fn leaves = leaving, (rest: &[f64], rise: &[f64], factors: [f64; 2], length: f64) -> u64
+}
+
+#[inline(always)]
+fn leaving(rest: &[f64], rise: &[f64], [low, high]: [f64; 2], length: f64) -> u64 {
+    let n = rest.len();
+    let rise = &rise[..n];
+    let mut found = 0;
+    for i in 0..n {
+        let stays = (rest[i] + low * rise[i] >= 0.0) & (rest[i] + high * rise[i] <= length);
+        found |= u64::from(!stays);
+    }
+    found
+}
+
+for_wide_machines! {
+    fn look_at = found_at, (coarse: &[f32], end_velocity: f32, limits: &AlongPath) -> Found
+}
+
+#[inline(always)]
+fn found_at(coarse: &[f32], end_velocity: f32, limits: &AlongPath) -> Found {
+    let n = coarse.len() / 4;
+    let (speed, acceleration) = (&coarse[..n], &coarse[n..2 * n]);
+    let (more_speed, more_acceleration) = (&coarse[2 * n..3 * n], &coarse[3 * n..4 * n]);
+    let (mut doubts, mut slow) = (0_u32, 0_u32);
+    for i in 0..n {
+        let v = speed[i] + end_velocity * more_speed[i];
+        let a = acceleration[i] + end_velocity * more_acceleration[i];
+        doubts |= u32::from(!limits.surely_holds(v, a));
+        slow |= u32::from(v < limits.low_velocity);
+    }
+    Found { is_doubtful: doubts != 0, is_slow: slow != 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::shape::Lcg;
+
+    #[test]
+    fn members_of_a_family_are_the_polynomials_with_their_end_speeds() {
+        let mut random = Lcg::new(4);
+        let times: Vec<f64> = (0..32).map(|i| 0.1 * f64::from(i)).collect();
+        let mut families = Families::default();
+        for _ in 0..100 {
+            let from = [random.within(0.0, 500.0), random.within(0.0, 30.0), random.within(-5.0, 3.0)];
+            let (end_time, end_velocity) = (random.within(0.5, 3.0), random.within(0.0, 30.0));
+            let polynomial = Polynomial::to_slope(from, end_velocity, end_time);
+            families.clear(times.len());
+            let family = families.push(from, end_time, &times);
+            let mut motion = [0.0; 32 * N_MOTION];
+            families.write(family, end_velocity, &mut motion);
+            for (i, time) in times.iter().enumerate() {
+                let [mut s, mut s_dot, mut s_ddot, _] = polynomial.at(time.min(end_time));
+                if *time > end_time {
+                    (s, s_dot, s_ddot) = (s + end_velocity * (time - end_time), end_velocity, 0.0);
+                }
+                let found = [motion[i], motion[32 + i], motion[64 + i]];
+                for (found, expected) in found.into_iter().zip([s, s_dot, s_ddot]) {
+                    assert!((found - expected).abs() < 1e-11 * expected.abs().max(100.0), "{found} {expected}");
+                }
+                assert_eq!(families.place(family, end_velocity, i), motion[i]);
+            }
+            assert_eq!(motion[0], from[0]);
+            let furthest = motion[31];
+            assert!(families.stays_within(family, [end_velocity; 2], furthest + 5.0) || from[0] < 5.0);
+            assert!(!families.stays_within(family, [end_velocity; 2], furthest - 0.1));
+        }
+    }
+}
