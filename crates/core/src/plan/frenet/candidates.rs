@@ -83,7 +83,9 @@ impl Candidates {
             terms[..4].copy_from_slice(&evaluation.table_terms(sample));
             terms[4..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
             let points = evaluation.points().iter().enumerate().skip(1);
-            terms[N_TERMS - 1] = points.map(|(i, point)| evaluation.tables.obstacles.prediction_cost(point, i)).sum();
+            let (obstacles, request) = (&*evaluation.tables.obstacles, evaluation.problem.request);
+            let cost = |(i, point)| obstacles.prediction_cost(point, i, request);
+            terms[N_TERMS - 1] = points.map(cost).sum();
         }
         let weights = evaluation.problem.settings.weights.as_array();
         self.cost.push(terms.iter().zip(weights).map(|(term, weight)| term * weight).sum());

@@ -6,9 +6,10 @@ use std::ops::Range;
 use super::super::PlanRequest;
 use super::super::frame::{Start, Waypoint};
 use super::choose::{Entry, Refined, Search};
+use super::contact::Contact;
 use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
 use super::feasibility::{Limits, Rejection};
-use super::obstacles::{Contact, Obstacles};
+use super::obstacles::Obstacles;
 use super::previous::Previous;
 use super::sample::Samples;
 use super::settings::{FrenetSettings, N_TERMS};
@@ -339,6 +340,7 @@ impl Search for Evaluation<'_> {
             return self.if_on_road(slot, cost);
         }
         let (points, contributions) = (&pool[slot.clone()], &mut contributions[slot]);
+        let (obstacles, request) = (&*self.tables.obstacles, self.problem.request);
         let is_first = order.is_empty();
         if is_first {
             order.extend(1..n_points);
@@ -347,7 +349,7 @@ impl Search for Evaluation<'_> {
         while progress.n_done < order.len() && (is_first || progress.prediction == before) {
             let end = (progress.n_done + BLOCK).min(order.len());
             for point in &order[progress.n_done..end] {
-                contributions[*point] = self.tables.obstacles.prediction_cost(&points[*point], *point);
+                contributions[*point] = obstacles.prediction_cost(&points[*point], *point, request);
                 progress.prediction += contributions[*point];
             }
             progress.n_done = end;

@@ -1,11 +1,14 @@
 //! Where other participants are expected to be, and what it costs a point of a sample to be near: the prediction cost.
 
+use super::super::PlanRequest;
 use super::super::frame::Waypoint;
-use super::by_time::{ByTime, GROUP};
+use super::course::{Course, Places};
 use super::gaussian::{self, Footprint, Normal2};
+use super::reach::{GROUP, Reach};
 use super::settings::FrenetSettings;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
+use crate::trajectory::Predictions;
 use crate::wide::for_wide_machines;
 
 /// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
@@ -22,61 +25,133 @@ struct Expectation {
     covariance: [f64; 3],
 }
 
+/// One mode of a participant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Source {
+    /// Position in the request's `others`.
+    pub(super) other: usize,
+    /// Where it is predicted; `None` for what never moves.
+    pub(super) places: Option<Places>,
+    /// Its box now.
+    pub(super) now: OrientedBox,
+    /// Of the mode.
+    pub(super) probability: f64,
+    /// It counts only where the determinant of its covariance is not larger [m⁴].
+    pub(super) determinant_max: f64,
+    /// Covariance of what never moves [m²].
+    pub(super) covariance: [f64; 3],
+    /// Half length and width with margin [m].
+    pub(super) half: (f64, f64),
+}
+
+/// Numbers of an expectation in single precision: mean from the origin, front left and right corner, covariance.
+const N_NUMBERS: usize = 9;
+
+/// Those of the expectations of a group of sources at one point.
+type Cell = [[f32; GROUP]; N_NUMBERS];
+
 /// The expectations of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Expectations {
-    list: Vec<Expectation>,
-    /// By point: mean from the origin, front left and right corner, covariance.
-    by_point: ByTime<9>,
+    sources: Vec<Source>,
+    /// (points from 1 on, groups of sources)
+    cells: Vec<Cell>,
+    /// Which sources of a cell are expected there, a bit each.
+    occupied: Vec<u8>,
+    n_groups: usize,
+    n_points: usize,
     origin: Point,
 }
 
+impl Source {
+    pub(super) fn new(other: usize, now: OrientedBox, settings: &FrenetSettings) -> Self {
+        let half_length = now.half_length + 0.5 * settings.prediction_margin_length;
+        let half_width = now.half_width + 0.5 * settings.prediction_margin_width;
+        Self {
+            other,
+            places: None,
+            now,
+            probability: 1.0,
+            determinant_max: f64::INFINITY,
+            covariance: [0.0; 3],
+            half: (half_length, half_width),
+        }
+    }
+
+    /// What is expected at a point.
+    #[inline(always)]
+    fn at(&self, point: usize, request: &PlanRequest) -> Expectation {
+        let Some(Places { first, .. }) = self.places else {
+            return self.around(self.now.center, self.now.axis, self.covariance);
+        };
+        let (predictions, place) = (request.predictions, first + point - 1);
+        let position = Point::new(predictions.x[place], predictions.y[place]);
+        let body = request.others[self.other].shape.oriented_box_along(position, request.outlook.axis(place));
+        let [xx, xy, yy] = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
+        self.around(body.center, body.axis, [xx[place], xy[place], yy[place]])
+    }
+
+    /// Covariances at points `GROUP * group + 1` and the following; beyond what is known they are not numbers.
+    #[inline(always)]
+    fn covariances(&self, group: usize, predictions: &Predictions) -> [[f64; GROUP]; 3] {
+        let Some(Places { first, n }) = self.places else {
+            return self.covariance.map(|number| [number; GROUP]);
+        };
+        let columns = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
+        let mut out = [[f64::NAN; GROUP]; 3];
+        for (out, column) in out.iter_mut().zip(columns) {
+            let known = &column[first..first + n];
+            if let Some([a, b, c, d, e, f, g, h]) = known.get(group * GROUP..(group + 1) * GROUP) {
+                *out = [*a, *b, *c, *d, *e, *f, *g, *h];
+            } else if let Some(rest) = known.get(group * GROUP..) {
+                for k in 0..rest.len() {
+                    out[k] = rest[k];
+                }
+            }
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn around(&self, mean: Point, axis: Point, covariance: [f64; 3]) -> Expectation {
+        let (ahead, left) = (axis * self.half.0, axis.left() * self.half.1);
+        Expectation {
+            mean,
+            front_left: ahead + left,
+            front_right: ahead - left,
+            probability: self.probability,
+            covariance,
+        }
+    }
+}
+
 impl Expectations {
-    /// Forgets everything. Numbers in single precision are relative to the origin, which should be near.
-    pub(super) fn clear(&mut self, origin: Point) {
-        self.list.clear();
-        self.by_point.clear();
-        self.origin = origin;
+    /// Forgets everything; for at most so many sources.
+    pub(super) fn begin(&mut self, n_sources: usize, reach: &Reach) {
+        const NOTHING: Cell = [[f32::NAN; GROUP]; N_NUMBERS];
+        self.sources.clear();
+        self.origin = reach.origin;
+        (self.n_points, self.n_groups) = (reach.stride(), n_sources.div_ceil(GROUP));
+        self.occupied.clear();
+        self.occupied.resize(self.n_points * self.n_groups, 0);
+        // What is left in a cell from the plan before is hidden by its bits.
+        self.cells.resize(self.n_points * self.n_groups, NOTHING);
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.list.is_empty()
+        self.sources.is_empty()
     }
 
-    /// A footprint with a covariance (xx, xy, yy) [m²], world frame, at a point, with the probability of its mode.
-    pub(super) fn push(
-        &mut self,
-        point: usize,
-        body: &OrientedBox,
-        covariance: [f64; 3],
-        probability: f64,
-        settings: &FrenetSettings,
-    ) {
-        let ahead = body.axis * (body.half_length + 0.5 * settings.prediction_margin_length);
-        let left = body.axis.left() * (body.half_width + 0.5 * settings.prediction_margin_width);
-        let [xx, xy, yy] = covariance;
-        let expectation = Expectation {
-            mean: body.center,
-            front_left: ahead + left,
-            front_right: ahead - left,
-            probability,
-            covariance,
-        };
-        let Expectation { front_left: a, front_right: b, .. } = expectation;
-        let mean = expectation.mean - self.origin;
-        let numbers = [mean.x, mean.y, a.x, a.y, b.x, b.y, xx, xy, yy];
-        self.by_point.push(point, numbers.map(|number| number as f32));
-        self.list.push(expectation);
-    }
-
-    /// To be called when all have been pushed.
-    pub(super) fn sort(&mut self, n_points: usize) {
-        self.by_point.sort(n_points);
+    /// Adds a source, which follows a course, where the samples can get near it.
+    pub(super) fn push(&mut self, source: Source, course: &Course, reach: &Reach, predictions: &Predictions) {
+        if write_cells(self, &source, course, reach, predictions) {
+            self.sources.push(source);
+        }
     }
 
     /// Prediction cost of point number `i` (from 1 on) of a sample, for half the length and width of the agent.
-    pub(super) fn cost(&self, point: &Waypoint, i: usize, half: (f64, f64)) -> f64 {
-        summed_cost(self, point, i, half)
+    pub(super) fn cost(&self, point: &Waypoint, i: usize, half: (f64, f64), request: &PlanRequest) -> f64 {
+        summed_cost(self, point, i, half, request)
     }
 }
 
@@ -168,7 +243,21 @@ impl RoughView {
         }
     }
 
-    /// As `View::counts`, one of a group.
+    /// Which expectations of a cell may count, one bit each.
+    #[inline(always)]
+    fn passing(&self, cell: &Cell) -> u32 {
+        let mut bits = [0; GROUP];
+        for k in 0..GROUP {
+            bits[k] = self.may_count(cell, k).wrapping_neg() & 1 << k;
+        }
+        let mut passing = 0;
+        for k in 0..GROUP {
+            passing |= bits[k];
+        }
+        passing
+    }
+
+    /// As `View::counts`, one of a group: 1 for yes.
     #[inline(always)]
     fn may_count(&self, [x, y, left_x, left_y, right_x, right_y, xx, xy, yy]: &[[f32; GROUP]; 9], k: usize) -> u32 {
         /// More than coordinates within a kilometre are rounded by [m].
@@ -202,24 +291,93 @@ impl RoughView {
 }
 
 for_wide_machines! {
-    /// The prediction cost of a point.
-    fn summed_cost = cost_at, (expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, f64)) -> f64
+    /// Writes the cells of the next source; false if it is expected nowhere near the samples.
+    fn write_cells = cells_at, (
+        out: &mut Expectations,
+        source: &Source,
+        course: &Course,
+        reach: &Reach,
+        predictions: &Predictions,
+    ) -> bool
 }
 
 #[inline(always)]
-fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, f64)) -> f64 {
-    let Expectations { list, by_point, origin } = expectations;
+fn cells_at(
+    out: &mut Expectations,
+    source: &Source,
+    course: &Course,
+    reach: &Reach,
+    predictions: &Predictions,
+) -> bool {
+    let (slot, lane) = (out.sources.len() / GROUP, out.sources.len() % GROUP);
+    let mut is_expected = false;
+    for group in 0..out.n_points / GROUP {
+        let (stretch, [low_x, high_x, low_y, high_y]) = (course.stretch(group), reach.sides(group));
+        let [xx, xy, yy] = source.covariances(group, predictions);
+        let mut numbers = [[0.0; GROUP]; N_NUMBERS];
+        let mut expected = [0; GROUP];
+        for k in 0..GROUP {
+            let (x, y) = (stretch.x[k + 1], stretch.y[k + 1]);
+            let is_near = (x >= low_x[k] - COST_REACH as f32)
+                & (x <= high_x[k] + COST_REACH as f32)
+                & (y >= low_y[k] - COST_REACH as f32)
+                & (y <= high_y[k] + COST_REACH as f32);
+            let counts = is_near & (xx[k] * yy[k] - xy[k] * xy[k] <= source.determinant_max);
+            expected[k] = u32::from(counts).wrapping_neg() & 1 << k;
+            let (axis_x, axis_y) = (stretch.axis_x[k + 1], stretch.axis_y[k + 1]);
+            let (length, width) = (source.half.0 as f32, source.half.1 as f32);
+            let (ahead_x, ahead_y, left_x, left_y) =
+                (length * axis_x, length * axis_y, -width * axis_y, width * axis_x);
+            let corners = [ahead_x + left_x, ahead_y + left_y, ahead_x - left_x, ahead_y - left_y];
+            (numbers[0][k], numbers[1][k]) = (x, y);
+            for (c, corner) in corners.into_iter().enumerate() {
+                numbers[2 + c][k] = corner;
+            }
+            (numbers[6][k], numbers[7][k], numbers[8][k]) = (xx[k] as f32, xy[k] as f32, yy[k] as f32);
+        }
+        for k in 0..GROUP {
+            if expected[k] != 0 {
+                let place = (group * GROUP + k) * out.n_groups + slot;
+                let cell = &mut out.cells[place];
+                for c in 0..N_NUMBERS {
+                    cell[c][lane] = numbers[c][k];
+                }
+                out.occupied[place] |= 1 << lane;
+                is_expected = true;
+            }
+        }
+    }
+    is_expected
+}
+
+for_wide_machines! {
+    /// The prediction cost of a point.
+    fn summed_cost = cost_at, (
+        expectations: &Expectations,
+        point: &Waypoint,
+        i: usize,
+        half: (f64, f64),
+        request: &PlanRequest,
+    ) -> f64
+}
+
+#[inline(always)]
+fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, f64), request: &PlanRequest) -> f64 {
+    let Expectations { sources, cells, occupied, n_groups, origin, .. } = expectations;
     let view = View::of(point);
     let rough = RoughView::of(&view, *origin, half);
     let mut sum = 0.0;
-    let (mut group, end) = by_point.groups(i);
-    while group < end {
-        let mut passing = by_point.passing(group, |numbers, k| rough.may_count(numbers, k));
+    for group in 0..*n_groups {
+        let place = (i - 1) * n_groups + group;
+        if occupied[place] == 0 {
+            continue;
+        }
+        let mut passing = rough.passing(&cells[place]) & u32::from(occupied[place]);
         while passing != 0 {
-            sum += list[by_point.number(group, passing)].cost(&view, half);
+            let source = &sources[group * GROUP + passing.trailing_zeros() as usize];
+            sum += source.at(i, request).cost(&view, half);
             passing &= passing - 1;
         }
-        group += GROUP;
     }
     sum
 }

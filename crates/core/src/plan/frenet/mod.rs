@@ -11,10 +11,11 @@
 //! include steering rate and lateral acceleration.
 
 mod bounds;
-mod by_time;
 mod candidates;
 mod choose;
+mod contact;
 mod cost;
+mod course;
 mod desired;
 mod evaluate;
 mod expectations;
@@ -25,8 +26,10 @@ mod gaussian;
 mod lateral;
 mod obstacles;
 mod previous;
+mod reach;
 mod sample;
 mod settings;
+mod sweeps;
 mod trace;
 #[cfg(test)]
 mod tests;
@@ -189,7 +192,7 @@ fn prepare(
     samples.generate(&Inputs { start, desired, limits, settings, path });
     costs.prepare(samples, desired.velocity, &settings.weights, path);
     previous.shift(request, start, limits, desired.velocity, &settings.weights);
-    obstacles.prepare(request, start, samples, settings);
+    obstacles.prepare(request, (start, previous), samples, settings);
 }
 
 /// Of the samples that hit somebody but can be driven and stay on the road, the least bad one.

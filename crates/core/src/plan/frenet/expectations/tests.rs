@@ -1,6 +1,7 @@
 use super::*;
-use crate::geometry::Pose;
 use crate::geometry::shape::Lcg;
+use crate::geometry::{Aabb, Pose};
+use crate::plan::frenet::tests::{Car, Drive};
 
 /// Half length and width of the agent [m].
 const HALF: (f64, f64) = (2.254, 0.805);
@@ -26,65 +27,77 @@ fn covariance(random: &mut Lcg) -> [f64; 3] {
     [x * x, random.within(-1.0, 1.0) * x * y, y * y]
 }
 
-/// Expectations of one point, and whether each passes the sieve.
-fn passing(expectations: &mut Expectations, point: &Waypoint) -> Vec<bool> {
-    expectations.sort(2);
-    let rough = RoughView::of(&View::of(point), expectations.origin, HALF);
-    let by_point = &expectations.by_point;
-    let mut passes = vec![false; expectations.list.len()];
-    let (mut group, end) = by_point.groups(1);
-    while group < end {
-        let mut bits = by_point.passing(group, |numbers, k| rough.may_count(numbers, k));
-        assert!(bits >> (by_point.of(1).len() - (group - by_point.groups(1).0)).min(GROUP) == 0, "filling passes");
-        while bits != 0 {
-            passes[by_point.number(group, bits)] = true;
-            bits &= bits - 1;
-        }
-        group += GROUP;
-    }
-    passes
+/// A source that stands, with a covariance.
+fn source(body: OrientedBox, covariance: [f64; 3]) -> Source {
+    Source { covariance, probability: 0.3, ..Source::new(0, body, &FrenetSettings::default()) }
 }
 
-/// Pushes an expectation and finds the places along a direction between which `counts` changes.
-fn borderline(point: &Waypoint, random: &mut Lcg) -> (OrientedBox, [f64; 3]) {
+/// A place from which everything is in reach, for a plan of three points.
+fn reach(origin: Point) -> Reach {
+    let mut reach = Reach::default();
+    reach.begin(origin, 3);
+    for point in 1..3 {
+        reach.set(point, Aabb::around([origin]).grown(2000.0));
+    }
+    reach
+}
+
+fn expectations(sources: &[Source], origin: Point) -> Expectations {
+    let (reach, mut expectations, mut course) = (reach(origin), Expectations::default(), Course::default());
+    expectations.begin(sources.len(), &reach);
+    for source in sources {
+        course.stand(reach.stride(), &source.now, origin);
+        expectations.push(*source, &course, &reach, &Predictions::empty(0, vec![], 1, 0));
+    }
+    expectations
+}
+
+/// What a source that stands expects.
+fn expected(source: &Source) -> Expectation {
+    source.around(source.now.center, source.now.axis, source.covariance)
+}
+
+/// A source at the edge of where it counts, in some direction.
+fn borderline(point: &Waypoint, random: &mut Lcg) -> Source {
     let (way, covariance) = (Point::from_angle(random.within(-4.0, 4.0)), covariance(random));
     let at_centre = body(point, Point::default(), random);
     let turned = point.axis * way.x + point.axis.left() * way.y;
-    let at = |distance: f64| OrientedBox { center: point.center + turned * distance, ..at_centre };
-    let counts = |distance: f64| {
-        let mut one = Expectations::default();
-        one.push(1, &at(distance), covariance, 1.0, &FrenetSettings::default());
-        View::of(point).counts(&one.list[0], HALF)
-    };
+    let at = |distance: f64| source(OrientedBox { center: point.center + turned * distance, ..at_centre }, covariance);
+    let counts = |distance: f64| View::of(point).counts(&expected(&at(distance)), HALF);
     let (mut low, mut high) = (0.0, 40.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if counts(middle) { low = middle } else { high = middle }
     }
-    (at(low), covariance)
+    at(low)
 }
 
 #[test]
 fn the_sieve_passes_every_expectation_that_counts_and_no_filling() {
     let mut random = Lcg::new(5);
-    let (mut expectations, mut n_counting, mut n_sieved) = (Expectations::default(), 0, 0);
+    let (mut n_counting, mut n_sieved) = (0, 0);
     for _ in 0..1500 {
         let point = waypoint(&mut random);
         let origin = point.center + Point::new(random.within(-300.0, 300.0), random.within(-300.0, 300.0));
-        expectations.clear(origin);
-        for _ in 0..random.within(1.0, 24.0) as usize {
-            let (body, covariance) = if random.within(0.0, 1.0) < 0.4 {
-                borderline(&point, &mut random)
-            } else {
+        let sources: Vec<Source> = (0..random.within(1.0, 24.0) as usize)
+            .map(|_| {
+                if random.within(0.0, 1.0) < 0.4 {
+                    return borderline(&point, &mut random);
+                }
                 let place = Point::new(random.within(-30.0, 30.0), random.within(-15.0, 15.0));
-                (body(&point, place, &mut random), covariance(&mut random))
-            };
-            expectations.push(1, &body, covariance, 0.3, &FrenetSettings::default());
-        }
-        let passes = passing(&mut expectations, &point);
-        for (expectation, passes) in expectations.list.iter().zip(passes) {
-            let counts = View::of(&point).counts(expectation, HALF);
-            assert!(passes || !counts, "{expectation:?} from {point:?}, origin {origin:?}");
+                source(body(&point, place, &mut random), covariance(&mut random))
+            })
+            .collect();
+        let expectations = expectations(&sources, origin);
+        let rough = RoughView::of(&View::of(&point), origin, HALF);
+        assert_eq!(
+            expectations.occupied[..expectations.n_groups].iter().map(|bits| bits.count_ones()).sum::<u32>() as usize,
+            sources.len()
+        );
+        for (i, source) in sources.iter().enumerate() {
+            let passes = rough.passing(&expectations.cells[i / GROUP]) >> (i % GROUP) & 1 == 1;
+            let counts = View::of(&point).counts(&expected(source), HALF);
+            assert!(passes || !counts, "{source:?} from {point:?}, origin {origin:?}");
             n_counting += usize::from(counts);
             n_sieved += usize::from(!passes);
         }
@@ -93,22 +106,65 @@ fn the_sieve_passes_every_expectation_that_counts_and_no_filling() {
 }
 
 #[test]
-fn wide_machines_find_the_same_cost() {
+fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
     let mut random = Lcg::new(6);
-    let mut expectations = Expectations::default();
+    let (mut expectations, mut course) = (Expectations::default(), Course::default());
     let mut n_positive = 0;
-    for _ in 0..300 {
-        let point = waypoint(&mut random);
-        expectations.clear(point.center + Point::new(random.within(-50.0, 50.0), 3.0));
-        for _ in 0..random.within(0.0, 24.0) as usize {
-            let place = Point::new(random.within(-12.0, 12.0), random.within(-6.0, 6.0));
-            let body = body(&point, place, &mut random);
-            expectations.push(1, &body, covariance(&mut random), 0.3, &FrenetSettings::default());
-        }
-        expectations.sort(2);
-        let (narrow, wide) = (cost_at(&expectations, &point, 1, HALF), summed_cost(&expectations, &point, 1, HALF));
-        assert_eq!(wide.to_bits(), narrow.to_bits(), "{wide} {narrow}");
-        n_positive += usize::from(wide > 0.0);
+    for _ in 0..60 {
+        let cars = (0..random.within(0.0, 20.0) as usize)
+            .map(|_| {
+                let sigma = (random.within(0.1, 2.0), random.within(0.1, 1.0));
+                let (x, y) = (random.within(0.0, 100.0), random.within(-6.0, 6.0));
+                let mut car = Car::at(x, y, random.within(-0.4, 0.4), random.within(1.0, 12.0));
+                car.sigma = sigma;
+                car
+            })
+            .collect();
+        Drive::on_three_lanes(20.0, 10.0).with_cars(cars).with_request(|request| {
+            let (predictions, mut reach) = (request.predictions, Reach::default());
+            reach.begin(request.state.pose().position, 31);
+            (1..31).for_each(|point| reach.set(point, Aabb::around([Point::default()]).grown(300.0)));
+            expectations.begin(request.others.len(), &reach);
+            for (index, other) in request.others.iter().enumerate() {
+                let now = other.shape.oriented_box(other.pose);
+                let places = Places { first: predictions.offset(other.row, 0), n: 30 };
+                course.follow((reach.stride(), reach.origin), &now, places, Point::default(), request);
+                let source = Source::new(index, now, &FrenetSettings::default());
+                let source = Source { places: Some(places), probability: 0.3, ..source };
+                expectations.push(source, &course, &reach, predictions);
+            }
+            for i in 1..31 {
+                let center = Point::new(20.0 + i as f64, random.within(-1.0, 1.0));
+                let point =
+                    Waypoint { center, axis: Point::from_angle(random.within(-0.2, 0.2)), ..Waypoint::default() };
+                let narrow = cost_at(&expectations, &point, i, HALF, request);
+                let wide = summed_cost(&expectations, &point, i, HALF, request);
+                let view = View::of(&point);
+                let all: f64 = expectations.sources.iter().map(|s| s.at(i, request).cost(&view, HALF)).sum();
+                assert_eq!(wide.to_bits(), narrow.to_bits(), "{wide} {narrow}");
+                assert!((wide - all).abs() <= 1e-6 * all, "{wide} {all}");
+                n_positive += usize::from(wide > 0.0);
+            }
+        });
     }
     assert!(n_positive > 200, "{n_positive} cost anything");
+}
+
+#[test]
+fn nothing_is_expected_out_of_reach_nor_where_it_is_spread_too_far() {
+    let near = source(OrientedBox::new(Pose::new(9.0, 0.0, 0.0), 4.0, 2.0), [0.02, 0.0, 0.02]);
+    let count = |source: &Source| {
+        let (mut reach, mut expectations, mut course) = (Reach::default(), Expectations::default(), Course::default());
+        reach.begin(Point::default(), 3);
+        reach.set(1, Aabb::around([Point::default()]).grown(1.0));
+        reach.set(2, Aabb::around([Point::default()]).grown(2.0));
+        expectations.begin(1, &reach);
+        course.stand(reach.stride(), &source.now, reach.origin);
+        expectations.push(*source, &course, &reach, &Predictions::empty(0, vec![], 1, 0));
+        (expectations.occupied.iter().map(|bits| bits.count_ones()).sum::<u32>(), expectations.is_empty())
+    };
+    assert_eq!(count(&near), (1, false), "9 m away: within the reach of the second point");
+    let further = OrientedBox { center: Point::new(9.1, 0.0), ..near.now };
+    assert_eq!(count(&Source { now: further, ..near }), (0, true));
+    assert_eq!(count(&Source { determinant_max: 3e-4, ..near }), (0, true));
 }

@@ -20,17 +20,17 @@ use crate::vehicle::Vehicle;
 
 /// Another participant that keeps its speed and heading, and is predicted to.
 #[derive(Debug, Clone)]
-struct Car {
+pub(super) struct Car {
     pose: Pose,
     velocity: f64,
     shape: Shape,
     is_static: bool,
     /// Standard deviation of its predicted position [m], along and across its heading, growing with the root of time.
-    sigma: (f64, f64),
+    pub(super) sigma: (f64, f64),
 }
 
 impl Car {
-    fn at(x: f64, y: f64, orientation: f64, velocity: f64) -> Self {
+    pub(super) fn at(x: f64, y: f64, orientation: f64, velocity: f64) -> Self {
         let shape = Shape::rectangle(4.508, 1.61);
         Self { pose: Pose::new(x, y, orientation), velocity, shape, is_static: velocity == 0.0, sigma: (0.4, 0.2) }
     }
@@ -43,7 +43,7 @@ impl Car {
 
 /// An agent on its road, and all that a request needs.
 #[derive(Debug, Clone)]
-struct Drive {
+pub(super) struct Drive {
     dt: f64,
     time_step: i64,
     state: State,
@@ -95,7 +95,7 @@ impl Drive {
     }
 
     /// 300 m along x, three lanes at y = -3.5, 0, 3.5; the path is the middle one.
-    fn on_three_lanes(s: f64, velocity: f64) -> Self {
+    pub(super) fn on_three_lanes(s: f64, velocity: f64) -> Self {
         let center = |y: f64| straight((0.0, y), (300.0, y));
         let lanes = vec![lane(1, &center(-3.5)), lane(2, &center(0.0)), lane(3, &center(3.5))];
         Self::on(open(lanes), &center(0.0), s, velocity)
@@ -111,7 +111,7 @@ impl Drive {
         self
     }
 
-    fn with_cars(mut self, cars: Vec<Car>) -> Self {
+    pub(super) fn with_cars(mut self, cars: Vec<Car>) -> Self {
         self.cars = cars;
         self
     }
@@ -138,7 +138,7 @@ impl Drive {
         out
     }
 
-    fn with_request<R>(&self, use_it: impl FnOnce(&PlanRequest) -> R) -> R {
+    pub(super) fn with_request<R>(&self, use_it: impl FnOnce(&PlanRequest) -> R) -> R {
         let others: Vec<Other> = self
             .cars
             .iter()

@@ -1,0 +1,119 @@
+//! Contacts of a sample with the tracks of others, and which of them are not the agent's to avoid.
+
+use super::super::frame::Waypoint;
+use super::super::{Other, PlanRequest};
+use super::obstacles::{Obstacles, Sweep, Track};
+use crate::geometry::shape::OrientedBox;
+
+/// Somebody behind may be left to keep their own distance while the agent stays this close to its lateral position [m].
+const OWN_LANE: f64 = 1.0;
+/// Somebody faster than this [m/s] can be expected to yield ...
+const YIELDING_SPEED: f64 = 0.2;
+/// ... if this deceleration [m/s²] from now on stops it before the contact.
+const YIELDING_DECELERATION: f64 = 5.0;
+/// A follower heads within 45 degrees of the agent (cosine).
+const FOLLOWER_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// First contact of a sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Contact {
+    /// Position in the request's `others`.
+    pub(super) other: usize,
+    /// Interval in which it happens; interval `i` ends at point `i + 1`.
+    pub(super) interval: usize,
+    /// Difference of the velocities [m/s].
+    pub(super) closing_speed: f64,
+}
+
+impl Obstacles {
+    /// First contact of a sample with a mode that counts, if any.
+    ///
+    /// Not a contact: somebody behind the agent's rear who heads the same way while the agent stays in its lane (they
+    /// would hit the agent, and keeping distance is up to them) or who comes second and must yield, from then on for
+    /// good; an overlap that exists from the start, until it first ends, as long as the centres do not approach.
+    pub(super) fn first_contact(&mut self, points: &[Waypoint], dt: f64, request: &PlanRequest) -> Option<Contact> {
+        if !self.sieve(points) {
+            return None;
+        }
+        let mut ignored = std::mem::take(&mut self.ignored);
+        ignored.clear();
+        ignored.resize(self.tracks.len(), false);
+        let contact = self.sweeps.found().find_map(|(interval, track)| {
+            if ignored[track] {
+                return None;
+            }
+            let found = self.meeting((interval, track), points, dt, request);
+            ignored[track] = found == Meeting::Ignored;
+            if let Meeting::Contact(contact) = found { Some(contact) } else { None }
+        });
+        self.ignored = ignored;
+        contact
+    }
+
+    fn meeting(
+        &self,
+        (interval, track): (usize, usize),
+        points: &[Waypoint],
+        dt: f64,
+        request: &PlanRequest,
+    ) -> Meeting {
+        let pair = [&points[interval], &points[interval + 1]];
+        let (from, ego) = (self.footprint(pair[0]), self.footprint(pair[1]));
+        let track = &self.tracks[track];
+        let sweep = track.sweep(interval, request);
+        if !OrientedBox::spanning(&from, &ego).overlaps(&sweep.swept) {
+            return Meeting::None;
+        }
+        let Track { other, overlaps_now, exact, .. } = *track;
+        if overlaps_now && is_separating(&from, &ego, &sweep) {
+            return Meeting::None;
+        }
+        if exact && !touches(&request.others[other], request, pair[1]) {
+            return Meeting::None;
+        }
+        let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
+        let time = (interval + 1) as f64 * dt;
+        if keeps_lane && (is_follower(&ego, &sweep.end) || must_yield(&ego, &sweep, dt, time)) {
+            return Meeting::Ignored;
+        }
+        let closing_speed = (pair[1].center - pair[0].center - sweep.displacement).norm() / dt;
+        Meeting::Contact(Contact { other, interval, closing_speed })
+    }
+}
+
+/// What happens between a sample and a track during an interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Meeting {
+    None,
+    /// The track need not be looked at any more.
+    Ignored,
+    Contact(Contact),
+}
+
+/// The other's centre is behind the agent's rear and it heads the same way.
+fn is_follower(ego: &OrientedBox, other: &OrientedBox) -> bool {
+    (other.center - ego.center).dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE
+}
+
+/// The other would run with its front into the agent's rear half, although it can still stop before that: who
+/// comes second waits. Without this rule two who meet at walking pace wait for each other.
+fn must_yield(ego: &OrientedBox, sweep: &Sweep, dt: f64, time: f64) -> bool {
+    let front = sweep.end.center + sweep.end.axis * sweep.end.half_length;
+    let speed = sweep.displacement.dot(sweep.end.axis) / dt;
+    let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
+    is_behind && speed > YIELDING_SPEED && speed <= 2.0 * YIELDING_DECELERATION * time
+}
+
+/// A pair that overlapped at the start still does at the end of the interval, has done so ever since, and the centres
+/// do not approach.
+fn is_separating(before: &OrientedBox, ego: &OrientedBox, sweep: &Sweep) -> bool {
+    let other_before = OrientedBox { center: sweep.end.center - sweep.displacement, ..sweep.end };
+    let was_together = before.overlaps(&other_before);
+    let distance = (ego.center - sweep.end.center).norm();
+    was_together && distance >= (before.center - other_before.center).norm() - 1e-6
+}
+
+/// The exact shapes touch at the end of the interval.
+fn touches(other: &Other, request: &PlanRequest, point: &Waypoint) -> bool {
+    other.shape.overlaps(other.pose, request.shape, point.pose())
+}

@@ -1,0 +1,114 @@
+//! Where the agent's footprint can get: whoever stays away from there need not be looked at.
+
+use super::super::PlanRequest;
+use super::super::frame::Start;
+use super::previous::Previous;
+use super::sample::Samples;
+use crate::geometry::{Aabb, Point};
+
+/// Numbers in single precision that are worked on at once.
+pub(super) const GROUP: usize = 8;
+/// The path is looked at in steps of so many knots, about 2 m. In between it bulges by less than this at the tightest
+/// radius of 2 m [m].
+const KNOTS: usize = 4;
+const BULGE: f64 = 0.25;
+/// How much further than the samples the agent is taken to get along the path [m].
+const LEAD: f64 = 2.0;
+/// More than coordinates within a kilometre are rounded by in single precision [m].
+const ROUNDING: f64 = 1e-3;
+
+/// Boxes of the region that the agent's footprint can reach up to each point; the memory is reused.
+#[derive(Debug, Clone)]
+pub(super) struct Reach {
+    /// Where the agent is: numbers in single precision are relative to it.
+    pub(super) origin: Point,
+    /// Up to the last point.
+    pub(super) whole: Aabb,
+    /// Lower and upper end of x, of y, from the origin; (four, points from 1 on, with padding that holds nothing).
+    sides: Vec<f32>,
+    n_points: usize,
+    stride: usize,
+}
+
+impl Default for Reach {
+    fn default() -> Self {
+        Self { origin: Point::default(), whole: Aabb::EMPTY, sides: Vec::new(), n_points: 0, stride: 0 }
+    }
+}
+
+impl Reach {
+    /// The path from the start to beyond the furthest arc length of any sample at each point, grown by the lateral range
+    /// and the agent's size, and the plan of before.
+    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &Samples, previous: &Previous) {
+        let vehicle = request.vehicle;
+        let (half_length, half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
+        let size = (vehicle.rear_axle_to_center + half_length).hypot(half_width);
+        let radius = half_length.hypot(half_width);
+        let sideways = samples.lanes.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
+        let path = &request.route.path;
+        let (x, y) = (path.x(), path.y());
+        let knot = |s: f64| ((s / path.spacing()).max(0.0) as usize).min(x.len() - 1);
+        self.begin(request.state.pose().position, samples.n_points);
+        let mut next = knot(start.s);
+        let mut region = Aabb::around([path.at(start.s).position, Point::new(x[next], y[next])]);
+        let mut before = Aabb::EMPTY;
+        for i in 0..samples.n_points {
+            let last = (knot(samples.furthest[i] + LEAD) + 1).min(x.len() - 1);
+            while next < last {
+                next = (next + KNOTS).min(last);
+                region = region.including(Point::new(x[next], y[next]));
+            }
+            let mut reached = region.grown(size + sideways + BULGE);
+            if previous.is_valid() {
+                before = before.including(previous.points[i].center);
+                reached = reached.union(before.grown(radius));
+            }
+            if i > 0 {
+                self.set(i, reached);
+            }
+        }
+    }
+
+    /// Regions of so many points around a place.
+    pub(super) fn begin(&mut self, origin: Point, n_points: usize) {
+        (self.origin, self.whole) = (origin, Aabb::EMPTY);
+        self.n_points = n_points;
+        self.stride = (n_points - 1).next_multiple_of(GROUP);
+        self.sides.clear();
+        self.sides.resize(4 * self.stride, f32::NAN);
+    }
+
+    /// The region up to a point from 1 on, which becomes the whole.
+    pub(super) fn set(&mut self, point: usize, reached: Aabb) {
+        let Point { x, y } = self.origin;
+        let (low, high) = (reached.min, reached.max);
+        let sides = [low.x - x - ROUNDING, high.x - x + ROUNDING, low.y - y - ROUNDING, high.y - y + ROUNDING];
+        for (k, side) in sides.into_iter().enumerate() {
+            self.sides[k * self.stride + point - 1] = side as f32;
+        }
+        self.whole = reached;
+    }
+
+    /// Points of a plan, 0 among them.
+    pub(super) fn n_points(&self) -> usize {
+        self.n_points
+    }
+
+    /// Points from 1 on, with padding; as many as intervals.
+    pub(super) fn stride(&self) -> usize {
+        self.stride
+    }
+
+    /// Lower and upper end of x, of y, of a group of points: `GROUP * group + 1` and the following. Padding is not a number.
+    #[inline(always)]
+    pub(super) fn sides(&self, group: usize) -> [[f32; GROUP]; 4] {
+        let mut sides = [[f32::NAN; GROUP]; 4];
+        for (k, side) in sides.iter_mut().enumerate() {
+            let first = k * self.stride + group * GROUP;
+            if let [a, b, c, d, e, f, g, h] = self.sides[first..first + GROUP] {
+                *side = [a, b, c, d, e, f, g, h];
+            }
+        }
+        sides
+    }
+}
