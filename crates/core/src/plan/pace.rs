@@ -60,7 +60,7 @@ impl Pace {
         let n = (reach / SPACING).ceil() as usize + 2;
         for i in 0..n {
             let at = s + i as f64 * SPACING;
-            let curve = (lateral_acceleration / path.at(at).curvature.abs().max(1e-9)).sqrt();
+            let curve = (lateral_acceleration / path.curvature_at(at).abs().max(1e-9)).sqrt();
             let beyond = at > path.length();
             self.values.push(if beyond { limits.at(at) } else { curve.min(limits.at(at)) });
         }

@@ -122,7 +122,7 @@ pub(super) fn trajectory_on_road(
 fn is_straight(path: &ReferencePath, s: f64, motions: &[Motion]) -> bool {
     let end = motions.last().map_or(s, |motion| motion.s) + 5.0;
     let n = ((end - s) / STRAIGHT_STEP).ceil() as usize;
-    (0..=n).all(|i| path.at(s + i as f64 * STRAIGHT_STEP).curvature.abs() < STRAIGHT_CURVATURE)
+    (0..=n).all(|i| path.curvature_at(s + i as f64 * STRAIGHT_STEP).abs() < STRAIGHT_CURVATURE)
 }
 
 /// Number of points up to which the footprint stays on the road once it is fully on it.

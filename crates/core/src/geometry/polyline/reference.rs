@@ -7,6 +7,7 @@
 use super::smoothing::smoothed;
 use crate::error::Result;
 use crate::geometry::{Point, wrap_angle};
+use crate::wide::for_wide_machines;
 
 /// Distance of the knots [m]; adjusted a little so that it divides the length.
 const KNOT_SPACING: f64 = 0.5;
@@ -147,30 +148,28 @@ impl ReferencePath {
         point
     }
 
+    /// Curvature at an arc length [m], clamped to the ends [1/m].
+    #[inline]
+    pub(crate) fn curvature_at(&self, s: f64) -> f64 {
+        let s = s.clamp(0.0, self.length());
+        let i = ((s * self.inverse_spacing) as usize).min(self.knots.len() - 2);
+        let (a, b) = (self.curvature[i], self.curvature[i + 1]);
+        a + (b - a) * self.inverse_spacing * (s - i as f64 * self.spacing)
+    }
+
+    /// As [`ReferencePath::at`] for several arc lengths at once: writes x, y, heading, its cosine and sine, curvature and its
+    /// change, each for all of them.
+    pub(crate) fn write_at(&self, s: &[f64], out: [&mut [f64]; 7]) {
+        write_points(self, s, out);
+    }
+
     /// `at`, with the position relative to the origin.
     #[inline]
     fn local_at(&self, s: f64) -> PathPoint {
         let s = s.clamp(0.0, self.length());
         let i = ((s * self.inverse_spacing) as usize).min(self.knots.len() - 2);
         let (a, b) = (&self.knots[i], &self.knots[i + 1]);
-        let along = s - i as f64 * self.spacing;
-        let u = along * self.inverse_spacing;
-        let curvature_rate = (b.curvature - a.curvature) * self.inverse_spacing;
-        let turn = along * (a.curvature + 0.5 * curvature_rate * along);
-        let (sin_turn, cos_turn) = sin_cos_small(turn);
-        let (u2, u3) = (u * u, u * u * u);
-        // Cubic Hermite: knots and tangents are exact, in between it is off by less than 1e-4 m at 0.5 1/m.
-        let position = a.position
-            + (b.position - a.position) * (3.0 * u2 - 2.0 * u3)
-            + (a.tangent * (u3 - 2.0 * u2 + u) + b.tangent * (u3 - u2)) * self.spacing;
-        PathPoint {
-            position,
-            theta: a.theta + turn,
-            cos: a.tangent.x * cos_turn - a.tangent.y * sin_turn,
-            sin: a.tangent.y * cos_turn + a.tangent.x * sin_turn,
-            curvature: a.curvature + curvature_rate * along,
-            curvature_rate,
-        }
+        between(a, b, s - i as f64 * self.spacing, (self.spacing, self.inverse_spacing))
     }
 
     /// Arc length and lateral offset [m] of the nearest foot on the whole path: `at(s).offset(d)` is the point.
@@ -317,8 +316,83 @@ impl ReferencePath {
     }
 }
 
+for_wide_machines! {
+    fn write_points = points_at, (path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7])
+}
+
+#[expect(clippy::needless_range_loop, reason = "functions of iterators that are not inlined know no wide machines")]
+#[inline(always)]
+fn points_at(path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7]) {
+    const LANES: usize = 8;
+    let (spacing, inverse_spacing) = (path.spacing, path.inverse_spacing);
+    let length = path.length();
+    let [x, y, theta, cos, sin, curvature, curvature_rate] = out;
+    let mut first = 0;
+    while first + LANES <= s.len() {
+        // First what has to be looked up one by one, then what can be worked out at once.
+        let nothing = [0.0; LANES];
+        let (mut along, mut headings, mut from, mut to) = (nothing, nothing, [nothing; 5], [nothing; 5]);
+        for k in 0..LANES {
+            let s = s[first + k].clamp(0.0, length);
+            let i = ((s * inverse_spacing) as usize).min(path.knots.len() - 2);
+            let (a, b) = (&path.knots[i], &path.knots[i + 1]);
+            along[k] = s - i as f64 * spacing;
+            headings[k] = a.theta;
+            for (knots, knot) in [(&mut from, a), (&mut to, b)] {
+                (knots[0][k], knots[1][k]) = (knot.position.x, knot.position.y);
+                (knots[2][k], knots[3][k]) = (knot.tangent.x, knot.tangent.y);
+                knots[4][k] = knot.curvature;
+            }
+        }
+        let group = first..first + LANES;
+        let (x, y) = (&mut x[group.clone()], &mut y[group.clone()]);
+        let (theta, cos, sin) = (&mut theta[group.clone()], &mut cos[group.clone()], &mut sin[group.clone()]);
+        let (curvature, curvature_rate) = (&mut curvature[group.clone()], &mut curvature_rate[group]);
+        for k in 0..LANES {
+            let knot = |knots: &[[f64; LANES]; 5]| Knot {
+                position: Point::new(knots[0][k], knots[1][k]),
+                tangent: Point::new(knots[2][k], knots[3][k]),
+                theta: headings[k],
+                curvature: knots[4][k],
+            };
+            let at = between(&knot(&from), &knot(&to), along[k], (spacing, inverse_spacing));
+            (x[k], y[k]) = (path.origin.x + at.position.x, path.origin.y + at.position.y);
+            (theta[k], cos[k], sin[k]) = (at.theta, at.cos, at.sin);
+            (curvature[k], curvature_rate[k]) = (at.curvature, at.curvature_rate);
+        }
+        first += LANES;
+    }
+    for i in first..s.len() {
+        let at = path.at(s[i]);
+        (x[i], y[i], theta[i]) = (at.position.x, at.position.y, at.theta);
+        (cos[i], sin[i], curvature[i], curvature_rate[i]) = (at.cos, at.sin, at.curvature, at.curvature_rate);
+    }
+}
+
+/// The path between two knots, so far along from the first one [m].
+#[inline(always)]
+fn between(a: &Knot, b: &Knot, along: f64, (spacing, inverse_spacing): (f64, f64)) -> PathPoint {
+    let u = along * inverse_spacing;
+    let curvature_rate = (b.curvature - a.curvature) * inverse_spacing;
+    let turn = along * (a.curvature + 0.5 * curvature_rate * along);
+    let (sin_turn, cos_turn) = sin_cos_small(turn);
+    let (u2, u3) = (u * u, u * u * u);
+    // Cubic Hermite: knots and tangents are exact, in between it is off by less than 1e-4 m at 0.5 1/m.
+    let position = a.position
+        + (b.position - a.position) * (3.0 * u2 - 2.0 * u3)
+        + (a.tangent * (u3 - 2.0 * u2 + u) + b.tangent * (u3 - u2)) * spacing;
+    PathPoint {
+        position,
+        theta: a.theta + turn,
+        cos: a.tangent.x * cos_turn - a.tangent.y * sin_turn,
+        sin: a.tangent.y * cos_turn + a.tangent.x * sin_turn,
+        curvature: a.curvature + curvature_rate * along,
+        curvature_rate,
+    }
+}
+
 /// Sine and cosine of the turn within one knot spacing, at most 0.25 rad (error below 1e-12).
-#[inline]
+#[inline(always)]
 fn sin_cos_small(angle: f64) -> (f64, f64) {
     const SIN: [f64; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
     const COS: [f64; 5] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0];

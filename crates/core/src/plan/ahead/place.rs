@@ -112,7 +112,7 @@ impl<'a> Ego<'a> {
     /// How far the front swings out of the corridor on the right and on the left of an arc length: the rear axle follows
     /// the path, the front is ahead of it on the tangent.
     fn overhang(&self, at: &PathPoint, s: f64) -> (f64, f64) {
-        let before = self.path.at(s - 0.5 * self.to_front).curvature;
+        let before = self.path.curvature_at(s - 0.5 * self.to_front);
         let curvature = if before.abs() > at.curvature.abs() { before } else { at.curvature };
         let swing = (0.5 * curvature * self.to_front * self.to_front).clamp(-WIDENING_MAX, WIDENING_MAX);
         (swing.max(0.0), (-swing).max(0.0))

@@ -185,37 +185,21 @@ impl View {
             sin * sin * xx - 2.0 * cos * sin * xy + cos * cos * yy,
         ]
     }
-
-    /// An expectation is in reach, and its centre or a corner may be in the agent's box: the nearest of them is not
-    /// beyond what is left of the distribution, neither ahead nor aside.
-    #[inline(always)]
-    fn counts(&self, expectation: &Expectation, half: (f64, f64)) -> bool {
-        /// Rounding.
-        const REACH_SQUARED: f64 = gaussian::REACH * gaussian::REACH * (1.0 + 1e-9);
-        let positive = |x: f64| if x > 0.0 { x } else { 0.0 };
-        let larger = |a: f64, b: f64| if a > b { a } else { b };
-        let mean = self.in_body(expectation.mean - self.center);
-        let (x, y) = (positive(mean.x.abs() - half.0), positive(mean.y.abs() - half.1));
-        let (left, right) = (self.in_body(expectation.front_left), self.in_body(expectation.front_right));
-        let ahead = positive(x - larger(left.x.abs(), right.x.abs()));
-        let aside = positive(y - larger(left.y.abs(), right.y.abs()));
-        let [xx, _, yy] = self.covariance_in_body(expectation.covariance);
-        (x * x + y * y <= COST_REACH * COST_REACH)
-            & (ahead * ahead <= REACH_SQUARED * larger(xx, gaussian::VARIANCE_MIN))
-            & (aside * aside <= REACH_SQUARED * larger(yy, gaussian::VARIANCE_MIN))
-    }
 }
 
 impl Expectation {
     /// 1000 times the probability of the mode times those of the centre and, at half weight, of the four corners.
     #[inline(always)]
     fn cost(&self, view: &View, half: (f64, f64)) -> f64 {
-        if !view.counts(self, half) {
+        let center = view.in_body(self.mean - view.center);
+        let positive = |x: f64| if x > 0.0 { x } else { 0.0 };
+        let (x, y) = (positive(center.x.abs() - half.0), positive(center.y.abs() - half.1));
+        if x * x + y * y > COST_REACH * COST_REACH {
             return 0.0;
         }
         let [xx, xy, yy] = view.covariance_in_body(self.covariance);
         let mean = Footprint {
-            center: view.in_body(self.mean - view.center),
+            center,
             front_left: view.in_body(self.front_left),
             front_right: view.in_body(self.front_right),
         };
@@ -224,7 +208,7 @@ impl Expectation {
     }
 }
 
-/// The same view in single precision: it sees at least what counts.
+/// The same view in single precision: it sees at least what costs anything.
 #[derive(Debug, Clone, Copy)]
 struct RoughView {
     center: [f32; 2],
@@ -243,7 +227,7 @@ impl RoughView {
         }
     }
 
-    /// Which expectations of a cell may count, one bit each.
+    /// Which expectations of a cell may cost anything, one bit each.
     #[inline(always)]
     fn passing(&self, cell: &Cell) -> u32 {
         let mut bits = [0; GROUP];
@@ -257,7 +241,8 @@ impl RoughView {
         passing
     }
 
-    /// As `View::counts`, one of a group: 1 for yes.
+    /// One of a group is in reach, and its centre or a corner may be in the agent's box: the nearest of them is not beyond
+    /// what is left of the distribution, neither ahead nor aside. 1 for yes.
     #[inline(always)]
     fn may_count(&self, [x, y, left_x, left_y, right_x, right_y, xx, xy, yy]: &[[f32; GROUP]; 9], k: usize) -> u32 {
         /// More than coordinates within a kilometre are rounded by [m].

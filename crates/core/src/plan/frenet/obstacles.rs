@@ -185,7 +185,11 @@ impl Obstacles {
         let bounds = other.shape.bounding_box();
         let offset = bounds.min.lerp(bounds.max, 0.5);
         self.course.follow((self.reach.stride(), self.reach.origin), &body, places, offset, request);
-        if hard {
+        let extent = &request.outlook.extents[other.row * predictions.n_modes + mode];
+        let size =
+            other.shape.bounding_radius() + settings.prediction_margin_length.max(settings.prediction_margin_width);
+        let may_meet = extent.including(other.pose.position).overlaps(&self.reach.whole.grown(size));
+        if hard && may_meet {
             let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
             let (now, overlaps_now) = with_margin(&body, margin, ego);
             if self.sweeps.push(&self.course, (now.half_length, now.half_width), &self.reach) {

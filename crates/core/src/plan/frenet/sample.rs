@@ -392,14 +392,8 @@ impl Samples {
         let stride = self.stride;
         let s = &self.motions[self.rows[row].motion.expect("it is loaded")..][..stride];
         self.rows[row].path = Some(self.path.len());
-        let out = push(&mut self.path, N_PATH * stride);
-        for (i, s) in s.iter().enumerate() {
-            let at = path.at(*s);
-            let parts = [at.position.x, at.position.y, at.theta, at.cos, at.sin, at.curvature, at.curvature_rate];
-            for (k, part) in parts.into_iter().enumerate() {
-                out[k * stride + i] = part;
-            }
-        }
+        let mut parts = push(&mut self.path, N_PATH * stride).chunks_exact_mut(stride);
+        path.write_at(s, std::array::from_fn(|_| parts.next().expect("room for all of them")));
     }
 
     /// Path points of a row after `load_path`.

@@ -203,3 +203,29 @@ fn a_foot_found_from_the_last_one_is_the_nearest_one_along_a_drive() {
         assert_eq!(path.project_from(Point::new(f64::NAN, 0.0), 5.0, WINDOW), None);
     }
 }
+
+#[test]
+fn many_arc_lengths_at_once_are_each_of_them_on_wide_machines_and_others() {
+    let mut random = Lcg::new(11);
+    let vertices: Vec<Point> =
+        (0..40).map(|i| Point::new(5e5 + 4.0 * f64::from(i), 10.0 * (0.3 * f64::from(i)).sin())).collect();
+    let path = ReferencePath::through(&vertices).expect("a path");
+    for n in [0, 3, 8, 32, 37] {
+        let s: Vec<f64> = (0..n).map(|_| random.within(-5.0, path.length() + 5.0)).collect();
+        let all = |write: &dyn Fn([&mut [f64]; 7])| {
+            let mut columns = vec![vec![f64::NAN; n]; 7];
+            let mut rest = columns.iter_mut();
+            write(std::array::from_fn(|_| rest.next().expect("seven").as_mut_slice()));
+            columns
+        };
+        let (wide, narrow) = (all(&|out| path.write_at(&s, out)), all(&|out| points_at(&path, &s, out)));
+        for i in 0..n {
+            let at = path.at(s[i]);
+            let one = [at.position.x, at.position.y, at.theta, at.cos, at.sin, at.curvature, at.curvature_rate];
+            for (k, number) in one.into_iter().enumerate() {
+                assert_eq!((wide[k][i].to_bits(), narrow[k][i].to_bits()), (number.to_bits(), number.to_bits()));
+            }
+            assert!((path.curvature_at(s[i]) - at.curvature).abs() < 1e-12);
+        }
+    }
+}

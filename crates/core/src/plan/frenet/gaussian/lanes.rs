@@ -16,9 +16,8 @@ use super::quadrature::gauss_legendre;
 /// Boxes that are worked on at once.
 pub(super) const LANES: usize = 8;
 
-/// Terms of the series, and the correlation up to which they do: the rest is below 2e-7.
-const TERMS: usize = 6;
-const SERIES_UP_TO: f32 = 0.15;
+/// Correlations up to which three and six terms of the series do: the rest is below 2e-7.
+const SERIES_UP_TO: [f32; 2] = [0.04, 0.15];
 /// Correlations up to which three, four, six and eight nodes give the integral to 3e-7.
 pub(super) const NODES_UP_TO: [f32; 4] = [0.4, 0.58, 0.77, 0.88];
 const RULE_3: [(f64, f64); 3] = gauss_legendre();
@@ -70,8 +69,11 @@ impl Boxes {
     pub(super) fn probabilities(&self, rho: f32) -> [f32; LANES] {
         let strength = if rho < 0.0 { -rho } else { rho };
         let [three, four, six, _] = NODES_UP_TO;
-        if strength <= SERIES_UP_TO {
-            self.by_series(rho)
+        let [few, many] = SERIES_UP_TO;
+        if strength <= few {
+            self.by_series::<3>(rho)
+        } else if strength <= many {
+            self.by_series::<6>(rho)
         } else if strength <= three {
             self.by_nodes(&RULE_3, rho)
         } else if strength <= four {
@@ -84,7 +86,7 @@ impl Boxes {
     }
 
     #[inline(always)]
-    fn by_series(&self, rho: f32) -> [f32; LANES] {
+    fn by_series<const TERMS: usize>(&self, rho: f32) -> [f32; LANES] {
         /// What is smaller counts as nothing, see `power_of_two`.
         const NOTHING: f32 = 1e-12;
         let (mut factors, mut factor) = ([0.0; TERMS], INVERSE_TAU);
