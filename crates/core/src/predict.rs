@@ -50,12 +50,13 @@ impl Default for Spread {
 }
 
 impl Spread {
-    /// (xx, xy, yy) [m²] for a heading, at a time from now [s]; slow participants spread less (fully from 5 m/s on).
-    fn covariance(&self, orientation: f64, velocity: f64, time: f64) -> (f64, f64, f64) {
+    /// (xx, xy, yy) [m²] for a unit vector along the heading, at a time from now [s]; slow participants spread less (fully
+    /// from 5 m/s on).
+    fn covariance(&self, axis: Point, velocity: f64, time: f64) -> (f64, f64, f64) {
         let scale = (velocity.abs() / 5.0).min(1.0);
         let along = self.position_sigma.powi(2) + (0.5 * self.acceleration_sigma * scale * time * time).powi(2);
         let across = (self.position_sigma + self.lateral_rate * scale * time).powi(2);
-        let (sin, cos) = orientation.sin_cos();
+        let Point { x: cos, y: sin } = axis;
         (along * cos * cos + across * sin * sin, (along - across) * sin * cos, along * sin * sin + across * cos * cos)
     }
 }
@@ -274,10 +275,11 @@ fn stand(out: &mut Predictions, row: usize, state: &State) {
 fn go_straight(out: &mut Predictions, row: usize, state: &State, spread: &Spread, dt: f64) {
     out.probability[row * out.n_modes] = 1.0;
     let start = out.offset(row, 0);
-    let step = Point::from_angle(state.orientation) * (state.velocity * dt);
+    let axis = Point::from_angle(state.orientation);
+    let step = axis * (state.velocity * dt);
     for k in 0..out.n_steps {
         let position = state.pose().position + step * (k + 1) as f64;
-        let covariance = spread.covariance(state.orientation, state.velocity, (k + 1) as f64 * dt);
+        let covariance = spread.covariance(axis, state.velocity, (k + 1) as f64 * dt);
         write(out, start + k, Pose { position, orientation: state.orientation }, state.velocity, covariance);
     }
 }

@@ -1,7 +1,7 @@
 //! Following every lane that fits, one mode each.
 
 use super::{LaneFollowing, go_straight, write};
-use crate::geometry::Pose;
+use crate::geometry::{Point, Pose};
 use crate::road::{Chains, LaneMatch, Matching, RoadNetwork};
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
@@ -135,14 +135,14 @@ fn follow_lane(
         };
         distance += velocity * dt;
         let d = returning(lane.d, drift, time, settings.return_time);
-        let (pose, _) = road.chain_pose(chain, lane.s, distance, d);
+        let (pose, along) = road.chain_pose(chain, lane.s, distance, d);
         let fade = (1.0 - time / settings.return_time).max(0.0);
         let ahead = returning(lane.d, drift, time + dt, settings.return_time);
-        let pose = Pose {
-            position: pose.position + shift * fade,
-            orientation: pose.orientation + (ahead - d).atan2((velocity * dt).max(0.05)),
-        };
-        write(out, start + k, pose, velocity, settings.spread.covariance(pose.orientation, velocity, time));
+        // It heads from here to where it will be beside the lane.
+        let course = Point::new((velocity * dt).max(0.05), ahead - d);
+        let pose = Pose { position: pose.position + shift * fade, orientation: pose.orientation + course.angle() };
+        let axis = (along * course.x + along.left() * course.y) * (1.0 / course.norm());
+        write(out, start + k, pose, velocity, settings.spread.covariance(axis, velocity, time));
     }
 }
 

@@ -243,20 +243,17 @@ impl RoadNetwork {
         }
     }
 
-    /// Pose and curvature [1/m] at `distance` [m] beyond arc length `start_s` of the first lanelet of a chain, at
-    /// lateral offset `d` [m] (left positive). Straight on before the first and beyond the last lanelet. No allocation.
+    /// Pose at `distance` [m] beyond arc length `start_s` of the first lanelet of a chain, at lateral offset `d` [m] (left
+    /// positive), and its unit vector. Straight on before the first and beyond the last lanelet. No allocation.
     ///
     /// # Panics
     /// If the chain is empty or an index is no lanelet's.
-    pub fn chain_pose(&self, chain: &[usize], start_s: f64, distance: f64, d: f64) -> (Pose, f64) {
+    pub fn chain_pose(&self, chain: &[usize], start_s: f64, distance: f64, d: f64) -> (Pose, Point) {
         let (curve, s, overshoot) = self.along_chain(chain, start_s + distance);
         let heading = curve.heading_at(s);
         let axis = Point::from_angle(heading);
         let position = curve.position_at(s) + axis * overshoot + axis.left() * d;
-        let curvature = if overshoot == 0.0 { curve.curvature_at(s) } else { 0.0 };
-        // A parallel curve; inside the centre of curvature there is none, so the factor is bounded.
-        let curvature = curvature / (1.0 - curvature * d).max(0.2);
-        (Pose { position, orientation: heading }, curvature)
+        (Pose { position, orientation: heading }, axis)
     }
 
     /// Curvature [1/m] of the middle of the lane, as of `chain_pose`.

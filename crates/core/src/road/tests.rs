@@ -281,11 +281,13 @@ fn poses_along_a_chain_follow_the_lane_with_its_curvature() {
     let road = ring();
     let chain = road.paths_from(0, 5.0, 120.0, 1).remove(0);
     for distance in [0.0, 10.0, 26.3, 26.5, 40.0, 90.0] {
-        let (pose, curvature) = road.chain_pose(&chain, 5.0, distance, 1.0);
+        let (pose, axis) = road.chain_pose(&chain, 5.0, distance, 1.0);
+        let curvature = road.chain_curvature(&chain, 5.0, distance);
         let angle = (5.0 + distance) / 20.0;
         assert!(pose.position.distance(Point::from_angle(angle) * 19.0) < 0.05, "{distance}: {pose:?}");
         assert!(wrap_angle(pose.orientation - angle - FRAC_PI_2).abs() < 0.01, "{distance}: {pose:?}");
-        assert!((curvature - 1.0 / 19.0).abs() < 0.002, "{distance}: {curvature}");
+        assert!(axis.distance(Point::from_angle(pose.orientation)) < 1e-12);
+        assert!((curvature - 1.0 / 20.0).abs() < 0.002, "{distance}: {curvature}");
     }
 }
 
@@ -293,8 +295,9 @@ fn poses_along_a_chain_follow_the_lane_with_its_curvature() {
 fn beyond_its_ends_a_chain_goes_on_straight() {
     let road = straight_road(1);
     for distance in [-30.0, 100.0, 180.0] {
-        let (pose, curvature) = road.chain_pose(&[0], 50.0, distance, -0.5);
-        assert!(pose.position.distance(Point::new(50.0 + distance, -0.5)) < 1e-9 && curvature == 0.0);
+        let (pose, axis) = road.chain_pose(&[0], 50.0, distance, -0.5);
+        assert!(pose.position.distance(Point::new(50.0 + distance, -0.5)) < 1e-9 && axis == Point::new(1.0, 0.0));
+        assert!(road.chain_curvature(&[0], 50.0, distance) == 0.0);
     }
 }
 
@@ -383,7 +386,8 @@ fn near_duplicate_vertices_and_very_short_lanelets_are_harmless() {
     let short = with_successors(lane(2, &straight((30.0, 0.0), (30.15, 0.0))), &[3]);
     let road = closed(vec![first, short, lane(3, &straight((30.15, 0.0), (60.0, 0.0)))]);
     assert!((5..55).all(|x| is_covered(&road, f64::from(x), 0.9, 0.0) && !is_covered(&road, f64::from(x), 1.1, 0.0)));
-    let (pose, curvature) = road.chain_pose(&[0, 1, 2], 10.0, 20.1, 0.0);
+    let (pose, _) = road.chain_pose(&[0, 1, 2], 10.0, 20.1, 0.0);
+    let curvature = road.chain_curvature(&[0, 1, 2], 10.0, 20.1);
     assert!(
         pose.position.distance(Point::new(30.1, 0.0)) < 1e-6 && pose.orientation.abs() < 1e-9 && curvature.abs() < 1e-9
     );

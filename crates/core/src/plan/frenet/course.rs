@@ -104,7 +104,7 @@ for_wide_machines! {
 fn poses_at(out: &mut Course, Places { first, n }: Places, offset: Point, origin: Point, request: &PlanRequest) {
     let (predictions, outlook) = (request.predictions, request.outlook);
     let (x, y) = (&predictions.x[first..first + n], &predictions.y[first..first + n]);
-    let (axis_x, axis_y) = (&outlook.axis_x[first..first + n], &outlook.axis_y[first..first + n]);
+    let (axis_x, axis_y) = (&outlook.axis_x()[first..first + n], &outlook.axis_y()[first..first + n]);
     let (to_x, to_y) = (&mut out.x[1..=n], &mut out.y[1..=n]);
     for k in 0..n {
         to_x[k] = (x[k] - origin.x + (axis_x[k] * offset.x - axis_y[k] * offset.y)) as f32;
