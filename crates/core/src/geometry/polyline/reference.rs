@@ -320,7 +320,6 @@ for_wide_machines! {
     fn write_points = points_at, (path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7])
 }
 
-#[expect(clippy::needless_range_loop, reason = "functions of iterators that are not inlined know no wide machines")]
 #[inline(always)]
 fn points_at(path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7]) {
     const LANES: usize = 8;

@@ -104,9 +104,7 @@ impl Source {
             if let Some([a, b, c, d, e, f, g, h]) = known.get(group * GROUP..(group + 1) * GROUP) {
                 *out = [*a, *b, *c, *d, *e, *f, *g, *h];
             } else if let Some(rest) = known.get(group * GROUP..) {
-                for k in 0..rest.len() {
-                    out[k] = rest[k];
-                }
+                out[..rest.len()].copy_from_slice(rest);
             }
         }
         out
@@ -228,6 +226,7 @@ impl RoughView {
     }
 
     /// Which expectations of a cell may cost anything, one bit each.
+    #[expect(clippy::needless_range_loop, reason = "functions of iterators that are not inlined know no wide machines")]
     #[inline(always)]
     fn passing(&self, cell: &Cell) -> u32 {
         let mut bits = [0; GROUP];

@@ -172,6 +172,7 @@ fn sieved_at(bodies: &mut Sweeps, single: &Sweeps) -> bool {
 
 /// Pairs that no side direction of the first box separates, one bit each; most that are apart are separated by one.
 /// What is not a number overlaps nothing.
+#[expect(clippy::needless_range_loop, reason = "functions of iterators that are not inlined know no wide machines")]
 #[inline(always)]
 fn overlapping(a: &Boxes, b: &Boxes) -> u8 {
     let [a_x, a_y, ahead_x, ahead_y, length, width] = a;
