@@ -29,6 +29,8 @@ pub(super) struct FirstBounds {
     /// Largest curvature of the path from the start up to each of its knots [1/m], absolute, and the first of them.
     curvature_up_to: Vec<f64>,
     first_knot: usize,
+    /// Knots of the path per metre.
+    per_spacing: f64,
 }
 
 impl FirstBounds {
@@ -50,7 +52,8 @@ impl FirstBounds {
     /// The largest curvature up to each knot that samples can reach.
     fn find_curvatures(&mut self, samples: &Samples, path: &ReferencePath) {
         let knots = path.curvature();
-        let knot = |s: f64| ((s / path.spacing()) as usize).min(knots.len() - 1);
+        self.per_spacing = path.spacing().recip();
+        let knot = |s: f64| ((s * self.per_spacing) as usize).min(knots.len() - 1);
         // Speeds that count as 0 may be slightly negative: one knot more on both sides.
         self.first_knot = knot(samples.furthest[0]).saturating_sub(1);
         let last = (knot(samples.furthest[samples.n_points - 1]) + 2).min(knots.len() - 1);
@@ -64,9 +67,10 @@ impl FirstBounds {
 
     /// The summed squares of what speed and desired speed differ by are at least this, for all samples of an admissible
     /// row.
-    pub(super) fn gaps(&mut self, samples: &Samples, index: usize, desired: f64, path: &ReferencePath) -> f64 {
+    pub(super) fn gaps(&mut self, samples: &Samples, index: usize, desired: f64) -> f64 {
         let row = &samples.rows[index];
-        let end = (samples.last_place(index) / path.spacing()) as usize + 2;
+        // Rounding is covered by the knots that are looked at too many.
+        let end = (samples.last_place(index) * self.per_spacing) as usize + 2;
         let place = end.saturating_sub(self.first_knot).min(self.curvature_up_to.len() - 1);
         let curvature = self.curvature_up_to[place];
         if row.family.is_none() {

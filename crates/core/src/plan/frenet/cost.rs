@@ -177,17 +177,17 @@ impl TableCosts {
         self.first.prepare(samples, path);
         self.bounds.clear();
         for index in 0..samples.rows.len() {
-            let bound = self.first_bound(samples, index, weights, path);
+            let bound = self.first_bound(samples, index, weights);
             self.bounds.push(bound);
         }
     }
 
-    fn first_bound(&mut self, samples: &Samples, index: usize, weights: &CostWeights, path: &ReferencePath) -> f64 {
+    fn first_bound(&mut self, samples: &Samples, index: usize, weights: &CostWeights) -> f64 {
         let row = &samples.rows[index];
         if row.rejection != super::Rejection::Admissible {
             return f64::INFINITY;
         }
-        let gaps = self.first.gaps(samples, index, self.desired_velocity, path);
+        let gaps = self.first.gaps(samples, index, self.desired_velocity);
         let lateral = row.table.map_or(0.0, |table| self.lateral[table]);
         (from_tables(weights, gaps.sqrt(), 0.0, 0.0, row.jerk) + lateral) * (1.0 - ROUNDING)
     }

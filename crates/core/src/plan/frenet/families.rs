@@ -68,6 +68,7 @@ impl Families {
     }
 
     /// Arc length at a point [m].
+    #[inline]
     pub(super) fn place(&self, family: usize, end_velocity: f64, point: usize) -> f64 {
         let (rest, rise) = self.parts(family);
         rest[point] + end_velocity * rise[point]
@@ -91,6 +92,7 @@ impl Families {
     }
 
     /// Speeds of a motion.
+    #[inline]
     pub(super) fn speeds(&self, family: usize, end_velocity: f64) -> CoarseSpeeds<'_> {
         let part = |k: usize| &self.coarse[(family * 4 + k) * self.stride..][..self.stride];
         CoarseSpeeds { rest: part(0), rise: part(2), end_velocity: end_velocity as f32 }
@@ -110,25 +112,28 @@ for_wide_machines! {
 #[inline(always)]
 fn family_at(polynomials: &[Polynomial; 2], end_time: f64, times: &[f64], motions: &mut [f64], coarse: &mut [f32]) {
     let n = times.len();
-    for (k, polynomial) in polynomials.iter().enumerate() {
-        let (end, end_slope) = (polynomial.at(end_time)[0], k as f64);
-        for (b, at) in times.as_chunks::<BLOCK>().0.iter().enumerate() {
-            let (mut parts, mut rounded) = ([[0.0; BLOCK]; N_MOTION], [[0.0; BLOCK]; 2]);
-            for i in 0..BLOCK {
-                let [p0, p1, p2, _] = polynomial.at(at[i]);
-                let moving = at[i] < end_time + 1e-9;
-                let slope = if moving { p1 } else { end_slope };
-                let second = if moving { p2 } else { 0.0 };
-                parts[0][i] = if moving { p0 } else { end + end_slope * (at[i] - end_time) };
-                (parts[1][i], parts[2][i]) = (slope, second);
-                (rounded[0][i], rounded[1][i]) = (slope as f32, second as f32);
-            }
-            for (part, values) in parts.iter().enumerate() {
-                motions[(k * N_MOTION + part) * n + b * BLOCK..][..BLOCK].copy_from_slice(values);
-            }
-            for (part, values) in rounded.iter().enumerate() {
-                coarse[(k * 2 + part) * n + b * BLOCK..][..BLOCK].copy_from_slice(values);
-            }
+    let (rest, rise) = motions[..2 * N_MOTION * n].split_at_mut(N_MOTION * n);
+    for ((polynomial, end_slope), out) in polynomials.iter().zip([0.0, 1.0]).zip([rest, rise]) {
+        let end = polynomial.at(end_time)[0];
+        let (s, out) = out.split_at_mut(n);
+        let (s_dot, s_ddot) = out.split_at_mut(n);
+        for i in 0..n {
+            let after = end + end_slope * (times[i] - end_time);
+            s[i] = if times[i] < end_time + 1e-9 { polynomial.at(times[i])[0] } else { after };
+        }
+        for i in 0..n {
+            s_dot[i] = if times[i] < end_time + 1e-9 { polynomial.at(times[i])[1] } else { end_slope };
+        }
+        for i in 0..n {
+            s_ddot[i] = if times[i] < end_time + 1e-9 { polynomial.at(times[i])[2] } else { 0.0 };
+        }
+    }
+    for k in 0..2 {
+        // Speeds and accelerations.
+        let (exact, out) =
+            (&motions[(k * N_MOTION + 1) * n..(k + 1) * N_MOTION * n], &mut coarse[2 * k * n..2 * (k + 1) * n]);
+        for i in 0..2 * n {
+            out[i] = exact[i] as f32;
         }
     }
 }

@@ -7,7 +7,7 @@
 use super::super::frame::Start;
 use super::super::polynomial::{Braking, Polynomial};
 use super::desired::Desired;
-use super::families::{BLOCK, CoarseSpeeds, Families, N_MOTION};
+use super::families::{BLOCK, CoarseSpeeds, Families, Found, N_MOTION};
 use super::feasibility::{AlongPath, Limits, Rejection};
 use super::lateral::{Along, LateralPoints, LateralTables};
 use super::settings::FrenetSettings;
@@ -65,8 +65,6 @@ pub(super) struct Row {
     pub(super) end_velocity: f64,
     /// Root of the integral of the squared jerk over the horizon.
     pub(super) jerk: f64,
-    /// Arc length from the start to the end [m].
-    distance: f64,
     /// Its lateral polynomials are of arc length, its own; otherwise of time, shared by all rows of an end time.
     pub(super) is_over_arc: bool,
     /// Table of the lateral polynomials; those of arc length are made when they are needed.
@@ -129,6 +127,8 @@ pub(super) struct Samples {
     path: Vec<f64>,
     end_times: Vec<f64>,
     velocities: Vec<f64>,
+    /// Of the family at hand, by end speed.
+    found: Vec<Found>,
     /// Of the row at hand.
     along: Vec<f64>,
     jerks: Vec<f64>,
@@ -172,8 +172,9 @@ impl Samples {
             let ends = [self.velocities[0], self.velocities[self.velocities.len() - 1]];
             let stays = self.families.stays_within(family, ends, path.length());
             let mut fastest = None;
+            self.look_at_members(family, &along);
             for v in 0..self.velocities.len() {
-                if self.push_member((family, table, stays), end_time, self.velocities[v], &along, inputs) {
+                if self.push_member((family, table, stays), end_time, v, inputs) {
                     fastest = Some(self.velocities[v]);
                 }
             }
@@ -193,33 +194,54 @@ impl Samples {
         }
     }
 
+    /// Looks at the motions of a family, slow ones first, with as few looks as that takes: a motion between two that
+    /// surely hold the limits does so, too, as speed and acceleration are linear in the end speed and their product is
+    /// convex in it; and what is faster than a motion that is not slow is not slow.
+    fn look_at_members(&mut self, family: usize, along: &AlongPath) {
+        let look = |v: f64| self.families.look(family, v, along);
+        let n = self.velocities.len();
+        self.found.clear();
+        self.found.resize(n, Found { is_doubtful: false, is_slow: false });
+        let mut last = n;
+        while last > 0 {
+            last -= 1;
+            self.found[last] = look(self.velocities[last]);
+            if !self.found[last].is_doubtful {
+                break;
+            }
+        }
+        for v in 0..last {
+            self.found[v] = look(self.velocities[v]);
+            if !self.found[v].is_doubtful && !self.found[v].is_slow {
+                break;
+            }
+        }
+    }
+
     /// Adds the row of a family that ends at a speed; says whether it is admissible.
     fn push_member(
         &mut self,
         (family, table, stays): (usize, usize, bool),
         end_time: f64,
-        end_velocity: f64,
-        along: &AlongPath,
+        velocity: usize,
         inputs: &Inputs,
     ) -> bool {
         let Inputs { start, limits, settings, .. } = *inputs;
+        let (end_velocity, found) = (self.velocities[velocity], self.found[velocity]);
         let s = Polynomial::to_slope([start.s, start.s_dot, start.s_ddot], end_velocity, end_time);
-        let found = self.families.look(family, end_velocity, along);
         let is_slow = found.is_slow || start.velocity < settings.low_velocity;
-        let row = Row {
+        self.rows.push(Row {
             course: Course::Polynomial(s),
             end_time,
             end_velocity,
             jerk: s.squared_jerk(end_time.min(limits.horizon())).sqrt(),
-            distance: s.at(end_time)[0] - start.s,
             is_over_arc: is_slow,
             table: (!is_slow).then_some(table),
             rejection: Rejection::Admissible,
             family: Some(family),
             motion: None,
             path: None,
-        };
-        self.rows.push(row);
+        });
         if stays && !found.is_doubtful {
             return true;
         }
@@ -236,8 +258,7 @@ impl Samples {
             (out[i], out[stride + i], out[2 * stride + i]) = (place, speed, acceleration);
         }
         let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
-        let distance = end - inputs.start.s;
-        self.push_alone(Course::Polynomial(s), end_time, jerk, distance, first, inputs);
+        self.push_alone(Course::Polynomial(s), end_time, jerk, first, inputs);
     }
 
     fn push_braking(&mut self, braking: Braking, inputs: &Inputs) {
@@ -248,18 +269,16 @@ impl Samples {
             (out[i], out[stride + i], out[2 * stride + i]) = (inputs.start.s + distance, s_dot, s_ddot);
         }
         let jerk = braking.squared_jerk(inputs.limits.horizon()).sqrt();
-        let distance = braking.at(braking.stop_time())[0];
-        self.push_alone(Course::Braking(braking), braking.stop_time(), jerk, distance, first, inputs);
+        self.push_alone(Course::Braking(braking), braking.stop_time(), jerk, first, inputs);
     }
 
     /// Adds a row without family that ends at rest and whose motion is written already.
-    fn push_alone(&mut self, course: Course, end_time: f64, jerk: f64, distance: f64, motion: usize, inputs: &Inputs) {
+    fn push_alone(&mut self, course: Course, end_time: f64, jerk: f64, motion: usize, inputs: &Inputs) {
         self.rows.push(Row {
             course,
             end_time,
             end_velocity: 0.0,
             jerk,
-            distance,
             is_over_arc: true,
             table: None,
             rejection: Rejection::Admissible,
@@ -322,7 +341,7 @@ impl Samples {
             return table;
         }
         self.load_motion(row);
-        let Row { course, end_time, distance, motion, .. } = self.rows[row];
+        let Row { course, end_time, motion, .. } = self.rows[row];
         let [start, d, d_prime, d_prime2] = self.start;
         let (s, rest) = self.motions[motion.expect("it is loaded")..][..N_MOTION * self.stride].split_at(self.stride);
         let (s_dot, s_ddot) = rest.split_at(self.stride);
@@ -337,11 +356,21 @@ impl Samples {
             });
         }
         let motion = Along { s: &self.along, s_dot, s_ddot, jerk: &self.jerks };
-        let length = distance.max(ARC_MIN);
+        let length = self.lateral_length(row);
         let from = [d, d_prime, d_prime2];
         let table = self.lateral.push_over_arc(from, self.is_free, length, &motion, self.dt, &self.lanes);
         self.rows[row].table = Some(table);
         table
+    }
+
+    /// Arc length over which a lateral polynomial of arc length extends [m].
+    fn lateral_length(&self, row: usize) -> f64 {
+        let Row { course, end_time, .. } = self.rows[row];
+        let distance = match course {
+            Course::Polynomial(s) => s.at(end_time)[0] - self.start[0],
+            Course::Braking(braking) => braking.at(end_time)[0],
+        };
+        distance.max(ARC_MIN)
     }
 
     /// Bounds of a lateral motion that is not made yet, whatever the lane: of its offset [m] and of its slope.
@@ -351,7 +380,7 @@ impl Samples {
     /// L are at most 1 and 0.07. Where d'' is free, the bounds are smaller.
     pub(super) fn lateral_bounds(&self, row: usize) -> [f64; 2] {
         let [_, d, d_prime, d_prime2] = self.start;
-        let length = self.rows[row].distance.max(ARC_MIN);
+        let length = self.lateral_length(row);
         let (first, last) = (self.lanes[0], self.lanes[self.lanes.len() - 1]);
         let widest = first.abs().max(last.abs()).max(d.abs());
         let way = (first - d).abs().max((last - d).abs());
@@ -372,15 +401,17 @@ impl Samples {
     }
 
     /// Speeds of a row that belongs to a family, whether it is written or not.
+    #[inline]
     pub(super) fn coarse_speeds(&self, row: usize) -> Option<CoarseSpeeds<'_>> {
-        let row = &self.rows[row];
-        row.family.map(|family| self.families.speeds(family, row.end_velocity))
+        let Row { family, end_velocity, .. } = &self.rows[row];
+        family.map(|family| self.families.speeds(family, *end_velocity))
     }
 
     /// Arc length of a row at the end of the horizon [m].
+    #[inline]
     pub(super) fn last_place(&self, row: usize) -> f64 {
-        let (last, Row { family, end_velocity, .. }) = (self.n_points - 1, self.rows[row]);
-        family.map_or_else(|| self.motions(row).s[last], |family| self.families.place(family, end_velocity, last))
+        let (last, Row { family, end_velocity, .. }) = (self.n_points - 1, &self.rows[row]);
+        family.map_or_else(|| self.motions(row).s[last], |family| self.families.place(family, *end_velocity, last))
     }
 
     /// Looks up the path points of a row when they are first needed.
