@@ -2,15 +2,19 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 /// A lower bound of the cost of a sample, or of all samples of a group. Ordered by (bound, index), a total order: one
 /// number holds both, so that entries are compared quickly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Entry(
     /// The bound, so that larger ones have larger bits; the index of the sample, or of the group's first sample; the
-    /// number of the group plus 1, or 0.
+    /// number of the group plus 1, or of the run whose next sample follows this one with `FOLLOWED`, or 0.
     u128,
 );
+
+/// Somebody follows a sample in the queue when its turn has come.
+const FOLLOWED: u32 = 1 << 31;
 
 impl Entry {
     pub(super) fn sample(bound: f64, index: usize) -> Self {
@@ -40,7 +44,20 @@ impl Entry {
 
     #[inline]
     fn group_number(self) -> Option<usize> {
-        (self.0 as u32 as usize).checked_sub(1)
+        let number = self.0 as u32;
+        (number & FOLLOWED == 0).then(|| (number as usize).checked_sub(1)).flatten()
+    }
+
+    #[inline]
+    fn run(self) -> Option<usize> {
+        let number = self.0 as u32;
+        (number & FOLLOWED != 0).then_some((number & !FOLLOWED) as usize)
+    }
+
+    /// The same sample, followed by that of a run or by nobody.
+    #[inline]
+    fn followed_by(self, run: Option<usize>) -> Self {
+        Self(self.0 >> 32 << 32 | run.map_or(0, |run| u128::from(FOLLOWED | run as u32)))
     }
 
     /// The same with another bound.
@@ -79,15 +96,48 @@ pub(super) trait Search {
     fn refine(&mut self, sample: usize) -> Refined;
 }
 
-/// Memory of `best_first`.
-pub(super) type Heap = BinaryHeap<Reverse<Entry>>;
+/// Queue and memory of `best_first`.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Heap {
+    entries: BinaryHeap<Reverse<Entry>>,
+    /// Samples of the groups that were opened, and which of them (a run per group) are not in the queue yet.
+    opened: Vec<Entry>,
+    runs: Vec<Range<usize>>,
+}
+
+impl Heap {
+    /// Queues the best sample of a run that is not queued yet.
+    fn push_next(&mut self, run: usize) {
+        let rest = &mut self.opened[self.runs[run].clone()];
+        let Some(best) = (0..rest.len()).min_by_key(|i| rest[*i]) else { return };
+        rest.swap(0, best);
+        let is_last = rest.len() == 1;
+        self.entries.push(Reverse(rest[0].followed_by((!is_last).then_some(run))));
+        self.runs[run].start += 1;
+    }
+
+    /// Opens a group whose samples have these bounds and whose first sample has this index. One sample at a time is
+    /// queued, as most of them never get their turn.
+    fn push_group(&mut self, first: usize, bounds: impl Iterator<Item = f64>) {
+        let start = self.opened.len();
+        for (i, bound) in bounds.enumerate() {
+            if bound.is_finite() {
+                self.opened.push(Entry::sample(bound, first + i));
+            }
+        }
+        self.runs.push(start..self.opened.len());
+        self.push_next(self.runs.len() - 1);
+    }
+}
 
 /// Begins a search anew.
 pub(super) fn start(heap: &mut Heap, entries: impl Iterator<Item = Entry>) {
-    let mut memory = std::mem::take(heap).into_vec();
+    let mut memory = std::mem::take(&mut heap.entries).into_vec();
     memory.clear();
     memory.extend(entries.filter(|entry| entry.bound().is_finite()).map(Reverse));
-    *heap = BinaryHeap::from(memory);
+    heap.entries = BinaryHeap::from(memory);
+    heap.opened.clear();
+    heap.runs.clear();
 }
 
 /// The admissible sample with the smallest (cost, index) and its cost. What the heap was started with are lower bounds
@@ -96,19 +146,22 @@ pub(super) fn start(heap: &mut Heap, entries: impl Iterator<Item = Entry>) {
 /// A sample is only returned when it is complete and everybody else's (bound, index) is larger. As no cost is below its
 /// bound, the result is that of `exhaustive`.
 pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(usize, f64)> {
-    while let Some(Reverse(mut entry)) = heap.pop() {
+    while let Some(Reverse(mut entry)) = heap.entries.pop() {
         let index = entry.index();
         if let Some(group) = entry.group_number() {
             if let Some(bound) = search.tighten(group) {
                 entry = entry.with(bound);
-                if heap.peek().is_some_and(|Reverse(next)| *next < entry) {
-                    heap.push(Reverse(entry));
+                if heap.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
+                    heap.entries.push(Reverse(entry));
                     continue;
                 }
             }
-            let samples = search.open(group).enumerate().filter(|(_, bound)| bound.is_finite());
-            heap.extend(samples.map(|(i, bound)| Reverse(Entry::sample(bound, index + i))));
+            heap.push_group(index, search.open(group));
             continue;
+        }
+        if let Some(run) = entry.run() {
+            heap.push_next(run);
+            entry = entry.followed_by(None);
         }
         loop {
             match search.refine(index) {
@@ -116,13 +169,13 @@ pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(u
                 Refined::Bound(bound) => entry = entry.with(bound),
                 Refined::Cost(cost) => {
                     entry = entry.with(cost);
-                    if heap.peek().is_none_or(|Reverse(next)| entry < *next) {
+                    if heap.entries.peek().is_none_or(|Reverse(next)| entry < *next) {
                         return Some((index, cost));
                     }
                 }
             }
-            if heap.peek().is_some_and(|Reverse(next)| *next < entry) {
-                heap.push(Reverse(entry));
+            if heap.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
+                heap.entries.push(Reverse(entry));
                 break;
             }
         }
@@ -133,7 +186,7 @@ pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(u
 /// The same by evaluating every sample to its end.
 pub(super) fn exhaustive(heap: &Heap, search: &mut impl Search) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
-    let mut entries: Vec<Entry> = heap.iter().map(|Reverse(entry)| *entry).collect();
+    let mut entries: Vec<Entry> = heap.entries.iter().map(|Reverse(entry)| *entry).collect();
     entries.sort_unstable_by_key(|entry| entry.index());
     for entry in entries {
         let (bound, index, group) = (entry.bound(), entry.index(), entry.group_number());
@@ -195,7 +248,7 @@ mod tests {
     #[test]
     fn best_first_returns_the_exhaustive_choice_with_less_work() {
         let mut random = Lcg::new(3);
-        let mut heap = Heap::new();
+        let mut heap = Heap::default();
         let (mut lazy_work, mut full_work) = (0, 0);
         for _ in 0..200 {
             // On a coarse grid, so that ties happen; a quarter is rejected.
@@ -222,7 +275,7 @@ mod tests {
 
     #[test]
     fn nobody_is_chosen_if_all_are_rejected() {
-        let mut heap = Heap::new();
+        let mut heap = Heap::default();
         start(&mut heap, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
         let mut search = Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], work: 0 };
         assert_eq!(exhaustive(&heap, &mut search), None);

@@ -144,11 +144,9 @@ fn gaps_of(speeds: &LaneSpeeds, counts: &[f64], [first, last]: [f64; 2], desired
         let (low, low_aside) = (smallest(ahead.0, ahead.1), smallest(aside.0, aside.1));
         let (high, high_aside) = (largest(ahead.0, ahead.1), largest(aside.0, aside.1));
         let (low, high) = (low * low + low_aside * low_aside, high * high + high_aside * high_aside);
-        // Only one of both can be on the wrong side of the desired speed.
-        let is_fast = low > desired * desired;
-        let speed = (if is_fast { low } else { high }).sqrt();
-        let gap = if is_fast { speed - desired } else { desired - speed };
-        let gap = if gap > 0.0 { gap } else { 0.0 };
+        // The speed between both that is nearest to the desired one.
+        let (square, near) = (desired * desired, if high < desired * desired { high } else { desired * desired });
+        let gap = (if low > square { low } else { near }).sqrt() - desired;
         counts[i] * (gap * gap)
     })
 }
@@ -264,7 +262,7 @@ impl<'a> CurvatureAt<'a> {
     #[inline]
     pub(super) fn at(&self, s: f64) -> f64 {
         let position = s * self.per_spacing;
-        let i = (position as usize).min(self.knots.len() - 2);
+        let i = (position as u32 as usize).min(self.knots.len() - 2);
         self.knots[i] + (self.knots[i + 1] - self.knots[i]) * (position - i as f64)
     }
 }
