@@ -152,7 +152,7 @@ impl ReferencePath {
     #[inline]
     pub(crate) fn curvature_at(&self, s: f64) -> f64 {
         let s = s.clamp(0.0, self.length());
-        let i = ((s * self.inverse_spacing) as usize).min(self.knots.len() - 2);
+        let i = ((s * self.inverse_spacing) as u32 as usize).min(self.knots.len() - 2);
         let (a, b) = (self.curvature[i], self.curvature[i + 1]);
         a + (b - a) * self.inverse_spacing * (s - i as f64 * self.spacing)
     }

@@ -63,9 +63,8 @@ impl LaneSpeeds {
         for buffer in [&mut *curvature, along, along_by_lane, sideways, sideways_by_lane] {
             buffer.resize(samples.stride, 0.0);
         }
-        let look_up = CurvatureAt::new(path);
         for (curvature, s) in curvature.iter_mut().zip(motion.s) {
-            *curvature = look_up.at(*s);
+            *curvature = path.curvature_at(*s);
         }
         write_speeds(self, motion.s_dot, &lateral, samples.rows[index].is_over_arc);
     }
@@ -246,25 +245,6 @@ fn least_lateral(samples: &Samples, table: usize, weights: &CostWeights) -> f64 
     let terms = samples.lateral.offset[lanes.clone()].iter().zip(&samples.lateral.jerk[lanes]);
     let sums = terms.map(|(offset, jerk)| from_tables(weights, 0.0, *offset, *jerk, 0.0));
     sums.fold(f64::INFINITY, f64::min)
-}
-
-/// `path.at(s).curvature` without the rest.
-pub(super) struct CurvatureAt<'a> {
-    knots: &'a [f64],
-    per_spacing: f64,
-}
-
-impl<'a> CurvatureAt<'a> {
-    pub(super) fn new(path: &'a ReferencePath) -> Self {
-        Self { knots: path.curvature(), per_spacing: path.spacing().recip() }
-    }
-
-    #[inline]
-    pub(super) fn at(&self, s: f64) -> f64 {
-        let position = s * self.per_spacing;
-        let i = (position as u32 as usize).min(self.knots.len() - 2);
-        self.knots[i] + (self.knots[i + 1] - self.knots[i]) * (position - i as f64)
-    }
 }
 
 /// Weighted sum of the first four terms.

@@ -3,7 +3,6 @@
 use super::super::arrival::{self, LOOK_AHEAD};
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
-use super::cost::CurvatureAt;
 use super::settings::{Comfort, FrenetSettings};
 use crate::geometry::polyline::ReferencePath;
 
@@ -111,7 +110,6 @@ fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort, veloci
     let b = comfort.deceleration;
     let lead = start.velocity * LOOK_AHEAD;
     let reach = (20.0 + lead + 0.5 * start.velocity.powi(2) / b).min(CURVE_REACH);
-    let curvature = CurvatureAt::new(path);
     let mut square = velocity * velocity;
     for i in 0..(reach / CURVE_STEP) as usize {
         let ahead = i as f64 * CURVE_STEP;
@@ -119,7 +117,7 @@ fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort, veloci
         if room <= 0.0 {
             break; // Curves from here on do not matter.
         }
-        let bend = curvature.at(start.s + ahead).abs();
+        let bend = path.curvature_at(start.s + ahead).abs();
         if room * bend > comfort.lateral_acceleration {
             square += comfort.lateral_acceleration / bend - room;
         }
