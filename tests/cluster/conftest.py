@@ -1,6 +1,7 @@
 """A local Ray cluster of two nodes, started as Ray's documentation says: one head, one further node."""
 
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -29,10 +30,14 @@ class Cluster:
         """The second node is gone, as in a power failure."""
         end(self.node)
 
+    def lose_head(self) -> None:
+        """The node of this machine is gone, and what keeps the cluster together."""
+        end(self.head)
+
 
 def start(*arguments) -> subprocess.Popen:
     """A node as a session of its own, so that it can be ended with everything that it started."""
-    environment = {**os.environ, "RAY_USAGE_STATS_ENABLED": "0"}
+    environment = {**os.environ, "RAY_USAGE_STATS_ENABLED": "0", "RAY_worker_niceness": "0"}  # hurry as the test does
     return subprocess.Popen(
         [RAY, "start", "--num-cpus=1", "--object-store-memory=100000000", "--block", *arguments],
         start_new_session=True,
@@ -49,18 +54,25 @@ def end(process: subprocess.Popen) -> None:
     process.wait()
 
 
-def nodes_alive(address: str) -> int:
+def seen(address: str) -> tuple[int, str]:
+    """How many nodes there are, and the address of the one that a program on this machine connects through."""
     script = (
         f"import ray; ray.init(address='{address}', logging_level='ERROR', log_to_driver=False); "
-        "print(sum(node['Alive'] for node in ray.nodes()))"
+        "mine = ray.get_runtime_context().get_node_id(); nodes = [node for node in ray.nodes() if node['Alive']]; "
+        "print(len(nodes), *(node['NodeManagerAddress'] for node in nodes if node['NodeID'] == mine))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=60)
-    return int(done.stdout.strip() or 0)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=90)
+    count, _, through = done.stdout.strip().partition(" ")
+    return int(count or 0), through
 
 
 @pytest.fixture
 def cluster():
-    """Two nodes with one CPU each."""
+    """Two nodes with one CPU each, the second one as if it were on another machine.
+
+    Whoever connects does so through the node on his machine, and is lost with it. Nodes on one machine are told apart
+    by their addresses; which of them is the machine's stands in a file that the last one to start has written.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -69,12 +81,18 @@ def cluster():
                  f"--temp-dir={folder}")  # fmt: skip
     node = None
     try:
-        until = time.monotonic() + 90
-        while nodes_alive(address) < 1:
+        until = time.monotonic() + 120
+        while (now := seen(address))[0] < 1:
             assert time.monotonic() < until, "the head did not start"
-        node = start(f"--address={address}", "--node-ip-address=127.0.0.1")
-        while nodes_alive(address) < 2:
+        here = now[1]
+        node = start(f"--address={address}", "--node-ip-address=127.0.0.2")
+        written = Path(folder, "session_latest", "node_ip_address.json")
+        while "127.0.0.2" not in written.read_text():
             assert time.monotonic() < until, "the second node did not start"
+            time.sleep(0.05)
+        written.write_text(json.dumps({"node_ip_address": here}))
+        while (now := seen(address)) != (2, here):
+            assert time.monotonic() < until, ("the second node did not start", now)
         yield Cluster(address, head, node)
     finally:
         for process in (node, head):

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -33,8 +34,10 @@ def batch(place, *arguments):
 
 
 def ended(process):
+    """What a batch prints that has come to its end."""
     out, err = process.communicate(timeout=240)
-    assert process.returncode in (0, 1), out + err
+    assert process.returncode in (0, 1), (process.returncode, out, err)
+    assert out.splitlines()[-2:-1], (process.returncode, out, err)  # not even a table: it was ended
     return out
 
 
@@ -57,13 +60,9 @@ def test_the_same_runs_come_out_with_and_without_ray_and_run_folders_come_back(c
 
 
 def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(cluster, place):
-    wanted = [*SCENARIOS, "--planner", f"batch_planners:Marks,folder={place / 'marks'},idm", "--agents", 1]
-    (place / "marks").mkdir()
+    wanted = marked(place)
     process = batch(place, *wanted, "--out", "ray", "--ray", cluster.address)
-    until = time.monotonic() + 120
-    while not (lost := works_on(cluster.node.pid, place / "marks")):
-        assert time.monotonic() < until, "no run was begun on the second node"
-        time.sleep(0.05)
+    lost = begun(cluster.node.pid, place, process)
     cluster.lose_node()
     out = ended(process)
     rows = stored(place / "ray")
@@ -73,6 +72,53 @@ def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(cluster, place)
     assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
     ended(batch(place, *wanted, "--out", "alone", "--workers", 2))
     assert rows == stored(place / "alone")
+
+
+def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(cluster, place):
+    wanted = marked(place)
+    process = batch(place, *wanted, "--out", "ray", "--ray", cluster.address)
+    begun(cluster.head.pid, place, process)
+    cluster.lose_head()
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 2, (out, err)
+    assert out == ""
+    assert err.startswith(f"error: ray {cluster.address}: the ")
+    assert err.count("\n") == 1
+    assert err.endswith("; what was done is kept, the same command does what is missing\n")
+    ended(batch(place, *wanted, "--out", "ray", "--workers", 2))
+    rows = stored(place / "ray")
+    assert {row["status"] for row in rows} == {"finished"}
+    assert len({row["key"] for row in rows}) == len(rows) == 6
+
+
+def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, place):
+    process = batch(place, *marked(place), "--out", "ray", "--ray", cluster.address)
+    left = [*begun(cluster.node.pid, place, process), *begun(cluster.head.pid, place, process)]
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, (out, err)
+    assert err == "interrupted; what was done is in ray, the same command does what is missing\n"
+    until = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in left):
+        assert time.monotonic() < until, "runs go on"
+        time.sleep(0.05)
+    assert stored(place / "ray") == []
+
+
+def marked(place):
+    """Arguments for six runs, three of which say when they begin and take their time."""
+    (place / "marks").mkdir()
+    return [*SCENARIOS, "--planner", f"batch_planners:Marks,folder={place / 'marks'},idm", "--agents", 1]
+
+
+def begun(group, place, process):
+    """Processes of a node that are in the middle of a run, as soon as there are any."""
+    until = time.monotonic() + 120
+    while not (found := works_on(group, place / "marks")):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until, "no run was begun on the node"
+        time.sleep(0.05)
+    return found
 
 
 def works_on(group, marks):

@@ -1,32 +1,34 @@
-"""Tasks of a batch on a Ray cluster: one Ray task per run, and nothing about distribution beyond that.
+"""Tasks of a batch on a Ray cluster, as the process of the batch sees them.
 
-On every node the run is done by a process of its own, as without Ray, with the same limits. Ray does a task again whose
-node or process is lost.
+Ray ends the process that is connected to a cluster when the cluster is lost, without a word to Python. So it is another
+process that is connected (`interdrive.batches.ray_driver`), and its end is an error like others.
 """
 
 from __future__ import annotations
 
-import socket
-import time
+import importlib.util
+import itertools
+import multiprocessing
+import re
+import sys
+import tempfile
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from interdrive.batches.pool import End, Pool, Task
-from interdrive.errors import InputError, MissingExtraError
+from interdrive.batches.pool import End
+from interdrive.batches.ray_driver import drive, nobody
+from interdrive.errors import InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-#: A task whose node or process is lost is done again by Ray so often, at once: perhaps on the same lost node.
-_RETRIES = 3
-#: When Ray gives it up, it gets it again so often, after this pause [s]: Ray may need half a minute to know that a
-#: node is lost.
-_AGAIN, _PAUSE = 5, 10.0
-#: Tasks that are handed to Ray at once, per CPU of the cluster: nobody waits for the next one.
-_AHEAD = 2
-#: A cluster has this long to accept a connection [s].
-_ANSWER_MAX = 10.0
-#: How long one look at the tasks takes if nothing happens [s].
-_LOOK_EVERY = 1.0
+    from interdrive.batches.pool import Task
+
+#: The process has this long to take its leave of the cluster [s].
+_LEAVE_MAX = 10.0
+#: What Ray writes before a line of its log, and colours.
+_ORNAMENT = re.compile(r"\x1b\[[0-9;]*m|^\[[^]]*\] (\(\w+\) )?[\w.]+:\d+: ")
 
 
 class Cluster:
@@ -47,20 +49,44 @@ class Cluster:
             MissingExtraError: Ray is not installed.
             InputError: No cluster at the address.
         """
+        if importlib.util.find_spec("ray") is None:
+            raise MissingExtraError("ray is not installed; pip install interdrive[ray]")
+        self._address = _of_this_process() or address
+        self._words = tempfile.NamedTemporaryFile(prefix="interdrive-ray-")  # noqa: SIM115 - closed by `close`
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._is_idle = False
+        self._process = context.Process(
+            target=drive,
+            args=(theirs, Path(self._words.name), self._address, workers, (timeout_s, memory)),
+            daemon=True,
+            name="interdrive-ray",
+        )
+        self._process.start()
+        theirs.close()
         try:
-            import ray  # noqa: PLC0415 - optional
-        except ImportError:
-            raise MissingExtraError("ray is not installed; pip install interdrive[ray]") from None
-        self._ray: Any = ray
-        self._workers, self._limits = workers, (timeout_s, memory)
-        self._waiting: dict[Any, tuple[Task[Any], int]] = {}
-        self._is_ours = not ray.is_initialized()
-        if self._is_ours:
-            _check_that_somebody_answers(address)
-            try:
-                ray.init(address=address, logging_level="ERROR", log_to_driver=False)
-            except (ConnectionError, OSError, RuntimeError, ValueError) as cause:
-                raise _nobody(address, str(cause)) from cause
+            self._wait_for_it()
+        except BaseException:
+            self.close()
+            raise
+        self._is_idle = True
+
+    def _wait_for_it(self) -> None:
+        """Until it is connected."""
+        kind = ""
+        try:
+            for _ in range(2):
+                kind, what = self._connection.recv()
+                if kind == "error":
+                    raise what
+        except EOFError:
+            words = self._last_words()
+            if not kind:
+                raise InterdriveError(
+                    f"the process for Ray ends before it begins ({words}); "
+                    "does the script guard its calls by `if __name__ == '__main__':`?"
+                ) from None
+            raise nobody(self._address, words) from None
 
     def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
         """Does tasks until there are none and yields how they ended, in the order in which they end.
@@ -68,89 +94,62 @@ class Cluster:
         Args:
             function: Called in a process of some node with the payload and the number of the attempt.
             take: Gives the next task.
-        """
-        ray = self._ray
-        remote = ray.remote(num_cpus=1, max_retries=_RETRIES)(_in_process)
-        exhausted = False
-        again: list[tuple[float, Task[Any], int]] = []  # when, what, how often Ray has had it
-        while True:
-            while not (exhausted and not again) and len(self._waiting) < self._at_once():
-                if again and again[0][0] <= time.monotonic():
-                    _, task, times = again.pop(0)
-                elif exhausted or (fresh := take("")) is None:
-                    exhausted = True
-                    break
-                else:
-                    task, times = fresh, 0
-                self._waiting[remote.remote(function, task.payload, *self._limits)] = task, times + 1
-            if not self._waiting:
-                if not again:
-                    return
-                time.sleep(max(0.0, again[0][0] - time.monotonic()))
-                continue
-            ready, _ = ray.wait(list(self._waiting), num_returns=1, timeout=_LOOK_EVERY)
-            for reference in ready:
-                task, times = self._waiting.pop(reference)
-                try:
-                    value, lost, why, attempts = ray.get(reference)
-                except ray.exceptions.RayError as cause:
-                    if times <= _AGAIN and not isinstance(cause, ray.exceptions.RayTaskError):
-                        again.append((time.monotonic() + _PAUSE, task, times))
-                        continue
-                    reason = str(cause).strip().partition("\n")[0]
-                    yield End(task, None, "crashed", f"Ray gave it up: {reason}", times)
-                else:
-                    yield End(task, value, lost, why, attempts)
 
-    def _at_once(self) -> int:
-        if self._workers is not None:
-            return self._workers
-        return max(1, _AHEAD * int(self._ray.cluster_resources().get("CPU", 1)))
+        Raises:
+            InterdriveError: The cluster is lost.
+        """
+        given: dict[int, Task[Any]] = {}
+        numbers = itertools.count()
+        self._is_idle = False
+        try:
+            self._connection.send(function)
+            while True:
+                kind, what = self._connection.recv()
+                if kind == "none":
+                    break
+                if kind == "error":
+                    raise self._lost(str(what))
+                if kind == "end":
+                    number, *how = what
+                    yield End(given.pop(number), *how)
+                    continue
+                task = take("")
+                number = next(numbers)
+                if task is not None:
+                    given[number] = task
+                self._connection.send(None if task is None else (number, task.payload))
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            raise self._lost(f"the cluster, or its node on this machine, is lost ({self._last_words()})") from None
+        self._is_idle = True
+
+    def _lost(self, reason: str) -> InterdriveError:
+        return InterdriveError(
+            f"ray {self._address}: {reason}; what was done is kept, the same command does what is missing"
+        )
+
+    def _last_words(self) -> str:
+        """What Ray has printed before the process ended, or its exit code."""
+        self._process.join(_LEAVE_MAX)
+        self._words.seek(0)
+        lines = self._words.read().decode(errors="replace").splitlines()
+        said = [words for line in lines if (words := _ORNAMENT.sub("", line).strip())]
+        return said[-1].partition(". ")[0] if said else f"exit code {self._process.exitcode}"
 
     def close(self) -> None:
         """Gives up what is still being done, and disconnects."""
-        for reference in self._waiting:
-            self._ray.cancel(reference, force=True)
-        self._waiting.clear()
-        if self._is_ours:
-            self._ray.shutdown()
+        self._connection.close()
+        if self._is_idle:
+            self._process.join(_LEAVE_MAX)
+        self._process.kill()  # Ray ends the tasks of who is gone
+        self._process.join()
+        self._words.close()
 
 
-def _check_that_somebody_answers(address: str) -> None:
-    """Ray itself would try for a minute.
-
-    Raises:
-        InputError: Nobody does.
-    """
-    host, colon, port = address.removeprefix("ray://").rpartition(":")
-    if not colon or not port.isdecimal():
-        return  # "auto", which Ray finds out at once
-    try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=_ANSWER_MAX).close()
-    except (OSError, OverflowError) as cause:
-        raise _nobody(address, str(cause)) from cause
-
-
-def _nobody(address: str, reason: str) -> InputError:
-    return InputError(
-        f"ray {address}: no cluster answers there ({reason.strip().partition(chr(10))[0]}); "
-        "start one with `ray start --head`"
-    )
-
-
-#: The process that does the runs of this Ray worker.
-_POOLS: dict[tuple[float, float], Pool] = {}
-
-
-def _in_process(
-    function: Callable[[Any, int], Any], payload: object, timeout_s: float, memory: float
-) -> tuple[Any, str, str, int]:
-    """Runs in a Ray worker: the value, how the task was lost or "", why, and the number of attempts."""
-    if (timeout_s, memory) not in _POOLS:
-        for pool in _POOLS.values():
-            pool.close()
-        _POOLS.clear()
-        _POOLS[timeout_s, memory] = Pool(1, timeout_s=timeout_s, memory=memory)
-    tasks = [Task(payload)]
-    ends = list(_POOLS[timeout_s, memory].run(function, lambda _: tasks.pop() if tasks else None))
-    return ends[0].value, ends[0].lost, ends[0].why, ends[0].attempts
+def _of_this_process() -> str | None:
+    """Address of the cluster that this process is connected to already."""
+    ray = sys.modules.get("ray")
+    if ray is None or not ray.is_initialized():
+        return None
+    with suppress(Exception):  # connected in a way that knows no address
+        return str(ray.get_runtime_context().gcs_address)
+    return None

@@ -252,7 +252,7 @@ def _one_thread() -> Iterator[None]:
 def _work(connection: Connection) -> None:
     """Runs in the process until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    threading.Thread(target=end_with_the_parent, daemon=True).start()
     import interdrive.batches.execute  # noqa: F401, PLC0415 - before the clock runs
 
     connection.send("ready")
@@ -268,7 +268,7 @@ def _work(connection: Connection) -> None:
             return
 
 
-def _end_with_the_parent() -> None:
+def end_with_the_parent() -> None:
     """Nobody waits for a run whose parent is gone, and it might never end."""
     parent = multiprocessing.parent_process()
     if parent is not None:
