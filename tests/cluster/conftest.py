@@ -66,8 +66,8 @@ def seen(address: str) -> tuple[int, str]:
     return int(count or 0), through
 
 
-@pytest.fixture
-def cluster():
+@contextlib.contextmanager
+def started():
     """Two nodes with one CPU each, the second one as if it were on another machine.
 
     Whoever connects does so through the node on his machine, and is lost with it. Nodes on one machine are told apart
@@ -99,3 +99,17 @@ def cluster():
             if process is not None:
                 end(process)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """One that lasts; tests that use it come last, since it is found by others."""
+    with started() as found:
+        yield found
+
+
+@pytest.fixture
+def mortal_cluster():
+    """One whose nodes may be lost."""
+    with started() as found:
+        yield found

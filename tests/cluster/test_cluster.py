@@ -48,63 +48,6 @@ def stored(folder):
     return table.drop_columns(times).to_pylist()
 
 
-def test_the_same_runs_come_out_with_and_without_ray_and_run_folders_come_back(cluster, place):
-    wanted = [*SCENARIOS[:2], "--planner", "idm,batch_planners:Brakes", "--agents", 2, "--keep", "all"]
-    ended(batch(place, *wanted, "--out", "alone", "--workers", 1))
-    out = ended(batch(place, *wanted, "--out", "ray", "--ray", cluster.address))
-    assert out.splitlines()[-2].startswith("4 runs in")
-    assert stored(place / "ray") == stored(place / "alone")
-    for key in {row["key"] for row in stored(place / "ray")}:
-        info = idr.load(BatchFolder.open(place / "ray").recording(key)).info
-        assert Path(info["scenario"]["path"]).exists()
-
-
-def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(cluster, place):
-    wanted = marked(place)
-    process = batch(place, *wanted, "--out", "ray", "--ray", cluster.address)
-    lost = begun(cluster.node.pid, place, process)
-    cluster.lose_node()
-    out = ended(process)
-    rows = stored(place / "ray")
-    assert {row["status"] for row in rows} == {"finished"}, out
-    assert len({row["key"] for row in rows}) == len(rows) == 6
-    assert len(list((place / "marks").iterdir())) >= 4  # of three runs one was begun again
-    assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
-    ended(batch(place, *wanted, "--out", "alone", "--workers", 2))
-    assert rows == stored(place / "alone")
-
-
-def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(cluster, place):
-    wanted = marked(place)
-    process = batch(place, *wanted, "--out", "ray", "--ray", cluster.address)
-    begun(cluster.head.pid, place, process)
-    cluster.lose_head()
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 2, (out, err)
-    assert out == ""
-    assert err.startswith(f"error: ray {cluster.address}: the ")
-    assert err.count("\n") == 1
-    assert err.endswith("; what was done is kept, the same command does what is missing\n")
-    ended(batch(place, *wanted, "--out", "ray", "--workers", 2))
-    rows = stored(place / "ray")
-    assert {row["status"] for row in rows} == {"finished"}
-    assert len({row["key"] for row in rows}) == len(rows) == 6
-
-
-def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, place):
-    process = batch(place, *marked(place), "--out", "ray", "--ray", cluster.address)
-    left = [*begun(cluster.node.pid, place, process), *begun(cluster.head.pid, place, process)]
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
-    assert process.returncode == 130, (out, err)
-    assert err == "interrupted; what was done is in ray, the same command does what is missing\n"
-    until = time.monotonic() + 30
-    while any(Path(f"/proc/{pid}").exists() for pid in left):
-        assert time.monotonic() < until, "runs go on"
-        time.sleep(0.05)
-    assert stored(place / "ray") == []
-
-
 def marked(place):
     """Arguments for six runs, three of which say when they begin and take their time."""
     (place / "marks").mkdir()
@@ -134,14 +77,6 @@ def works_on(group, marks):
     return found
 
 
-def test_a_run_that_kills_its_process_or_hangs_is_a_row(cluster, place):
-    wanted = ["t_junction", "--agents", 1, "--out", "ray", "--ray", cluster.address, "--planner"]
-    ended(batch(place, *wanted, "batch_planners:Kills,idm"))
-    ended(batch(place, *wanted, "batch_planners:Hangs", "--run-timeout", 3))
-    status = {row["planner"]: row["status"] for row in stored(place / "ray")}
-    assert status == {"batch_planners:Kills": "crashed", "batch_planners:Hangs": "timeout", "idm": "finished"}
-
-
 @pytest.mark.parametrize("address", ["auto", "127.0.0.1:1"])
 def test_no_cluster_is_one_line(address, place):
     begin = time.monotonic()
@@ -153,3 +88,68 @@ def test_no_cluster_is_one_line(address, place):
     assert "ray start --head" in err
     assert time.monotonic() - begin < 30
     assert not (place / "ray").exists()
+
+
+def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(mortal_cluster, place):
+    wanted = marked(place)
+    process = batch(place, *wanted, "--out", "ray", "--ray", mortal_cluster.address)
+    lost = begun(mortal_cluster.node.pid, place, process)
+    mortal_cluster.lose_node()
+    out = ended(process)
+    rows = stored(place / "ray")
+    assert {row["status"] for row in rows} == {"finished"}, out
+    assert len({row["key"] for row in rows}) == len(rows) == 6
+    assert len(list((place / "marks").iterdir())) >= 4  # of three runs one was begun again
+    assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
+    ended(batch(place, *wanted, "--out", "alone", "--workers", 2))
+    assert rows == stored(place / "alone")
+
+
+def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(mortal_cluster, place):
+    wanted = marked(place)
+    process = batch(place, *wanted, "--out", "ray", "--ray", mortal_cluster.address)
+    begun(mortal_cluster.head.pid, place, process)
+    mortal_cluster.lose_head()
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 2, (out, err)
+    assert out == ""
+    assert err.startswith(f"error: ray {mortal_cluster.address}: the ")
+    assert err.count("\n") == 1
+    assert err.endswith("; what was done is kept, the same command does what is missing\n")
+    ended(batch(place, *wanted, "--out", "ray", "--workers", 2))
+    rows = stored(place / "ray")
+    assert {row["status"] for row in rows} == {"finished"}
+    assert len({row["key"] for row in rows}) == len(rows) == 6
+
+
+def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, place):
+    process = batch(place, *marked(place), "--out", "ray", "--ray", cluster.address)
+    left = [*begun(cluster.node.pid, place, process), *works_on(cluster.head.pid, place / "marks")]
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, (out, err)
+    assert err == "interrupted; what was done is in ray, the same command does what is missing\n"
+    until = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in left):
+        assert time.monotonic() < until, "runs go on"
+        time.sleep(0.05)
+    assert stored(place / "ray") == []
+
+
+def test_the_same_runs_come_out_with_and_without_ray_and_run_folders_come_back(cluster, place):
+    wanted = [*SCENARIOS[:2], "--planner", "idm,batch_planners:Brakes", "--agents", 2, "--keep", "all"]
+    ended(batch(place, *wanted, "--out", "alone", "--workers", 1))
+    out = ended(batch(place, *wanted, "--out", "ray", "--ray", cluster.address))
+    assert out.splitlines()[-2].startswith("4 runs in")
+    assert stored(place / "ray") == stored(place / "alone")
+    for key in {row["key"] for row in stored(place / "ray")}:
+        info = idr.load(BatchFolder.open(place / "ray").recording(key)).info
+        assert Path(info["scenario"]["path"]).exists()
+
+
+def test_a_run_that_kills_its_process_or_hangs_is_a_row(cluster, place):
+    wanted = ["t_junction", "--agents", 1, "--out", "ray", "--ray", cluster.address, "--planner"]
+    ended(batch(place, *wanted, "batch_planners:Kills,idm"))
+    ended(batch(place, *wanted, "batch_planners:Hangs", "--run-timeout", 3))
+    status = {row["planner"]: row["status"] for row in stored(place / "ray")}
+    assert status == {"batch_planners:Kills": "crashed", "batch_planners:Hangs": "timeout", "idm": "finished"}
