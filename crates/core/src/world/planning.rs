@@ -25,8 +25,8 @@ impl World {
         self.check_time_step("scene", scene.time_step)?;
         self.check_time_step("predictions", predictions.time_step)?;
         let predictions = completed(predictions, scene);
-        let outlook = Outlook::of(&predictions);
         let crowd = Crowd::of(scene);
+        let outlook = Outlook::of(&predictions, &crowd.positions);
         let expected = (&*predictions, &outlook);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
@@ -66,8 +66,9 @@ impl World {
         }
         let predictions = completed(predictions, scene);
         let (mut visible, mut others) = (Vec::new(), Vec::new());
-        Crowd::of(scene).see(drive, scene, &mut visible, &mut others);
-        let outlook = Outlook::of(&predictions);
+        let crowd = Crowd::of(scene);
+        crowd.see(drive, scene, &mut visible, &mut others);
+        let outlook = Outlook::of(&predictions, &crowd.positions);
         Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &outlook)), settings)))
     }
 

@@ -294,25 +294,26 @@ fn cells_at(
     predictions: &Predictions,
 ) -> bool {
     let (slot, lane) = (out.sources.len() / GROUP, out.sources.len() % GROUP);
+    let [ahead_x, ahead_y] = reach.axis();
     let mut is_expected = false;
     for group in 0..out.n_points / GROUP {
-        let (stretch, [low_x, high_x, low_y, high_y]) = (course.stretch(group), reach.sides(group));
+        let (stretch, [rear, front, right, left]) = (course.stretch(group), reach.sides(group));
         let [xx, xy, yy] = source.covariances(group, predictions);
         let mut numbers = [[0.0; GROUP]; N_NUMBERS];
         let mut expected = [0; GROUP];
         for k in 0..GROUP {
             let (x, y) = (stretch.x[k + 1], stretch.y[k + 1]);
-            let is_near = (x >= low_x[k] - COST_REACH as f32)
-                & (x <= high_x[k] + COST_REACH as f32)
-                & (y >= low_y[k] - COST_REACH as f32)
-                & (y <= high_y[k] + COST_REACH as f32);
+            let (ahead, aside) = (x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y);
+            let is_near = (ahead >= rear[k] - COST_REACH as f32)
+                & (ahead <= front[k] + COST_REACH as f32)
+                & (aside >= right[k] - COST_REACH as f32)
+                & (aside <= left[k] + COST_REACH as f32);
             let counts = is_near & (xx[k] * yy[k] - xy[k] * xy[k] <= source.determinant_max);
             expected[k] = u32::from(counts).wrapping_neg() & 1 << k;
             let (axis_x, axis_y) = (stretch.axis_x[k + 1], stretch.axis_y[k + 1]);
             let (length, width) = (source.half.0 as f32, source.half.1 as f32);
-            let (ahead_x, ahead_y, left_x, left_y) =
-                (length * axis_x, length * axis_y, -width * axis_y, width * axis_x);
-            let corners = [ahead_x + left_x, ahead_y + left_y, ahead_x - left_x, ahead_y - left_y];
+            let (long_x, long_y, wide_x, wide_y) = (length * axis_x, length * axis_y, -width * axis_y, width * axis_x);
+            let corners = [long_x + wide_x, long_y + wide_y, long_x - wide_x, long_y - wide_y];
             (numbers[0][k], numbers[1][k]) = (x, y);
             for (c, corner) in corners.into_iter().enumerate() {
                 numbers[2 + c][k] = corner;

@@ -113,18 +113,18 @@ impl Obstacles {
         let margin = settings.prediction_margin_length.max(settings.prediction_margin_width);
         self.tracks.clear();
         self.reached.clear();
+        let whole = self.reach.whole();
         for (index, other) in request.others.iter().enumerate() {
-            let radius = other.shape.bounding_radius() + margin;
-            let whole = self.reach.whole.grown(COST_REACH + radius);
+            let near = whole.grown(COST_REACH + other.shape.bounding_radius() + margin);
             if other.is_static {
-                if whole.contains(other.pose.position) {
+                if near.contains(other.pose.position) {
                     self.reached.push((index, 0));
                 }
                 continue;
             }
             let first = other.row * predictions.n_modes;
-            for (mode, extent) in request.outlook.extents[first..first + predictions.n_modes].iter().enumerate() {
-                if extent.including(other.pose.position).overlaps(&whole) {
+            for (mode, region) in request.outlook.regions[first..first + predictions.n_modes].iter().enumerate() {
+                if near.overlaps(region) {
                     self.reached.push((index, mode));
                 }
             }
@@ -174,7 +174,11 @@ impl Obstacles {
         let hard = probability >= settings.collision_mode_probability || mode == likeliest(modes);
         let body = other.shape.oriented_box(other.pose);
         let counts = probability > 0.0 && !is_in_rear_cone(ego, &body, settings);
-        if !hard && !counts {
+        let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
+        let region = &request.outlook.regions[other.row * predictions.n_modes + mode];
+        let near = self.reach.whole().grown(other.shape.bounding_radius() + margin[0].max(margin[1]));
+        let may_meet = hard && near.overlaps(region);
+        if !may_meet && !counts {
             return;
         }
         let n = predictions.n_steps.saturating_sub(shift).min(self.reach.n_points() - 1);
@@ -185,12 +189,7 @@ impl Obstacles {
         let bounds = other.shape.bounding_box();
         let offset = bounds.min.lerp(bounds.max, 0.5);
         self.course.follow((self.reach.stride(), self.reach.origin), &body, places, offset, request);
-        let extent = &request.outlook.extents[other.row * predictions.n_modes + mode];
-        let size =
-            other.shape.bounding_radius() + settings.prediction_margin_length.max(settings.prediction_margin_width);
-        let may_meet = extent.including(other.pose.position).overlaps(&self.reach.whole.grown(size));
-        if hard && may_meet {
-            let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
+        if may_meet {
             let (now, overlaps_now) = with_margin(&body, margin, ego);
             if self.sweeps.push(&self.course, (now.half_length, now.half_width), &self.reach) {
                 self.tracks.push(Track { other: index, places: Some(places), now, overlaps_now, exact: false });

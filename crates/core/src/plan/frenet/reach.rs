@@ -4,7 +4,8 @@ use super::super::PlanRequest;
 use super::super::frame::Start;
 use super::previous::Previous;
 use super::sample::Samples;
-use crate::geometry::{Aabb, Point};
+use crate::geometry::shape::OrientedBox;
+use crate::geometry::{Aabb, Point, Pose};
 
 /// Numbers in single precision that are worked on at once.
 pub(super) const GROUP: usize = 8;
@@ -17,14 +18,17 @@ const LEAD: f64 = 2.0;
 /// More than coordinates within a kilometre are rounded by in single precision [m].
 const ROUNDING: f64 = 1e-3;
 
-/// Boxes of the region that the agent's footprint can reach up to each point; the memory is reused.
+/// Boxes of the region that the agent's footprint can reach up to each point, along its present heading; the memory is
+/// reused.
 #[derive(Debug, Clone)]
 pub(super) struct Reach {
     /// Where the agent is: numbers in single precision are relative to it.
     pub(super) origin: Point,
-    /// Up to the last point.
-    pub(super) whole: Aabb,
-    /// Lower and upper end of x, of y, from the origin; (four, points from 1 on, with padding that holds nothing).
+    /// Unit vector along its heading.
+    axis: Point,
+    /// Up to the last point, ahead and left of the origin.
+    whole: Aabb,
+    /// Lower and upper end ahead, and to the left; (four, points from 1 on, with padding that holds nothing).
     sides: Vec<f32>,
     n_points: usize,
     stride: usize,
@@ -32,7 +36,14 @@ pub(super) struct Reach {
 
 impl Default for Reach {
     fn default() -> Self {
-        Self { origin: Point::default(), whole: Aabb::EMPTY, sides: Vec::new(), n_points: 0, stride: 0 }
+        Self {
+            origin: Point::default(),
+            axis: Point::new(1.0, 0.0),
+            whole: Aabb::EMPTY,
+            sides: Vec::new(),
+            n_points: 0,
+            stride: 0,
+        }
     }
 }
 
@@ -48,19 +59,21 @@ impl Reach {
         let path = &request.route.path;
         let (x, y) = (path.x(), path.y());
         let knot = |s: f64| ((s / path.spacing()).max(0.0) as usize).min(x.len() - 1);
-        self.begin(request.state.pose().position, samples.n_points);
+        self.begin(request.state.pose(), samples.n_points);
+        let (origin, axis) = (self.origin, self.axis);
+        let local = |p: Point| Point::new((p - origin).dot(axis), axis.cross(p - origin));
         let mut next = knot(start.s);
-        let mut region = Aabb::around([path.at(start.s).position, Point::new(x[next], y[next])]);
+        let mut region = Aabb::around([local(path.at(start.s).position), local(Point::new(x[next], y[next]))]);
         let mut before = Aabb::EMPTY;
         for i in 0..samples.n_points {
             let last = (knot(samples.furthest[i] + LEAD) + 1).min(x.len() - 1);
             while next < last {
                 next = (next + KNOTS).min(last);
-                region = region.including(Point::new(x[next], y[next]));
+                region = region.including(local(Point::new(x[next], y[next])));
             }
             let mut reached = region.grown(size + sideways + BULGE);
             if previous.is_valid() {
-                before = before.including(previous.points[i].center);
+                before = before.including(local(previous.points[i].center));
                 reached = reached.union(before.grown(radius));
             }
             if i > 0 {
@@ -69,24 +82,36 @@ impl Reach {
         }
     }
 
-    /// Regions of so many points around a place.
-    pub(super) fn begin(&mut self, origin: Point, n_points: usize) {
-        (self.origin, self.whole) = (origin, Aabb::EMPTY);
+    /// Regions of so many points around a pose.
+    pub(super) fn begin(&mut self, pose: Pose, n_points: usize) {
+        (self.origin, self.axis, self.whole) = (pose.position, Point::from_angle(pose.orientation), Aabb::EMPTY);
         self.n_points = n_points;
         self.stride = (n_points - 1).next_multiple_of(GROUP);
         self.sides.clear();
         self.sides.resize(4 * self.stride, f32::NAN);
     }
 
-    /// The region up to a point from 1 on, which becomes the whole.
+    /// The region up to a point from 1 on, ahead and left of the origin; it becomes the whole.
     pub(super) fn set(&mut self, point: usize, reached: Aabb) {
-        let Point { x, y } = self.origin;
         let (low, high) = (reached.min, reached.max);
-        let sides = [low.x - x - ROUNDING, high.x - x + ROUNDING, low.y - y - ROUNDING, high.y - y + ROUNDING];
+        let sides = [low.x - ROUNDING, high.x + ROUNDING, low.y - ROUNDING, high.y + ROUNDING];
         for (k, side) in sides.into_iter().enumerate() {
             self.sides[k * self.stride + point - 1] = side as f32;
         }
         self.whole = reached;
+    }
+
+    /// The region up to the last point, world frame.
+    pub(super) fn whole(&self) -> OrientedBox {
+        let (middle, half) = (self.whole.min.lerp(self.whole.max, 0.5), (self.whole.max - self.whole.min) * 0.5);
+        let center = self.origin + self.axis * middle.x + self.axis.left() * middle.y;
+        OrientedBox { center, axis: self.axis, half_length: half.x, half_width: half.y }
+    }
+
+    /// Unit vector along the agent's heading.
+    #[inline(always)]
+    pub(super) fn axis(&self) -> [f32; 2] {
+        [self.axis.x as f32, self.axis.y as f32]
     }
 
     /// Points of a plan, 0 among them.
@@ -99,7 +124,8 @@ impl Reach {
         self.stride
     }
 
-    /// Lower and upper end of x, of y, of a group of points: `GROUP * group + 1` and the following. Padding is not a number.
+    /// Lower and upper end ahead, and to the left, of a group of points: `GROUP * group + 1` and the following. Padding is not
+    /// a number.
     #[inline(always)]
     pub(super) fn sides(&self, group: usize) -> [[f32; GROUP]; 4] {
         let mut sides = [[f32::NAN; GROUP]; 4];

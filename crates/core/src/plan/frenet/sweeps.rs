@@ -83,7 +83,7 @@ for_wide_machines! {
 fn boxes_at(out: &mut Sweeps, course: &Course, half: [f32; 2], reach: Option<&Reach>) {
     for group in 0..out.n_groups {
         let boxes = spanning(&course.stretch(group), half);
-        let counts = reach.is_none_or(|reach| is_near(&boxes, &reach.sides(group)));
+        let counts = reach.is_none_or(|reach| is_near(&boxes, &reach.sides(group), reach.axis()));
         out.boxes.push(boxes);
         out.counts.push(counts);
     }
@@ -129,17 +129,21 @@ fn span(half_a: f32, half_b: f32, at_b: f32) -> (f32, f32) {
 
 /// Some box shares a point with the region of its point.
 #[inline(always)]
-fn is_near([x, y, axis_x, axis_y, half_length, half_width]: &Boxes, sides: &[[f32; GROUP]; 4]) -> bool {
-    let [low_x, high_x, low_y, high_y] = sides;
+fn is_near(boxes: &Boxes, sides: &[[f32; GROUP]; 4], [ahead_x, ahead_y]: [f32; 2]) -> bool {
+    let [x, y, axis_x, axis_y, half_length, half_width] = boxes;
+    let [rear, front, right, left] = sides;
     let mut near = 0;
     for k in 0..GROUP {
-        let along_x = half_length[k] * axis_x[k].abs() + half_width[k] * axis_y[k].abs() + SLACK;
-        let along_y = half_length[k] * axis_y[k].abs() + half_width[k] * axis_x[k].abs() + SLACK;
+        let (ahead, aside) = (x[k] * ahead_x + y[k] * ahead_y, y[k] * ahead_x - x[k] * ahead_y);
+        let cos = (axis_x[k] * ahead_x + axis_y[k] * ahead_y).abs();
+        let sin = (axis_y[k] * ahead_x - axis_x[k] * ahead_y).abs();
+        let length = half_length[k] * cos + half_width[k] * sin + SLACK;
+        let width = half_length[k] * sin + half_width[k] * cos + SLACK;
         near |= u32::from(
-            (x[k] + along_x >= low_x[k])
-                & (x[k] - along_x <= high_x[k])
-                & (y[k] + along_y >= low_y[k])
-                & (y[k] - along_y <= high_y[k]),
+            (ahead + length >= rear[k])
+                & (ahead - length <= front[k])
+                & (aside + width >= right[k])
+                & (aside - width <= left[k]),
         );
     }
     near != 0

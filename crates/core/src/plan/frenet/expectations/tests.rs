@@ -37,9 +37,9 @@ fn source(body: OrientedBox, covariance: [f64; 3]) -> Source {
 /// A place from which everything is in reach, for a plan of three points.
 fn reach(origin: Point) -> Reach {
     let mut reach = Reach::default();
-    reach.begin(origin, 3);
+    reach.begin(Pose { position: origin, orientation: 2.0 }, 3);
     for point in 1..3 {
-        reach.set(point, Aabb::around([origin]).grown(2000.0));
+        reach.set(point, Aabb::around([Point::default()]).grown(2000.0));
     }
     reach
 }
@@ -124,7 +124,7 @@ fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
             .collect();
         Drive::on_three_lanes(20.0, 10.0).with_cars(cars).with_request(|request| {
             let (predictions, mut reach) = (request.predictions, Reach::default());
-            reach.begin(request.state.pose().position, 31);
+            reach.begin(request.state.pose(), 31);
             (1..31).for_each(|point| reach.set(point, Aabb::around([Point::default()]).grown(300.0)));
             expectations.begin(request.others.len(), &reach);
             for (index, other) in request.others.iter().enumerate() {
@@ -157,7 +157,7 @@ fn nothing_is_expected_out_of_reach_nor_where_it_is_spread_too_far() {
     let near = source(OrientedBox::new(Pose::new(9.0, 0.0, 0.0), 4.0, 2.0), [0.02, 0.0, 0.02]);
     let count = |source: &Source| {
         let (mut reach, mut expectations, mut course) = (Reach::default(), Expectations::default(), Course::default());
-        reach.begin(Point::default(), 3);
+        reach.begin(Pose::default(), 3);
         reach.set(1, Aabb::around([Point::default()]).grown(1.0));
         reach.set(2, Aabb::around([Point::default()]).grown(2.0));
         expectations.begin(1, &reach);

@@ -55,9 +55,9 @@ fn swept(drive: &[OrientedBox], interval: usize) -> OrientedBox {
 
 fn everywhere() -> Reach {
     let mut reach = Reach::default();
-    reach.begin(FAR, N_POINTS);
+    reach.begin(Pose { position: FAR, orientation: 0.7 }, N_POINTS);
     for point in 1..N_POINTS {
-        reach.set(point, Aabb::around([FAR]).grown(2000.0));
+        reach.set(point, Aabb::around([Point::default()]).grown(2000.0));
     }
     reach
 }
@@ -126,20 +126,20 @@ fn boxes_are_those_of_double_precision() {
 
 #[test]
 fn a_body_out_of_reach_is_left_out_and_one_that_gets_there_is_not() {
+    let agent = Pose { position: FAR, orientation: 0.7 };
     let mut reach = Reach::default();
-    reach.begin(FAR, N_POINTS);
+    reach.begin(agent, N_POINTS);
     for point in 1..N_POINTS {
         // 10 m further at every point.
-        let ahead = FAR + Point::new(10.0 * point as f64, 0.0);
-        reach.set(point, Aabb::around([FAR, ahead]).grown(2.0));
+        let ahead = Point::new(10.0 * point as f64, 0.0);
+        reach.set(point, Aabb::around([Point::default(), ahead]).grown(2.0));
     }
-    let standing = |x: f64, y: f64| {
+    assert!(reach.whole().contains(agent.world_from_body(Point::new(121.9, 1.9))));
+    assert!(!reach.whole().contains(agent.world_from_body(Point::new(121.9, 2.1))));
+    let standing = |ahead: f64, left: f64| {
         let mut course = Course::default();
-        course.stand(
-            STRIDE,
-            &OrientedBox::new(Pose { position: FAR + Point::new(x, y), orientation: 0.0 }, 4.0, 2.0),
-            FAR,
-        );
+        let pose = Pose { position: agent.world_from_body(Point::new(ahead, left)), ..agent };
+        course.stand(STRIDE, &OrientedBox::new(pose, 4.0, 2.0), FAR);
         course
     };
     let mut sweeps = Sweeps::default();

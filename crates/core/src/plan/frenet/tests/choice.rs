@@ -214,7 +214,11 @@ fn an_improbable_mode_that_is_nowhere_dense_costs_nothing() {
                     (two.orientation[to], two.velocity[to]) = (one.orientation[k], one.velocity[k]);
                 }
             }
-            candidates(&PlanRequest { predictions: &two, outlook: &Outlook::of(&two), ..*request }, &settings).terms
+            candidates(
+                &PlanRequest { predictions: &two, outlook: &Outlook::of(&two, &drive.positions()), ..*request },
+                &settings,
+            )
+            .terms
         });
         // Samples that are not admissible have none.
         terms.chunks_exact(13).map(|terms| terms[12]).filter(|term| term.is_finite()).sum::<f64>()

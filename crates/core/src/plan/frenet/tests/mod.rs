@@ -138,6 +138,11 @@ impl Drive {
         out
     }
 
+    /// Where the cars are.
+    fn positions(&self) -> Vec<Point> {
+        self.cars.iter().map(|car| car.pose.position).collect()
+    }
+
     pub(super) fn with_request<R>(&self, use_it: impl FnOnce(&PlanRequest) -> R) -> R {
         let others: Vec<Other> = self
             .cars
@@ -164,7 +169,7 @@ impl Drive {
             road: &self.road,
             others: &others,
             predictions: &predictions,
-            outlook: &Outlook::of(&predictions),
+            outlook: &Outlook::of(&predictions, &self.positions()),
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
         })
