@@ -158,11 +158,13 @@ impl Waypoint {
         let FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 } = *frenet;
         let stretch = at.stretch(d);
         let hypotenuse = (stretch * stretch + d_prime * d_prime).sqrt();
-        let cos = stretch / hypotenuse;
-        let sin = d_prime / hypotenuse;
-        let tan = d_prime / stretch;
+        // Divisions take long.
+        let (inverse, per_stretch) = (1.0 / hypotenuse, 1.0 / stretch);
+        let cos = stretch * inverse;
+        let sin = d_prime * inverse;
+        let tan = d_prime * per_stretch;
         let turn = at.curvature_rate * d + at.curvature * d_prime;
-        let curvature = ((d_prime2 + turn * tan) * cos * cos / stretch + at.curvature) / hypotenuse;
+        let curvature = ((d_prime2 + turn * tan) * cos * inverse + at.curvature) * inverse;
         let swing = curvature * hypotenuse - at.curvature;
         let axis = Point::new(at.cos * cos - at.sin * sin, at.sin * cos + at.cos * sin);
         Self {
@@ -172,7 +174,7 @@ impl Waypoint {
             tan_offset: tan,
             curvature,
             velocity: s_dot * hypotenuse,
-            acceleration: s_ddot * hypotenuse + s_dot * s_dot / cos * (d_prime * swing - turn),
+            acceleration: s_ddot * hypotenuse + s_dot * s_dot * (hypotenuse * per_stretch) * (d_prime * swing - turn),
             d,
         }
     }

@@ -14,7 +14,8 @@ use crate::wide::for_wide_machines;
 /// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
 pub(super) const COST_REACH: f64 = 7.071_067_811_865_476;
 
-/// Where one mode of a participant is expected to be at one point.
+/// Where one mode of a participant is expected to be at one point. Its mean is in double precision; to the rest single
+/// precision does.
 #[derive(Debug, Clone, Copy)]
 struct Expectation {
     mean: Point,
@@ -28,8 +29,6 @@ struct Expectation {
 /// One mode of a participant.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Source {
-    /// Position in the request's `others`.
-    pub(super) other: usize,
     /// Where it is predicted; `None` for what never moves.
     pub(super) places: Option<Places>,
     /// Its box now.
@@ -40,6 +39,8 @@ pub(super) struct Source {
     pub(super) determinant_max: f64,
     /// Covariance of what never moves [m²].
     pub(super) covariance: [f64; 3],
+    /// From its position to the middle of its footprint, body frame [m].
+    pub(super) offset: Point,
     /// Half length and width with margin [m].
     pub(super) half: (f64, f64),
 }
@@ -64,31 +65,31 @@ pub(super) struct Expectations {
 }
 
 impl Source {
-    pub(super) fn new(other: usize, now: OrientedBox, settings: &FrenetSettings) -> Self {
+    pub(super) fn new(now: OrientedBox, settings: &FrenetSettings) -> Self {
         let half_length = now.half_length + 0.5 * settings.prediction_margin_length;
         let half_width = now.half_width + 0.5 * settings.prediction_margin_width;
         Self {
-            other,
             places: None,
             now,
             probability: 1.0,
             determinant_max: f64::INFINITY,
             covariance: [0.0; 3],
+            offset: Point::default(),
             half: (half_length, half_width),
         }
     }
 
-    /// What is expected at a point.
+    /// Where it is expected at a point.
     #[inline(always)]
-    fn at(&self, point: usize, request: &PlanRequest) -> Expectation {
-        let Some(Places { first, .. }) = self.places else {
-            return self.around(self.now.center, self.now.axis, self.covariance);
-        };
-        let (predictions, place) = (request.predictions, first + point - 1);
-        let position = Point::new(predictions.x[place], predictions.y[place]);
-        let body = request.others[self.other].shape.oriented_box_along(position, request.outlook.axis(place));
-        let [xx, xy, yy] = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
-        self.around(body.center, body.axis, [xx[place], xy[place], yy[place]])
+    fn mean(&self, point: usize, request: &PlanRequest) -> Point {
+        let Some(Places { first, .. }) = self.places else { return self.now.center };
+        let place = first + point - 1;
+        let position = Point::new(request.predictions.x[place], request.predictions.y[place]);
+        if self.offset == Point::default() {
+            return position;
+        }
+        let axis = request.outlook.axis(place);
+        position + axis * self.offset.x + axis.left() * self.offset.y
     }
 
     /// Covariances at points `GROUP * group + 1` and the following; beyond what is known they are not numbers.
@@ -108,18 +109,6 @@ impl Source {
             }
         }
         out
-    }
-
-    #[inline(always)]
-    fn around(&self, mean: Point, axis: Point, covariance: [f64; 3]) -> Expectation {
-        let (ahead, left) = (axis * self.half.0, axis.left() * self.half.1);
-        Expectation {
-            mean,
-            front_left: ahead + left,
-            front_right: ahead - left,
-            probability: self.probability,
-            covariance,
-        }
     }
 }
 
@@ -186,6 +175,19 @@ impl View {
 }
 
 impl Expectation {
+    /// One of a cell.
+    #[inline(always)]
+    fn of(mean: Point, probability: f64, cell: &Cell, lane: usize) -> Self {
+        let number = |k: usize| f64::from(cell[k][lane]);
+        Self {
+            mean,
+            front_left: Point::new(number(2), number(3)),
+            front_right: Point::new(number(4), number(5)),
+            probability,
+            covariance: [number(6), number(7), number(8)],
+        }
+    }
+
     /// 1000 times the probability of the mode times those of the centre and, at half weight, of the four corners.
     #[inline(always)]
     fn cost(&self, view: &View, half: (f64, f64)) -> f64 {
@@ -359,8 +361,10 @@ fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, 
         }
         let mut passing = rough.passing(&cells[place]) & u32::from(occupied[place]);
         while passing != 0 {
-            let source = &sources[group * GROUP + passing.trailing_zeros() as usize];
-            sum += source.at(i, request).cost(&view, half);
+            let lane = passing.trailing_zeros() as usize % GROUP;
+            let source = &sources[group * GROUP + lane];
+            let mean = source.mean(i, request);
+            sum += Expectation::of(mean, source.probability, &cells[place], lane).cost(&view, half);
             passing &= passing - 1;
         }
     }

@@ -155,7 +155,7 @@ impl Obstacles {
         let body = other.shape.oriented_box(other.pose);
         self.course.stand(stride, &body, origin);
         let covariance = [STATIC_VARIANCE, 0.0, STATIC_VARIANCE];
-        let source = Source { covariance, ..Source::new(index, body, settings) };
+        let source = Source { covariance, ..Source::new(body, settings) };
         self.expectations.push(source, &self.course, &self.reach, request.predictions);
     }
 
@@ -199,8 +199,8 @@ impl Obstacles {
             // The density in the middle is the probability over 2 pi times the root of the determinant.
             let dense = (probability / (TAU * settings.expectation_density_min)).powi(2);
             let determinant_max = if hard { f64::INFINITY } else { dense };
-            let source = Source::new(index, body, settings);
-            let source = Source { places: Some(places), probability, determinant_max, ..source };
+            let source = Source::new(body, settings);
+            let source = Source { places: Some(places), probability, determinant_max, offset, ..source };
             self.expectations.push(source, &self.course, &self.reach, predictions);
         }
     }

@@ -34,8 +34,9 @@ impl Sample<'_> {
         let (s_dot, s_ddot) = (self.motion.s_dot[i], self.motion.s_ddot[i]);
         let [d, mut d_prime, mut d_prime2] = self.lateral.at(i, self.lane);
         if !self.is_over_arc {
-            d_prime /= s_dot;
-            d_prime2 = (d_prime2 - d_prime * s_ddot) / (s_dot * s_dot);
+            let per_speed = 1.0 / s_dot;
+            d_prime *= per_speed;
+            d_prime2 = (d_prime2 - d_prime * s_ddot) * (per_speed * per_speed);
         }
         (at, FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 })
     }
