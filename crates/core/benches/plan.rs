@@ -70,7 +70,8 @@ impl Bench {
             Goal { states: vec![GoalState { areas: vec![], time_step: (0, 500), velocity: None, orientation: None }] };
         let shape = Shape::rectangle(4.5, 1.8);
         let predictions = predictions(&poses);
-        let outlook = Outlook::of(&predictions);
+        let positions: Vec<Point> = poses.iter().map(|(pose, _)| pose.position).collect();
+        let outlook = Outlook::of(&predictions, &positions);
         Self { predictions, outlook, road, route, state, goal, poses, shape }
     }
 

@@ -4,6 +4,7 @@ use crate::geometry::Point;
 use crate::geometry::directions::write_directions;
 use crate::geometry::shape::OrientedBox;
 use crate::trajectory::Predictions;
+use crate::wide::for_wide_machines;
 
 /// Directions and regions of all modes.
 #[derive(Debug, Clone, Default)]
@@ -23,8 +24,8 @@ impl Outlook {
         write_directions(orientation, valid, x, y);
         let region = |mode: usize| {
             let steps = mode * n_steps..(mode + 1) * n_steps;
-            let valid = steps.filter(|k| valid[*k]);
-            around(positions[mode / n_modes], valid.map(|k| Point::new(predictions.x[k], predictions.y[k])))
+            let way = Way { x: &predictions.x[steps.clone()], y: &predictions.y[steps.clone()], valid: &valid[steps] };
+            around(positions[mode / n_modes], way)
         };
         Self { axes, regions: (0..predictions.ids.len() * n_modes).map(region).collect() }
     }
@@ -48,25 +49,73 @@ impl Outlook {
     }
 }
 
+/// Positions of one mode, as far as they are known.
+#[derive(Debug, Clone, Copy)]
+struct Way<'a> {
+    x: &'a [f64],
+    y: &'a [f64],
+    valid: &'a [bool],
+}
+
 /// A box around a position and those that follow, along the way from the first to the last.
-fn around(now: Point, others: impl DoubleEndedIterator<Item = Point> + Clone) -> OrientedBox {
-    let way = others.clone().next_back().map_or(Point::default(), |last| last - now);
-    let length = way.norm();
-    let axis = if length > 0.0 { way * (1.0 / length) } else { Point::new(1.0, 0.0) };
-    let (mut rear, mut front, mut right, mut left) = (0.0, 0.0, 0.0, 0.0);
-    for position in others {
-        let (ahead, aside) = ((position - now).dot(axis), axis.cross(position - now));
-        rear = if ahead < rear { ahead } else { rear };
-        front = if ahead > front { ahead } else { front };
-        right = if aside < right { aside } else { right };
-        left = if aside > left { aside } else { left };
-    }
+fn around(now: Point, way: Way) -> OrientedBox {
+    let Some(last) = way.valid.iter().rposition(|valid| *valid) else {
+        return OrientedBox { center: now, axis: Point::new(1.0, 0.0), half_length: 0.0, half_width: 0.0 };
+    };
+    let ahead = Point::new(way.x[last], way.y[last]) - now;
+    let length = ahead.norm();
+    let axis = if length > 0.0 { ahead * (1.0 / length) } else { Point::new(1.0, 0.0) };
+    let [rear, front, right, left] = spread(now, axis, way);
     OrientedBox {
         center: now + axis * (0.5 * (rear + front)) + axis.left() * (0.5 * (right + left)),
         axis,
         half_length: 0.5 * (front - rear),
         half_width: 0.5 * (left - right),
     }
+}
+
+for_wide_machines! {
+    /// How far the positions are behind, ahead, right and left of a place.
+    fn spread = spread_at, (from: Point, axis: Point, way: Way) -> [f64; 4]
+}
+
+#[inline(always)]
+fn spread_at(from: Point, axis: Point, Way { x, y, valid }: Way) -> [f64; 4] {
+    const LANES: usize = 4;
+    let n = x.len();
+    let (y, valid) = (&y[..n], &valid[..n]);
+    let mut ends = [[0.0; LANES]; 4];
+    for first in (0..n).step_by(LANES) {
+        let (mut ahead, mut aside) = ([0.0; LANES], [0.0; LANES]);
+        if let ([x0, x1, x2, x3, ..], [y0, y1, y2, y3, ..]) = (&x[first..], &y[first..]) {
+            let (x, y) = ([*x0, *x1, *x2, *x3], [*y0, *y1, *y2, *y3]);
+            for k in 0..LANES {
+                ahead[k] = (x[k] - from.x) * axis.x + (y[k] - from.y) * axis.y;
+                aside[k] = (y[k] - from.y) * axis.x - (x[k] - from.x) * axis.y;
+            }
+        } else {
+            for k in 0..n - first {
+                let (x, y) = (x[first + k] - from.x, y[first + k] - from.y);
+                (ahead[k], aside[k]) = (x * axis.x + y * axis.y, y * axis.x - x * axis.y);
+            }
+        }
+        for k in 0..LANES.min(n - first) {
+            if !valid[first + k] {
+                (ahead[k], aside[k]) = (0.0, 0.0);
+            }
+        }
+        for k in 0..LANES {
+            ends[0][k] = if ahead[k] < ends[0][k] { ahead[k] } else { ends[0][k] };
+            ends[1][k] = if ahead[k] > ends[1][k] { ahead[k] } else { ends[1][k] };
+            ends[2][k] = if aside[k] < ends[2][k] { aside[k] } else { ends[2][k] };
+            ends[3][k] = if aside[k] > ends[3][k] { aside[k] } else { ends[3][k] };
+        }
+    }
+    let smaller = |a: f64, b: f64| if a < b { a } else { b };
+    let larger = |a: f64, b: f64| if a > b { a } else { b };
+    let least = |[a, b, c, d]: [f64; LANES]| smaller(smaller(a, b), smaller(c, d));
+    let most = |[a, b, c, d]: [f64; LANES]| larger(larger(a, b), larger(c, d));
+    [least(ends[0]), most(ends[1]), least(ends[2]), most(ends[3])]
 }
 
 #[cfg(test)]
@@ -77,11 +126,16 @@ mod tests {
     fn a_region_holds_the_positions_now_and_expected_and_is_as_narrow_as_the_way() {
         // Northeast, with a bend of half a metre.
         let at = |i: f64| Point::new(5.0 + i, 7.0 + i) + Point::new(-0.5, 0.5) * (i * (8.0 - i) / 16.0);
-        let region = around(at(0.0), (1..=8).map(|i| at(f64::from(i))));
+        let (x, y): (Vec<f64>, Vec<f64>) = (1..=9).map(|i| at(f64::from(i.min(8)))).map(|p| (p.x, p.y)).unzip();
+        let mut valid = [true; 9];
+        let way = Way { x: &x, y: &y, valid: &valid };
+        let region = around(at(0.0), way);
+        assert_eq!(spread(at(0.0), region.axis, way), spread_at(at(0.0), region.axis, way));
         assert!((0..=8).all(|i| region.contains(at(f64::from(i)))));
         assert!((2.0 * region.half_length - 8.0 * 2.0_f64.sqrt()).abs() < 1e-9, "{region:?}");
         assert!((2.0 * region.half_width - 0.5_f64.sqrt()).abs() < 1e-9, "{region:?}");
-        let alone = around(Point::new(3.0, 4.0), std::iter::empty());
+        valid = [false; 9];
+        let alone = around(Point::new(3.0, 4.0), Way { x: &x, y: &y, valid: &valid });
         assert_eq!((alone.center, alone.half_length, alone.half_width), (Point::new(3.0, 4.0), 0.0, 0.0));
     }
 }

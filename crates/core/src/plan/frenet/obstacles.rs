@@ -51,8 +51,9 @@ pub(super) struct Obstacles {
     pub(super) sweeps: Sweeps,
     expectations: Expectations,
     reach: Reach,
-    /// Modes of participants who may come within reach: position in `others` and number.
-    reached: Vec<(usize, usize)>,
+    /// Modes of participants who may come within reach: position in `others`, number, and whether they may meet the agent
+    /// or only come near.
+    reached: Vec<(usize, usize, bool)>,
     /// The poses of the one at hand.
     course: Course,
     /// The sample at hand, and what it covers during each interval.
@@ -97,12 +98,12 @@ impl Obstacles {
         self.begin(request, settings);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
         for i in 0..self.reached.len() {
-            let (index, mode) = self.reached[i];
+            let (index, mode, may_meet) = self.reached[i];
             let other = &request.others[index];
             if other.is_static {
                 self.add_static(index, other, request, &ego, settings);
             } else {
-                self.add_moving((index, mode), other, request, &ego, settings);
+                self.add_moving((index, mode, may_meet), other, request, &ego, settings);
             }
         }
     }
@@ -115,17 +116,18 @@ impl Obstacles {
         self.reached.clear();
         let whole = self.reach.whole();
         for (index, other) in request.others.iter().enumerate() {
-            let near = whole.grown(COST_REACH + other.shape.bounding_radius() + margin);
+            let meeting = whole.grown(other.shape.bounding_radius() + margin);
+            let near = meeting.grown(COST_REACH);
             if other.is_static {
                 if near.contains(other.pose.position) {
-                    self.reached.push((index, 0));
+                    self.reached.push((index, 0, true));
                 }
                 continue;
             }
             let first = other.row * predictions.n_modes;
             for (mode, region) in request.outlook.regions[first..first + predictions.n_modes].iter().enumerate() {
                 if near.overlaps(region) {
-                    self.reached.push((index, mode));
+                    self.reached.push((index, mode, meeting.overlaps(region)));
                 }
             }
         }
@@ -161,7 +163,7 @@ impl Obstacles {
 
     fn add_moving(
         &mut self,
-        (index, mode): (usize, usize),
+        (index, mode, may_meet): (usize, usize, bool),
         other: &Other,
         request: &PlanRequest,
         ego: &OrientedBox,
@@ -174,10 +176,7 @@ impl Obstacles {
         let hard = probability >= settings.collision_mode_probability || mode == likeliest(modes);
         let body = other.shape.oriented_box(other.pose);
         let counts = probability > 0.0 && !is_in_rear_cone(ego, &body, settings);
-        let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
-        let region = &request.outlook.regions[other.row * predictions.n_modes + mode];
-        let near = self.reach.whole().grown(other.shape.bounding_radius() + margin[0].max(margin[1]));
-        let may_meet = hard && near.overlaps(region);
+        let may_meet = hard && may_meet;
         if !may_meet && !counts {
             return;
         }
@@ -190,6 +189,7 @@ impl Obstacles {
         let offset = bounds.min.lerp(bounds.max, 0.5);
         self.course.follow((self.reach.stride(), self.reach.origin), &body, places, offset, request);
         if may_meet {
+            let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
             let (now, overlaps_now) = with_margin(&body, margin, ego);
             if self.sweeps.push(&self.course, (now.half_length, now.half_width), &self.reach) {
                 self.tracks.push(Track { other: index, places: Some(places), now, overlaps_now, exact: false });
