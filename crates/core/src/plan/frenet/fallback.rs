@@ -11,7 +11,7 @@
 use super::super::frame::start_curvature;
 use super::super::polynomial::Braking;
 use super::super::{PlanRequest, PlanResult};
-use super::contact::Contact;
+use super::obstacles::Contact;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::{PlanStatus, State, Trajectory};

@@ -13,23 +13,17 @@
 mod bounds;
 mod candidates;
 mod choose;
-mod contact;
 mod cost;
-mod course;
 mod desired;
 mod evaluate;
-mod expectations;
 mod fallback;
 mod families;
 mod feasibility;
-mod gaussian;
 mod lateral;
 mod obstacles;
 mod previous;
-mod reach;
 mod sample;
 mod settings;
-mod sweeps;
 mod trace;
 #[cfg(test)]
 mod tests;

@@ -1,54 +1,63 @@
 //! The other participants as the planner sees them: swept boxes per time interval for the collision test, expected
 //! positions per point for the prediction cost. Made once per plan, only for what the samples can reach.
 
+mod contact;
+mod course;
+mod expectations;
+mod gaussian;
+mod reach;
+mod sweeps;
+
+pub(super) use contact::Contact;
+
 use std::f64::consts::TAU;
 
 use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
-use super::course::{Course, Places};
-use super::expectations::{COST_REACH, Expectations, Source};
 use super::previous::Previous;
-use super::reach::Reach;
 use super::sample::Samples;
 use super::settings::FrenetSettings;
-use super::sweeps::Sweeps;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Point, Pose};
+use course::{Course, Places};
+use expectations::{COST_REACH, Expectations, Source};
+use reach::Reach;
+use sweeps::Sweeps;
 
 /// Variance of the position of static obstacles [m²].
 const STATIC_VARIANCE: f64 = 0.02;
 
 /// One mode of one participant, or one part of a static structure.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Track {
+struct Track {
     /// Position in the request's `others`.
-    pub(super) other: usize,
+    other: usize,
     /// Where it is predicted; `None` for what never moves.
     places: Option<Places>,
     /// Its box now, as large as all that follow.
     now: OrientedBox,
     /// It overlaps the agent's footprint now: nothing can be done about that, it only must not get worse.
-    pub(super) overlaps_now: bool,
+    overlaps_now: bool,
     /// Confirm overlaps of boxes with the exact shapes: a static structure that is not made of rectangles.
-    pub(super) exact: bool,
+    exact: bool,
 }
 
 /// What a track covers during one interval.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sweep {
-    pub(super) swept: OrientedBox,
+struct Sweep {
+    swept: OrientedBox,
     /// The box at the end of the interval.
-    pub(super) end: OrientedBox,
+    end: OrientedBox,
     /// Displacement during the interval [m].
-    pub(super) displacement: Point,
+    displacement: Point,
 }
 
 /// All obstacles of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Obstacles {
-    pub(super) tracks: Vec<Track>,
+    tracks: Vec<Track>,
     /// Of the tracks.
-    pub(super) sweeps: Sweeps,
+    sweeps: Sweeps,
     expectations: Expectations,
     reach: Reach,
     /// Modes of participants who may come within reach: position in `others`, number, and whether they may meet the agent
@@ -60,14 +69,14 @@ pub(super) struct Obstacles {
     own: Course,
     own_sweep: Sweeps,
     /// Tracks whose contacts the sample at hand may ignore.
-    pub(super) ignored: Vec<bool>,
+    ignored: Vec<bool>,
     half_length: f64,
     half_width: f64,
 }
 
 impl Track {
     /// Exactly what it covers during an interval.
-    pub(super) fn sweep(&self, interval: usize, request: &PlanRequest) -> Sweep {
+    fn sweep(&self, interval: usize, request: &PlanRequest) -> Sweep {
         let Some(Places { first, .. }) = self.places else {
             return Sweep { swept: self.now, end: self.now, displacement: Point::default() };
         };
@@ -206,7 +215,7 @@ impl Obstacles {
     }
 
     /// Looks during which intervals a sample may overlap which tracks; false if it is clear of all.
-    pub(super) fn sieve(&mut self, points: &[Waypoint]) -> bool {
+    fn sieve(&mut self, points: &[Waypoint]) -> bool {
         if self.sweeps.is_empty() {
             return false;
         }
@@ -220,7 +229,7 @@ impl Obstacles {
     }
 
     /// The agent's footprint at a point.
-    pub(super) fn footprint(&self, point: &Waypoint) -> OrientedBox {
+    fn footprint(&self, point: &Waypoint) -> OrientedBox {
         let (half_length, half_width) = (self.half_length, self.half_width);
         OrientedBox { center: point.center, axis: point.axis, half_length, half_width }
     }

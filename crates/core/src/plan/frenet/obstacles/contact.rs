@@ -1,9 +1,9 @@
 //! Contacts of a sample with the tracks of others, and which of them are not the agent's to avoid.
 
-use super::super::frame::Waypoint;
-use super::super::{Other, PlanRequest};
-use super::obstacles::{Obstacles, Sweep, Track};
+use super::{Obstacles, Sweep, Track};
 use crate::geometry::shape::OrientedBox;
+use crate::plan::frame::Waypoint;
+use crate::plan::{Other, PlanRequest};
 
 /// Somebody behind may be left to keep their own distance while the agent stays this close to its lateral position [m].
 const OWN_LANE: f64 = 1.0;
@@ -16,13 +16,13 @@ const FOLLOWER_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// First contact of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Contact {
+pub(in crate::plan::frenet) struct Contact {
     /// Position in the request's `others`.
-    pub(super) other: usize,
+    pub(in crate::plan::frenet) other: usize,
     /// Interval in which it happens; interval `i` ends at point `i + 1`.
-    pub(super) interval: usize,
+    pub(in crate::plan::frenet) interval: usize,
     /// Difference of the velocities [m/s].
-    pub(super) closing_speed: f64,
+    pub(in crate::plan::frenet) closing_speed: f64,
 }
 
 impl Obstacles {
@@ -31,7 +31,12 @@ impl Obstacles {
     /// Not a contact: somebody behind the agent's rear who heads the same way while the agent stays in its lane (they
     /// would hit the agent, and keeping distance is up to them) or who comes second and must yield, from then on for
     /// good; an overlap that exists from the start, until it first ends, as long as the centres do not approach.
-    pub(super) fn first_contact(&mut self, points: &[Waypoint], dt: f64, request: &PlanRequest) -> Option<Contact> {
+    pub(in crate::plan::frenet) fn first_contact(
+        &mut self,
+        points: &[Waypoint],
+        dt: f64,
+        request: &PlanRequest,
+    ) -> Option<Contact> {
         if !self.sieve(points) {
             return None;
         }

@@ -1,9 +1,9 @@
 //! Where one mode of a participant is at the points of a plan, in single precision.
 
-use super::super::PlanRequest;
 use super::reach::GROUP;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
+use crate::plan::PlanRequest;
 use crate::wide::for_wide_machines;
 
 /// A place in the predictions, and how many there are from there on, one per point from 1 on.

@@ -1,11 +1,11 @@
 //! Where the agent's footprint can get: whoever stays away from there need not be looked at.
 
-use super::super::PlanRequest;
-use super::super::frame::Start;
-use super::previous::Previous;
-use super::sample::Samples;
+use super::super::previous::Previous;
+use super::super::sample::Samples;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
+use crate::plan::PlanRequest;
+use crate::plan::frame::Start;
 
 /// Numbers in single precision that are worked on at once.
 pub(super) const GROUP: usize = 8;

@@ -1,13 +1,13 @@
 //! Where other participants are expected to be, and what it costs a point of a sample to be near: the prediction cost.
 
-use super::super::PlanRequest;
-use super::super::frame::Waypoint;
+use super::super::settings::FrenetSettings;
 use super::course::{Course, Places};
 use super::gaussian::{self, Footprint, Normal2};
 use super::reach::{GROUP, Reach};
-use super::settings::FrenetSettings;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
+use crate::plan::PlanRequest;
+use crate::plan::frame::Waypoint;
 use crate::trajectory::Predictions;
 use crate::wide::for_wide_machines;
 
