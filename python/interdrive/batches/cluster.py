@@ -10,14 +10,12 @@ import importlib.util
 import itertools
 import multiprocessing
 import re
-import sys
 import tempfile
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.pool import End
-from interdrive.batches.ray_driver import drive, nobody
+from interdrive.batches.ray_driver import drive, nobody, of_this_process
 from interdrive.errors import InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -48,10 +46,11 @@ class Cluster:
         Raises:
             MissingExtraError: Ray is not installed.
             InputError: No cluster at the address.
+            InterdriveError: The process that is to be connected ends before it begins.
         """
         if importlib.util.find_spec("ray") is None:
             raise MissingExtraError("ray is not installed; pip install interdrive[ray]")
-        self._address = _of_this_process() or address
+        self._address = of_this_process() or address
         self._words = tempfile.NamedTemporaryFile(prefix="interdrive-ray-")  # noqa: SIM115 - closed by `close`
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
@@ -143,13 +142,3 @@ class Cluster:
         self._process.kill()  # Ray ends the tasks of who is gone
         self._process.join()
         self._words.close()
-
-
-def _of_this_process() -> str | None:
-    """Address of the cluster that this process is connected to already."""
-    ray = sys.modules.get("ray")
-    if ray is None or not ray.is_initialized():
-        return None
-    with suppress(Exception):  # connected in a way that knows no address
-        return str(ray.get_runtime_context().gcs_address)
-    return None

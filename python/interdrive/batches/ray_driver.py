@@ -13,6 +13,7 @@ import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
@@ -68,8 +69,10 @@ def drive(connection: Connection, words: Path, address: str, workers: int | None
             connection.send(("none", None))
     except InterdriveError as error:
         connection.send(("error", error))
-    except (EOFError, BrokenPipeError):  # all is done
+    except (EOFError, BrokenPipeError, ConnectionResetError):  # all is done
         ray.shutdown()
+    except Exception as error:  # noqa: BLE001 - whatever it is, the batch should name it
+        connection.send(("error", InterdriveError(f"{type(error).__name__}: {error}")))
 
 
 def _asked(connection: Connection) -> tuple[int, Any] | None:
@@ -117,6 +120,16 @@ def _check_that_somebody_answers(address: str) -> None:
         socket.create_connection((host.strip("[]"), int(port)), timeout=_ANSWER_MAX).close()
     except (OSError, OverflowError) as cause:
         raise nobody(address, str(cause)) from cause
+
+
+def of_this_process() -> str | None:
+    """Address of the cluster that this process is connected to already; the batch uses that one whatever it is asked."""
+    ray = sys.modules.get("ray")
+    if ray is None or not ray.is_initialized():
+        return None
+    with suppress(Exception):  # connected in a way that knows no address
+        return str(ray.get_runtime_context().gcs_address)
+    return None
 
 
 def nobody(address: str, reason: str) -> InputError:

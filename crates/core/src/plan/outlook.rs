@@ -16,7 +16,10 @@ pub struct Outlook {
 }
 
 impl Outlook {
-    /// Of some predictions, and of where the participants are now.
+    /// Of some predictions, and of where their participants are now: world frame [m], one per row of the predictions.
+    ///
+    /// # Panics
+    /// If there are fewer positions than rows.
     pub fn of(predictions: &Predictions, positions: &[Point]) -> Self {
         let Predictions { orientation, valid, n_steps, n_modes, .. } = predictions;
         let mut axes = vec![0.0; 2 * orientation.len()];
@@ -121,6 +124,7 @@ fn spread_at(from: Point, axis: Point, Way { x, y, valid }: Way) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::shape::Lcg;
 
     #[test]
     fn a_region_holds_the_positions_now_and_expected_and_is_as_narrow_as_the_way() {
@@ -137,5 +141,21 @@ mod tests {
         valid = [false; 9];
         let alone = around(Point::new(3.0, 4.0), Way { x: &x, y: &y, valid: &valid });
         assert_eq!((alone.center, alone.half_length, alone.half_width), (Point::new(3.0, 4.0), 0.0, 0.0));
+    }
+    #[test]
+    fn places_that_are_not_valid_do_not_count_on_wide_machines_and_others() {
+        let mut random = Lcg::new(5);
+        for n in 0..14 {
+            let valid: Vec<bool> = (0..n).map(|_| random.within(0.0, 1.0) < 0.7).collect();
+            let number = |valid: bool, random: &mut Lcg| if valid { random.within(-30.0, 30.0) } else { f64::NAN };
+            let x: Vec<f64> = valid.iter().map(|valid| number(*valid, &mut random)).collect();
+            let y: Vec<f64> = valid.iter().map(|valid| number(*valid, &mut random)).collect();
+            let way = Way { x: &x, y: &y, valid: &valid };
+            let region = around(Point::new(1.0, 2.0), way);
+            assert!(region.contains(Point::new(1.0, 2.0)));
+            assert!((0..n).filter(|k| valid[*k]).all(|k| region.contains(Point::new(x[k], y[k]))), "{n}");
+            let axis = Point::from_angle(0.3);
+            assert_eq!(spread(Point::default(), axis, way), spread_at(Point::default(), axis, way));
+        }
     }
 }

@@ -256,7 +256,8 @@ impl RoadNetwork {
         (Pose { position, orientation: heading }, axis)
     }
 
-    /// Curvature [1/m] of the middle of the lane, as of `chain_pose`.
+    /// Curvature [1/m] of the middle of the lane at a place as of `chain_pose`; 0 before the first and beyond the last
+    /// lanelet.
     ///
     /// # Panics
     /// As `chain_pose`.

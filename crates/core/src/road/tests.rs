@@ -277,7 +277,7 @@ fn a_chain_may_go_round_a_ring_again() {
 }
 
 #[test]
-fn poses_along_a_chain_follow_the_lane_with_its_curvature() {
+fn poses_and_curvatures_along_a_chain_are_those_of_the_lane() {
     let road = ring();
     let chain = road.paths_from(0, 5.0, 120.0, 1).remove(0);
     for distance in [0.0, 10.0, 26.3, 26.5, 40.0, 90.0] {

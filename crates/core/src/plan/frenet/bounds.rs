@@ -2,7 +2,7 @@
 //! lane. Worked out in single precision for every row, most of which nobody looks at again.
 //!
 //! Rounding: speeds are off by less than `SPEED_ROUNDING` of the speeds that they are made of, and sums by less than
-//! `SUM_ROUNDING` of themselves (a few dozen roundings of 6e-8 each); bounds are lowered by as much.
+//! `ROUNDING` of themselves per addition and for what is done with each term; bounds are lowered by as much.
 
 use super::families::{BLOCK, CoarseSpeeds};
 use super::lateral::LateralPoints;
@@ -11,7 +11,9 @@ use crate::geometry::polyline::ReferencePath;
 use crate::wide::for_wide_machines;
 
 const SPEED_ROUNDING: f64 = 2e-6;
-const SUM_ROUNDING: f64 = 1e-5;
+/// Of one operation in single precision, and operations that a term of a sum goes through.
+const ROUNDING: f64 = 6e-8;
+const N_ROUNDINGS: f64 = 40.0;
 
 /// Memory of the bounds of one plan.
 #[derive(Debug, Clone, Default)]
@@ -90,7 +92,9 @@ impl FirstBounds {
             let factors = [(1.0 - bend).max(0.0) as f32, (1.0 + bend).hypot(slope) as f32];
             gaps_over_arc(&speeds, &self.counts, factors, desired, &mut self.gaps)
         };
-        f64::from(sum) * (1.0 - SUM_ROUNDING)
+        // Each lane of the sum adds one term per block.
+        let n_roundings = N_ROUNDINGS + (samples.stride / BLOCK) as f64;
+        f64::from(sum) * (1.0 - n_roundings * ROUNDING)
     }
 }
 

@@ -221,12 +221,16 @@ mod tests {
         parts: &'a [[f64; 5]],
         rejected: &'a [bool],
         done: Vec<usize>,
+        tightened: Vec<bool>,
         work: usize,
     }
 
     impl Search for Sums<'_> {
-        fn tighten(&mut self, _group: usize) -> Option<f64> {
-            None
+        /// Every other group has a better bound, once.
+        fn tighten(&mut self, group: usize) -> Option<f64> {
+            let bounds = self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]);
+            let is_new = group.is_multiple_of(2) && !std::mem::replace(&mut self.tightened[group], true);
+            is_new.then(|| bounds.fold(f64::INFINITY, f64::min))
         }
 
         fn open(&mut self, group: usize) -> impl Iterator<Item = f64> {
@@ -254,16 +258,24 @@ mod tests {
             // On a coarse grid, so that ties happen; a quarter is rejected.
             let n = 100;
             let part = |random: &mut Lcg| random.within(0.0, 3.0).floor();
-            let parts: Vec<[f64; 5]> = (0..n).map(|_| std::array::from_fn(|_| part(&mut random))).collect();
+            let mut parts: Vec<[f64; 5]> = (0..n).map(|_| std::array::from_fn(|_| part(&mut random))).collect();
+            // Some are rejected when their group is opened, in one group all.
+            for i in (0..n).filter(|i| i % 17 == 0 || i / GROUP == 4) {
+                parts[i][0] = f64::INFINITY;
+            }
             let rejected: Vec<bool> = (0..n).map(|_| random.within(0.0, 1.0) < 0.25).collect();
             let least = |group: usize| {
                 parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]).fold(f64::INFINITY, f64::min)
             };
-            // The last ten stand alone.
-            let groups = (0..9).map(|group| Entry::group(least(group), group * GROUP, group));
+            // The last ten stand alone. First bounds of groups may be low.
+            let groups = (0..9).map(|group| {
+                let first = if least(group).is_finite() { least(group) } else { 1.0 };
+                Entry::group(first - f64::from(u8::from(group.is_multiple_of(2))), group * GROUP, group)
+            });
             let alone = (90..n).map(|i| Entry::sample(parts[i][0], i));
             start(&mut heap, groups.chain(alone));
-            let search = || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], work: 0 };
+            let search =
+                || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], tightened: vec![false; 9], work: 0 };
             let (mut lazy, mut full) = (search(), search());
             let chosen = exhaustive(&heap, &mut full);
             assert_eq!(best_first(&mut heap, &mut lazy), chosen);
@@ -277,7 +289,8 @@ mod tests {
     fn nobody_is_chosen_if_all_are_rejected() {
         let mut heap = Heap::default();
         start(&mut heap, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
-        let mut search = Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], work: 0 };
+        let mut search =
+            Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], tightened: vec![], work: 0 };
         assert_eq!(exhaustive(&heap, &mut search), None);
         assert_eq!(best_first(&mut heap, &mut search), None);
     }

@@ -2,7 +2,7 @@
 //! positions per point for the prediction cost. Made once per plan, only for what the samples can reach.
 
 mod contact;
-mod course;
+mod poses;
 mod expectations;
 mod gaussian;
 mod reach;
@@ -19,8 +19,8 @@ use super::sample::Samples;
 use super::settings::FrenetSettings;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Point, Pose};
-use course::{Course, Places};
 use expectations::{COST_REACH, Expectations, Source};
+use poses::{Places, Poses};
 use reach::Reach;
 use sweeps::Sweeps;
 
@@ -60,18 +60,27 @@ pub(super) struct Obstacles {
     sweeps: Sweeps,
     expectations: Expectations,
     reach: Reach,
-    /// Modes of participants who may come within reach: position in `others`, number, and whether they may meet the agent
-    /// or only come near.
-    reached: Vec<(usize, usize, bool)>,
+    /// Modes of participants who may come within reach.
+    reached: Vec<Reached>,
     /// The poses of the one at hand.
-    course: Course,
+    poses: Poses,
     /// The sample at hand, and what it covers during each interval.
-    own: Course,
+    own: Poses,
     own_sweep: Sweeps,
     /// Tracks whose contacts the sample at hand may ignore.
     ignored: Vec<bool>,
     half_length: f64,
     half_width: f64,
+}
+
+/// A mode that may come within reach.
+#[derive(Debug, Clone, Copy)]
+struct Reached {
+    /// Position in the request's `others`.
+    other: usize,
+    mode: usize,
+    /// It may meet the agent; otherwise it only comes near.
+    may_meet: bool,
 }
 
 impl Track {
@@ -106,15 +115,16 @@ impl Obstacles {
         self.reach.find(request, start, samples, previous);
         self.begin(request, settings);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
-        for i in 0..self.reached.len() {
-            let (index, mode, may_meet) = self.reached[i];
-            let other = &request.others[index];
+        let reached = std::mem::take(&mut self.reached);
+        for modes in reached.chunk_by(|a, b| a.other == b.other) {
+            let other = &request.others[modes[0].other];
             if other.is_static {
-                self.add_static(index, other, request, &ego, settings);
+                self.add_static(modes[0].other, other, request, &ego, settings);
             } else {
-                self.add_moving((index, mode, may_meet), other, request, &ego, settings);
+                self.add_moving(modes, other, request, &ego, settings);
             }
         }
+        self.reached = reached;
     }
 
     /// Forgets the last plan, and looks who may come within reach.
@@ -129,14 +139,14 @@ impl Obstacles {
             let near = meeting.grown(COST_REACH);
             if other.is_static {
                 if near.contains(other.pose.position) {
-                    self.reached.push((index, 0, true));
+                    self.reached.push(Reached { other: index, mode: 0, may_meet: true });
                 }
                 continue;
             }
             let first = other.row * predictions.n_modes;
             for (mode, region) in request.outlook.regions[first..first + predictions.n_modes].iter().enumerate() {
                 if near.overlaps(region) {
-                    self.reached.push((index, mode, meeting.overlaps(region)));
+                    self.reached.push(Reached { other: index, mode, may_meet: meeting.overlaps(region) });
                 }
             }
         }
@@ -158,21 +168,22 @@ impl Obstacles {
             let (plain, exact) = part_box(part, other.pose);
             let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
             let (now, overlaps_now) = with_margin(&plain, margin, ego);
-            self.course.stand(stride, &now, origin);
-            if self.sweeps.push(&self.course, (now.half_length, now.half_width), &self.reach) {
+            self.poses.stand(stride, &now, origin);
+            if self.sweeps.push(&self.poses, (now.half_length, now.half_width), &self.reach) {
                 self.tracks.push(Track { other: index, places: None, now, overlaps_now, exact });
             }
         }
         let body = other.shape.oriented_box(other.pose);
-        self.course.stand(stride, &body, origin);
+        self.poses.stand(stride, &body, origin);
         let covariance = [STATIC_VARIANCE, 0.0, STATIC_VARIANCE];
         let source = Source { covariance, ..Source::new(body, settings) };
-        self.expectations.push(source, &self.course, &self.reach, request.predictions);
+        self.expectations.push(source, &self.poses, &self.reach, request.predictions);
     }
 
+    /// Adds those modes of a participant that count.
     fn add_moving(
         &mut self,
-        (index, mode, may_meet): (usize, usize, bool),
+        reached: &[Reached],
         other: &Other,
         request: &PlanRequest,
         ego: &OrientedBox,
@@ -180,37 +191,39 @@ impl Obstacles {
     ) {
         let predictions = request.predictions;
         let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
-        let modes = probabilities(other, request);
-        let probability = modes[mode];
-        let hard = probability >= settings.collision_mode_probability || mode == likeliest(modes);
-        let body = other.shape.oriented_box(other.pose);
-        let counts = probability > 0.0 && !is_in_rear_cone(ego, &body, settings);
-        let may_meet = hard && may_meet;
-        if !may_meet && !counts {
-            return;
-        }
         let n = predictions.n_steps.saturating_sub(shift).min(self.reach.n_points() - 1);
         if n == 0 {
             return;
         }
-        let places = Places { first: predictions.offset(other.row, mode) + shift, n };
+        let modes = probabilities(other, request);
+        let likeliest = likeliest(modes);
+        let body = other.shape.oriented_box(other.pose);
+        let is_left_alone = is_in_rear_cone(ego, &body, settings);
+        let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
+        let (now, overlaps_now) = with_margin(&body, margin, ego);
         let bounds = other.shape.bounding_box();
         let offset = bounds.min.lerp(bounds.max, 0.5);
-        self.course.follow((self.reach.stride(), self.reach.origin), &body, places, offset, request);
-        if may_meet {
-            let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
-            let (now, overlaps_now) = with_margin(&body, margin, ego);
-            if self.sweeps.push(&self.course, (now.half_length, now.half_width), &self.reach) {
+        for Reached { other: index, mode, may_meet } in reached.iter().copied() {
+            let probability = modes[mode];
+            let hard = probability >= settings.collision_mode_probability || mode == likeliest;
+            let counts = probability > 0.0 && !is_left_alone;
+            let may_meet = hard && may_meet;
+            if !may_meet && !counts {
+                continue;
+            }
+            let places = Places { first: predictions.offset(other.row, mode) + shift, n };
+            self.poses.follow((self.reach.stride(), self.reach.origin), &body, places, offset, request);
+            if may_meet && self.sweeps.push(&self.poses, (now.half_length, now.half_width), &self.reach) {
                 self.tracks.push(Track { other: index, places: Some(places), now, overlaps_now, exact: false });
             }
-        }
-        if counts {
-            // The density in the middle is the probability over 2 pi times the root of the determinant.
-            let dense = (probability / (TAU * settings.expectation_density_min)).powi(2);
-            let determinant_max = if hard { f64::INFINITY } else { dense };
-            let source = Source::new(body, settings);
-            let source = Source { places: Some(places), probability, determinant_max, offset, ..source };
-            self.expectations.push(source, &self.course, &self.reach, predictions);
+            if counts {
+                // The density in the middle is the probability over 2 pi times the root of the determinant.
+                let dense = (probability / (TAU * settings.expectation_density_min)).powi(2);
+                let determinant_max = if hard { f64::INFINITY } else { dense };
+                let source = Source::new(body, settings);
+                let source = Source { places: Some(places), probability, determinant_max, offset, ..source };
+                self.expectations.push(source, &self.poses, &self.reach, predictions);
+            }
         }
     }
 
@@ -244,7 +257,7 @@ impl Obstacles {
         self.expectations.cost(point, i, (self.half_length, self.half_width), request)
     }
 
-    /// Sum over participants of 1 / (smallest squared distance of the centres), for those that the samples can reach.
+    /// Sum over participants of 1 / (smallest squared distance of the centres) [1/m²].
     pub(super) fn distance_cost(&self, points: &[Waypoint], request: &PlanRequest) -> f64 {
         let predictions = request.predictions;
         let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return 0.0 };

@@ -15,7 +15,7 @@ use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
 /// it gets within the horizon, so its path does not depend on how far it gets.
-const ARC_MIN: f64 = 5.0;
+pub(super) const ARC_MIN: f64 = 5.0;
 /// Speeds above minus this [m/s] count as 0.
 const ROUNDING: f64 = 1e-3;
 /// Decelerations of the braking rows as fractions of the largest one.

@@ -1,9 +1,9 @@
 //! Where other participants are expected to be, and what it costs a point of a sample to be near: the prediction cost.
 
 use super::super::settings::FrenetSettings;
-use super::course::{Course, Places};
 use super::gaussian::{self, Footprint, Normal2};
-use super::reach::{GROUP, Reach};
+use super::poses::{Places, Poses};
+use super::reach::{GROUP, ROUNDING, Reach};
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 use crate::plan::PlanRequest;
@@ -14,8 +14,7 @@ use crate::wide::for_wide_machines;
 /// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
 pub(super) const COST_REACH: f64 = 7.071_067_811_865_476;
 
-/// Where one mode of a participant is expected to be at one point. Its mean is in double precision; to the rest single
-/// precision does.
+/// Where one mode of a participant is expected to be at one point. To the corners single precision does.
 #[derive(Debug, Clone, Copy)]
 struct Expectation {
     mean: Point,
@@ -79,17 +78,19 @@ impl Source {
         }
     }
 
-    /// Where it is expected at a point.
+    /// Where it is expected at a point, and its covariance.
     #[inline(always)]
-    fn mean(&self, point: usize, request: &PlanRequest) -> Point {
-        let Some(Places { first, .. }) = self.places else { return self.now.center };
-        let place = first + point - 1;
-        let position = Point::new(request.predictions.x[place], request.predictions.y[place]);
+    fn at(&self, point: usize, request: &PlanRequest) -> (Point, [f64; 3]) {
+        let Some(Places { first, .. }) = self.places else { return (self.now.center, self.covariance) };
+        let (predictions, place) = (request.predictions, first + point - 1);
+        let position = Point::new(predictions.x[place], predictions.y[place]);
+        let [xx, xy, yy] = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
+        let covariance = [xx[place], xy[place], yy[place]];
         if self.offset == Point::default() {
-            return position;
+            return (position, covariance);
         }
         let axis = request.outlook.axis(place);
-        position + axis * self.offset.x + axis.left() * self.offset.y
+        (position + axis * self.offset.x + axis.left() * self.offset.y, covariance)
     }
 
     /// Covariances at points `GROUP * group + 1` and the following; beyond what is known they are not numbers.
@@ -129,9 +130,9 @@ impl Expectations {
         self.sources.is_empty()
     }
 
-    /// Adds a source, which follows a course, where the samples can get near it.
-    pub(super) fn push(&mut self, source: Source, course: &Course, reach: &Reach, predictions: &Predictions) {
-        if write_cells(self, &source, course, reach, predictions) {
+    /// Adds a source, which follows a poses, where the samples can get near it.
+    pub(super) fn push(&mut self, source: Source, poses: &Poses, reach: &Reach, predictions: &Predictions) {
+        if write_cells(self, &source, poses, reach, predictions) {
             self.sources.push(source);
         }
     }
@@ -175,16 +176,16 @@ impl View {
 }
 
 impl Expectation {
-    /// One of a cell.
+    /// One of a cell, of which the corners are taken.
     #[inline(always)]
-    fn of(mean: Point, probability: f64, cell: &Cell, lane: usize) -> Self {
+    fn of((mean, covariance): (Point, [f64; 3]), probability: f64, cell: &Cell, lane: usize) -> Self {
         let number = |k: usize| f64::from(cell[k][lane]);
         Self {
             mean,
             front_left: Point::new(number(2), number(3)),
             front_right: Point::new(number(4), number(5)),
             probability,
-            covariance: [number(6), number(7), number(8)],
+            covariance,
         }
     }
 
@@ -246,8 +247,6 @@ impl RoughView {
     /// what is left of the distribution, neither ahead nor aside. 1 for yes.
     #[inline(always)]
     fn may_count(&self, [x, y, left_x, left_y, right_x, right_y, xx, xy, yy]: &[[f32; GROUP]; 9], k: usize) -> u32 {
-        /// More than coordinates within a kilometre are rounded by [m].
-        const SLACK: f32 = 2e-3;
         /// More than rounding changes a variance by, as a fraction of the sum of both.
         const VARIANCE_SLACK: f32 = 2e-6;
         const REACH_SQUARED: f32 = (gaussian::REACH * gaussian::REACH * 1.001) as f32;
@@ -259,7 +258,7 @@ impl RoughView {
         let ahead = |x: f32, y: f32| (x * cos + y * sin).abs();
         let aside = |x: f32, y: f32| (y * cos - x * sin).abs();
         let (x, y) = (x[k] - self.center[0], y[k] - self.center[1]);
-        let (x, y) = (positive(ahead(x, y) - self.half[0] - SLACK), positive(aside(x, y) - self.half[1] - SLACK));
+        let (x, y) = (positive(ahead(x, y) - self.half[0] - ROUNDING), positive(aside(x, y) - self.half[1] - ROUNDING));
         let (left_x, left_y, right_x, right_y) = (left_x[k], left_y[k], right_x[k], right_y[k]);
         let (xx, xy, yy) = (xx[k], xy[k], yy[k]);
         let beyond = positive(x - larger(ahead(left_x, left_y), ahead(right_x, right_y)));
@@ -281,35 +280,30 @@ for_wide_machines! {
     fn write_cells = cells_at, (
         out: &mut Expectations,
         source: &Source,
-        course: &Course,
+        poses: &Poses,
         reach: &Reach,
         predictions: &Predictions,
     ) -> bool
 }
 
 #[inline(always)]
-fn cells_at(
-    out: &mut Expectations,
-    source: &Source,
-    course: &Course,
-    reach: &Reach,
-    predictions: &Predictions,
-) -> bool {
+fn cells_at(out: &mut Expectations, source: &Source, poses: &Poses, reach: &Reach, predictions: &Predictions) -> bool {
     let (slot, lane) = (out.sources.len() / GROUP, out.sources.len() % GROUP);
+    const REACH: f32 = COST_REACH as f32 + ROUNDING;
     let [ahead_x, ahead_y] = reach.axis();
     let mut is_expected = false;
     for group in 0..out.n_points / GROUP {
-        let (stretch, [rear, front, right, left]) = (course.stretch(group), reach.sides(group));
+        let (stretch, [rear, front, right, left]) = (poses.stretch(group), reach.sides(group));
         let [xx, xy, yy] = source.covariances(group, predictions);
         let mut numbers = [[0.0; GROUP]; N_NUMBERS];
         let mut expected = [0; GROUP];
         for k in 0..GROUP {
             let (x, y) = (stretch.x[k + 1], stretch.y[k + 1]);
             let (ahead, aside) = (x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y);
-            let is_near = (ahead >= rear[k] - COST_REACH as f32)
-                & (ahead <= front[k] + COST_REACH as f32)
-                & (aside >= right[k] - COST_REACH as f32)
-                & (aside <= left[k] + COST_REACH as f32);
+            let is_near = (ahead >= rear[k] - REACH)
+                & (ahead <= front[k] + REACH)
+                & (aside >= right[k] - REACH)
+                & (aside <= left[k] + REACH);
             let counts = is_near & (xx[k] * yy[k] - xy[k] * xy[k] <= source.determinant_max);
             expected[k] = u32::from(counts).wrapping_neg() & 1 << k;
             let (axis_x, axis_y) = (stretch.axis_x[k + 1], stretch.axis_y[k + 1]);
@@ -363,8 +357,7 @@ fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, 
         while passing != 0 {
             let lane = passing.trailing_zeros() as usize % GROUP;
             let source = &sources[group * GROUP + lane];
-            let mean = source.mean(i, request);
-            sum += Expectation::of(mean, source.probability, &cells[place], lane).cost(&view, half);
+            sum += Expectation::of(source.at(i, request), source.probability, &cells[place], lane).cost(&view, half);
             passing &= passing - 1;
         }
     }

@@ -1,7 +1,7 @@
 //! Where the agent's footprint can get: whoever stays away from there need not be looked at.
 
 use super::super::previous::Previous;
-use super::super::sample::Samples;
+use super::super::sample::{ARC_MIN, Samples};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::plan::PlanRequest;
@@ -15,8 +15,8 @@ const KNOTS: usize = 4;
 const BULGE: f64 = 0.25;
 /// How much further than the samples the agent is taken to get along the path [m].
 const LEAD: f64 = 2.0;
-/// More than coordinates within a kilometre are rounded by in single precision [m].
-const ROUNDING: f64 = 1e-3;
+/// More than boxes of bodies are off by in single precision within 4 km of the origin [m].
+pub(super) const ROUNDING: f32 = 2e-3;
 
 /// Boxes of the region that the agent's footprint can reach up to each point, along its present heading; the memory is
 /// reused.
@@ -55,7 +55,12 @@ impl Reach {
         let (half_length, half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
         let size = (vehicle.rear_axle_to_center + half_length).hypot(half_width);
         let radius = half_length.hypot(half_width);
-        let sideways = samples.lanes.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
+        let widest = samples.lanes.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
+        // A quintic that begins with a slope and a bend overshoots by at most so much, see `Samples::lateral_bounds`.
+        let way = (samples.furthest[samples.n_points - 1] - start.s)
+            .max(start.s_dot * (samples.n_points - 1) as f64 * request.dt)
+            .max(ARC_MIN);
+        let sideways = widest + way * (0.2 * start.d_prime.abs() + 0.018 * way * start.d_prime2.abs());
         let path = &request.route.path;
         let (x, y) = (path.x(), path.y());
         let knot = |s: f64| ((s / path.spacing()).max(0.0) as usize).min(x.len() - 1);
@@ -94,7 +99,8 @@ impl Reach {
     /// The region up to a point from 1 on, ahead and left of the origin; it becomes the whole.
     pub(super) fn set(&mut self, point: usize, reached: Aabb) {
         let (low, high) = (reached.min, reached.max);
-        let sides = [low.x - ROUNDING, high.x + ROUNDING, low.y - ROUNDING, high.y + ROUNDING];
+        let rounding = f64::from(ROUNDING);
+        let sides = [low.x - rounding, high.x + rounding, low.y - rounding, high.y + rounding];
         for (k, side) in sides.into_iter().enumerate() {
             self.sides[k * self.stride + point - 1] = side as f32;
         }
@@ -136,5 +142,65 @@ impl Reach {
             }
         }
         sides
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::shape::Lcg;
+    use crate::plan::frenet::desired::Desired;
+    use crate::plan::frenet::feasibility::Limits;
+    use crate::plan::frenet::tests::choice::random_drive;
+    use crate::plan::frenet::{FrenetSettings, Rejection, candidates, n_points};
+
+    #[test]
+    fn no_footprint_of_a_sample_or_of_the_previous_plan_is_out_of_reach() {
+        let (mut random, mut reach, mut n_samples) = (Lcg::new(31), Reach::default(), 0);
+        for _ in 0..40 {
+            let drive = random_drive(&mut random);
+            let settings = FrenetSettings { d_max: random.within(0.5, 8.0), ..FrenetSettings::default() };
+            drive.with_request(|request| {
+                let Ok(start) = Start::new(request, true) else { return };
+                let n_points = n_points(request, &settings);
+                let limits = Limits::new(request, n_points, start.curvature, 1.0);
+                let desired = Desired::new(request, &start, &settings);
+                let (mut samples, mut previous) = (Samples::default(), Previous::default());
+                let path = &request.route.path;
+                let inputs = crate::plan::frenet::sample::Inputs {
+                    start: &start,
+                    desired: &desired,
+                    limits: &limits,
+                    settings: &settings,
+                    path,
+                };
+                samples.generate(&inputs);
+                previous.shift(request, &start, &limits, desired.velocity, &settings.weights);
+                reach.find(request, &start, &samples, &previous);
+                let all = candidates(request, &settings);
+                let pose = request.state.pose();
+                let half = Point::new(0.5 * request.vehicle.length, 0.5 * request.vehicle.width);
+                for sample in (0..all.len()).filter(|i| all.rejection[*i] == Rejection::Admissible) {
+                    n_samples += 1;
+                    for i in 1..n_points {
+                        let k = sample * n_points + i;
+                        let center = Point::new(all.x[k], all.y[k]);
+                        let way = center - Point::new(all.x[k - 1], all.y[k - 1]);
+                        let axis = if way.norm() > 0.05 {
+                            way * (1.0 / way.norm())
+                        } else {
+                            Point::from_angle(pose.orientation)
+                        };
+                        let body = OrientedBox { center, axis, half_length: half.x, half_width: half.y };
+                        let [rear, front, right, left] = reach.sides((i - 1) / GROUP).map(|side| side[(i - 1) % GROUP]);
+                        for corner in body.corners().map(|corner| pose.body_from_world(corner)) {
+                            let (x, y) = (corner.x as f32, corner.y as f32);
+                            assert!(rear <= x && x <= front && right <= y && y <= left, "{corner:?} at {i}");
+                        }
+                    }
+                }
+            });
+        }
+        assert!(n_samples > 5000, "{n_samples}");
     }
 }

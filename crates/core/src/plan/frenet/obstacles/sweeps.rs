@@ -1,13 +1,11 @@
 //! What bodies cover during each interval of a plan, in single precision: a sieve that lets through all that overlap.
 
-use super::course::{Course, Stretch};
-use super::reach::{GROUP, Reach};
+use super::poses::{Poses, Stretch};
+use super::reach::{GROUP, ROUNDING, Reach};
 use crate::wide::for_wide_machines;
 
 /// Numbers of a box: centre, axis, half length and width.
 const N_NUMBERS: usize = 6;
-/// More than coordinates within a kilometre are rounded by [m].
-const SLACK: f32 = 2e-3;
 
 /// Numbers of some boxes, of neighbouring intervals.
 type Boxes = [[f32; GROUP]; N_NUMBERS];
@@ -38,9 +36,9 @@ impl Sweeps {
     }
 
     /// Adds a body of a size (half length and width), unless it stays out of reach.
-    pub(super) fn push(&mut self, course: &Course, half: (f64, f64), reach: &Reach) -> bool {
+    pub(super) fn push(&mut self, poses: &Poses, half: (f64, f64), reach: &Reach) -> bool {
         let before = self.counts.len();
-        write_boxes(self, course, [half.0 as f32, half.1 as f32], Some(reach));
+        write_boxes(self, poses, [half.0 as f32, half.1 as f32], Some(reach));
         let is_near = self.counts[before..].contains(&true);
         if !is_near {
             self.boxes.truncate(before);
@@ -50,9 +48,9 @@ impl Sweeps {
     }
 
     /// The only body, wherever it is.
-    pub(super) fn set(&mut self, stride: usize, course: &Course, half: (f64, f64)) {
+    pub(super) fn set(&mut self, stride: usize, poses: &Poses, half: (f64, f64)) {
         self.begin(stride);
-        write_boxes(self, course, [half.0 as f32, half.1 as f32], None);
+        write_boxes(self, poses, [half.0 as f32, half.1 as f32], None);
     }
 
     /// Looks for bodies that may overlap a single one; false if there is none.
@@ -76,13 +74,13 @@ impl Sweeps {
 
 for_wide_machines! {
     /// Appends the boxes of a body.
-    fn write_boxes = boxes_at, (out: &mut Sweeps, course: &Course, half: [f32; 2], reach: Option<&Reach>)
+    fn write_boxes = boxes_at, (out: &mut Sweeps, poses: &Poses, half: [f32; 2], reach: Option<&Reach>)
 }
 
 #[inline(always)]
-fn boxes_at(out: &mut Sweeps, course: &Course, half: [f32; 2], reach: Option<&Reach>) {
+fn boxes_at(out: &mut Sweeps, poses: &Poses, half: [f32; 2], reach: Option<&Reach>) {
     for group in 0..out.n_groups {
-        let boxes = spanning(&course.stretch(group), half);
+        let boxes = spanning(&poses.stretch(group), half);
         let counts = reach.is_none_or(|reach| is_near(&boxes, &reach.sides(group), reach.axis()));
         out.boxes.push(boxes);
         out.counts.push(counts);
@@ -91,8 +89,8 @@ fn boxes_at(out: &mut Sweeps, course: &Course, half: [f32; 2], reach: Option<&Re
 
 /// Boxes in the mean direction of a body at two points that contain it at both, as `OrientedBox::spanning`.
 #[inline(always)]
-fn spanning(course: &Stretch, [half_length, half_width]: [f32; 2]) -> Boxes {
-    let Stretch { x, y, axis_x, axis_y } = course;
+fn spanning(poses: &Stretch, [half_length, half_width]: [f32; 2]) -> Boxes {
+    let Stretch { x, y, axis_x, axis_y } = poses;
     let mut boxes = [[0.0; GROUP]; N_NUMBERS];
     for k in 0..GROUP {
         let (a_x, a_y, b_x, b_y) = (axis_x[k], axis_y[k], axis_x[k + 1], axis_y[k + 1]);
@@ -137,8 +135,8 @@ fn is_near(boxes: &Boxes, sides: &[[f32; GROUP]; 4], [ahead_x, ahead_y]: [f32; 2
         let (ahead, aside) = (x[k] * ahead_x + y[k] * ahead_y, y[k] * ahead_x - x[k] * ahead_y);
         let cos = (axis_x[k] * ahead_x + axis_y[k] * ahead_y).abs();
         let sin = (axis_y[k] * ahead_x - axis_x[k] * ahead_y).abs();
-        let length = half_length[k] * cos + half_width[k] * sin + SLACK;
-        let width = half_length[k] * sin + half_width[k] * cos + SLACK;
+        let length = half_length[k] * cos + half_width[k] * sin + ROUNDING;
+        let width = half_length[k] * sin + half_width[k] * cos + ROUNDING;
         near |= u32::from(
             (ahead + length >= rear[k])
                 & (ahead - length <= front[k])
@@ -188,8 +186,8 @@ fn overlapping(a: &Boxes, b: &Boxes) -> u8 {
         let sin = (axis_y[k] * ahead_x[k] - axis_x[k] * ahead_y[k]).abs();
         let ahead = (x * ahead_x[k] + y * ahead_y[k]).abs();
         let aside = (y * ahead_x[k] - x * ahead_y[k]).abs();
-        let overlaps = (ahead <= length[k] + half_length[k] * cos + half_width[k] * sin + SLACK)
-            & (aside <= width[k] + half_length[k] * sin + half_width[k] * cos + SLACK);
+        let overlaps = (ahead <= length[k] + half_length[k] * cos + half_width[k] * sin + ROUNDING)
+            & (aside <= width[k] + half_length[k] * sin + half_width[k] * cos + ROUNDING);
         bits[k] = u32::from(overlaps).wrapping_neg() & 1 << k;
     }
     let mut all = 0;

@@ -23,7 +23,10 @@ fn for_random_plans(mut look: impl FnMut(&mut Samples, &mut TableCosts, &Limits,
         if world % 5 == 0 {
             drive.state.velocity = random.within(0.0, 2.5);
         }
-        let settings = FrenetSettings { d_max: random.within(0.5, 8.0), ..FrenetSettings::default() };
+        // Some plans have more than two thousand points.
+        let (dt, horizon) = if world % 10 == 9 { (0.01, 24.0) } else { (drive.dt, 3.0) };
+        drive.dt = dt;
+        let settings = FrenetSettings { d_max: random.within(0.5, 8.0), horizon, ..FrenetSettings::default() };
         drive.with_request(|request| {
             let Ok(start) = Start::new(request, true) else { return };
             let limits = Limits::new(request, n_points(request, &settings), start.curvature, 1.0);

@@ -15,8 +15,23 @@ fn eager() -> FrenetSettings {
     FrenetSettings { lazy: false, ..FrenetSettings::default() }
 }
 
+/// A footprint, often not around its position; what stands may have two parts.
+fn shape(moving: bool, random: &mut Lcg) -> Shape {
+    let (length, width) = (random.within(1.0, 9.0), random.within(0.6, 2.4));
+    if random.within(0.0, 1.0) < 0.6 {
+        return Shape::rectangle(length, width);
+    }
+    let shifted =
+        Shape::rectangle_at(length, width, Point::new(random.within(-1.5, 1.5), random.within(-0.3, 0.3)), 0.0);
+    if moving {
+        shifted
+    } else {
+        Shape::group(vec![shifted, Shape::rectangle_at(1.0, 1.0, Point::new(0.0, -1.5), 0.5)])
+    }
+}
+
 /// A three-lane road, straight or bent, with up to six cars around the agent.
-pub(super) fn random_drive(random: &mut Lcg) -> Drive {
+pub(in crate::plan::frenet) fn random_drive(random: &mut Lcg) -> Drive {
     let bend = random.within(0.0, 1.0);
     let velocity = if random.within(0.0, 1.0) < 0.25 { random.within(0.0, 3.0) } else { random.within(3.0, 25.0) };
     let radius = random.within(40.0, 300.0);
@@ -40,7 +55,7 @@ pub(super) fn random_drive(random: &mut Lcg) -> Drive {
         let car = Car {
             pose: Pose { position, orientation },
             velocity: if moving { random.within(0.5, 20.0) } else { 0.0 },
-            shape: Shape::rectangle(random.within(1.0, 9.0), random.within(0.6, 2.4)),
+            shape: shape(moving, random),
             is_static: !moving,
             sigma: (random.within(0.1, 1.5), random.within(0.1, 0.8)),
         };
@@ -192,6 +207,25 @@ fn plans_do_not_depend_on_what_was_planned_with_the_same_memory() {
         let fresh = drive.plan(&settings);
         assert_eq!((again.status, again.trajectory), (fresh.status, fresh.trajectory));
     }
+}
+
+#[test]
+fn other_horizons_and_shorter_or_older_predictions_give_the_full_choice_in_reused_memory() {
+    let mut random = Lcg::new(21);
+    let (mut scratch, mut n_planned) = (Scratch::default(), 0);
+    for world in 0..80 {
+        let mut drive = random_drive(&mut random);
+        drive.dt = [0.04, 0.1, 0.2][world % 3];
+        drive.n_predicted = random.within(0.0, 60.0) as usize;
+        drive.prediction_age = random.within(0.0, 5.0) as i64;
+        let horizon = random.within(1.5, 7.0);
+        let lazy = FrenetSettings { horizon, ..FrenetSettings::default() };
+        let full = FrenetSettings { lazy: false, ..lazy.clone() };
+        let (a, b) = (drive.with_request(|request| plan(request, &lazy, &mut scratch)), drive.plan(&full));
+        assert_eq!((a.status, &a.trajectory), (b.status, &b.trajectory), "world {world}");
+        n_planned += usize::from(a.status == PlanStatus::Planned);
+    }
+    assert!(n_planned > 50, "{n_planned}");
 }
 
 #[test]

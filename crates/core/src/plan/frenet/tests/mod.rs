@@ -1,7 +1,7 @@
 //! Specifications of the whole planner, on small invented roads.
 
 mod bounds;
-mod choice;
+pub(super) mod choice;
 mod closed_loop;
 mod golden;
 mod kinematics;
@@ -54,6 +54,9 @@ pub(super) struct Drive {
     road: RoadNetwork,
     cars: Vec<Car>,
     previous: Option<(Trajectory, usize)>,
+    /// Predicted steps, and how many steps ago they were predicted.
+    n_predicted: usize,
+    prediction_age: i64,
 }
 
 /// Somewhere, at any time in the next 100 s.
@@ -91,6 +94,8 @@ impl Drive {
             road,
             cars: vec![],
             previous: None,
+            n_predicted: 30,
+            prediction_age: 0,
         }
     }
 
@@ -117,16 +122,17 @@ impl Drive {
     }
 
     fn predictions(&self) -> Predictions {
-        let n_steps = 30;
+        let n_steps = self.n_predicted;
         let ids = (0..self.cars.len() as i64).map(|i| 100 + i).collect();
-        let mut out = Predictions::empty(self.time_step, ids, 1, n_steps);
+        let mut out = Predictions::empty(self.time_step - self.prediction_age, ids, 1, n_steps);
         for (row, car) in self.cars.iter().enumerate() {
             out.probability[row] = 1.0;
             for step in 0..n_steps {
-                let (k, time) = (out.offset(row, 0) + step, (step + 1) as f64 * self.dt);
+                let (k, time) = (out.offset(row, 0) + step, (step as i64 + 1 - self.prediction_age) as f64 * self.dt);
                 let pose = car.after(time);
                 let (sin, cos) = pose.orientation.sin_cos();
-                let (along, across) = (car.sigma.0.powi(2) * time, car.sigma.1.powi(2) * time);
+                let spread = (step + 1) as f64 * self.dt;
+                let (along, across) = (car.sigma.0.powi(2) * spread, car.sigma.1.powi(2) * spread);
                 (out.x[k], out.y[k], out.orientation[k]) = (pose.position.x, pose.position.y, pose.orientation);
                 out.velocity[k] = car.velocity;
                 out.covariance_xx[k] = along * cos * cos + across * sin * sin;

@@ -45,11 +45,11 @@ fn reach(origin: Point) -> Reach {
 }
 
 fn expectations(sources: &[Source], origin: Point) -> Expectations {
-    let (reach, mut expectations, mut course) = (reach(origin), Expectations::default(), Course::default());
+    let (reach, mut expectations, mut poses) = (reach(origin), Expectations::default(), Poses::default());
     expectations.begin(sources.len(), &reach);
     for source in sources {
-        course.stand(reach.stride(), &source.now, origin);
-        expectations.push(*source, &course, &reach, &Predictions::empty(0, vec![], 1, 0));
+        poses.stand(reach.stride(), &source.now, origin);
+        expectations.push(*source, &poses, &reach, &Predictions::empty(0, vec![], 1, 0));
     }
     expectations
 }
@@ -57,7 +57,12 @@ fn expectations(sources: &[Source], origin: Point) -> Expectations {
 /// What one of some sources that stand expects.
 fn expected(expectations: &Expectations, i: usize) -> Expectation {
     let source = &expectations.sources[i];
-    Expectation::of(source.now.center, source.probability, &expectations.cells[i / GROUP], i % GROUP)
+    Expectation::of(
+        (source.now.center, source.covariance),
+        source.probability,
+        &expectations.cells[i / GROUP],
+        i % GROUP,
+    )
 }
 
 /// A source at the edge of where it counts, in some direction.
@@ -130,7 +135,7 @@ fn all_in_double((index, source): (usize, &Source), point: usize, request: &Plan
 #[test]
 fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
     let mut random = Lcg::new(6);
-    let (mut expectations, mut course) = (Expectations::default(), Course::default());
+    let (mut expectations, mut poses) = (Expectations::default(), Poses::default());
     let mut n_positive = 0;
     for _ in 0..60 {
         let cars = (0..random.within(0.0, 20.0) as usize)
@@ -150,10 +155,10 @@ fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
             for other in request.others {
                 let now = other.shape.oriented_box(other.pose);
                 let places = Places { first: predictions.offset(other.row, 0), n: 30 };
-                course.follow((reach.stride(), reach.origin), &now, places, Point::default(), request);
+                poses.follow((reach.stride(), reach.origin), &now, places, Point::default(), request);
                 let source = Source::new(now, &FrenetSettings::default());
                 let source = Source { places: Some(places), probability: 0.3, ..source };
-                expectations.push(source, &course, &reach, predictions);
+                expectations.push(source, &poses, &reach, predictions);
             }
             for i in 1..31 {
                 let center = Point::new(20.0 + i as f64, random.within(-1.0, 1.0));
@@ -181,13 +186,13 @@ fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
 fn nothing_is_expected_out_of_reach_nor_where_it_is_spread_too_far() {
     let near = source(OrientedBox::new(Pose::new(9.0, 0.0, 0.0), 4.0, 2.0), [0.02, 0.0, 0.02]);
     let count = |source: &Source| {
-        let (mut reach, mut expectations, mut course) = (Reach::default(), Expectations::default(), Course::default());
+        let (mut reach, mut expectations, mut poses) = (Reach::default(), Expectations::default(), Poses::default());
         reach.begin(Pose::default(), 3);
         reach.set(1, Aabb::around([Point::default()]).grown(1.0));
         reach.set(2, Aabb::around([Point::default()]).grown(2.0));
         expectations.begin(1, &reach);
-        course.stand(reach.stride(), &source.now, reach.origin);
-        expectations.push(*source, &course, &reach, &Predictions::empty(0, vec![], 1, 0));
+        poses.stand(reach.stride(), &source.now, reach.origin);
+        expectations.push(*source, &poses, &reach, &Predictions::empty(0, vec![], 1, 0));
         (expectations.occupied.iter().map(|bits| bits.count_ones()).sum::<u32>(), expectations.is_empty())
     };
     assert_eq!(count(&near), (1, false), "9 m away: within the reach of the second point");

@@ -21,13 +21,13 @@ fn drive(from: Point, random: &mut Lcg) -> Vec<OrientedBox> {
         .collect()
 }
 
-fn course(drive: &[OrientedBox]) -> Course {
-    let mut course = Course::default();
-    course.begin(STRIDE);
+fn poses(drive: &[OrientedBox]) -> Poses {
+    let mut poses = Poses::default();
+    poses.begin(STRIDE);
     for (point, body) in drive.iter().enumerate() {
-        course.set(point, body.center - FAR, body.axis);
+        poses.set(point, body.center - FAR, body.axis);
     }
-    course
+    poses
 }
 
 fn half(drive: &[OrientedBox]) -> (f64, f64) {
@@ -85,9 +85,9 @@ fn the_sieve_finds_every_overlap_in_order_and_nothing_beyond_what_is_known() {
         let (own, others) = crowd(&mut random);
         sweeps.begin(STRIDE);
         for other in &others {
-            assert!(sweeps.push(&course(other), half(other), &reach), "everything is in reach");
+            assert!(sweeps.push(&poses(other), half(other), &reach), "everything is in reach");
         }
-        single.set(STRIDE, &course(&own), half(&own));
+        single.set(STRIDE, &poses(&own), half(&own));
         let any = sweeps.sieve(&single);
         let found: Vec<(usize, usize)> = sweeps.found().collect();
         assert_eq!(any, !found.is_empty());
@@ -111,7 +111,7 @@ fn boxes_are_those_of_double_precision() {
     for _ in 0..300 {
         let own = drive(FAR + Point::new(random.within(-300.0, 300.0), 0.0), &mut random);
         let mut sweeps = Sweeps::default();
-        sweeps.set(STRIDE, &course(&own), half(&own));
+        sweeps.set(STRIDE, &poses(&own), half(&own));
         for interval in 0..N_POINTS - 1 {
             let boxes = &sweeps.boxes[interval / GROUP];
             let [x, y, axis_x, axis_y, half_length, half_width] = boxes.map(|row| f64::from(row[interval % GROUP]));
@@ -137,10 +137,10 @@ fn a_body_out_of_reach_is_left_out_and_one_that_gets_there_is_not() {
     assert!(reach.whole().contains(agent.world_from_body(Point::new(121.9, 1.9))));
     assert!(!reach.whole().contains(agent.world_from_body(Point::new(121.9, 2.1))));
     let standing = |ahead: f64, left: f64| {
-        let mut course = Course::default();
+        let mut poses = Poses::default();
         let pose = Pose { position: agent.world_from_body(Point::new(ahead, left)), ..agent };
-        course.stand(STRIDE, &OrientedBox::new(pose, 4.0, 2.0), FAR);
-        course
+        poses.stand(STRIDE, &OrientedBox::new(pose, 4.0, 2.0), FAR);
+        poses
     };
     let mut sweeps = Sweeps::default();
     sweeps.begin(STRIDE);
@@ -160,13 +160,13 @@ fn wide_machines_find_the_same() {
         let (own, others) = crowd(&mut random);
         let (mut wide, mut narrow) = (Sweeps::default(), Sweeps::default());
         let mut single = Sweeps::default();
-        single.set(STRIDE, &course(&own), half(&own));
+        single.set(STRIDE, &poses(&own), half(&own));
         wide.begin(STRIDE);
         narrow.begin(STRIDE);
         for other in &others {
             let size = [half(other).0 as f32, half(other).1 as f32];
-            write_boxes(&mut wide, &course(other), size, Some(&reach));
-            boxes_at(&mut narrow, &course(other), size, Some(&reach));
+            write_boxes(&mut wide, &poses(other), size, Some(&reach));
+            boxes_at(&mut narrow, &poses(other), size, Some(&reach));
         }
         let bits = |sweeps: &Sweeps| {
             sweeps.boxes.iter().flatten().flatten().map(|number| number.to_bits()).collect::<Vec<_>>()

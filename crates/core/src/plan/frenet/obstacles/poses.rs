@@ -16,7 +16,7 @@ pub(super) struct Places {
 /// Poses of a box at all points, from 0 on: centre from an origin and axis. Beyond what is known they are not numbers. The
 /// memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Course {
+pub(super) struct Poses {
     x: Vec<f32>,
     y: Vec<f32>,
     axis_x: Vec<f32>,
@@ -32,8 +32,8 @@ pub(super) struct Stretch {
     pub(super) axis_y: [f32; GROUP + 1],
 }
 
-impl Course {
-    /// A course without any pose, for so many intervals with padding.
+impl Poses {
+    /// No pose at all, for so many intervals with padding.
     pub(super) fn begin(&mut self, stride: usize) {
         for column in [&mut self.x, &mut self.y, &mut self.axis_x, &mut self.axis_y] {
             column.clear();
@@ -92,7 +92,7 @@ impl Course {
 
 for_wide_machines! {
     fn write_poses = poses_at, (
-        out: &mut Course,
+        out: &mut Poses,
         places: Places,
         offset: Point,
         origin: Point,
@@ -101,7 +101,7 @@ for_wide_machines! {
 }
 
 #[inline(always)]
-fn poses_at(out: &mut Course, Places { first, n }: Places, offset: Point, origin: Point, request: &PlanRequest) {
+fn poses_at(out: &mut Poses, Places { first, n }: Places, offset: Point, origin: Point, request: &PlanRequest) {
     let (predictions, outlook) = (request.predictions, request.outlook);
     let (x, y) = (&predictions.x[first..first + n], &predictions.y[first..first + n]);
     let (axis_x, axis_y) = (&outlook.axis_x()[first..first + n], &outlook.axis_y()[first..first + n]);
