@@ -123,7 +123,7 @@ def _check_that_somebody_answers(address: str) -> None:
 
 
 def of_this_process() -> str | None:
-    """Address of the cluster that this process is connected to already; the batch uses that one whatever it is asked."""
+    """Address of the cluster that this process is connected to already; the batch uses it whatever it is asked."""
     ray = sys.modules.get("ray")
     if ray is None or not ray.is_initialized():
         return None
