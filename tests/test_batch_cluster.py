@@ -133,6 +133,12 @@ def does_two_and_is_ended(connection, words, *_):
     os._exit(1)
 
 
+def meets_what_nobody_thought_of(connection, words, *_):
+    """The real process, with a Ray that knows nothing."""
+    ray_driver._connected = lambda _: types.SimpleNamespace()
+    ray_driver.drive(connection, words, "nowhere:1", None, (1.0, 1.0))
+
+
 def is_ended_before_it_is_connected(connection, words, *_):
     """As Ray ends a process whose cluster does not answer."""
     connection.send(("begun", None))
@@ -175,6 +181,15 @@ def test_a_cluster_that_is_lost_is_one_line_in_rays_words(driven):
         "ray nowhere:1: the cluster, or its node on this machine, is lost (No answer within 60 seconds); "
         "what was done is kept, the same command does what is missing"
     )
+
+
+def test_an_error_that_nobody_thought_of_is_named(driven):
+    backend = driven(meets_what_nobody_thought_of)
+    with pytest.raises(
+        InterdriveError, match=r"^ray nowhere:1: AttributeError: .* has no attribute 'remote'; what was"
+    ):
+        list(backend.run(len, lambda _: Task("a")))
+    backend.close()
 
 
 def test_a_process_that_does_not_get_as_far_as_that_is_one_line(driven):

@@ -150,42 +150,30 @@ pub struct Predictions {
 impl Predictions {
     /// A table without any expectation.
     pub fn empty(time_step: i64, ids: Vec<i64>, n_modes: usize, n_steps: usize) -> Self {
-        let n = ids.len() * n_modes * n_steps;
-        let nan = || vec![f64::NAN; n];
-        Self {
-            time_step,
-            probability: vec![0.0; ids.len() * n_modes],
-            ids,
-            n_modes,
-            n_steps,
-            x: nan(),
-            y: nan(),
-            orientation: nan(),
-            velocity: nan(),
-            covariance_xx: nan(),
-            covariance_xy: nan(),
-            covariance_yy: nan(),
-            valid: vec![false; n],
-        }
+        Self::filled(f64::NAN, time_step, ids, n_modes, n_steps)
     }
 
     /// A table of which every row is going to be written.
     pub(crate) fn zeros(time_step: i64, ids: Vec<i64>, n_modes: usize, n_steps: usize) -> Self {
+        Self::filled(0.0, time_step, ids, n_modes, n_steps)
+    }
+
+    fn filled(number: f64, time_step: i64, ids: Vec<i64>, n_modes: usize, n_steps: usize) -> Self {
         let n = ids.len() * n_modes * n_steps;
-        let zero = || vec![0.0; n];
+        let column = || vec![number; n];
         Self {
             time_step,
             probability: vec![0.0; ids.len() * n_modes],
             ids,
             n_modes,
             n_steps,
-            x: zero(),
-            y: zero(),
-            orientation: zero(),
-            velocity: zero(),
-            covariance_xx: zero(),
-            covariance_xy: zero(),
-            covariance_yy: zero(),
+            x: column(),
+            y: column(),
+            orientation: column(),
+            velocity: column(),
+            covariance_xx: column(),
+            covariance_xy: column(),
+            covariance_yy: column(),
             valid: vec![false; n],
         }
     }
