@@ -92,8 +92,7 @@ def target_rows(found: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
             continue
         value = found[target.name] / target.scale
         reached = value <= target.value if target.at_most else value >= target.value
-        short = max(value / target.value, target.value / value)
-        rows.append(
-            (target.what, aim, f"{value:.3g} {target.unit}", "reached" if reached else f"missed by {short:.2g}")
-        )
+        short = 100.0 * (max(value / target.value, target.value / value) - 1.0)
+        verdict = "reached" if reached else f"missed by {short:.1f} %"
+        rows.append((target.what, aim, f"{value:.4g} {target.unit}", verdict))
     return rows
