@@ -5,6 +5,7 @@ import math
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,12 @@ import pytest
 
 import interdrive as idr
 from interdrive.batches import COLUMNS, BatchFolder, query
+from interdrive.batches.columns import comfort
 from interdrive.batches.runs import choices, planned, scenario_files
 from interdrive.files import shipped_scenario
 from interdrive.run_settings import SimulationSettings
 from interdrive.settings import bind
+from invented_run import invented_run
 
 FAST = "idm"
 
@@ -78,18 +81,50 @@ def test_a_run_of_a_batch_is_the_run_that_simulate_makes(two_planners):
         assert row["ttc_critical"] == pytest.approx(found.tet_seconds[i] / (alone.scenario.dt * found.present[i].sum()))
 
 
-def test_comfort_is_that_of_the_driven_states(two_planners):
+def test_comfort_is_that_of_the_planned_states(two_planners):
     row = next(row for row in two_planners.table.to_pylist() if row["scenario"] == "t_junction")
     run = idr.simulate("t_junction", planner=FAST)
     states, at = run.states, int(np.searchsorted(run.states.ids, row["agent_id"]))
     there = states.valid[at]
-    acceleration = states.acceleration[at, there]
-    lateral = states.velocity[at, there] * states.yaw_rate[at, there]
+    acceleration = states.acceleration[at, there][1:]
+    lateral = (states.velocity[at, there] * states.yaw_rate[at, there])[1:]
     assert row["jerk_rms"] == pytest.approx(math.sqrt(np.mean((np.diff(acceleration) / 0.1) ** 2)))
     assert row["deceleration_max"] == pytest.approx(-acceleration.min())
     assert row["lateral_acceleration_max"] == pytest.approx(np.abs(lateral).max())
     assert row["seconds"] == pytest.approx(0.1 * (there.sum() - 1))
     assert 0 < row["plan_seconds"] < 0.1
+
+
+def test_comfort_does_not_count_the_state_that_the_scenario_gave():
+    """By hand: agent 4 begins at time step 5 with a = -3 and yaw rate 0.5; then a is 0, 1, 1 at 2 m/s and 0.1 rad/s."""
+    run = invented_run()
+    at = int(np.searchsorted(run.states.ids, 4))
+    valid = run.states.valid.copy()
+    valid[at] = False
+    valid[at, 5:9] = True
+    values = {"acceleration": [-3.0, 0.0, 1.0, 1.0], "velocity": [2.0] * 4, "yaw_rate": [0.5, 0.1, -0.1, 0.1]}
+    changed = {name: getattr(run.states, name).copy() for name in values}
+    for name, own in values.items():
+        changed[name][at, 5:9] = own
+    found = comfort(replace(run, states=replace(run.states, valid=valid, **changed)))
+    last = {name: column[-1] for name, column in found.items()}
+    assert last["jerk_max"] == pytest.approx(1.0 / 0.1)
+    assert last["jerk_rms"] == pytest.approx(math.sqrt(10.0**2 / 2))
+    assert last["acceleration_rms"] == pytest.approx(math.sqrt(2.0 / 3.0))
+    assert last["deceleration_max"] == 0.0
+    assert last["lateral_acceleration_rms"] == pytest.approx(0.2)
+    assert last["lateral_acceleration_max"] == pytest.approx(0.2)
+    assert last["seconds"] == pytest.approx(0.3)
+
+
+def test_who_drove_no_planned_state_has_no_comfort():
+    run = invented_run()
+    valid = run.states.valid.copy()
+    valid[int(np.searchsorted(run.states.ids, 4)), 6:] = False
+    found = comfort(replace(run, states=replace(run.states, valid=valid)))
+    names = ("jerk_rms", "acceleration_rms", "deceleration_max", "lateral_acceleration_max")
+    assert all(math.isnan(found[name][-1]) for name in names)
+    assert found["seconds"][-1] == 0.0
 
 
 def test_the_data_set_has_the_columns_it_says_and_other_tools_read_it(two_planners):

@@ -88,12 +88,34 @@ AGENT_COLUMNS = (
         for measure in MEASURES
     ),
     Column("ttc_critical", "number", f"share of its time with a TTC under {TTC_CRITICAL:g} s", nullable=True),
-    Column("jerk_rms", "number", "root mean square of the longitudinal jerk [m/s³]", nullable=True),
-    Column("jerk_max", "number", "largest absolute longitudinal jerk [m/s³]", nullable=True),
-    Column("acceleration_rms", "number", "root mean square of the longitudinal acceleration [m/s²]", nullable=True),
-    Column("deceleration_max", "number", "hardest braking [m/s²]", nullable=True),
-    Column("lateral_acceleration_rms", "number", "root mean square of speed times yaw rate [m/s²]", nullable=True),
-    Column("lateral_acceleration_max", "number", "largest absolute speed times yaw rate [m/s²]", nullable=True),
+    Column(
+        "jerk_rms",
+        "number",
+        "root mean square of the longitudinal jerk, behind its first planned state [m/s³]",
+        nullable=True,
+    ),
+    Column(
+        "jerk_max", "number", "largest absolute longitudinal jerk, behind its first planned state [m/s³]", nullable=True
+    ),
+    Column(
+        "acceleration_rms",
+        "number",
+        "root mean square of the longitudinal acceleration of planned states [m/s²]",
+        nullable=True,
+    ),
+    Column("deceleration_max", "number", "hardest braking of planned states [m/s²]", nullable=True),
+    Column(
+        "lateral_acceleration_rms",
+        "number",
+        "root mean square of speed times yaw rate of planned states [m/s²]",
+        nullable=True,
+    ),
+    Column(
+        "lateral_acceleration_max",
+        "number",
+        "largest absolute speed times yaw rate of planned states [m/s²]",
+        nullable=True,
+    ),
     Column("emergencies", "integer", "time steps with emergency braking", nullable=True),
     Column("plan_seconds", "number", "wall time per plan, mean over its time steps [s]", nullable=True),
 )
@@ -165,7 +187,7 @@ def finished_rows(
             extreme(measure.name, grows=measure.grows): of_agents(criticality.extremes[measure.name].value)
             for measure in MEASURES
         },
-        **_comfort(run),
+        **comfort(run),
     }
     return arrow_table(COLUMNS, {**_of_run(spec, about, len(ids)), **values})
 
@@ -205,15 +227,23 @@ def _of_run(spec: RunSpec, about: Mapping[str, object], n: int) -> dict[str, Any
     return {name: labels((str(value),) * n) if name in text else [value] * n for name, value in one.items()}
 
 
-def _comfort(run: Run) -> dict[str, list[float]]:
-    """What passengers feel, and how far and long every agent drove; nan where there are too few states."""
+def comfort(run: Run) -> dict[str, list[float]]:
+    """What passengers feel, and how far and long every agent drove; nan where there are too few states.
+
+    The state with which an agent begins is the scenario's, not its planner's: neither its acceleration and yaw rate
+    nor the jump from them to the first planned state count.
+
+    Returns:
+        By name of the column one value per agent, in the order of `run.outcomes`.
+    """
     states, dt = run.states, run.scenario.dt
     found: dict[str, list[float]] = {}
     for number in run.outcomes.agent_id.tolist():
         row = int(np.searchsorted(states.ids, number))
         there = states.valid[row]
-        velocity, acceleration = states.velocity[row, there], states.acceleration[row, there]
-        lateral = velocity * states.yaw_rate[row, there]
+        planned = np.flatnonzero(there)[1:]
+        acceleration = states.acceleration[row, planned]
+        lateral = states.velocity[row, planned] * states.yaw_rate[row, planned]
         jerk = np.diff(acceleration) / dt
         way = np.hypot(np.diff(states.x[row, there]), np.diff(states.y[row, there]))
         for name, value in (
@@ -222,7 +252,7 @@ def _comfort(run: Run) -> dict[str, list[float]]:
             ("jerk_rms", _rms(jerk)),
             ("jerk_max", _largest(np.abs(jerk))),
             ("acceleration_rms", _rms(acceleration)),
-            ("deceleration_max", max(0.0, _largest(-acceleration))),
+            ("deceleration_max", _largest(np.maximum(-acceleration, 0.0))),
             ("lateral_acceleration_rms", _rms(lateral)),
             ("lateral_acceleration_max", _largest(np.abs(lateral))),
         ):
