@@ -1,5 +1,6 @@
 """Batches whose workers die, hang or grow, that are interrupted, or that share a folder. All of it happens for real."""
 
+import multiprocessing
 import os
 import shutil
 import signal
@@ -11,7 +12,12 @@ from pathlib import Path
 import pytest
 
 import interdrive as idr
-from interdrive.batches import BatchFolder
+from interdrive.batches import BatchFolder, conduct
+from interdrive.batches.execute import Job, agents_of, execute
+from interdrive.batches.pool import _LATE, End, Pool, Task, _Worker
+from interdrive.batches.runs import planned
+from interdrive.files import shipped_scenario
+from interdrive.run_settings import SimulationSettings
 
 HERE = Path(__file__).parent
 
@@ -132,6 +138,56 @@ def test_runs_that_did_not_finish_are_done_again_only_when_asked(place):
     assert retried.table.num_rows == 1
     broken = idr.batch("t_junction", place / "out", planner=[bad], workers=1, agents=1)
     assert row_of(broken, bad)["outcome"] == "planner_error"
+
+
+class SlowToAnswer(Pool):
+    """Never finds out in time who the agents of a scenario are."""
+
+    def run(self, function, take):
+        if function is not agents_of:
+            yield from super().run(function, take)
+            return
+        while (task := take("")) is not None:
+            yield End(task, None, "timeout", "it took longer than 9 s (--run-timeout)", 2)
+
+
+def test_agents_that_could_not_be_found_out_are_a_row_until_they_are_known(place, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(conduct, "Pool", SlowToAnswer)
+        lost = idr.batch("lane_merge", place / "out", planner="idm", workers=1, agents=1, alone=True)
+    (row,) = lost.table.to_pylist()
+    assert (lost.status, row["status"], row["agents"]) == ({"timeout": 1}, "timeout", "alone")
+    assert row["error"] == "its agents could not be found out: it took longer than 9 s (--run-timeout), twice"
+    known = idr.batch("lane_merge", place / "out", planner="idm", workers=1, agents=1, alone=True)
+    assert known.status == {"finished": 1}
+    assert idr.batch("lane_merge", place / "out", planner="idm", workers=1, agents=1).found == 0
+    assert set(idr.read_batch(place / "out")["status"].to_pylist()) == {"finished"}
+
+
+def test_a_scenario_that_changes_during_a_batch_is_a_failure_and_no_property_of_its_content(place):
+    scenario = place / "merge.xml"
+    scenario.write_bytes(shipped_scenario("lane_merge").read_bytes())
+    whole = {"agents": "all", "traffic": None, "alone": False, "seeds": 1, "settings": SimulationSettings()}
+    job = Job(planned([scenario], planner="idm", predictor="neural", **whole).specs[0], "none")
+    scenario.write_bytes(shipped_scenario("t_junction").read_bytes())
+    assert execute(job, 1).status == "failed"
+    scenario.unlink()
+    assert (execute(job, 1).status, agents_of(job, 1).status) == ("failed", "failed")
+
+
+def test_a_worker_that_hangs_while_it_answers_is_ended_after_its_time(place):
+    import batch_planners
+
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=batch_planners.begins_to_answer, args=(theirs,))
+    process.start()
+    theirs.close()
+    until(ours.poll)
+    pool = Pool(1, timeout_s=0.5)
+    assert pool._received(_Worker(process, ours, is_ready=True, task=Task("a run"))) is _LATE
+    process.join(10.0)
+    assert process.exitcode == -signal.SIGKILL
 
 
 def test_a_worker_that_is_killed_from_outside_is_replaced_and_no_run_is_lost(place):

@@ -353,7 +353,7 @@ def test_files_that_are_no_scenarios_are_rows_with_their_reason(tmp_path):
         (["t_junction", "--seeds", "3"], "a seed chooses a number of agents"),
         (["t_junction", "--seeds", "some"], "--seeds: expected a whole number"),
         (["t_junction", "--workers", "0"], "workers: expected at least 1"),
-        (["t_junction", "--run-timeout", "-1"], "run_timeout: expected a positive"),
+        (["t_junction", "--run-timeout", "-1"], "run timeout: expected a positive"),
         (["t_junction", "--memory", "much"], "write a size such as 2G"),
         (["t_junction", "--keep", "some"], "expected one of none, failed, all"),
         (["t_junction", "--set", "planner.x=1"], "no such setting"),

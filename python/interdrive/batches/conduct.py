@@ -11,11 +11,11 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from interdrive.batches.execute import KEEP, Finished, Job, agents_of, content_of, execute, failed
+from interdrive.batches.execute import KEEP, Finished, Job, agents_of, content_of, execute, failed, no_rows
 from interdrive.batches.folder import BatchFolder
 from interdrive.batches.pool import Pool, Task
-from interdrive.batches.runs import planned
-from interdrive.errors import InputError
+from interdrive.batches.runs import Problem, planned
+from interdrive.errors import InputError, InterdriveError
 from interdrive.run_settings import SimulationSettings
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def batch(
         backend = Cluster(ray, workers, timeout_s=run_timeout, memory=memory)
     with closing(backend), closing(BatchFolder.create(out)) as folder:
         if alone:
-            plan = replace(plan, specs=_expanded(plan, backend, send=ray is not None))
+            plan = replace(plan, specs=_expanded(plan, folder, backend, send=ray is not None))
         specs = {spec.key: spec for spec in plan.specs}
         before = folder.done()
         missing = [spec for key, spec in specs.items() if _is_missing(before.get(key), keep, retry=retry)]
@@ -181,7 +181,7 @@ def _check(workers: int | None, run_timeout: float, memory: float, keep: str) ->
     if workers is not None and workers < 1:
         raise InputError(f"workers: expected at least 1, not {workers}")
     if not run_timeout > 0:
-        raise InputError(f"run_timeout: expected a positive number of seconds, not {run_timeout}")
+        raise InputError(f"run timeout: expected a positive number of seconds, not {run_timeout}")
     if not memory >= 2**20:
         raise InputError(f"memory: expected at least 1 MiB, not {memory} bytes")
     if keep not in KEEP:
@@ -196,13 +196,13 @@ def _is_missing(known: Done | None, keep: str, *, retry: bool) -> bool:
     return not known.kept and (keep == "all" or (keep == "failed" and not known.arrived))
 
 
-def _expanded(plan: BatchPlan, backend: Backend, *, send: bool) -> tuple[RunSpec, ...]:
+def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: bool) -> tuple[RunSpec, ...]:
     """A run per agent. Who the agents are is the same for all planners, and is found out by the workers."""
     asked: dict[tuple[str, str, int], list[RunSpec]] = {}
     for spec in plan.specs:
         asked.setdefault((spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed), []).append(spec)
     queue = iter([specs[0] for specs in asked.values()])
-    answers: dict[tuple[str, str, int], tuple[int, ...] | str] = {}
+    answers: dict[tuple[str, str, int], tuple[int, ...] | Problem] = {}
 
     def take(_group: str) -> Task[Job] | None:
         spec = next(queue, None)
@@ -210,15 +210,21 @@ def _expanded(plan: BatchPlan, backend: Backend, *, send: bool) -> tuple[RunSpec
 
     for end in backend.run(agents_of, take):
         spec = end.task.payload.spec
-        answers[spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed] = end.why if end.lost else end.value
+        answer = Problem(end.lost, f"its agents could not be found out: {_twice(end)}") if end.lost else end.value
+        answers[spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed] = answer
+    known = folder.done()
     found: list[RunSpec] = []
     for about, specs in asked.items():
         answer = answers[about]
         for spec in specs:
-            if isinstance(answer, str):
-                found.append(replace(spec.refused(answer), agents=()))
-            else:
-                found += [spec.of_agents([number]) for number in answer]
+            # Nobody in particular: what is said about the run as long as its agents are not known.
+            nobody = spec.of_agents([])
+            if isinstance(answer, Problem):
+                found.append(nobody.impossible(answer))
+                continue
+            if nobody.key in known:
+                folder.store(nobody.key, no_rows())
+            found += [spec.of_agents([number]) for number in answer]
     return tuple(found)
 
 
@@ -312,5 +318,5 @@ def _job(spec: RunSpec, keep: str, *, send: bool) -> Job:
         return Job(spec, keep)
     try:
         return Job(spec, keep, content_of(spec))
-    except InputError as error:
-        return Job(spec.refused(str(error)), keep)
+    except InterdriveError as error:
+        return Job(spec.impossible(Problem("failed", str(error))), keep)

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive.agents import select
-from interdrive.batches.columns import NOT_ARRIVED, failure_row, finished_rows
+from interdrive.batches.columns import COLUMNS, NOT_ARRIVED, failure_row, finished_rows
 from interdrive.batches.dataset import encoded
-from interdrive.batches.runs import parts_hash
+from interdrive.batches.runs import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import read_scenario, scenario_parts
 from interdrive.handles import core_road
-from interdrive.results import save
+from interdrive.results import arrow_table, save
 from interdrive.simulation import simulate
 
 if TYPE_CHECKING:
@@ -74,14 +74,19 @@ _AT_HAND: dict[str, Scenario] = {}
 def execute(job: Job, attempts: int) -> Finished:
     """Does one run with one thread. Whatever goes wrong in it is its result; nothing is raised."""
     spec = job.spec
+    if spec.problem is not None:
+        return failed(spec, *spec.problem, attempts)
     try:
         return _finished(job, attempts)
-    except InputError as error:
-        return failed(spec, "refused", str(error), attempts)
-    except InterdriveError as error:
-        return failed(spec, "failed", str(error), attempts)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a run that fails is a row, not the end
-        return failed(spec, "failed", f"{type(error).__name__}: {error}", attempts)
+        return failed(spec, *_problem(error), attempts)
+
+
+def _problem(error: BaseException) -> Problem:
+    """Why something cannot be done, and what that is called."""
+    if isinstance(error, InterdriveError):
+        return Problem("refused" if isinstance(error, InputError) else "failed", str(error))
+    return Problem("failed", f"{type(error).__name__}: {error}")
 
 
 def failed(spec: RunSpec, status: str, error: str, attempts: int) -> Finished:
@@ -89,19 +94,24 @@ def failed(spec: RunSpec, status: str, error: str, attempts: int) -> Finished:
     return Finished(status, " ".join(error.split()), encoded(failure_row(spec, status, error, attempts)))
 
 
-def agents_of(job: Job, _attempts: int) -> tuple[int, ...] | str:
+def no_rows() -> Finished:
+    """What takes the place of rows that are no longer true: nothing."""
+    return Finished("", "", encoded(arrow_table(COLUMNS, {column.name: [] for column in COLUMNS})))
+
+
+def agents_of(job: Job, _attempts: int) -> tuple[int, ...] | Problem:
     """Ids of the agents that a run would test, or why there are none."""
     spec = job.spec
+    if spec.problem is not None:
+        return spec.problem
     try:
         return _ids(spec, _read(job)[0])
-    except InterdriveError as error:
-        return str(error)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - likewise
+        return _problem(error)
 
 
 def _finished(job: Job, attempts: int) -> Finished:
     spec = job.spec
-    if spec.problem:
-        raise InputError(spec.problem)
     scenario, read_seconds = _read(job)
     start = time.perf_counter()
     run, under_test = _simulated(spec, scenario)
@@ -127,22 +137,23 @@ def _read(job: Job) -> tuple[Scenario, float]:
     """The scenario, and how long reading it took [s].
 
     Raises:
-        InputError: It cannot be read, or its content has changed since the batch was planned.
+        InputError: It cannot be read.
+        InterdriveError: It is gone, or has changed since the batch was planned: its key is that of another content.
     """
     spec = job.spec
     if spec.sha256 + spec.parts_sha256 in _AT_HAND:
         return _AT_HAND[spec.sha256 + spec.parts_sha256], 0.0
     start = time.perf_counter()
     if job.content is None:
+        content_of(spec)
         scenario = read_scenario(spec.path)
     else:
         with tempfile.TemporaryDirectory() as folder:
             for name, content in job.content.items():
                 (Path(folder) / name).write_bytes(content)
             scenario = replace(read_scenario(Path(folder) / Path(spec.path).name), path=Path(spec.path))
-    parts = [part.read_bytes() for part in scenario_parts(spec.path)] if job.content is None else []
-    if scenario.sha256 != spec.sha256 or (job.content is None and parts_hash(parts) != spec.parts_sha256):
-        raise InputError(f"{spec.path}: the file has changed since the batch was started")
+    if scenario.sha256 != spec.sha256:
+        raise InterdriveError(f"{spec.path}: the file has changed since the batch was started")
     _AT_HAND.clear()
     _AT_HAND[spec.sha256 + spec.parts_sha256] = scenario
     return scenario, time.perf_counter() - start
@@ -215,14 +226,14 @@ def content_of(spec: RunSpec) -> dict[str, bytes]:
     """Content of the scenario file and of those that belong to it, by name, unchanged.
 
     Raises:
-        InputError: One is gone, or has changed since the batch was planned.
+        InterdriveError: One is gone, or has changed since the batch was planned.
     """
     path = Path(spec.path)
     try:
         content = {part.name: part.read_bytes() for part in (path, *scenario_parts(path))}
     except OSError as cause:
-        raise InputError(f"{spec.path}: cannot be read: {cause.strerror or cause}") from cause
+        raise InterdriveError(f"{spec.path}: cannot be read: {cause.strerror or cause}") from cause
     own, *others = content.values()
     if hashlib.sha256(own).hexdigest() != spec.sha256 or parts_hash(others) != spec.parts_sha256:
-        raise InputError(f"{spec.path}: the file has changed since the batch was started")
+        raise InterdriveError(f"{spec.path}: the file has changed since the batch was started")
     return content

@@ -5,6 +5,7 @@ A task waits in the parent until a process is free, so that nothing is lost with
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import signal
@@ -12,6 +13,7 @@ import threading
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -160,7 +162,7 @@ class Pool:
         while len(self._workers) < self._n:
             ours, theirs = self._context.Pipe()
             process = self._context.Process(target=_work, args=(theirs,), daemon=True, name="interdrive-batch")
-            with _one_thread():
+            with _one_thread(), _no_interrupt():
                 process.start()
             theirs.close()
             self._workers.append(_Worker(process, ours))
@@ -179,11 +181,10 @@ class Pool:
         now = time.monotonic()
         for worker in list(self._workers):
             if worker.connection in happened or not worker.process.is_alive():
-                try:
-                    answer = worker.connection.recv() if worker.connection.poll() else _NOTHING
-                except (EOFError, OSError):
-                    answer = _NOTHING
-                if answer is _NOTHING:
+                answer = self._received(worker)
+                if answer is _LATE:
+                    yield worker, "timeout", self._too_long()
+                elif answer is _NOTHING:
                     yield worker, "crashed", self._obituary(worker)
                 elif not worker.is_ready:
                     worker.is_ready, self._stillborn = True, 0
@@ -192,24 +193,55 @@ class Pool:
                 continue
             spent = now - worker.since
             if not worker.is_ready and spent > _START_MAX:
-                raise InterdriveError(f"a worker process was not ready within {_START_MAX:g} s")
+                self._count_stillborn(f"are not ready within {_START_MAX:g} s")
+                yield worker, "crashed", "it was not ready in time"
+                continue
             if worker.task is None:
                 continue
             if spent > self._timeout_s:
-                yield worker, "timeout", f"it took longer than {self._timeout_s:g} s (--run-timeout)"
+                yield worker, "timeout", self._too_long()
             elif resident_memory(worker.process.pid) > self._memory:
                 yield worker, "memory", f"its process grew beyond {self._memory / 2**20:.0f} MiB (--memory)"
+
+    def _received(self, worker: _Worker) -> object:
+        """What a process says: `_NOTHING` if it is gone, `_LATE` if it does not come to its end in time."""
+        found: list[object] = []
+
+        def receive() -> None:
+            try:
+                found.append(worker.connection.recv() if worker.connection.poll() else _NOTHING)
+            except (EOFError, OSError):
+                found.append(_NOTHING)
+
+        if worker.task is None or math.isinf(self._timeout_s):
+            receive()
+            return found[0]
+        thread = threading.Thread(target=receive, daemon=True)
+        thread.start()
+        thread.join(max(1.0, worker.since + self._timeout_s - time.monotonic()))
+        if thread.is_alive():
+            worker.process.kill()  # which ends what the thread waits for
+            thread.join()
+            return _LATE
+        return found[0]
+
+    def _too_long(self) -> str:
+        return f"it took longer than {self._timeout_s:g} s (--run-timeout)"
+
+    def _count_stillborn(self, what: str) -> None:
+        """Processes that never get ready are replaced, but not for ever."""
+        self._stillborn += 1
+        if self._stillborn >= _STILLBORN_MAX:
+            raise InterdriveError(f"worker processes {what}")
 
     def _obituary(self, worker: _Worker) -> str:
         worker.process.join(5.0)
         code = worker.process.exitcode
         if not worker.is_ready:
-            self._stillborn += 1
-            if self._stillborn >= _STILLBORN_MAX:
-                raise InterdriveError(
-                    f"worker processes end before they begin (exit code {code}); "
-                    "does the script guard its calls by `if __name__ == '__main__':`?"
-                )
+            self._count_stillborn(
+                f"end before they begin (exit code {code}); "
+                "does the script guard its calls by `if __name__ == '__main__':`?"
+            )
         if code is not None and code < 0:
             name = signal.Signals(-code).name
             return f"its process was killed ({name}{'; out of memory?' if name == 'SIGKILL' else ''})"
@@ -222,7 +254,7 @@ class Pool:
         self._workers.remove(worker)
 
 
-_NOTHING = object()
+_NOTHING, _LATE = object(), object()
 
 
 def resident_memory(pid: int | None) -> int:
@@ -249,9 +281,21 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Processes that start now are not told of Ctrl-C before they can ignore it; the parent is told a moment later."""
+    resource_tracker.ensure_running()  # it would lift the block when it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _work(connection: Connection) -> None:
     """Runs in the process until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     threading.Thread(target=end_with_the_parent, daemon=True).start()
     import interdrive.batches.execute  # noqa: F401, PLC0415 - before the clock runs
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from interdrive import _core
 from interdrive.choices import AgentChoice, named, stored
@@ -62,6 +62,18 @@ class ScenarioFile:
     size: int
 
 
+class Problem(NamedTuple):
+    """Why a run cannot be done.
+
+    Attributes:
+        status: What that is called, one of `interdrive.batches.columns.STATUS`.
+        text: In words.
+    """
+
+    status: str
+    text: str
+
+
 @dataclass(frozen=True)
 class RunSpec:
     """One run of a batch; everything that a process needs to know to do it.
@@ -76,7 +88,7 @@ class RunSpec:
         traffic: One of `TRAFFIC`.
         seed: Chooses a number of agents.
         settings: Of the simulation.
-        problem: Why it cannot be done; "" if it can.
+        problem: Why it cannot be done; None if nothing is known against it.
     """
 
     key: str
@@ -94,7 +106,7 @@ class RunSpec:
     traffic: str
     seed: int
     settings: SimulationSettings
-    problem: str = ""
+    problem: Problem | None = None
 
     @property
     def agents_label(self) -> str:
@@ -112,7 +124,7 @@ class RunSpec:
         """The same run with the given agents under test."""
         return _keyed(replace(self, agents=tuple(ids)))
 
-    def refused(self, problem: str) -> RunSpec:
+    def impossible(self, problem: Problem) -> RunSpec:
         """The same run, which cannot be done."""
         return replace(self, problem=problem)
 
@@ -276,9 +288,9 @@ def choices(given: object, what: Literal["planner", "predictor"]) -> dict[str, o
         InputError: None, a label twice, or a text that is not spelled like that.
     """
     found: dict[str, object] = {}
-    if isinstance(given, Mapping) and what not in given:
+    if isinstance(given, Mapping) and given and what not in given:
         return dict(given)
-    for item in given if isinstance(given, list | tuple) else [given]:
+    for item in given if isinstance(given, list | tuple | Mapping) and what not in given else [given]:
         for choice in _separated(item, what) if isinstance(item, str) else [item]:
             label = choice if isinstance(choice, str) else _label(read_choice(choice, what))
             if label in found:
