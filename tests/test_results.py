@@ -172,6 +172,49 @@ def test_an_empty_folder_may_be_used_and_a_file_may_not(run, tmp_path):
         save(run, tmp_path / "file" / "run")
 
 
+@pytest.fixture
+def on_disk(monkeypatch):
+    """Inode and size of what has reached the disk."""
+    found, real = set(), os.fsync
+
+    def fsync(handle):
+        real(handle)
+        found.add((os.fstat(handle).st_ino, os.fstat(handle).st_size))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    return found
+
+
+def test_files_and_folders_reach_the_disk_before_they_take_their_names(tmp_path, monkeypatch, on_disk):
+    def checked(real):
+        def moved(path, target):
+            written = [path, *path.rglob("*")]
+            assert {(one.stat().st_ino, one.stat().st_size) for one in written if one.is_file()} <= on_disk
+            moves.append(Path(target).name)
+            return real(path, target)
+
+        return moved
+
+    moves = []
+    monkeypatch.setattr(Path, "replace", checked(Path.replace))
+    with replacing(tmp_path / "file.txt") as partial:
+        partial.write_text("content")
+    with replacing(tmp_path / "new" / "folder") as partial:
+        (partial / "deep").mkdir(parents=True)
+        (partial / "deep" / "file").write_text("content")
+    assert moves == ["file.txt", "folder"]
+    assert (tmp_path.stat().st_ino, tmp_path.stat().st_size) in on_disk
+
+
+def test_two_threads_may_write_the_same_file(tmp_path):
+    with replacing(tmp_path / "file") as first, replacing(tmp_path / "file") as second:
+        first.write_text("first")
+        second.write_text("second")
+        assert first != second
+    assert contents(tmp_path) == ["file"]
+    assert (tmp_path / "file").read_text() == "first"
+
+
 @pytest.mark.parametrize("failing", FILES)
 def test_a_full_disk_leaves_nothing_behind_and_says_so_in_one_line(run, tmp_path, monkeypatch, failing):
     real = os.fsync

@@ -15,7 +15,6 @@ from __future__ import annotations
 import fcntl
 import io
 import json
-import os
 import shutil
 import tarfile
 import time
@@ -190,9 +189,9 @@ class BatchFolder:
                 for member in tar:
                     content = tar.extractfile(member)
                     if content is not None:
-                        _write(partial / Path(member.name).name, content.read())
+                        (partial / Path(member.name).name).write_bytes(content.read())
         with replacing(self.path / _RUNS / f"{key}.parquet") as partial:
-            _write(partial, finished.rows)
+            partial.write_bytes(finished.rows)
 
     def claim(self, key: str) -> bool:
         """Nobody else does this run from now on; False if somebody else does it already."""
@@ -260,14 +259,6 @@ class BatchFolder:
         if self._locks is not None:
             self._locks.close()
             self._locks = None
-
-
-def _write(path: Path, content: bytes) -> None:
-    """To the disk, not only to its cache."""
-    with path.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 def read_batch(path: str | Path, columns: Sequence[str] | None = None) -> Any:  # noqa: ANN401 - an Arrow table

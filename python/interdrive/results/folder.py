@@ -18,7 +18,7 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import read_table, schema_of, write_parquet
-from interdrive.results.writing import check_folder, replacing, write_bytes, write_json
+from interdrive.results.writing import check_folder, replacing, write_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -98,7 +98,7 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
                 continue
             write_parquet(table, partial / f"{name}.parquet")
         write_json(information(run), partial / "run.json")
-        write_bytes(write_scenario(run), partial / "scenario.xml")
+        (partial / "scenario.xml").write_bytes(write_scenario(run))
     return target
 
 

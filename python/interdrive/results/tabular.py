@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from interdrive.errors import ResultsError
-from interdrive.results.writing import one_line, write_bytes
+from interdrive.results.writing import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -106,20 +105,17 @@ def write_table(table: pa.Table, path: Path) -> None:
 
     sink = pa.BufferOutputStream()
     pa.csv.write_csv(table, sink, pa.csv.WriteOptions(quoting_style="needed"))
-    write_bytes(sink.getvalue().to_pybytes(), path)
+    path.write_bytes(sink.getvalue().to_pybytes())
 
 
 def write_parquet(table: pa.Table, path: Path) -> None:
-    """Writes a table as Parquet, to the disk and not only to its cache."""
+    """Writes a table as Parquet."""
     import pyarrow as pa  # noqa: PLC0415
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
     named = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
-    with path.open("wb") as file:
-        # Numbers hardly repeat: splitting their bytes compresses better than looking for repetitions.
-        pq.write_table(
-            table, file, compression="zstd", compression_level=1, use_dictionary=named, use_byte_stream_split=numbers
-        )
-        file.flush()
-        os.fsync(file.fileno())
+    # Numbers hardly repeat: splitting their bytes compresses better than looking for repetitions.
+    pq.write_table(
+        table, path, compression="zstd", compression_level=1, use_dictionary=named, use_byte_stream_split=numbers
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import secrets
 import shutil
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -61,6 +62,8 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
 def replacing(path: str | Path) -> Iterator[Path]:
     """A path to write one file or folder to, which takes the place of `path` if all goes well and vanishes if not.
 
+    What was written reaches the disk before it is renamed: after a loss of power it is whole or not there.
+
     Raises:
         ResultsError: if it cannot be written; one line with path and cause.
     """
@@ -70,16 +73,19 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def _replacing(target: Path) -> Iterator[Path]:
-    # Keeps the ending: writers of pictures choose the format by it.
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial{target.suffix}")
+    # Keeps the ending: writers of pictures choose the format by it. Threads, and containers whose process ids repeat,
+    # may write the same file at once.
+    own = f".{target.name}.{os.getpid()}-{secrets.token_hex(4)}"
+    partial = target.with_name(f"{own}.partial{target.suffix}")
     created: list[Path] = []
     try:
         for parent in reversed([parent for parent in target.parents if not parent.exists()]):
             parent.mkdir(exist_ok=True)
             created.append(parent)
-        _remove(partial)
         yield partial
-        _move(partial, target)
+        _move(partial, target, target.with_name(f"{own}.old"))
+        for parent in created:
+            _sync(parent.parent)
     except BaseException as cause:
         _remove(partial)
         for parent in reversed(created):
@@ -90,10 +96,10 @@ def _replacing(target: Path) -> Iterator[Path]:
         raise
 
 
-def _move(partial: Path, target: Path) -> None:
-    if partial.is_dir():
-        _sync(partial)
-    old = target.with_name(f".{target.name}.{os.getpid()}.old")
+def _move(partial: Path, target: Path, old: Path) -> None:
+    """Puts what was written into its place; a folder that is there is `old` for a moment."""
+    for path in (*partial.rglob("*"), partial):
+        _sync(path)
     if not target.is_dir():
         partial.replace(target)
     else:
@@ -116,26 +122,19 @@ def _remove(path: Path) -> None:
             path.unlink()
 
 
-def _sync(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
+def _sync(path: Path) -> None:
+    """Waits until a file, or which names are in a folder, has reached the disk."""
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
 
 
-def write_bytes(data: bytes, path: Path) -> None:
-    """Writes a file, to the disk and not only to its cache."""
-    with path.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
 def write_json(values: Mapping[str, Any], path: Path) -> None:
     """Writes plain values as JSON; infinities and nan as texts."""
     text = json.dumps(_finite(values), indent=2, ensure_ascii=False, allow_nan=False)
-    write_bytes(text.encode() + b"\n", path)
+    path.write_bytes(text.encode() + b"\n")
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
