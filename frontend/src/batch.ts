@@ -117,7 +117,7 @@ export async function showBatch(root: HTMLElement, header: BatchHeader, arrays: 
     element("span", { class: "said" }, `${header.runs.length} runs, ${finished} finished, interdrive ${header.version.join(", ")}`),
     element("span", { class: "space" }),
     choice,
-    button("A+", "Larger text (A)", () => ((zoom = zoom >= 1.5 ? 1 : zoom + 0.25), show())),
+    button("A+", "Larger text (Shift+A)", () => ((zoom = zoom >= 1.5 ? 1 : zoom + 0.25), show())),
     button("◐", "Light or dark (T)", () => ((theme = theme === "light" ? "dark" : "light"), show())),
   );
   document.addEventListener("keydown", (event) => {
@@ -342,10 +342,15 @@ class RunList {
   }
 }
 
+/** A path as a link: folders may have # or ? in their names. */
+function address(page: string): string {
+  return page.split("/").map(encodeURIComponent).join("/");
+}
+
 function line(run: BatchRun): HTMLElement {
-  const link = run.page === null ? element("span", { class: "hint", title: command(run) }, "not kept") : element("a", { href: encodeURI(run.page) }, "look");
+  const link = run.page === null ? element("span", { class: "hint", title: command(run) }, "not kept") : element("a", { href: address(run.page) }, "look");
   const title = run.agent === null ? run.scenario : `${run.scenario}, agent ${run.agent}`;
-  const name = run.page === null ? title : element("a", { href: encodeURI(run.page) }, title);
+  const name = run.page === null ? title : element("a", { href: address(run.page) }, title);
   const finished = run.status === "finished";
   const status = element("td", {}, run.status);
   if (run.error) status.append(element("small", {}, run.error));

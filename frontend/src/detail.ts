@@ -69,7 +69,7 @@ export class Detail {
       this.name.replaceChildren(swatch, element("strong", {}, `${p.agent >= 0 ? "Agent" : "Vehicle"} ${p.id}`));
       this.name.append(p.agent < 0 ? `${p.kind.replace("_", " ")}, recorded` : `${p.kind.replace("_", " ")}, ${p.planner}`);
       if (p.agent >= 0) {
-        const end = `${mark(p.outcome ?? "").text} at ${run.seconds(p.end ?? 0).toFixed(1)} s`;
+        const end = `${mark(p.outcome ?? "").text} at ${run.time(p.end ?? 0)}`;
         this.name.append(element("span", { class: "end" }, markIcon(p.outcome ?? ""), end));
       }
     }
@@ -95,7 +95,7 @@ export class Detail {
     if (seen !== undefined) parts.push(`sees ${seen.size}`);
     const [first, last] = run.candidates(state.selected, state.step);
     const at = run.table("candidate_step")[first];
-    if (last > first) parts.push(`${last - first} candidates ${at === state.step ? "shown" : `of ${run.seconds(at).toFixed(1)} s shown`}`);
+    if (last > first) parts.push(`${last - first} candidates ${at === state.step ? "shown" : `of ${run.time(at)} shown`}`);
     const lacking = run.header.missing.filter((m) => state.layers[LAYER_OF[m.what]]).map((m) => m.text);
     return [parts.join(" · "), ...(p.agent >= 0 ? lacking : [])].filter(Boolean).join("  —  ");
   }

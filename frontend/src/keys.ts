@@ -26,7 +26,8 @@ const KEYS: [string, string][] = [
   ["+ − 0", "nearer, further away, show everything"],
   ["W A S D", "move the map"],
   ["P C R V L", "show plan, candidates, predictions, view, ids"],
-  ["T, A", "light or dark, larger text"],
+  ["T", "light or dark"],
+  ["Shift+A", "larger text"],
 ];
 
 export function helpDialog(): HTMLDialogElement {
@@ -46,9 +47,21 @@ export function listenToKeys(parts: Parts): void {
     const target = event.target;
     if (target instanceof HTMLInputElement && target.type === "search") return;
     if (target instanceof HTMLSelectElement || document.querySelector("dialog[open]")) return;
-    // A focused button is pressed by the space bar; everywhere else it plays.
-    if (event.key === " " && target instanceof HTMLButtonElement) return;
+    // The space bar presses a focused button and checks a focused box; everywhere else it plays.
+    const box = target instanceof HTMLInputElement && target.type === "checkbox";
+    if (event.key === " " && (box || target instanceof HTMLButtonElement)) return;
     if (press(event.key, event.shiftKey, parts)) event.preventDefault();
+  });
+}
+
+/** Who clicks with the mouse means the page with the next key, not the button or box again. */
+export function focusAfterClicks(root: HTMLElement, map: RoadMap): void {
+  let pointed = false;
+  document.addEventListener("keydown", () => (pointed = false), true);
+  document.addEventListener("pointerdown", () => (pointed = true), true);
+  root.addEventListener("click", (event) => {
+    const pressed = (event.target as Element).closest('button, input[type="checkbox"]');
+    if (pointed && pressed !== null) map.root.focus({ preventScroll: true });
   });
 }
 
@@ -104,8 +117,11 @@ function press(key: string, shift: boolean, { run, state, map, player, jump }: P
 
 function nextEvent(run: Run, state: State, jump: (event: number) => void, way: 1 | -1): void {
   const { events } = run.header;
-  const found = way > 0 ? events.findIndex((e) => e.step > state.step) : events.findLastIndex((e) => e.step < state.step);
-  if (found >= 0) jump(found);
+  // Several events may be at one time: from the one jumped to, the next one in the list follows.
+  const within = events[state.event]?.step === state.step;
+  const from = way > 0 ? events.findIndex((e) => e.step >= state.step) : events.findLastIndex((e) => e.step <= state.step);
+  const found = within ? state.event + way : from;
+  if (events[found] !== undefined) jump(found);
 }
 
 function nextAgent(run: Run, state: State, way: 1 | -1): void {

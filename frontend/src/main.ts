@@ -5,7 +5,7 @@ import "./report.css";
 import { type BatchHeader, showBatch } from "./batch";
 import { Detail } from "./detail";
 import { button, element, toggle } from "./elements";
-import { helpDialog, listenToKeys } from "./keys";
+import { focusAfterClicks, helpDialog, listenToKeys } from "./keys";
 import { RoadMap } from "./map";
 import { Panels } from "./panels";
 import { Player } from "./player";
@@ -33,6 +33,7 @@ async function showRun(root: HTMLElement, header: Header, arrays: string): Promi
     const event = header.events[index];
     state.playing = false;
     state.selected = event.rows[0];
+    state.event = index;
     state.seek(event.step);
     map.reveal(event.rows[0]);
     panels.reveal();
@@ -43,6 +44,7 @@ async function showRun(root: HTMLElement, header: Header, arrays: string): Promi
   const help = helpDialog();
   root.replaceChildren(headline(run, state, () => help.showModal()), mapArea(map, state), player.root, detail.root, panels.root, help);
   listenToKeys({ run, state, map, player, jump });
+  focusAfterClicks(root, map);
 
   let dirty = true;
   state.onChange(() => (dirty = true));
@@ -79,7 +81,7 @@ function headline(run: Run, state: State, help: () => void): HTMLElement {
   const agents = run.header.participants.filter((p) => p.agent >= 0);
   const others = run.n - agents.length;
   const seconds = (run.steps - 1) * run.header.dt;
-  const said = `${agents.length} agents, ${others} recorded, ${seconds.toFixed(1)} s`;
+  const said = `${agents.length} agents, ${others} recorded, ${seconds.toFixed(run.decimals)} s`;
   const sizes = [1, 1.25, 1.5];
   return element(
     "header",
@@ -88,7 +90,7 @@ function headline(run: Run, state: State, help: () => void): HTMLElement {
     element("span", { class: "said" }, said),
     element("span", { class: "digest", title: `digest ${run.header.info.digest}` }, run.header.info.digest.slice(0, 12)),
     element("span", { class: "space" }),
-    button("A+", "Larger text and lines, for a projector (A)", () => {
+    button("A+", "Larger text and lines, for a projector (Shift+A)", () => {
       state.zoom = sizes[(sizes.indexOf(state.zoom) + 1) % sizes.length];
       state.changed();
     }),

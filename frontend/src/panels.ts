@@ -34,7 +34,11 @@ export class Panels {
         page.hidden = i !== chosen;
         tabs.children[i].setAttribute("aria-selected", String(i === chosen));
       });
-    pages.forEach(([title], i) => tabs.append(button(title, title, () => show(i), { role: "tab" })));
+    const choose = (i: number) => {
+      show(i);
+      this.reveal();
+    };
+    pages.forEach(([title], i) => tabs.append(button(title, title, () => choose(i), { role: "tab" })));
     this.root.append(tabs, ...pages.map(([, page]) => page));
     show(0);
   }
@@ -45,19 +49,21 @@ export class Panels {
       this.theme = state.theme;
       for (const [swatch, color] of this.swatches) swatch.style.background = agentColor(color, state.theme);
     }
-    const key = `${state.selected} ${state.step}`;
+    const key = `${state.selected} ${state.step} ${state.event}`;
     if (key === this.marked) return;
     this.marked = key;
     for (const [row, line] of this.agentRows) line.classList.toggle("chosen", row === state.selected);
     this.run.header.events.forEach((event, i) => {
       this.eventRows[i].classList.toggle("now", event.step === state.step);
       this.eventRows[i].classList.toggle("past", event.step < state.step);
+      this.eventRows[i].setAttribute("aria-current", String(i === state.event && event.step === state.step));
     });
   }
 
-  /** Brings the row of the selected agent into sight. */
+  /** Brings the rows of the selected agent and of the event jumped to into sight. */
   reveal(): void {
     this.agentRows.get(this.state.selected)?.scrollIntoView({ block: "nearest" });
+    this.eventRows[this.state.event]?.scrollIntoView({ block: "nearest" });
   }
 
   private agents(): HTMLElement {
@@ -95,7 +101,7 @@ export class Panels {
       line.append(
         element("td", {}, button(String(p.id), `Select agent ${p.id}`, () => this.choose(row)), swatch),
         outcome,
-        element("td", { class: "number" }, this.run.seconds(p.end ?? 0).toFixed(1)),
+        element("td", { class: "number" }, this.run.seconds(p.end ?? 0).toFixed(this.run.decimals)),
         element("td", { class: "number" }, Number.isFinite(least(p)) ? least(p).toFixed(2) : ""),
       );
       if (several) line.append(element("td", {}, p.planner ?? ""));
@@ -148,7 +154,7 @@ export class Panels {
     const group = (event: RunEvent) => GROUPS[event.kind] ?? "ends";
     const hidden = new Set<string>();
     this.run.header.events.forEach((event, index) => {
-      const time = element("span", { class: "time" }, `${this.run.seconds(event.step).toFixed(1)} s`);
+      const time = element("span", { class: "time" }, this.run.time(event.step));
       const line = element("li", {}, button("", `Jump to: ${event.text}`, () => this.jump(index)));
       line.firstElementChild!.append(time, markIcon(event.kind), element("span", {}, event.text));
       this.eventRows.push(line);

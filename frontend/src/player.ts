@@ -1,7 +1,7 @@
 // Play, pause, scrub, step, speed; marks of events above the slider.
 
 import { button, element } from "./elements";
-import { mark } from "./marks";
+import { markIcon } from "./marks";
 import type { Run } from "./run";
 import type { State } from "./state";
 
@@ -67,8 +67,8 @@ export class Player {
   draw(): void {
     const { state, run } = this;
     this.slider.value = String(state.step);
-    this.slider.setAttribute("aria-valuetext", `${run.seconds(state.step).toFixed(1)} s`);
-    this.clock.textContent = `${run.seconds(state.step).toFixed(1)} s · step ${run.header.first_time_step + state.step}`;
+    this.slider.setAttribute("aria-valuetext", run.time(state.step));
+    this.clock.textContent = `${run.time(state.step)} · step ${run.header.first_time_step + state.step}`;
     this.playButton.textContent = state.playing ? "❚❚" : "▶";
     this.playButton.classList.toggle("on", state.playing);
   }
@@ -78,7 +78,7 @@ export class Player {
     this.run.header.events.forEach((event, index) => {
       const tick = button("", event.text, () => jump(index), { class: `tick ${event.kind}`, tabindex: "-1" });
       tick.style.left = `${(100 * event.step) / Math.max(1, this.state.last)}%`;
-      tick.style.background = mark(event.kind).color;
+      tick.append(markIcon(event.kind));
       strip.append(tick);
     });
     return strip;

@@ -74,12 +74,17 @@ export class Profiles {
       for (const chart of this.charts) this.build(chart);
     }
     this.drawPlan();
-    const time = this.run.seconds(0) + state.time * this.run.header.dt;
     for (const chart of this.charts) {
-      if (chart.u === undefined || chart.line === undefined) continue;
-      chart.line.style.transform = `translateX(${chart.u.valToPos(time, "x")}px)`;
+      this.placeLine(chart);
       chart.value.textContent = this.valueOf(chart);
     }
+  }
+
+  /** A chart knows its scales only when it has drawn itself: it calls this then, too. */
+  private placeLine(chart: Chart): void {
+    const time = this.run.seconds(0) + this.state.time * this.run.header.dt;
+    const at = chart.u?.valToPos(time, "x") ?? NaN;
+    if (chart.line !== undefined && Number.isFinite(at)) chart.line.style.transform = `translateX(${at}px)`;
   }
 
   private get measure() {
@@ -144,10 +149,13 @@ export class Profiles {
       ],
       series: [
         {},
-        { stroke: color === colors.traffic ? colors.ink : color, width: 2 * state.zoom, points: { show: false } },
+        { stroke: color === colors.traffic ? colors.ink : color, width: 2 * state.zoom, points: { show: false, size: 6 * state.zoom, filter: alone } },
         { stroke: colors.ink, width: 1.4 * state.zoom, dash: [4, 3], spanGaps: true, points: { show: false } },
       ],
-      hooks: { drawClear: [(u) => drawLevels(u, chart.levels(), colors.ink)] },
+      hooks: {
+        drawClear: [(u) => drawLevels(u, chart.levels(), colors.ink)],
+        draw: [() => this.placeLine(chart)],
+      },
     };
     const empty: Column = this.times.map(() => null);
     chart.u = new uPlot(options, [this.times, chart.series(), empty] as uPlot.AlignedData, chart.plot);
@@ -211,6 +219,12 @@ export class Profiles {
         chart.u.setSize({ width: chart.plot.clientWidth, height: chart.plot.clientHeight });
     this.state.changed();
   }
+}
+
+/** Values without a neighbour, which no line would show. */
+function alone(u: uPlot, series: number): number[] {
+  const values = u.data[series];
+  return Array.from(values.keys()).filter((i) => values[i] != null && values[i - 1] == null && values[i + 1] == null);
 }
 
 function drawLevels(u: uPlot, levels: number[], color: string): void {

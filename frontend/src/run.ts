@@ -81,6 +81,8 @@ const NONE: Rows = [0, 0];
 export class Run {
   readonly n: number;
   readonly steps: number;
+  /** Of times [s]: enough to tell time steps apart. */
+  readonly decimals: number;
   private readonly tables: Record<string, Values> = {};
   private readonly planAt = new Map<number, number>();
   private readonly candidatesAt = new Map<number, Rows>();
@@ -92,6 +94,7 @@ export class Run {
   ) {
     this.n = header.participants.length;
     this.steps = header.n_steps;
+    this.decimals = [1, 2].find((n) => Number.isInteger(+(header.dt * 10 ** n).toFixed(6))) ?? 3;
     this.index();
   }
 
@@ -126,6 +129,11 @@ export class Run {
   /** Time since the start of the scenario [s]. */
   seconds(step: number): number {
     return (this.header.first_time_step + step) * this.header.dt;
+  }
+
+  /** The same for people, with as many decimals as the length of a time step has. */
+  time(step: number): string {
+    return `${this.seconds(step).toFixed(this.decimals)} s`;
   }
 
   present(row: number, step: number): boolean {

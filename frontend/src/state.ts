@@ -18,6 +18,8 @@ export class State {
   speed = 1;
   /** Row of the selected participant; -1: nobody. */
   selected = -1;
+  /** Index of the event that was jumped to last; -1: none. */
+  event = -1;
   follow = false;
   theme: Theme = "light";
   /** Size of text and lines. */

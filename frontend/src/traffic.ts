@@ -189,8 +189,8 @@ export class Traffic {
     ctx.fillStyle = color;
     for (let i = first; i < last; i++) {
       if (who[i] === state.selected || !(seen === undefined ? this.inRange(who[i], state) : seen.has(who[i]))) continue;
-      ctx.globalAlpha = 0.03 + 0.13 * probability[i];
-      this.ellipses(ctx, camera, i);
+      ctx.lineWidth = 0.8 * state.zoom;
+      this.ellipses(ctx, camera, i, probability[i]);
       ctx.globalAlpha = 0.2 + 0.75 * probability[i];
       ctx.lineWidth = (0.6 + 1.6 * probability[i]) * state.zoom;
       this.trace(ctx, camera, "prediction", i, who[i], state.step);
@@ -205,7 +205,7 @@ export class Traffic {
     return a !== undefined && b !== undefined && Math.hypot(a.x - b.x, a.y - b.y) <= radius;
   }
 
-  private ellipses(ctx: CanvasRenderingContext2D, camera: Camera, row: number): void {
+  private ellipses(ctx: CanvasRenderingContext2D, camera: Camera, row: number, probability: number): void {
     const width = this.run.width("prediction_x");
     const at = (name: string) => this.run.table(`prediction_${name}`);
     const [x, y, sx, sy, r] = ["x", "y", "sx", "sy", "correlation"].map(at);
@@ -220,7 +220,11 @@ export class Traffic {
       const s = ELLIPSE * camera.scale;
       ctx.beginPath();
       ctx.ellipse(px, py, Math.max(s * long, 0.5), Math.max(s * short, 0.5), camera.angle - angle, 0, 2 * Math.PI);
+      // Fills of many vehicles add up: outlines tell them apart.
+      ctx.globalAlpha = 0.03 + 0.1 * probability;
       ctx.fill();
+      ctx.globalAlpha = 0.12 + 0.45 * probability;
+      ctx.stroke();
     }
   }
 

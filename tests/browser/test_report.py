@@ -171,6 +171,100 @@ def test_n_and_b_go_to_the_next_event_and_back(page, demo):
     assert steps[2] == steps[0]
 
 
+def cursors(page) -> list[float]:
+    """Where the cursors of the profiles are, as shares of the axis of time."""
+    return page.evaluate("""() => [...document.querySelectorAll(".cursor-line")].map((line) => {
+      const [at, axis] = [line.getBoundingClientRect(), line.parentElement.getBoundingClientRect()];
+      return (at.x + at.width / 2 - axis.x) / axis.width;
+    })""")
+
+
+@pytest.mark.parametrize("way", ["select", "jump", "measure", "theme"])
+def test_the_cursor_of_the_profiles_stays_at_the_time_of_the_player(page, demo, way):
+    root = opened(page, demo)
+    page.locator('button[aria-label="Select agent 1003"]').click()
+    page.locator(".scrub").fill("66")
+    ready(page)
+    if way == "select":
+        page.locator('button[aria-label="Select agent 1005"]').click()
+    elif way == "jump":
+        page.keyboard.press("n")
+    elif way == "measure":
+        page.get_by_label("Criticality measure").select_option(index=3)
+    else:
+        page.keyboard.press("t")
+    ready(page)
+    assert int(said(root, "step")) >= 66
+    assert cursors(page) == pytest.approx(3 * [int(said(root, "step")) / 132], abs=0.01)
+
+
+def test_a_single_value_is_a_dot_in_its_profile(page, demo, tmp_path):
+    text = demo.read_text(encoding="utf-8")
+    assert text.count('"n_steps":133') == 1
+    short = tmp_path / "one_step.html"
+    short.write_text(text.replace('"n_steps":133', '"n_steps":1'), encoding="utf-8")
+    opened(page, short)
+    page.keyboard.press("]")
+    ready(page)
+    coloured = page.evaluate("""() => {
+      const canvas = document.querySelector(".profile canvas");
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      let found = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        const [r, g, b] = data.slice(i, i + 3);
+        found += data[i + 3] > 200 && Math.max(r, g, b) - Math.min(r, g, b) > 60;
+      }
+      return found;
+    }""")
+    assert 5 <= coloured <= 200
+
+
+def test_space_checks_a_focused_box_and_plays_after_clicks(page, demo):
+    root = opened(page, demo)
+    page.keyboard.press("]")
+    ready(page)
+    box = page.locator('input[data-layer="plan"]')
+    box.focus()
+    page.keyboard.press(" ")
+    ready(page)
+    assert not box.is_checked()
+    assert said(root, "playing") == "false"
+    page.get_by_role("tab", name="Events").click()
+    for clicked in (box, page.locator(".events button").first):
+        clicked.click()
+        page.keyboard.press(" ")
+        ready(page)
+        assert said(root, "playing") == "true"
+        page.keyboard.press(" ")
+    assert box.is_checked()
+
+
+def test_n_leaves_out_no_event_and_the_list_follows(page, demo):
+    root = opened(page, demo)
+    page.get_by_role("tab", name="Events").click()
+    page.set_viewport_size({"width": 1366, "height": 400})
+    rows = page.locator(".events li")
+    for at in range(rows.count()):
+        page.keyboard.press("n")
+        ready(page)
+        assert rows.nth(at).get_attribute("aria-current") == "true"
+    last, list_ = rows.last.bounding_box(), page.locator(".page:visible").bounding_box()
+    assert list_["y"] <= last["y"] <= list_["y"] + list_["height"] - last["height"] + 1
+    page.keyboard.press("b")
+    ready(page)
+    assert rows.nth(rows.count() - 2).get_attribute("aria-current") == "true"
+    assert said(root, "step") != "0"
+
+
+def test_marks_of_the_timeline_differ_in_shape(page, demo):
+    opened(page, demo)
+    shapes = {
+        kind: page.locator(f".tick.{kind} polygon").first.get_attribute("points")
+        for kind in ("critical", "goal_reached", "emergency_braking")
+    }
+    assert len(set(shapes.values())) == 3
+
+
 def test_a_click_into_a_profile_moves_the_player(page, demo):
     root = opened(page, demo)
     page.locator('button[aria-label="Select agent 1001"]').click()
