@@ -14,7 +14,10 @@ from interdrive.batches import BatchFolder, compare, query, save_comparison
 from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
 from interdrive.batches.dataset import encoded
 from interdrive.batches.execute import Finished
+from interdrive.batches.figure import draw_comparison
 from interdrive.batches.metrics import weighted_medians
+from interdrive.batches.reservations import is_sure
+from interdrive.batches.sheets import markdown, sheets_of
 from interdrive.results import arrow_table, labels
 
 
@@ -193,6 +196,76 @@ def test_an_interval_of_many_scenarios_is_that_of_the_mean(tmp_path):
     assert found["difference"] == pytest.approx(noise.mean())
     assert found["low"] == pytest.approx(noise.mean() - half, abs=0.1 * half)
     assert found["high"] == pytest.approx(noise.mean() + half, abs=0.1 * half)
+
+
+def scattered(n, values=(3.0, 5.0)):
+    """Runs of n scenarios in which a has 100 more collisions per 100 than b, and another jerk by these values."""
+    runs = [(f"s/{k}", "a", {1: {**crash(), "jerk_rms": values[k % len(values)]}}) for k in range(n)]
+    return runs + [(f"s/{k}", "b", {1: {"jerk_rms": 0.0}}) for k in range(n)]
+
+
+def test_nothing_is_claimed_about_fewer_than_20_scenarios(tmp_path):
+    for n, sure in ((19, False), (20, True)):
+        found = compare(invented(tmp_path / str(n), scattered(n)))
+        row = difference(found, "jerk_rms")
+        assert row["low"] > 3.0  # the interval alone would say that it is sure
+        assert is_sure(row) is sure
+        assert ("**4." in markdown(found).partition("| metric |")[2]) is sure
+        figure = draw_comparison(found)
+        dot = figure.axes[4].lines[-1]
+        assert (dot.get_markerfacecolor() == dot.get_markeredgecolor()) is sure
+        assert any("too few for claims" in text.get_text() for text in figure.texts) is not sure
+
+
+def test_an_interval_without_width_is_never_sure(tmp_path):
+    found = compare(invented(tmp_path / "batch", scattered(25)))
+    row = difference(found, "collisions")
+    assert (row["difference"], row["low"], row["high"]) == (100.0, 100.0, 100.0)
+    assert not is_sure(row)
+    assert "**100.00" not in markdown(found).partition("| metric |")[2]
+
+
+def test_below_the_differences_stands_what_bold_means(tmp_path):
+    few = compare(invented(tmp_path / "few", scattered(2)))
+    note = list(sheets_of(few, few.sets[0]))[-1].note
+    assert note.startswith(
+        "Nothing is in bold: over fewer than 20 scenarios (there are 2) intervals are much too narrow"
+    )
+    assert note in markdown(few)
+    runs = [(name, who, {1: {**one[1], **({"jerk_rms": None} if name in ("s/0", "s/1") else {})}})
+            for name, who, one in scattered(21)]  # fmt: skip
+    mixed = compare(invented(tmp_path / "mixed", runs))
+    assert list(sheets_of(mixed, mixed.sets[0]))[-1].note == (
+        "Bold: the interval does not contain zero. Never in bold, being over fewer than 20 scenarios: jerk [m/s³]."
+    )
+
+
+def test_few_scenarios_are_warned_of_when_no_interval_has_a_width(tmp_path):
+    said = " ".join(compare(invented(tmp_path / "batch", scattered(2, values=(3.0,)))).reservations)
+    assert "All differences are over fewer than 20 scenarios" in said
+    assert "Intervals (95 %)" in said
+    assert "true zeros" not in said
+
+
+def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
+    """20 scenarios in one category, 5 in another one: of 3 intervals of the jerk 2 count."""
+    runs = [(f"{'many' if int(name[2:]) < 20 else 'few'}/{name[2:]}", *rest) for name, *rest in scattered(25)]
+    found = compare(invented(tmp_path / "batch", runs))
+    rows = found.differences.to_pylist()
+    assert sum(row["low"] is not None and row["low"] < row["high"] for row in rows) == 3
+    said = " ".join(found.reservations)
+    assert "2 differences with an interval of 20 or more scenarios (1 over all categories, 1 within categories)" in said
+    assert "of 2 true zeros at least about 0.1 would" in said
+    assert f"{len(rows) // 3} of {len(rows)} differences are over fewer than 20" in said
+
+
+def test_few_collisions_are_told_of_each_set_by_name(tmp_path):
+    runs = [("s/x", "a", {1: {}}, {"traffic": "recorded", "agents": agents}) for agents in ("2", "alone")]
+    said = [line for line in compare(invented(tmp_path / "batch", runs)).reservations if "Few collisions" in line]
+    assert [line.partition(" (")[0] for line in said] == [
+        "Few collisions with traffic recorded, agents 2",
+        "Few collisions with traffic recorded, agents alone",
+    ]
 
 
 def test_all_agents_of_a_scenario_go_together(tmp_path):

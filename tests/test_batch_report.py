@@ -49,6 +49,8 @@ def test_a_page_has_the_comparison_as_it_is_printed(folder):
     for shown, row in zip(header["table"], found.table.to_pylist(), strict=True):
         assert shown["goal_reached"] == row["goal_reached"]
     assert len(header["differences"]) == found.differences.num_rows
+    # Two scenarios are too few for any claim.
+    assert {(row["n_scenarios"] > 2, row["sure"]) for row in header["differences"]} == {(False, 0)}
     assert header["reservations"] == list(found.reservations)
     assert header["variants"] == ["idm", "idm_mobil"]
 

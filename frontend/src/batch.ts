@@ -59,6 +59,8 @@ export interface BatchHeader {
   table: Row[];
   differences: Row[];
   level: number | null;
+  /** Differences over fewer scenarios are not marked. */
+  scenarios_min: number;
   reservations: string[];
   drawn: { name: string; title: string; unit: string }[];
   runs: BatchRun[];
@@ -227,7 +229,14 @@ function differences(header: BatchHeader, rows: Row[]): HTMLElement {
   }
   const section = element("section", {}, element("h2", {}, "Differences"));
   const percent = Math.round(100 * (header.level ?? 0));
-  const said = `Over the same agents; intervals of ${percent} % over scenarios. Those in bold, with filled dots, do not contain 0.`;
+  const few = known.filter((row) => Number(row.n_scenarios) < header.scenarios_min).length;
+  const marked = "Those in bold, with filled dots, do not contain 0";
+  const most = Math.max(...known.map((row) => Number(row.n_scenarios)));
+  const claims =
+    few === known.length
+      ? `Over fewer than ${header.scenarios_min} scenarios (here ${most}) intervals are much too narrow: nothing is in bold, no dot is filled, and nobody is called better.`
+      : `${marked}${few ? `; never those over fewer than ${header.scenarios_min} scenarios` : ""}.`;
+  const said = `Over the same agents; intervals of ${percent} % over scenarios. ${claims}`;
   section.append(element("p", { class: "hint" }, said));
   const grid = element("div", { class: "pairs" });
   for (const [name, found] of pairs) {
@@ -241,7 +250,7 @@ function differences(header: BatchHeader, rows: Row[]): HTMLElement {
 
 function difference(metric: Metric, row: Row, most: number): HTMLElement {
   const [low, high] = [row.low, row.high];
-  const sure = typeof low === "number" && typeof high === "number" && (low > 0 || high < 0);
+  const sure = row.sure === 1;
   const interval = low === null ? "–" : `${number(low, metric.digits)} to ${number(high, metric.digits)}`;
   const better = sure && metric.better !== 0 ? (metric.better * Number(row.difference) > 0 ? "better" : "worse") : "";
   return element(

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from interdrive.batches.metrics import METRICS
-from interdrive.batches.sheets import is_sure
+from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
 from interdrive.batches.variants import ALL
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ class _Line:
 def draw_comparison(comparison: Comparison) -> Figure:
     """A figure, 180 mm wide: shares of outcomes per planner, below them differences with their intervals.
 
-    Only what holds for all categories together is drawn. A filled dot says that the interval does not contain zero.
+    Only what holds for all categories together is drawn. A filled dot says that the interval does not contain zero;
+    over fewer than `SCENARIOS_MIN` scenarios no dot is filled.
     """
     rows = {_key(row): row for row in comparison.table.to_pylist() if row["category"] == ALL}
     differences = {
@@ -101,7 +102,8 @@ def _lines(comparison: Comparison, keys: Iterable[tuple[str, ...]]) -> list[_Lin
         inside = [key for key in known if key[:2] == (one.traffic, one.agents)]
         if inside:
             scenarios = f"{one.n_scenarios} scenario{'s' * (one.n_scenarios != 1)}"
-            title = f"{one.title} ({one.n_agents} agents, {scenarios})" if len(inside[0]) == 3 else one.title
+            few = f" ({scenarios}: too few for claims)" if one.n_scenarios < SCENARIOS_MIN else ""
+            title = one.title + (f" ({one.n_agents} agents, {scenarios})" if len(inside[0]) == 3 else few)
             lines.append(_Line(title))
             lines += [_Line(" − ".join(key[2:]), key) for key in inside]
     return lines

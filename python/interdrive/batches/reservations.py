@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.batches.metrics import METRICS
 from interdrive.batches.variants import ALL
 
 if TYPE_CHECKING:
@@ -13,11 +14,35 @@ if TYPE_CHECKING:
 
     from interdrive.batches.variants import ComparedSet
 
-#: Fewer scenarios than this make intervals that are too narrow.
-_SCENARIOS_MIN = 20
+#: Fewer scenarios than this make intervals that are much too narrow: nothing is claimed about such differences.
+SCENARIOS_MIN = 20
+
+_DIGITS = {metric.name: metric.digits for metric in METRICS}
 
 #: A metric with fewer events than this in a planner says little about it.
 _EVENTS_MIN = 10
+
+
+def is_sure(row: Mapping[str, Any]) -> bool:
+    """A difference may be called one: its interval is of enough scenarios, has a width, and does not contain zero.
+
+    Ends that tables print as zero are zero.
+
+    Args:
+        row: Of the differences, with `interdrive.batches.compare.DIFFERENCE_COLUMNS`.
+    """
+    if not _is_enough(row) or not _has_width(row):
+        return False
+    low, high = (round(row[name], _DIGITS[row["metric"]]) for name in ("low", "high"))
+    return bool(low > 0 or high < 0)
+
+
+def _is_enough(row: Mapping[str, Any]) -> bool:
+    return bool(row["n_scenarios"] >= SCENARIOS_MIN)
+
+
+def _has_width(row: Mapping[str, Any]) -> bool:
+    return row["low"] is not None and bool(row["low"] < row["high"])
 
 
 def reservations(
@@ -44,11 +69,7 @@ def reservations(
         ),
         *_of_the_choice(rows, sets),
     ]
-    known = [row for row in differences if row["low"] is not None and row["low"] < row["high"]]
-    if known:
-        said += _of_intervals(known, level)
-    if known and min(one.n_scenarios for one in sets) < _SCENARIOS_MIN:
-        said.append(f"With fewer than {_SCENARIOS_MIN} scenarios the intervals are too narrow.")
+    said += _of_intervals([row for row in differences if row["n_scenarios"]], level)
     for one, here in zip(sets, counted, strict=True):
         said += _of_collisions(one, here, several=len(sets) > 1)
     traffic = {one.traffic for one in sets}
@@ -95,18 +116,33 @@ def _of_the_choice(rows: Mapping[str, Any], sets: Sequence[ComparedSet]) -> list
 
 
 def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]:
-    n = len(known)
-    whole = sum(row["category"] == ALL for row in known)
-    return [
+    """What intervals mean, of which differences they mean nothing, and how many are wrong by chance."""
+    if not known:
+        return []
+    said = [
         (
             f"Intervals ({100 * level:g} %) say how far a difference depends on which of these scenarios were drawn; "
             "not how it depends on settings, predictor, vehicle model or goals that were derived from recordings."
-        ),
-        (
-            f"There are {n} differences with an interval ({whole} over all categories, {n - whole} within "
-            f"categories): of {n} true zeros about {(1 - level) * n:.0f} would have one without zero by chance."
-        ),
+        )
     ]
+    enough = [row for row in known if _is_enough(row)]
+    if len(enough) < len(known):
+        few = len(known) - len(enough)
+        which = f"{few} of {len(known)} differences are" if enough else "All differences are"
+        said.append(
+            f"{which} over fewer than {SCENARIOS_MIN} scenarios: so few make intervals that are much too narrow, or "
+            "without any width, and no such difference is called sure."
+        )
+    tested = [row for row in enough if _has_width(row)]
+    if tested:
+        n, whole = len(tested), sum(row["category"] == ALL for row in tested)
+        wrong = f"{(1 - level) * n:.{0 if n >= 10 else 1}f}"
+        said.append(
+            f"There are {n} differences with an interval of {SCENARIOS_MIN} or more scenarios ({whole} over all "
+            f"categories, {n - whole} within categories): of {n} true zeros at least about {wrong} would "
+            "have one without zero by chance."
+        )
+    return said
 
 
 def _of_collisions(one: ComparedSet, here: Mapping[str, Any], *, several: bool) -> list[str]:
@@ -118,7 +154,7 @@ def _of_collisions(one: ComparedSet, here: Mapping[str, Any], *, several: bool) 
     ]
     if not few:
         return []
-    where = f" with traffic {one.traffic}" if several else ""
+    where = f" with traffic {one.traffic}, agents {one.agents}" if several else ""
     return [
         (
             f"Few collisions{where} ({', '.join(few)}): a rate from so few events, and harm even more, hangs on "

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.metrics import METRICS
+from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
 from interdrive.batches.variants import ALL
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from interdrive.batches.compare import Comparison
     from interdrive.batches.metrics import Metric
@@ -41,12 +42,14 @@ class Sheet:
         head: Names of the columns.
         texts: So many columns at the left are texts, the others numbers.
         rows: Cells.
+        note: What stands below it; "" for nothing.
     """
 
     title: str
     head: tuple[str, ...]
     texts: int
     rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
 
 
 def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
@@ -92,12 +95,24 @@ def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], l
         lines.append(tuple(cells))
     head = ("metric", *(f"{one} − {other}" for one, other in pairs))
     title = f"Differences over all categories, with {100 * level:g} % intervals over scenarios"
-    return Sheet(title, head, 1, tuple(lines))
+    return Sheet(title, head, 1, tuple(lines), _of_bold(rows, metrics))
 
 
-def is_sure(row: Mapping[str, Any]) -> bool:
-    """The interval of a difference has a width and does not contain zero."""
-    return row["low"] is not None and (row["low"] > 0 or row["high"] < 0)
+def _of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -> str:
+    """What bold means, and where it cannot be."""
+    few = {row["metric"] for row in rows if row["n_scenarios"] < SCENARIOS_MIN}
+    names = [metric.heading for metric in metrics if metric.name in few]
+    if names and len(names) == len(metrics):
+        most = max(row["n_scenarios"] for row in rows)
+        count = f"there {'is' if most == 1 else 'are'} {most}"
+        return (
+            f"Nothing is in bold: over fewer than {SCENARIOS_MIN} scenarios ({count}) intervals are much too narrow, "
+            "and no planner is called better than another one."
+        )
+    said = "Bold: the interval does not contain zero."
+    if names:
+        said += f" Never in bold, being over fewer than {SCENARIOS_MIN} scenarios: {', '.join(names)}."
+    return said
 
 
 def shown(metric: Metric, value: float | None) -> str:
@@ -114,6 +129,7 @@ def markdown(found: Comparison) -> str:
         lines += [f"### {one.title}", "", f"{one.size}.", ""]
         for sheet in sheets_of(found, one):
             lines += [f"{sheet.title}:", "", *_piped(sheet), ""]
+            lines += [sheet.note, ""] if sheet.note else []
     lines += ["What these numbers do not prove:", "", *(f"- {line}" for line in found.reservations)]
     return "\n".join(lines) + "\n"
 

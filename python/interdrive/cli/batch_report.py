@@ -154,6 +154,8 @@ def print_comparison(found: Comparison, folder: Path) -> None:
         for sheet in sheets_of(found, one):
             console.print(f"\n{escape(sheet.title)}", style="italic")
             console.print(_table_of(sheet))
+            if sheet.note:
+                console.print(escape(sheet.note), soft_wrap=True)
         console.print()
     console.print("What these numbers do not prove:", style="bold")
     for line in found.reservations:

@@ -9,6 +9,7 @@ import numpy as np
 
 from interdrive.batches import METRICS, compare
 from interdrive.batches.folder import BatchFolder
+from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
 from interdrive.batches.runs import ALONE
 from interdrive.batches.variants import arrays, compared_sets, variants_of
 from interdrive.errors import ResultsError
@@ -18,7 +19,7 @@ from interdrive.report.packing import Packer
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.batches import ComparedSet
+    from interdrive.batches import ComparedSet, Comparison
 
 #: Columns of the data set whose distributions are drawn, and the factor to their unit.
 _DRAWN = (
@@ -83,8 +84,9 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
             for m in METRICS
         ],
         "table": [] if comparison is None else _plain(comparison.table.to_pylist()),
-        "differences": [] if comparison is None else _plain(comparison.differences.to_pylist()),
+        "differences": [] if comparison is None else _differences(comparison),
         "level": None if comparison is None else comparison.level,
+        "scenarios_min": SCENARIOS_MIN,
         "reservations": [] if comparison is None else list(comparison.reservations),
         "drawn": [{"name": name, "title": title, "unit": unit} for name, title, unit, _ in _DRAWN],
         "runs": _runs(column, pages),
@@ -132,6 +134,12 @@ def _counted(column: Mapping[str, Any]) -> Any:  # noqa: ANN401 - array of truth
     for _, here in compared_sets(rows):
         found[here["row"][here["counts"]]] = True
     return found
+
+
+def _differences(comparison: Comparison) -> list[dict[str, Any]]:
+    """Rows for JSON, each with 1 if it may be called a difference, 0 otherwise."""
+    rows = comparison.differences.to_pylist()
+    return [{**plain, "sure": int(is_sure(row))} for plain, row in zip(_plain(rows), rows, strict=True)]
 
 
 def _set(one: ComparedSet) -> dict[str, str]:
