@@ -100,6 +100,14 @@ def test_measures_show_finite_values_up_to_where_they_matter(merge):
     assert panels[0].get_ylim()[1] <= 10.5
 
 
+def test_a_measure_is_drawn_once_and_long_names_take_two_lines_of_a_wider_margin(merge):
+    found = merge.criticality()
+    long = draw_measures(found, [merge.agents[0].id], ["psd", "ttc", "psd"]).axes
+    assert [panel.get_ylabel() for panel in long] == ["proportion of stopping\ndistance", "time to collision [s]"]
+    short = draw_measures(found, [merge.agents[0].id], ["ttc"]).axes
+    assert long[0].get_position().x0 * 88.0 == pytest.approx(short[0].get_position().x0 * 88.0 + 3.0)
+
+
 def test_a_scene_shows_agents_where_they_are_with_their_plans(run):
     figure = draw_scene(run, run.plans, 2.0, [1])
     without = draw_scene(run, None, 2.0, [1])
@@ -157,6 +165,7 @@ def test_a_folder_without_plans_is_drawn_without_them(merge, tmp_path):
         (["--kind", "speed"], "--kind speed: there is no such figure; there are trajectories, velocity"),
         (["--kind", "scene"], "write the time in seconds, for instance scene@3.5"),
         (["--kind", "scene@soon"], "write the time in seconds"),
+        (["--kind", "scene@nan"], "write the time in seconds"),
         (["--kind", "scene@99"], "none of these agents is there at 99 s"),
         (["--kind", "velocity", "--agents", "a"], "--agents a: write them as 12,34"),
         (["--kind", "velocity", "--agents", "7"], "agent 7 is not one of the run"),

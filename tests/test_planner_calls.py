@@ -88,6 +88,15 @@ def test_garbage_costs_its_own_agent_only_and_names_agent_planner_and_step(plann
     assert words in message
 
 
+class Garbling:
+    def plan(self, view, predictions):
+        raise ValueError(f"no map in {os.fsdecode(b'roads')}{os.fsdecode(bytes([233]))}")
+
+
+def test_what_a_planner_says_need_not_be_text():
+    assert "no map in roads" in drive({100: Garbling, "default": Straight}).outcomes.message[0]
+
+
 def test_a_planner_beyond_its_time_is_stopped_and_the_others_go_on():
     start = time.perf_counter()
     run = drive({100: Sleeping, "default": Straight}, settings=with_timeout(0.2))

@@ -23,7 +23,7 @@ from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.packing import Packer
 from interdrive.results import candidates_table, holds_run, load, predictions_table, save
-from interdrive.run_settings import RecordSettings, SimulationSettings
+from interdrive.run_settings import RecordSettings, SimulationSettings, StepSettings
 from interdrive.simulation import simulate
 from interdrive.testing import Car, problem, straight_road, world
 from invented_run import invented_run
@@ -168,6 +168,19 @@ def test_candidates_are_kept_every_half_second_from_the_start_of_an_agent_on(run
     for agent in (100, 200):
         steps = np.unique(every.time_step[every.agent_id == agent])
         assert np.unique(kept.time_step[kept.agent_id == agent]).tolist() == steps[::5].tolist()
+
+
+def test_candidates_are_those_of_new_plans_only(run):
+    settings = SimulationSettings(record=RecordSettings(candidates=3), step=StepSettings(replan_every=2))
+    drive = simulate(run.scenario, agents=[100, 200], settings=settings, threads=1)
+    carried = drive.plans.time_step[np.isnan(drive.plans.cost) & (drive.plans.status == 1)]
+    assert len(carried) > 10
+    for agent in (100, 200):
+        steps = np.unique(drive.considered.time_step[drive.considered.agent_id == agent])
+        own = drive.plans.agent_id == agent
+        costs = dict(zip(drive.plans.time_step[own].tolist(), drive.plans.cost[own].tolist(), strict=True))
+        assert np.isfinite([costs[step] for step in steps.tolist()]).all()
+        assert set(np.diff(steps).tolist()) == {6}
 
 
 def test_predictions_are_kept_every_half_second_with_probabilities_that_add_up(run):

@@ -313,6 +313,13 @@ def test_a_replaced_file_is_whole_or_as_it_was(tmp_path):
         path.write_text("half")
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     assert target.read_text() == "whole"
+    (tmp_path / "folder.png").mkdir()
+    with (
+        pytest.raises(ResultsError, match=r"folder.png: cannot be written: Is a directory"),
+        replacing(tmp_path / "folder.png") as path,
+    ):
+        path.write_text("a file")
+    (tmp_path / "folder.png").rmdir()
     assert contents(tmp_path) == ["run.png"]
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 from interdrive import _core
 from interdrive.agents import normalized, select
 from interdrive.choices import named, per_agent, stored
-from interdrive.considered import CandidateLog, PredictionLog
+from interdrive.considered import CandidateLog, PredictionLog, steps_between
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
@@ -153,7 +153,12 @@ class Simulation:
         record = self.settings.record
         self._predicted = PredictionLog(self.scenario.dt) if record.predictions else None
         self._considered = (
-            CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
+            CandidateLog(
+                self.scenario.dt,
+                record.candidates,
+                steps_between(record.candidate_spacing, self.scenario.dt, self.settings.step.replan_every),
+                self.threads,
+            )
             if record.candidates
             else None
         )
@@ -255,6 +260,7 @@ class Simulation:
             except InputError as error:
                 answer = str(error)
             name = name_of(self._choices[agent_id].planner)
+            answer = answer.encode("utf-8", "replace").decode()  # names of files need not be text
             plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {answer}")
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
@@ -275,7 +281,7 @@ class Simulation:
 
     def record(self) -> Run:
         """What happened so far, as arrays."""
-        states = states_of(self.world.states())
+        states, plans = states_of(self.world.states()), Plans(**self.world.plans())
         names = {agent.id: name_of(self._choices[agent.id].planner) for agent in self.agents}
         return Run(
             scenario=self.scenario,
@@ -283,7 +289,7 @@ class Simulation:
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
             outcomes=outcomes_of(self.world.outcomes(), names),
             states=states,
-            plans=Plans(**self.world.plans()),
+            plans=plans,
             timings=timings_of(self._timings),
             notes=(
                 *self._notes,
@@ -298,7 +304,7 @@ class Simulation:
             snapshots=tuple(self._snapshots),
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
             predicted=None if self._predicted is None else self._predicted.table(),
-            considered=None if self._considered is None else self._considered.table(),
+            considered=None if self._considered is None else self._considered.table(plans),
         )
 
     def _repeatable_settings(self) -> dict[str, Any]:

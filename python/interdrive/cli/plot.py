@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,9 +85,12 @@ def _criticality(run: Run, agents: Sequence[int] | None, measures: Sequence[str]
 
 def _seconds(kind: str, moment: str) -> float:
     try:
-        return float(moment)
+        seconds = float(moment)
     except ValueError:
-        raise InputError(f"--kind {kind}: write the time in seconds, for instance scene@3.5") from None
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise InputError(f"--kind {kind}: write the time in seconds, for instance scene@3.5")
+    return seconds
 
 
 def _numbers(agents: str | None) -> list[int] | None:

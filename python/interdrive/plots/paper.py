@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,17 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from interdrive.criticality import measure_named
 from interdrive.errors import InputError
-from interdrive.plots.participants import AGENTS, INK, MARKS, RECORDED, RECORDED_EDGE, body_outlines, outlines, placed
+from interdrive.plots.participants import (
+    AGENTS,
+    INK,
+    MARKS,
+    RECORDED,
+    RECORDED_EDGE,
+    body_outlines,
+    heading_mark,
+    outlines,
+    placed,
+)
 from interdrive.plots.road import road_artists
 from interdrive.plots.still import draw_run
 from interdrive.plots.view import View, view_around
@@ -38,11 +49,13 @@ WIDTHS = {1: 88.0, 2: 180.0}
 LINES_MAX = 20
 
 _FONT, _PANEL = 7.0, 34.0 * _MM
+#: Letters in a line of a label beside a panel.
+_LABEL = 22
 _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.6)), (0, (1.2, 1.2)))
 _HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
 
 #: Up to here values of a measure matter; further up they would only press the rest down.
-_CAPS = {"ttc": 10.0, "thw": 10.0, "psd": 10.0}
+_CAPS = {"ttc": 10.0, "thw": 10.0, "psd": 10.0, "btn": 3.0, "stn": 3.0}
 _LEVELS = {"btn": 1.0, "stn": 1.0, "psd": 1.0}
 
 
@@ -135,7 +148,7 @@ def draw_measures(
         raise InputError(
             f"{len(agents)} agents are too many for lines in one picture; name at most {LINES_MAX} of them"
         )
-    wanted = [measure_named(name) for name in measures]
+    wanted = [measure_named(name) for name in dict.fromkeys(measures)]
     first = found.first_time_step
     time: Floats = found.dt * np.arange(first, first + found.present.shape[1], dtype=np.float64)
     figure, panels = _panels([measure.label for measure in wanted], len(agents), columns)
@@ -225,6 +238,10 @@ def _draw_bodies(axes: Axes, run: Run, column: int, colors: Mapping[int, str], v
         axes.add_collection(
             PolyCollection(lines, facecolors=color, edgecolors=edge, linewidths=0.4, zorder=4), autolim=False
         )
+        if not states.is_static[row]:
+            mark = placed(heading_mark(states.length[row], states.width[row]), *pose)
+            ahead = PolyCollection([view.picture_from_world(mark)], facecolors=edge, linewidths=0.0, zorder=4)
+            axes.add_collection(ahead, autolim=False)
 
 
 def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], color: str, view: View) -> None:
@@ -241,7 +258,7 @@ def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], c
     for line, thick in lines:
         if len(line):
             points = [view.picture_from_world(line)]
-            axes.add_collection(LineCollection(points, colors=color, linewidths=thick, zorder=5), autolim=False)
+            axes.add_collection(LineCollection(points, colors=color, linewidths=thick, zorder=3), autolim=False)
     x, y = view.picture_from_world(np.array([states.x[row, column], states.y[row, column]]))
     axes.annotate(
         str(states.ids[row]),
@@ -269,12 +286,14 @@ def _draw_scale(axes: Axes, view: View, width: float) -> None:
 def _panels(labels: Sequence[str], n_lines: int, columns: int) -> tuple[Figure, list[Axes]]:
     """A figure with one panel above the other and room for a legend below."""
     width = WIDTHS[columns] * _MM
+    labels = [textwrap.fill(label, _LABEL) for label in labels]
+    lines = max(label.count("\n") + 1 for label in labels)
     legend = 4.0 * _MM * -(-(n_lines + 2) // _legend_columns(columns)) + 1.0 * _MM
     height = len(labels) * _PANEL + 8.0 * _MM + legend
     figure = Figure(figsize=(width, height), dpi=300)
     FigureCanvasAgg(figure)
     grid = {
-        "left": 11.0 * _MM / width,
+        "left": (8.0 + 3.0 * lines) * _MM / width,
         "right": 1.0 - 2.5 * _MM / width,
         "bottom": (7.5 * _MM + legend) / height,
         "top": 1.0 - 2.0 * _MM / height,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.assessment import reopen
+from interdrive.considered import steps_between
 from interdrive.criticality import MEASURES
 from interdrive.errors import InterdriveError
 from interdrive.plots.participants import agent_colors, body_outlines, outlines
@@ -57,8 +58,9 @@ def run_contents(folder: str | Path) -> Contents:
     reasons = pack_candidates(packer, run, origin, results.candidates)
     if reasons:
         settings = results.info.get("settings", {}).get("settings", {})
-        spacing = float(settings.get("record.candidate_spacing", 0.0))
-        packer.header["candidate_step"]["spacing"] = max(1, round(min(spacing / run.scenario.dt, run.states.n_steps)))
+        seconds = float(settings.get("record.candidate_spacing", 0.0))
+        spacing = steps_between(seconds, run.scenario.dt, int(settings.get("step.replan_every", 1)))
+        packer.header["candidate_step"]["spacing"] = min(spacing, run.states.n_steps)
     pack_predictions(packer, run, origin, results.predictions)
     try:
         measured = measured_of(Path(folder), run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -98,6 +99,9 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 def _move(partial: Path, target: Path, old: Path) -> None:
     """Puts what was written into its place; a folder that is there is `old` for a moment."""
+    if target.is_dir() and not partial.is_dir():
+        # A file never takes the place of a folder, which would be gone with all that is in it.
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     for path in (*partial.rglob("*"), partial):
         _sync(path)
     if not target.is_dir():
