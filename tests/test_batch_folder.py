@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from interdrive.batches import BatchFolder
+from interdrive.batches import BatchFolder, query
 from interdrive.batches.execute import failed
 from interdrive.batches.runs import planned
+from interdrive.errors import InputError
 from interdrive.run_settings import SimulationSettings
 
 
@@ -51,3 +52,54 @@ def test_merged_runs_have_reached_the_disk_before_their_own_files_go(folder, spe
         store(folder, spec)
     folder.tidy(now=True)
     assert sorted(removed) == sorted(spec.key for spec in specs[:2])
+
+
+@pytest.mark.parametrize(
+    ("question", "line"),
+    [
+        ("copy (select 1 as a) to '{results}' (format parquet)", "this is a COPY statement"),
+        ("create table mine as select 1", "this is a CREATE statement"),
+        ("select 1; select 2", "one question at a time, not 2 statements"),
+        ("set enable_external_access = true", "this is a SET statement"),
+        ("", "what is the question"),
+        ("-- nothing", "what is the question"),
+        ("select * from read_text('{mark}')", "disabled by configuration"),
+        ("select * from query('copy (select 1) to ''{results}''')", "Expected a single SELECT statement"),
+        ("select speling from results", 'Referenced column "speling" not found'),
+    ],
+)
+def test_a_question_changes_nothing_and_sees_no_files(folder, specs, question, line):
+    store(folder, specs[0])
+    folder.tidy(now=True)
+    before = folder.results.read_bytes()
+    with pytest.raises(InputError, match=f"^sql: .*{line}") as refused:
+        query(folder.path, question.format(results=folder.results, mark=folder.path / "batch.json"))
+    assert "\n" not in str(refused.value)
+    assert "LINE" not in str(refused.value)
+    assert folder.results.read_bytes() == before
+
+
+def test_answers_are_values_of_python(folder, specs):
+    for spec in specs[:2]:
+        store(folder, spec)
+    (row,) = query(folder.path, "select now(), sum(attempts), count(*), count(*), null from runs").rows
+    assert row[0].tzinfo is not None
+    assert row[1:] == (2, 2, 2, None)
+    assert [type(value) for value in row[1:4]] == [int, int, int]
+
+
+def test_a_merge_between_listing_and_reading_hides_no_run_from_questions(folder, specs, monkeypatch):
+    def unmerged(batch):
+        found = list_unmerged(batch)
+        if not listed:
+            listed.append(found)
+            folder.tidy(now=True)
+        return found
+
+    listed = []
+    list_unmerged = BatchFolder.unmerged
+    for spec in specs[:2]:
+        store(folder, spec)
+    monkeypatch.setattr(BatchFolder, "unmerged", unmerged)
+    assert query(folder.path, "select count(*) from runs").rows == ((2,),)
+    assert len(listed[0]) == 2

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from interdrive.batches.columns import COLUMNS, NOT_RECORDED
@@ -100,14 +101,21 @@ def _migrated(table: pa.Table, columns: Sequence[str] | None) -> pa.Table:
     return table.select(wanted)
 
 
-def lacking(path: Path) -> dict[str, str]:
-    """Columns that a file lacks because it was written before there were any, and their value in all its rows.
+def streamed(path: Path) -> tuple[ds.Dataset, dict[str, str]]:
+    """A file whose rows are read in portions while they are asked for; that another one takes its place does no harm.
+
+    Returns:
+        Its rows; columns that it lacks because it was written before there were any, and their value in all its rows.
 
     Raises:
         ResultsError: It is damaged or has other columns.
     """
-    names = _opened(path).schema_arrow.names
-    return {name: value for name, value in _LATER.items() if name not in names}
+    _opened(path)
+    form = ds.ParquetFileFormat()
+    fragment = form.make_fragment(pa.OSFile(str(path)))
+    schema = fragment.physical_schema
+    lacking = {name: value for name, value in _LATER.items() if name not in schema.names}
+    return ds.FileSystemDataset([fragment], schema, form), lacking
 
 
 def _field(name: str) -> pa.Field:

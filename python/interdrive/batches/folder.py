@@ -139,17 +139,22 @@ class BatchFolder:
         found = in_order(found if keys is None else only(found, keys), order)
         return found if columns is None else found.select(list(columns))
 
-    def _rows(self, columns: Sequence[str] | None) -> ArrowTable:
+    def fresh(self, columns: Sequence[str] | None = None) -> tuple[ArrowTable, set[str]]:
+        """Rows, or some columns of them, of runs that were not merged a moment ago, and keys of these runs.
+
+        Who reads what is merged after that misses nothing, and has to leave out these keys.
+        """
         while True:
             parts = self.unmerged()
             try:
-                fresh = [read(part, columns) for part in parts]
+                return joined([read(part, columns) for part in parts], columns), {part.stem for part in parts}
             except FileNotFoundError:
                 continue  # another process has just merged them
-            break
-        merged = [read(self.results, columns)] if self.results.exists() else []
-        # What was merged after the list was made is in both.
-        return joined([*(without(table, {part.stem for part in parts}) for table in merged), *fresh], columns)
+
+    def _rows(self, columns: Sequence[str] | None) -> ArrowTable:
+        fresh, keys = self.fresh(columns)
+        merged = [without(read(self.results, columns), keys)] if self.results.exists() else []
+        return joined([*merged, fresh], columns)
 
     def done(self) -> dict[str, Done]:
         """What was done already, by key."""

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.columns import RUN_COLUMNS
-from interdrive.batches.dataset import lacking
+from interdrive.batches.dataset import streamed
 from interdrive.batches.folder import BatchFolder
 from interdrive.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
+
+    from duckdb import DuckDBPyConnection, Statement
 
 #: Tables that a question can name.
 TABLES = ("results", "runs", "agents")
@@ -32,12 +35,13 @@ class Answer:
 
 
 def query(folder: str | Path, text: str) -> Answer:
-    """The answer to a question in SQL.
+    """The answer to a question in SQL, of all runs that have ended when it is asked.
 
-    Tables are `results` (everything), `runs` (one row per run) and `agents` (one row per agent under test).
+    Tables are `results` (everything), `runs` (one row per run) and `agents` (one row per agent under test). The
+    question is one SELECT; it sees these tables and no files, and cannot change anything.
 
     Raises:
-        ResultsError: The folder is no batch.
+        ResultsError: The folder is no batch, or damaged.
         InputError: The question cannot be answered.
         MissingExtraError: DuckDB is not installed.
     """
@@ -48,41 +52,54 @@ def query(folder: str | Path, text: str) -> Answer:
         raise MissingExtraError("duckdb is not installed; pip install interdrive[duckdb]") from None
     with duckdb.connect(":memory:") as connection:
         try:
-            connection.execute(f"create view results as {_everything(batch)}")
-            columns = ", ".join(column.name for column in RUN_COLUMNS)
-            connection.execute(f"create view runs as select distinct {columns} from results")
-            connection.execute("create view agents as select * from results where under_test")
-            found = connection.execute(text)
-            names = tuple(item[0] for item in found.description or ())
-            return Answer(names, tuple(found.fetchall()) if names else ())
+            _lay_out(connection, batch)
+            _check(connection.extract_statements(text))
+            found = connection.sql(text).to_arrow_table()
         except duckdb.Error as cause:
-            raise InputError(f"sql: {' '.join(str(cause).split())}") from cause
+            raise InputError(f"sql: {_in_short(cause)}") from cause
+    columns = [[_plain(value) for value in column.to_pylist()] for column in found.columns]
+    return Answer(tuple(found.column_names), tuple(zip(*columns, strict=True)))
 
 
-def _everything(batch: BatchFolder) -> str:
-    """A select of all rows: what is merged, without runs that lie beside it, and those."""
-    fresh = batch.unmerged()
-    selects = []
+def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder) -> None:
+    """Makes the tables, and locks everything else away."""
+    fresh, keys = batch.fresh()
+    connection.register("_fresh", fresh)
+    select = "select * from _fresh"
     if batch.results.exists():
-        but = f" where key not in ({_texts(part.stem for part in fresh)})" if fresh else ""
-        selects += [f"{select}{but}" for select in _selects([batch.results])]
-    selects += _selects(fresh)
-    if not selects:
+        merged, lacking = streamed(batch.results)
+        connection.register("_merged", merged)
+        added = "".join(f", '{value}' as {name}" for name, value in lacking.items())
+        select = f"select *{added} from _merged where key not in (select key from _fresh) union all by name {select}"
+    elif not keys:
         raise InputError(f"{batch.path}: no run of this batch has ended yet, there is nothing to ask")
-    return " union all by name ".join(selects)
+    columns = ", ".join(column.name for column in RUN_COLUMNS)
+    connection.execute(f"create view results as {select}")
+    connection.execute(f"create view runs as select distinct {columns} from results")
+    connection.execute("create view agents as select * from results where under_test")
+    connection.execute("set enable_external_access = false")
+    connection.execute("set lock_configuration = true")
 
 
-def _selects(files: Sequence[Path]) -> list[str]:
-    """A select per group of files that lack the same columns, which it adds."""
-    groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
-    for file in files:
-        groups.setdefault(tuple(lacking(file).items()), []).append(str(file))
-    return [
-        f"select *{''.join(f', {_texts([value])} as {name}' for name, value in added)} "
-        f"from read_parquet([{_texts(names)}])"
-        for added, names in groups.items()
-    ]
+def _check(statements: Sequence[Statement]) -> None:
+    """Raises InputError unless it is one question."""
+    kinds = [statement.type.name for statement in statements]
+    if not kinds:
+        raise InputError('sql: what is the question? For instance "select planner, count(*) from agents group by all"')
+    if len(kinds) > 1:
+        raise InputError(f"sql: one question at a time, not {len(kinds)} statements")
+    if kinds != ["SELECT"]:
+        raise InputError(
+            f"sql: this is a {kinds[0]} statement; only SELECT is answered, and nothing is written "
+            "(for a file: --csv, or read results.parquet with other tools)"
+        )
 
 
-def _texts(values: Iterable[str]) -> str:
-    return ", ".join("'" + value.replace("'", "''") + "'" for value in values)
+def _in_short(cause: Exception) -> str:
+    """What DuckDB says, on one line and without the picture of where."""
+    return " ".join(str(cause).partition("\n\nLINE ")[0].partition("Traceback")[0].split())
+
+
+def _plain(value: object) -> object:
+    """Sums of integers are decimals without places to Arrow."""
+    return int(value) if isinstance(value, Decimal) and value.as_tuple().exponent == 0 else value
