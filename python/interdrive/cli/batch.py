@@ -53,10 +53,10 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 @click.option("--retry", is_flag=True, default=None, help="Do runs again that did not finish.")
 @click.option(
     "--ray",
-    metavar="[ADDRESS]",
+    metavar="[=ADDRESS]",
     is_flag=False,
     flag_value="auto",
-    help="Do it on a Ray cluster (the one that is here).",
+    help="Do it on a Ray cluster: the one that is here, or that at an address.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def batch(
