@@ -259,6 +259,29 @@ def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
     assert f"{len(rows) // 3} of {len(rows)} differences are over fewer than 20" in said
 
 
+def test_agents_count_once_when_seeds_chose_the_same_ones(tmp_path):
+    """Seeds 0 and 2 test agents 1 and 2, seed 1 tests 2 and 3; b lacks seed 0, whose runs seed 2 repeats."""
+    chosen_by = {0: (1, 2), 1: (2, 3), 2: (1, 2)}
+    other = {"traffic": "recorded", "agents": "2"}
+    runs = [("s/x", "a", {i: crash() if i == 1 else {} for i in ids}, {**other, "seed": seed})
+            for seed, ids in chosen_by.items()]  # fmt: skip
+    runs += [("s/x", "b", {i: {} for i in chosen_by[seed]}, {**other, "seed": seed}) for seed in (1, 2)]
+    found = compare(invented(tmp_path / "batch", runs))
+    assert (found.sets[0].n_agents, found.sets[0].left_out) == (4, {"a": 0, "b": 0})
+    assert (row(found, "all", "a")["n_agents"], row(found, "all", "a")["collisions"]) == (4, 25.0)
+    apart = difference(found, "collisions")
+    assert (apart["difference"], apart["n_agents"]) == (25.0, 4)
+
+
+def test_alone_every_agent_counts_once_whatever_seeds_chose_it(tmp_path):
+    alone = {"traffic": "recorded", "agents": "alone"}
+    runs = [("s/x", who, {agent: crash() if agent == 1 else {}}, {**alone, "seed": seed, "n_steps": agent})
+            for who in ("a", "b") for agent in (1, 2, 3) for seed in range(agent)]  # fmt: skip
+    found = compare(invented(tmp_path / "batch", runs))
+    assert row(found, "all", "a")["n_agents"] == 3
+    assert row(found, "all", "a")["collisions"] == pytest.approx(100.0 / 3.0)
+
+
 def test_few_collisions_are_told_of_each_set_by_name(tmp_path):
     runs = [("s/x", "a", {1: {}}, {"traffic": "recorded", "agents": agents}) for agents in ("2", "alone")]
     said = [line for line in compare(invented(tmp_path / "batch", runs)).reservations if "Few collisions" in line]

@@ -201,6 +201,17 @@ def test_alone_every_agent_has_a_run_of_its_own(tmp_path):
     assert next(row["digest"] for row in rows if row["agent_id"] == everybody[0]) == one.digest
 
 
+def test_alone_an_agent_that_several_seeds_chose_is_driven_once(tmp_path):
+    done = idr.batch("lane_merge", tmp_path, planner=FAST, agents=6, alone=True, seeds=3, workers=2)
+    rows = done.table.to_pylist()
+    under_test = [row["agent_id"] for row in rows if row["under_test"]]
+    assert len(under_test) == len(set(under_test)) == 7  # three times six of seven
+    assert len({row["digest"] for row in rows}) == len(done.keys) == sum(done.status.values()) == 7
+    assert {row["seed"] for row in rows} == {0}
+    again = idr.batch("lane_merge", tmp_path, planner=FAST, agents=6, alone=True, seeds=3, workers=1)
+    assert again.found == 7
+
+
 def test_more_agents_than_there_can_be_are_all_agents(tmp_path):
     done = idr.batch("lane_merge", tmp_path, planner=FAST, agents=99, workers=1)
     assert sum(row["under_test"] for row in done.table.to_pylist()) == 7

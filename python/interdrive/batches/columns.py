@@ -48,7 +48,7 @@ RUN_COLUMNS = (
     Column("settings", "label", "settings of the batch that are not the defaults, NAME=VALUE each; empty: none"),
     Column("traffic", "label", "what vehicles do that are not under test: recorded, velocity_adjusting or same"),
     Column("agents", "label", "who is under test: all, a number, or alone: one agent per run"),
-    Column("seed", "integer", "chooses a number of agents"),
+    Column("seed", "integer", "chooses a number of agents; 0 where each is alone"),
     Column("status", "label", "how the run ended: finished, refused, failed, crashed, timeout or memory"),
     Column("error", "text", "why it did not finish, in words"),
     Column("attempts", "integer", "how often it was started"),

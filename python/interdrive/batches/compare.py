@@ -211,7 +211,7 @@ def _differences(
     who = []
     for variant in (one, other):
         rows = np.flatnonzero((part["variant"] == variant) & part["counts"])
-        agents = zip(part["scenario_sha256"][rows], part["seed"][rows], part["agent_id"][rows], strict=True)
+        agents = zip(part["scenario_sha256"][rows], part["draw"][rows], part["agent_id"][rows], strict=True)
         who.append(dict(zip(agents, rows.tolist(), strict=True)))
     both = sorted(who[0].keys() & who[1].keys())
     a, b = (np.array([rows[agent] for agent in both], dtype=np.int64) for rows in who)

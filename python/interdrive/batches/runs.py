@@ -121,8 +121,8 @@ class RunSpec:
         return " ".join(f"{name}={value}" for name, value in own.items())
 
     def of_agents(self, ids: Sequence[int]) -> RunSpec:
-        """The same run with the given agents under test."""
-        return _keyed(replace(self, agents=tuple(ids)))
+        """The same run with the given agents under test; a seed has nothing left to choose."""
+        return _keyed(replace(self, agents=tuple(ids), seed=0 if ids else self.seed))
 
     def impossible(self, problem: Problem) -> RunSpec:
         """The same run, which cannot be done."""

@@ -117,7 +117,10 @@ def variants_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
 
 
 def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
-    """Sets in which a run has finished, and their rows with `counts`: agents under test that all drivers drove.
+    """Sets in which a run has finished, and their rows with `counts` and `draw`.
+
+    `counts` says which rows are agents under test that all drivers drove. `draw` is the first seed that chose the same
+    agents of a scenario: later ones repeat the same run, and their agents count once.
 
     Args:
         rows: Columns of the data set as arrays, with `variant`.
@@ -132,6 +135,7 @@ def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
         variants, drivers = (tuple(sorted(set(here["variant"][who]))) for who in (here["status"] != "refused", tested))
         if not drivers:
             continue
+        here["draw"] = _draws(here, tested)
         driven = {variant: _agents(here, tested & (here["variant"] == variant), variant) for variant in drivers}
         common = set.intersection(*map(set, driven.values()))
         here["counts"] = np.zeros(len(tested), dtype=np.bool_)
@@ -153,11 +157,28 @@ def _only(rows: Rows, which: Flags) -> Rows:
     return {name: values[which] for name, values in rows.items()}
 
 
+def _draws(rows: Rows, tested: Flags) -> NDArray[np.int64]:
+    """Per row the first seed whose run of the scenario tests the same agents; 0 for rows of nobody under test."""
+    under_test: dict[str, set[int]] = {}
+    chosen_rows = np.flatnonzero(tested).tolist()
+    for row in chosen_rows:
+        under_test.setdefault(rows["key"][row], set()).add(int(rows["agent_id"][row]))
+    who = {row: (rows["scenario_sha256"][row], frozenset(under_test[rows["key"][row]])) for row in chosen_rows}
+    first: dict[tuple[str, frozenset[int]], int] = {}
+    for row, ids in who.items():
+        first[ids] = min(first.get(ids, int(rows["seed"][row])), int(rows["seed"][row]))
+    draws = np.zeros(len(tested), dtype=np.int64)
+    draws[chosen_rows] = [first[who[row]] for row in chosen_rows]
+    return draws
+
+
 def _agents(rows: Rows, which: Flags, variant: str) -> dict[tuple[str, int, int], int]:
-    """Row by scenario, seed and agent."""
+    """Row by scenario, draw and agent."""
     found: dict[tuple[str, int, int], int] = {}
     for row in np.flatnonzero(which).tolist():
-        agent = (rows["scenario_sha256"][row], int(rows["seed"][row]), int(rows["agent_id"][row]))
+        agent = (rows["scenario_sha256"][row], int(rows["draw"][row]), int(rows["agent_id"][row]))
+        if agent in found and rows["seed"][row] != rows["seed"][found[agent]]:
+            continue  # another seed, the same agents
         if agent in found:
             raise ResultsError(
                 f"{variant} drove agent {agent[2]} of {rows['scenario'][row]} in several runs that cannot be told "
