@@ -18,6 +18,7 @@ from interdrive.batches.figure import draw_comparison
 from interdrive.batches.metrics import weighted_medians
 from interdrive.batches.reservations import is_sure
 from interdrive.batches.sheets import markdown, sheets_of
+from interdrive.report.batch import batch_contents
 from interdrive.results import arrow_table, labels
 
 
@@ -280,6 +281,25 @@ def test_alone_every_agent_counts_once_whatever_seeds_chose_it(tmp_path):
     found = compare(invented(tmp_path / "batch", runs))
     assert row(found, "all", "a")["n_agents"] == 3
     assert row(found, "all", "a")["collisions"] == pytest.approx(100.0 / 3.0)
+
+
+def test_a_scenario_has_one_category_for_all_planners(tmp_path):
+    """Planner a was given the files, planner b the folder above theirs."""
+    runs = [(f"vul/{k}", who, {1: {}}, {"category": category})
+            for who, category in (("a", "vul"), ("b", "top/vul")) for k in range(3)]  # fmt: skip
+    runs += [("urban/x", who, {1: {}}) for who in ("a", "b")]
+    folder = invented(tmp_path / "batch", runs)
+    found = compare(folder)
+    rows = [(row["category"], row["variant"], row["n_agents"]) for row in found.table.to_pylist()]
+    assert rows[2:] == [("urban", "a", 1), ("urban", "b", 1), ("vul", "a", 3), ("vul", "b", 3)]
+    assert difference(found, "collisions", "vul")["n_agents"] == 3
+    assert row(compare(folder, planners=["b"]), "vul", "b")["n_agents"] == 3
+    header = batch_contents(folder, {}).header
+    assert (
+        {part["category"] for part in header["parts"]}
+        == {run["category"] for run in header["runs"]}
+        == {"urban", "vul"}
+    )
 
 
 def test_few_collisions_are_told_of_each_set_by_name(tmp_path):

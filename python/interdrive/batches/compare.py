@@ -12,7 +12,7 @@ from interdrive.batches.folder import BatchFolder
 from interdrive.batches.metrics import METRICS, together, weighted_medians
 from interdrive.batches.reservations import reservations
 from interdrive.batches.sheets import markdown
-from interdrive.batches.variants import arrays, by_category, chosen, compared_sets, variants_of
+from interdrive.batches.variants import arrays, by_category, categories_of, chosen, compared_sets, variants_of
 from interdrive.errors import InputError, ResultsError
 from interdrive.results import Column, arrow_table, check_folder, labels, replacing, write_table
 
@@ -118,7 +118,9 @@ def compare(
         raise InputError(f"samples: expected at least 100 and at most 1000000, not {samples}")
     if not 0.5 <= level < 1.0:
         raise InputError(f"level: expected at least 0.5 and below 1, not {level}")
-    rows = chosen(arrays(BatchFolder.open(folder).table()), planners)
+    rows = arrays(BatchFolder.open(folder).table())
+    rows["category"] = categories_of(rows)
+    rows = chosen(rows, planners)
     if not (rows["status"] == "finished").any():
         raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to compare")
     rows["variant"] = variants_of(rows)

@@ -116,6 +116,17 @@ def variants_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
     return np.array([named(*map(str, row)) for row in zip(*columns, strict=True)], dtype=object)
 
 
+def categories_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
+    """The category of every row's scenario: of those that its runs have, the shortest, then the first by alphabet.
+
+    The category of a run says below which folder its scenario was found, and differs where another one was given.
+    """
+    found: dict[str, str] = {}
+    for scenario, category in zip(rows["scenario_sha256"], rows["category"], strict=True):
+        found[scenario] = min(found.get(scenario, category), category, key=lambda name: (len(name), name))
+    return np.array([found[scenario] for scenario in rows["scenario_sha256"]], dtype=object)
+
+
 def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
     """Sets in which a run has finished, and their rows with `counts` and `draw`.
 

@@ -11,7 +11,7 @@ from interdrive.batches import METRICS, compare
 from interdrive.batches.folder import BatchFolder
 from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
 from interdrive.batches.runs import ALONE
-from interdrive.batches.variants import arrays, compared_sets, variants_of
+from interdrive.batches.variants import arrays, categories_of, compared_sets, variants_of
 from interdrive.errors import ResultsError
 from interdrive.report.contents import FORMAT, Contents
 from interdrive.report.packing import Packer
@@ -53,7 +53,7 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
         raise ResultsError(f"{folder}: this batch holds no run yet")
     packer, missing = Packer(), []
     column = arrays(table)
-    column["variant"] = variants_of(column)
+    column["variant"], column["category"] = variants_of(column), categories_of(column)
     variants = sorted(set(column["variant"].tolist()))
     counted = column["under_test"] == 1
     try:
