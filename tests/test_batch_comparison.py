@@ -302,6 +302,39 @@ def test_a_scenario_has_one_category_for_all_planners(tmp_path):
     )
 
 
+@pytest.mark.parametrize(("apart", "text"), [(-0.004, "0.00 [0.00, 0.00]"), (-0.006, "-0.01 [-0.01, -0.01]")])
+def test_what_rounds_to_zero_has_no_sign_and_is_not_sure(tmp_path, apart, text):
+    runs = scattered(30, values=(apart - 1e-4, apart + 1e-4))
+    found = compare(invented(tmp_path / "batch", runs))
+    row = difference(found, "jerk_rms")
+    assert row["low"] < row["high"] < 0.0
+    assert is_sure(row) is text.startswith("-")
+    assert f"| jerk [m/s³] | {f'**{text}**' if is_sure(row) else text} |" in markdown(found)
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.003, -0.03, 0.7, -12.0, 345.0])
+def test_tick_labels_of_the_figure_do_not_overlap(tmp_path, apart):
+    runs = [("s/x", "a", {1: {"jerk_rms": 500.0 + apart}}), ("s/x", "b", {1: {"jerk_rms": 500.0}})]
+    figure = draw_comparison(compare(invented(tmp_path / "batch", runs)))
+    figure.draw_without_rendering()
+    for panel in figure.axes[1:]:
+        low, high = panel.get_xlim()
+        shown = [label for label in panel.get_xticklabels() if low <= label.get_position()[0] <= high]
+        boxes = [label.get_window_extent() for label in shown]
+        assert len(boxes) >= 2
+        assert all(one.x1 < other.x0 for one, other in itertools.pairwise(boxes))
+        assert low < 0.0 < high
+
+
+def test_headings_of_the_figure_fit_its_width(tmp_path):
+    longest = {"traffic": "velocity_adjusting", "agents": "10"}
+    runs = [(f"s/{k}", who, {1: {}}, longest) for who in ("a", "b") for k in range(3)]
+    figure = draw_comparison(compare(invented(tmp_path / "batch", runs)))
+    figure.draw_without_rendering()
+    assert len(figure.texts) == 2
+    assert all(text.get_window_extent().x1 < figure.bbox.x1 for text in figure.texts)
+
+
 def test_few_collisions_are_told_of_each_set_by_name(tmp_path):
     runs = [("s/x", "a", {1: {}}, {"traffic": "recorded", "agents": agents}) for agents in ("2", "alone")]
     said = [line for line in compare(invented(tmp_path / "batch", runs)).reservations if "Few collisions" in line]

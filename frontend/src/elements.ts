@@ -30,5 +30,6 @@ export function toggle(label: string, title: string, on: boolean, onChange: (on:
 export function text(value: number | null | undefined, digits: number, unit = ""): string {
   if (value === null || value === undefined || Number.isNaN(value)) return "";
   if (!Number.isFinite(value)) return "∞";
-  return `${value.toFixed(digits)}${unit ? ` ${unit}` : ""}`;
+  const shown = value.toFixed(digits);
+  return `${Number(shown) === 0 ? shown.replace("-", "") : shown}${unit ? ` ${unit}` : ""}`;
 }

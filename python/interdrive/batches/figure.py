@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from interdrive.batches.metrics import METRICS
 from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 _MM = 1.0 / 25.4
 _WIDTH = 180.0 * _MM
 _FONT = 7.5
+#: Widths of a character of that size, plain and bold [inches].
+_CHARACTER, _BOLD = 1.32 * _MM, 1.5 * _MM
 _BLUE = "#0072B2"
 #: Heights: a row, a heading above rows, the legend, between both halves, below the lower axes [inches].
 _ROW, _HEADING, _HEAD, _BETWEEN, _FOOT = 4.6 * _MM, 6.2 * _MM, 6.5 * _MM, 11.0 * _MM, 12.5 * _MM
@@ -73,7 +76,7 @@ def draw_comparison(comparison: Comparison) -> Figure:
     figure = Figure(figsize=(_WIDTH, height), dpi=300)
     FigureCanvasAgg(figure)
     longest = max(len(line.text) for line in (*upper, *lower) if line.key)
-    left, right = min(0.4, (5.0 + 1.32 * longest) * _MM / _WIDTH), 1.0 - 3.0 * _MM / _WIDTH
+    left, right = min(0.4, (5.0 * _MM + _CHARACTER * longest) / _WIDTH), 1.0 - 3.0 * _MM / _WIDTH
     shares = figure.add_axes((left, 1.0 - (_HEAD + heights[0]) / height, right - left, heights[0] / height))
     _draw_shares(shares, upper, rows)
     _name_lines(figure, shares, upper, is_first=True)
@@ -85,8 +88,11 @@ def draw_comparison(comparison: Comparison) -> Figure:
             panel = figure.add_axes(place)
             _draw_differences(panel, lower, {key[:4]: row for key, row in differences.items() if key[4] == name})
             _name_lines(figure, panel, lower, is_first=k == 0)
-            better = next(metric.better for metric in METRICS if metric.name == name)
-            arrow = "better →" if better > 0 else "← better"
+            metric = next(metric for metric in METRICS if metric.name == name)
+            _set_range(
+                panel, [row for key, row in differences.items() if key[4] == name], metric.digits, width * _WIDTH
+            )
+            arrow = "better →" if metric.better > 0 else "← better"
             panel.set_xlabel(f"{label}\n{arrow}", fontsize=_FONT, labelpad=1.5, linespacing=1.3)
     return figure
 
@@ -128,9 +134,10 @@ def _name_lines(figure: Figure, panel: Axes, lines: Sequence[_Line], *, is_first
     top = panel.get_position().y1
     for place, line in zip(places, lines, strict=True):
         if is_first and not line.key:
+            size = _FONT * min(1.0, 0.98 * _WIDTH / (_BOLD * len(line.text)))
             figure.text(
                 _MM / _WIDTH, top - place / figure.get_figheight(), line.text, va="center", ha="left",
-                fontsize=_FONT, fontweight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+                fontsize=size, fontweight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
             )  # fmt: skip
     _plain(panel)
 
@@ -166,8 +173,31 @@ def _draw_differences(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[s
             panel.plot([row["low"], row["high"]], [place, place], color=_BLUE, linewidth=1.2, solid_capstyle="butt")
         face = _BLUE if is_sure(row) else "white"
         panel.plot(row["difference"], place, "o", markersize=3.4, color=_BLUE, markerfacecolor=face)
-    panel.margins(x=0.1)
-    panel.locator_params(axis="x", nbins=5)
+
+
+def _set_range(panel: Axes, rows: Sequence[Mapping[str, Any]], digits: int, width: float) -> None:
+    """The horizontal axis holds zero and all intervals, and as many ticks as their labels have room for.
+
+    Args:
+        panel: Whose axis.
+        rows: Differences that are drawn in it.
+        digits: That tables print of them; where all are smaller than ten units of the last one, the axis ends there.
+        width: Of the panel [inches].
+    """
+    values = [row[name] for row in rows for name in ("low", "difference", "high")]
+    known = [0.0, *(value for value in values if value is not None and np.isfinite(value))]
+    low, high = min(known), max(known)
+    least = 10.0 ** (1 - digits)
+    if high - low < least:
+        low, high = min(low, -least), max(high, least)
+    margin = 0.1 * (high - low)
+    panel.set_xlim(low - margin, high + margin)
+    for n_ticks in range(4, 0, -1):
+        panel.xaxis.set_major_locator(MaxNLocator(n_ticks, steps=[1, 2, 2.5, 5, 10]))
+        ticks = [tick for tick in panel.get_xticks() if low - margin <= tick <= high + margin]
+        longest = max(map(len, panel.xaxis.get_major_formatter().format_ticks(ticks)))
+        if len(ticks) < 3 or (longest + 1) * _CHARACTER < width * (ticks[1] - ticks[0]) / (high - low + 2 * margin):
+            return
 
 
 def _plain(panel: Axes) -> None:

@@ -116,10 +116,13 @@ def _of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -> str:
 
 
 def shown(metric: Metric, value: float | None) -> str:
-    """A value of a metric, as tables print it."""
+    """A value of a metric, as tables print it; what rounds to zero has no sign."""
     if value is None or math.isnan(value):
         return "-"
-    return "∞" if value == math.inf else "-∞" if value == -math.inf else f"{value:.{metric.digits}f}"
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    text = f"{value:.{metric.digits}f}"
+    return text if float(text) else text.removeprefix("-")
 
 
 def markdown(found: Comparison) -> str:
