@@ -256,6 +256,16 @@ def test_a_changed_planner_is_another_planner(tmp_path, monkeypatch):
     assert plan(planner="mine_for_keys:Mine").specs[0].key != key
 
 
+def test_the_version_of_a_library_that_a_planner_needs_is_part_of_the_key(monkeypatch):
+    from interdrive.batches import runs
+
+    keys = set()
+    for version in ("0.4.0", "0.4.1"):
+        monkeypatch.setattr(runs, "versions", lambda name, what, version=version: {name: version})
+        keys.add(plan(settings=SimulationSettings()).specs[0].key)
+    assert len(keys) == 2
+
+
 def test_a_file_that_a_setting_names_is_part_of_the_key(tmp_path):
     from interdrive.batches import runs
     from interdrive.predictors.neural import SHIPPED

@@ -2,6 +2,7 @@
 
 import sys
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -9,7 +10,7 @@ from interdrive import InputError, simulate
 from interdrive.cli import main
 from interdrive.errors import MissingExtraError
 from interdrive.planners import NATIVE
-from interdrive.plugins import find, listed
+from interdrive.plugins import find, listed, versions
 from interdrive.testing import problem, straight_road, world
 
 MODULE = '''"""Planners of somebody."""
@@ -120,6 +121,13 @@ def test_a_name_that_cannot_be_used_is_refused_in_one_line(installed, name, kind
         find(name, tuple(NATIVE), "planner")
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_a_planner_is_made_of_distributions_whose_versions_are_known(installed):
+    assert versions("cautious", "planner") == {"somebody": "1.2"}
+    assert versions("lacks", "planner") == {"a-library-that-nobody-has": "", "somebody": "1.2"}
+    assert versions("numpy:ndarray", "planner") == {"numpy": np.__version__}
+    assert versions("frenet_of_nobody", "planner") == versions("no_such_module:Planner", "planner") == {}
 
 
 def test_an_installed_planner_drives_with_its_settings(installed):

@@ -7,7 +7,8 @@ import difflib
 import importlib
 import importlib.metadata
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
@@ -105,6 +106,26 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
     raise InputError(f"unknown {what} {name!r}: {hint}")
 
 
+def versions(name: str, what: str) -> dict[str, str]:
+    """Versions of the distributions that a planner or predictor is made of, by name; interdrive itself is not named.
+
+    For an entry point these are the one that offers it and those of its extra, for `module:object` those that the module
+    belongs to; native ones and modules that lie in a folder have none.
+
+    Args:
+        name: As given by the user.
+        what: "planner" or "predictor".
+    """
+    if ":" in name:
+        package = name.partition(":")[0].partition(".")[0]
+        distributions = importlib.metadata.packages_distributions().get(package, [])
+    else:
+        offered = [entry_point for entry_point in _entry_points(what) if entry_point.name == name and entry_point.dist]
+        distributions = [e.dist.name for e in offered if e.dist is not None]
+        distributions += [each for entry_point in offered for each in _extra(entry_point)]
+    return _versions(sorted({each for each in distributions if each != "interdrive"}))
+
+
 @dataclass(frozen=True)
 class Listed:
     """A planner or predictor that can be chosen by name.
@@ -168,17 +189,29 @@ def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # no
 
 def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
     """What to install, if the distribution has an extra of the same name that is not installed; else ""."""
+    if entry_point.dist is not None and not all(_versions(_extra(entry_point)).values()):
+        return f"needs the extra: pip install {entry_point.dist.name}[{entry_point.name}]"
+    return ""
+
+
+def _extra(entry_point: importlib.metadata.EntryPoint) -> list[str]:
+    """Distributions that the extra of the same name brings; none if there is no such extra."""
     name, distribution = entry_point.name, entry_point.dist
     if distribution is None or name not in (distribution.metadata.get_all("Provides-Extra") or ()):
-        return ""
-    for requirement in distribution.requires or ():
-        package, _, marker = requirement.partition(";")
-        if re.search(rf"extra\s*==\s*['\"]{re.escape(name)}['\"]", marker):
-            try:
-                importlib.metadata.version(re.split(r"[^\w.-]", package.strip(), maxsplit=1)[0])
-            except importlib.metadata.PackageNotFoundError:
-                return f"needs the extra: pip install {distribution.name}[{name}]"
-    return ""
+        return []
+    marked = re.compile(rf"extra\s*==\s*['\"]{re.escape(name)}['\"]")
+    needed = [requirement.partition(";") for requirement in distribution.requires or ()]
+    texts = [package.strip() for package, _, marker in needed if marked.search(marker)]
+    return [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in texts]
+
+
+def _versions(distributions: Iterable[str]) -> dict[str, str]:
+    """Their versions; "" for those that are not installed."""
+    found = dict.fromkeys(distributions, "")
+    for distribution in found:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            found[distribution] = importlib.metadata.version(distribution)
+    return found
 
 
 def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | None = None) -> Any:  # noqa: ANN401

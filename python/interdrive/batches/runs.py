@@ -17,7 +17,7 @@ from interdrive.errors import InputError
 from interdrive.files import scenario_parts, shipped_scenario, shipped_scenarios
 from interdrive.planners import name_of
 from interdrive.planners.workers import can_be_sent
-from interdrive.plugins import Choice, read_choice
+from interdrive.plugins import Choice, read_choice, versions
 from interdrive.predictors.neural import SHIPPED
 from interdrive.run_settings import SimulationSettings
 from interdrive.settings import flatten
@@ -377,6 +377,9 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
         files["neural"] = _hash(SHIPPED)
     if files:
         plain["files"] = files
+    libraries = versions(name_of(chosen), "planner") | versions(name_of(expected), "predictor")
+    if libraries:
+        plain["libraries"] = libraries
     _PLAIN[at_hand] = ((planner, predictor, settings), plain)  # keeps them alive: their ids stay theirs
     return plain
 
