@@ -109,8 +109,8 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
 def versions(name: str, what: str) -> dict[str, str]:
     """Versions of the distributions that a planner or predictor is made of, by name; interdrive itself is not named.
 
-    For an entry point these are the one that offers it and those of its extra, for `module:object` those that the module
-    belongs to; native ones and modules that lie in a folder have none.
+    For an entry point these are the one that offers it and those of its extra, for `module:object` those that the
+    module belongs to; native ones and modules that lie in a folder have none.
 
     Args:
         name: As given by the user.
