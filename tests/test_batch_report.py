@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 from pathlib import Path
 
@@ -12,11 +13,14 @@ import pytest
 from click.testing import CliRunner
 
 from interdrive.batches import batch, compare
+from interdrive.batches.folder import BatchFolder
 from interdrive.cli import main
 from interdrive.errors import ResultsError
+from interdrive.files import shipped_scenario
 from interdrive.report import write_batch_report
 from interdrive.report.batch import batch_contents
 from interdrive.results import holds_run
+from interdrive.run_settings import SimulationSettings, StepSettings
 from test_report import unpacked
 
 
@@ -99,6 +103,51 @@ def test_pages_of_runs_that_are_there_are_left_alone(copied):
     page.write_text("mine")
     write_batch_report(copied)
     assert page.read_text() == "mine"
+
+
+def test_a_damaged_run_folder_costs_its_page_alone(copied):
+    states = next(iter(sorted(copied.glob("recordings/*/states.parquet"))))
+    states.write_bytes(states.read_bytes()[:100])
+    header = header_of(write_batch_report(copied))
+    [damaged] = [run for run in header["runs"] if run["damage"]]
+    assert "states.parquet" in damaged["damage"]
+    assert damaged["page"] is None
+    assert sum(run["page"] is not None for run in header["runs"]) == 3
+    assert [entry["what"] for entry in header["missing"]] == ["pages"]
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"planner": ["frenet,level=1"], "settings": SimulationSettings(step=StepSettings(replan_every=2))},
+        {"planner": ["idm"], "agents": 2, "seeds": 2},
+        {"planner": ["idm"], "agents": 1, "traffic": "velocity_adjusting"},
+        {"planner": ["idm_mobil"], "agents": 1, "alone": True, "traffic": "same"},
+    ],
+)
+def test_the_command_of_a_run_that_was_not_kept_does_it_again(tmp_path, choices):
+    source = Path(shutil.copy(shipped_scenario("lane_merge"), tmp_path / "it's merging.xml"))
+    batch([source], tmp_path / "out", workers=1, predictor="constant_velocity", **choices)
+    runs = header_of(write_batch_report(tmp_path / "out"))["runs"]
+    digests = set(BatchFolder.open(tmp_path / "out").table(["digest"])["digest"].to_pylist())
+    again = set()
+    for number, run in enumerate(runs):
+        words = shlex.split(run["command"])
+        assert words[0] == "interdrive"
+        out = tmp_path / f"again-{number}"
+        done = CliRunner().invoke(main, [*words[1:], "--out", str(out), "--quiet"])
+        assert done.exit_code == 0, done.output
+        again.add(json.loads((out / "run.json").read_text())["digest"])
+    assert again == digests
+
+
+def test_what_the_command_line_cannot_repeat_has_no_command(tmp_path):
+    batch(["lane_merge"], tmp_path / "out", planner={"mine": "idm"}, workers=1, predictor="constant_velocity")
+    assert [run["command"] for run in header_of(write_batch_report(tmp_path / "out"))["runs"]] == [None]
+
+
+def test_runs_that_did_not_finish_have_no_command(copied):
+    assert all("command" not in run for run in header_of(write_batch_report(copied))["runs"] if run["error"])
 
 
 def test_without_kept_runs_the_page_says_how_to_keep_them(copied):

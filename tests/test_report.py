@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from click.testing import CliRunner
 
@@ -21,6 +22,7 @@ from interdrive.criticality import CriticalitySettings, evaluate
 from interdrive.errors import InputError, ResultsError
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
+from interdrive.report.events import events_of
 from interdrive.report.packing import Packer
 from interdrive.results import candidates_table, holds_run, load, predictions_table, save
 from interdrive.run_settings import RecordSettings, SimulationSettings, StepSettings
@@ -241,6 +243,19 @@ def test_the_most_critical_moment_is_an_event_if_it_is_below_the_threshold(run, 
         assert event["value"] == pytest.approx(ttc[:, event["step"]].min())
 
 
+def test_an_emergency_lasts_as_long_as_no_new_plan_is_of_another_kind():
+    """Agent 1 plans anew every third time step and at 47, when its plan of 46 ends."""
+    made = {40: "planned", 43: "emergency_braking", 46: "emergency_braking", 47: "emergency_braking", 50: "planned"}
+    rows = [
+        {"time_step": step, "agent_id": 1, "point": point, "status": made.get(step, "planned")}
+        for step in range(40, 54)
+        for point in range(2 if step == 46 else 20)
+    ]
+    run = invented_run()
+    kinds = [(e.kind, e.step) for e in events_of(run, pa.Table.from_pylist(rows), None, 3) if e.rows == (0,)]
+    assert [event for event in kinds if event[0] == "emergency_braking"] == [("emergency_braking", 43)]
+
+
 # The page
 
 
@@ -355,6 +370,15 @@ def test_a_page_that_cannot_be_written_leaves_nothing_behind(folder, tmp_path):
 
 
 # The command line
+
+
+def test_a_page_replaces_nothing_that_is_no_page(copied):
+    before = (copied / "run.json").read_bytes()
+    done = CliRunner().invoke(main, ["report", str(copied), "--out", str(copied / "run.json")])
+    assert done.exit_code == 2
+    assert "run.json: a page needs a name that ends in .html or .htm" in done.output
+    assert (copied / "run.json").read_bytes() == before
+    assert write_run_report(copied, copied / "PAGE.HTM").is_file()
 
 
 def test_run_with_report_records_and_writes_the_page(tmp_path):

@@ -18,16 +18,16 @@ export interface BatchRun {
   seed: number;
   status: string;
   error: string;
-  path: string;
-  planner: string;
-  predictor: string;
-  settings: string;
   n_agents: number;
   /** Who is under test alone. */
   agent: number | null;
   outcomes: Record<string, number>;
   ttc_min: number | null;
   page: string | null;
+  /** Why there is no page of a run whose folder was kept. */
+  damage: string;
+  /** Does a finished run without a page again; null if one command cannot. */
+  command?: string | null;
 }
 
 interface Metric {
@@ -251,17 +251,27 @@ function differences(header: BatchHeader, rows: Row[]): HTMLElement {
 function difference(metric: Metric, row: Row, most: number): HTMLElement {
   const [low, high] = [row.low, row.high];
   const sure = row.sure === 1;
-  const interval = low === null ? "–" : `${number(low, metric.digits)} to ${number(high, metric.digits)}`;
+  const digits = enough([row.difference, low, high], metric.digits, sure);
+  const interval = low === null ? "–" : `${number(low, digits)} to ${number(high, digits)}`;
   const better = sure && metric.better !== 0 ? (metric.better * Number(row.difference) > 0 ? "better" : "worse") : "";
   return element(
     "tr",
     { class: sure ? "sure" : "" },
     element("td", {}, metric.heading),
-    element("td", { class: "number" }, number(row.difference, metric.digits)),
+    element("td", { class: "number" }, number(row.difference, digits)),
     element("td", { class: "number" }, interval),
     element("td", {}, whisker(row, most, sure)),
     element("td", {}, better),
   );
+}
+
+/** Digits with which not all values round to zero, or none does; zero itself needs none. */
+function enough(values: Cell[], digits: number, none: boolean): number {
+  const sizes = values.map(size).filter((value) => Number.isFinite(value) && value !== 0);
+  const rounded = (by: number) => sizes.filter((value) => Number(value.toFixed(by)) === 0).length;
+  let by = digits;
+  while (by < digits + 4 && rounded(by) > (none ? 0 : sizes.length - 1)) by++;
+  return sizes.length ? by : digits;
 }
 
 /** How far from zero differences of a metric and their intervals reach. */
@@ -357,12 +367,11 @@ function address(page: string): string {
 }
 
 function line(run: BatchRun): HTMLElement {
-  const link = run.page === null ? element("span", { class: "hint", title: command(run) }, "not kept") : element("a", { href: address(run.page) }, "look");
   const title = run.agent === null ? run.scenario : `${run.scenario}, agent ${run.agent}`;
   const name = run.page === null ? title : element("a", { href: address(run.page) }, title);
   const finished = run.status === "finished";
   const status = element("td", {}, run.status);
-  if (run.error) status.append(element("small", {}, run.error));
+  for (const said of [run.error, run.damage]) if (said) status.append(element("small", {}, said));
   return element(
     "tr",
     { class: finished ? "" : "lost" },
@@ -375,13 +384,17 @@ function line(run: BatchRun): HTMLElement {
     element("td", { class: "number" }, finished ? ((100 * (run.outcomes.goal_reached ?? 0)) / Math.max(1, run.n_agents)).toFixed(0) : ""),
     element("td", { class: "number" }, finished ? String(run.outcomes.collision ?? 0) : ""),
     element("td", { class: "number" }, text(run.ttc_min, 2)),
-    element("td", {}, link),
+    element("td", {}, look(run)),
   );
 }
 
-/** How to see a run whose folder was not kept. */
-function command(run: BatchRun): string {
-  const settings = run.settings.includes("=") ? run.settings.split(" ").map((item) => ` --set ${item}`).join("") : "";
-  const agents = run.agents === "all" ? " --agents all" : "";
-  return `interdrive run ${run.path} --planner ${run.planner} --predictor ${run.predictor}${settings}${agents} --report`;
+/** The page of a run, or how to get one. */
+function look(run: BatchRun): HTMLElement | string {
+  if (run.page !== null) return element("a", { href: address(run.page) }, "look");
+  if (run.command === undefined) return "";
+  const how =
+    run.command === null
+      ? ["`interdrive run` cannot repeat this run. ", element("code", {}, "interdrive batch ... --keep all"), " into a new folder keeps it."]
+      : [element("code", {}, run.command)];
+  return element("details", {}, element("summary", {}, run.damage ? "damaged" : "not kept"), ...how);
 }

@@ -25,6 +25,9 @@ interface Chart {
   line?: HTMLElement;
 }
 
+/** In narrower charts the value is below its name [rem of 14 px]. */
+const NARROW = 19;
+
 /** Beyond these, values of a measure do not matter any more; those with a threshold show it. */
 const CAPS: Record<string, number> = { ttc: 10, thw: 10, psd: 10, hw: 100, dce: 50, ttce: 20, pet: 20, et: 20 };
 const LEVELS: Record<string, number[]> = { ttc: [2], btn: [1], stn: [1], psd: [1] };
@@ -71,6 +74,7 @@ export class Profiles {
     if (state.selected < 0) return;
     if (key !== this.shown) {
       this.shown = key;
+      this.arrange();
       for (const chart of this.charts) this.build(chart);
     }
     this.drawPlan();
@@ -213,7 +217,13 @@ export class Profiles {
     });
   }
 
+  /** By width and not by what is written, so that nothing moves while the player plays. */
+  private arrange(): void {
+    this.root.classList.toggle("narrow", this.charts[0].root.clientWidth < NARROW * 14 * this.state.zoom);
+  }
+
   private resize(): void {
+    this.arrange();
     for (const chart of this.charts)
       if (chart.u !== undefined && chart.plot.clientWidth > 0)
         chart.u.setSize({ width: chart.plot.clientWidth, height: chart.plot.clientHeight });

@@ -76,8 +76,9 @@ def opened(page, path: Path):
 @pytest.fixture(scope="session")
 def batch(tmp_path_factory) -> Path:
     """Page of two planners on two shipped scenarios, all run folders kept."""
-    folder = tmp_path_factory.mktemp("batch") / "two planners"
+    folder = tmp_path_factory.mktemp("batch") / "planners #1 and 2?"
     choices = ["--planner", "frenet,idm_mobil", "--keep", "all", "--out", folder]
     interdrive("batch", "t_junction", "lane_merge", *choices)
-    interdrive("report", folder)
-    return folder / "report.html"
+    page = folder.parent / "page.html"
+    interdrive("report", folder, "--out", page)
+    return page

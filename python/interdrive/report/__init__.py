@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive.batches.folder import BatchFolder
-from interdrive.errors import ResultsError
+from interdrive.errors import InterdriveError, ResultsError
 from interdrive.report.batch import batch_contents
 from interdrive.report.contents import run_contents
 from interdrive.report.page import page
@@ -33,13 +33,21 @@ def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path
         ResultsError: if the folder is no run folder, is damaged or of another format, or the page cannot be written.
         InputError: if the scenario of the run cannot be read.
     """
-    target = Path(folder) / "report.html" if path is None else Path(path)
-    if target.is_dir():
-        raise ResultsError(f"{target}: a folder of that name is in the way")
+    target = _target(folder, path)
     contents = run_contents(folder)
     text = page(f"{contents.header['name']} - interdrive", contents)
     with replacing(target) as partial:
         partial.write_text(text, encoding="utf-8")
+    return target
+
+
+def _target(folder: str | Path, path: str | Path | None) -> Path:
+    """Where a page goes; anything that is no page must not be replaced by one."""
+    target = Path(folder) / "report.html" if path is None else Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise ResultsError(f"{target}: a page needs a name that ends in .html or .htm")
+    if target.is_dir():
+        raise ResultsError(f"{target}: a folder of that name is in the way")
     return target
 
 
@@ -53,7 +61,8 @@ def write_batch_report(
 ) -> Path:
     """Writes the page of a batch, and one for every run whose folder was kept, into that folder.
 
-    Pages of runs that are there already are left alone; run folders of a batch do not change.
+    Pages of runs that are there already are left alone; run folders of a batch do not change. Of a run whose folder is
+    damaged the page of the batch says why it has no page.
 
     Args:
         folder: Of the batch.
@@ -66,21 +75,22 @@ def write_batch_report(
     Raises:
         ResultsError: if the folder is no batch, is damaged, of another format or empty, or a page cannot be written.
     """
-    target = Path(folder) / "report.html" if path is None else Path(path)
-    if target.is_dir():
-        raise ResultsError(f"{target}: a folder of that name is in the way")
+    target = _target(folder, path)
     batch = BatchFolder.open(folder)
     kept = batch.table(["key", "kept"]).to_pylist()
     keys = sorted({row["key"] for row in kept if row["kept"] and (batch.recording(row["key"]) / "run.json").is_file()})
-    start, pages = target.resolve().parent, {}
+    start, pages, damaged = target.resolve().parent, {}, {}
     for done, key in enumerate(keys, start=1):
         own = batch.recording(key) / "report.html"
-        if not own.is_file():
-            write_run_report(batch.recording(key))
-        pages[key] = Path(os.path.relpath(own, start)).as_posix()
+        try:
+            if not own.is_file():
+                write_run_report(batch.recording(key))
+            pages[key] = Path(os.path.relpath(own, start)).as_posix()
+        except InterdriveError as cause:
+            damaged[key] = str(cause)
         if on_run is not None:
             on_run(done, len(keys))
-    contents = batch_contents(folder, pages)
+    contents = batch_contents(folder, pages, damaged)
     text = page(f"{contents.header['name']} - interdrive batch", contents)
     with replacing(target) as partial:
         partial.write_text(text, encoding="utf-8")

@@ -15,6 +15,7 @@ from interdrive.batches.variants import arrays, categories_of, compared_sets, va
 from interdrive.errors import ResultsError
 from interdrive.report.contents import FORMAT, Contents
 from interdrive.report.packing import Packer
+from interdrive.report.repeat import command
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,18 +33,19 @@ _DRAWN = (
 )
 
 #: What the list of runs says about each, besides counts of its agents.
-_ABOUT = (
-    *("key", "scenario", "category", "planner", "predictor", "settings"),
-    *("traffic", "agents", "seed", "status", "error", "path"),
-)
+_ABOUT = ("scenario", "category", "traffic", "agents", "seed", "status", "error")
+
+#: What decides, with the ids of agents, which command does a run again.
+_COMMAND = ("path", "planner", "predictor", "settings", "traffic", "agents", "seed")
 
 
-def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
+def batch_contents(folder: str | Path, pages: Mapping[str, str], damaged: Mapping[str, str] | None = None) -> Contents:
     """Everything about a batch that its page shows.
 
     Args:
         folder: Of the batch.
         pages: Where the page of a run is, relative to that of the batch, by key of the run.
+        damaged: Why there is no page of a run whose folder was kept, by key of the run.
 
     Raises:
         ResultsError: The folder is no batch, or holds no run.
@@ -62,7 +64,11 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
     except ResultsError as cause:
         comparison = None
         missing.append({"what": "comparison", "text": f"No comparison: {cause}"})
-    if not pages:
+    if damaged:
+        count = "One run" if len(damaged) == 1 else f"{len(damaged)} runs"
+        text = f"{count} whose folder was kept cannot be shown; the list of runs says why."
+        missing.append({"what": "pages", "text": text})
+    elif not pages:
         text = "No run folder was kept; `interdrive batch --keep all` (or failed) keeps them, and runs get pages."
         missing.append({"what": "runs", "text": text})
     tested = np.flatnonzero(counted)
@@ -89,7 +95,7 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str]) -> Contents:
         "scenarios_min": SCENARIOS_MIN,
         "reservations": [] if comparison is None else list(comparison.reservations),
         "drawn": [{"name": name, "title": title, "unit": unit} for name, title, unit, _ in _DRAWN],
-        "runs": _runs(column, pages),
+        "runs": _runs(column, pages, damaged or {}),
         "missing": missing,
         "arrays": packer.header,
     }
@@ -104,7 +110,7 @@ def _parts(column: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return sorted({_part(column, row) for row in range(len(column["key"]))})
 
 
-def _runs(column: Mapping[str, Any], pages: Mapping[str, str]) -> list[dict[str, Any]]:
+def _runs(column: Mapping[str, Any], pages: Mapping[str, str], damaged: Mapping[str, str]) -> list[dict[str, Any]]:
     """One entry per run, in the order of the data set."""
     ttc = column["ttc_min"].astype(np.float64)
     keys, first, number = np.unique(column["key"].astype(str), return_index=True, return_inverse=True)
@@ -114,7 +120,7 @@ def _runs(column: Mapping[str, Any], pages: Mapping[str, str]) -> list[dict[str,
         mine = rows[column["under_test"][rows] == 1]
         outcomes, least = column["outcome"][mine].tolist(), ttc[mine]
         at = int(rows[0])
-        entry = {name: _plain_value(column[name][at]) for name in _ABOUT if name != "key"}
+        entry = {name: _plain_value(column[name][at]) for name in _ABOUT}
         entry |= {
             "variant": column["variant"][at],
             "n_agents": len(mine),
@@ -122,7 +128,12 @@ def _runs(column: Mapping[str, Any], pages: Mapping[str, str]) -> list[dict[str,
             "outcomes": {name: outcomes.count(name) for name in sorted(set(outcomes))},
             "ttc_min": float(np.nanmin(least)) if np.isfinite(least).any() else None,
             "page": pages.get(str(keys[run])),
+            "damage": damaged.get(str(keys[run]), ""),
         }
+        if entry["page"] is None and entry["status"] == "finished":
+            about = {name: column[name][at] for name in _COMMAND}
+            tested, others = (column["agent_id"][who].astype(int).tolist() for who in (mine, np.setdiff1d(rows, mine)))
+            entry["command"] = command(about, tested, others)
         made.append(entry)
     return made
 

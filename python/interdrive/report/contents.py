@@ -50,14 +50,15 @@ def run_contents(folder: str | Path) -> Contents:
     """
     results = load(folder, in_part=True)
     run = reopen(folder, results)
-    packer, lacking, origin = Packer(), _lacking(results), _origin(run)
+    view = view_of(run)
+    packer, lacking, origin = Packer(), _lacking(results), _origin(view)
     pack_states(packer, run, origin)
     pack_road(packer, run, origin)
     pack_plans(packer, run, origin, results.plans)
     pack_views(packer, run, results.views)
     reasons = pack_candidates(packer, run, origin, results.candidates)
+    settings = results.info.get("settings", {}).get("settings", {})
     if reasons:
-        settings = results.info.get("settings", {}).get("settings", {})
         seconds = float(settings.get("record.candidate_spacing", 0.0))
         spacing = steps_between(seconds, run.scenario.dt, int(settings.get("step.replan_every", 1)))
         packer.header["candidate_step"]["spacing"] = min(spacing, run.states.n_steps)
@@ -78,12 +79,15 @@ def run_contents(folder: str | Path) -> Contents:
         "dt": run.scenario.dt,
         "first_time_step": run.states.first_time_step,
         "n_steps": run.states.n_steps,
-        "view": _view(run),
+        "view": {"angle": view.angle, "width": view.width, "height": view.height},
         "participants": _participants(run, results, origin),
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(m.name) for m in MEASURES],
-        "events": [_event(event) for event in events_of(run, results.plans, measured)],
+        "events": [
+            _event(event)
+            for event in events_of(run, results.plans, measured, int(settings.get("step.replan_every", 1)))
+        ],
         "missing": lacking,
         "info": {
             name: results.info.get(name) for name in ("digest", "settings", "versions", "platform", "notes", "seed")
@@ -112,18 +116,11 @@ def _lacking(results: Results) -> list[dict[str, str]]:
     return found
 
 
-def _origin(run: Run) -> Floats:
-    """Positions are stored relative to this point [m]."""
-    center = view_of(run)
-    angle = View(-center.angle, (0.0, 0.0), 0.0, 0.0)
-    origin: Floats = np.round(angle.picture_from_world(np.array(center.center)))
+def _origin(view: View) -> Floats:
+    """Positions are stored relative to this point [m], the middle of what is shown first."""
+    angle = View(-view.angle, (0.0, 0.0), 0.0, 0.0)
+    origin: Floats = np.round(angle.picture_from_world(np.array(view.center)))
     return origin
-
-
-def _view(run: Run) -> dict[str, float]:
-    """What to show first: a rectangle around the origin, turned like the figures."""
-    view = view_of(run)
-    return {"angle": view.angle, "width": view.width, "height": view.height}
 
 
 def _participants(run: Run, results: Results, origin: Floats) -> list[dict[str, Any]]:

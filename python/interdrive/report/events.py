@@ -12,9 +12,13 @@ from interdrive.criticality import MEASURES, measure_named
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from interdrive.report.measured import Measured
     from interdrive.results import ArrowTable
     from interdrive.run import Run
+
+    Ints = NDArray[np.int64]
 
 #: Moments at which a measure goes beyond this are events; of each agent the most critical one.
 THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
@@ -53,9 +57,13 @@ class Event:
     value: float | None = None
 
 
-def events_of(run: Run, plans: ArrowTable, measured: Measured | None) -> list[Event]:
-    """All events, sorted by time, then by participant."""
-    every = [*_ends(run), *_emergencies(run, plans), *(_critical(run, measured) if measured is not None else ())]
+def events_of(run: Run, plans: ArrowTable, measured: Measured | None, replan_every: int) -> list[Event]:
+    """All events, sorted by time, then by participant; agents planned anew every `replan_every` time steps."""
+    every = [
+        *_ends(run),
+        *_emergencies(run, plans, replan_every),
+        *(_critical(run, measured) if measured is not None else ()),
+    ]
     return sorted(every, key=lambda event: (event.step, event.rows, event.kind))
 
 
@@ -79,20 +87,41 @@ def _ends(run: Run) -> Iterator[Event]:
         yield Event(min(max(step, 0), run.states.n_steps - 1), outcome, rows, text)
 
 
-def _emergencies(run: Run, plans: ArrowTable) -> Iterator[Event]:
-    """First time steps of stretches in which an agent brakes in emergency or finds no plan."""
+def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Event]:
+    """Plans that brake in emergency, or are none, where the plan that the agent made before was of another kind."""
     if not plans.num_rows:
         return
-    first = plans["point"].to_numpy() == 0
-    status = plans["status"].to_numpy(zero_copy_only=False)[first]
-    agent, step = plans["agent_id"].to_numpy()[first], plans["time_step"].to_numpy()[first]
-    for name, text in _EMERGENCIES.items():
-        for number in np.unique(agent[status == name]).tolist():
-            steps = step[(status == name) & (agent == number)]
-            begins = steps[np.concatenate([[True], np.diff(steps) > 1])]
-            for moment in begins.tolist():
-                kind = "infeasible_plan" if name == "infeasible" else name
-                yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), f"{number} {text}")
+    starts = np.flatnonzero(plans["point"].to_numpy() == 0)
+    status = plans["status"].to_numpy(zero_copy_only=False)[starts]
+    agent, step = plans["agent_id"].to_numpy()[starts], plans["time_step"].to_numpy()[starts]
+    length = np.diff(np.append(starts, plans.num_rows))
+    for number in np.unique(agent[np.isin(status, list(_EMERGENCIES))]).tolist():
+        mine = np.flatnonzero(agent == number)
+        anew = mine[made_anew(step[mine], length[mine], replan_every)].tolist()
+        for before, at in zip([None, *anew], anew, strict=False):
+            name = status[at]
+            if name not in _EMERGENCIES or (before is not None and status[before] == name):
+                continue
+            kind, moment = "infeasible_plan" if name == "infeasible" else name, int(step[at])
+            text = f"{number} {_EMERGENCIES[name]}"
+            yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), text)
+
+
+def made_anew(steps: Ints, lengths: Ints, replan_every: int) -> NDArray[np.bool_]:
+    """Which plans of an agent are new; the others are what was left of the one before.
+
+    Args:
+        steps: Time steps of all its plans, ascending, shape (plans,).
+        lengths: Their numbers of points, shape (plans,).
+        replan_every: A plan is followed for so many time steps, if it is long enough.
+    """
+    anew = np.ones(len(steps), dtype=np.bool_)
+    last = 0
+    for at in range(1, len(steps)):
+        age = steps[at] - steps[last]
+        anew[at] = not (age < replan_every and lengths[last] > age + 1)
+        last = at if anew[at] else last
+    return anew
 
 
 def _critical(run: Run, measured: Measured) -> Iterator[Event]:
