@@ -2,13 +2,22 @@
 
 import hashlib
 import os
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
+import interdrive.batches.folder as folder_module
 from interdrive.batches import BatchFolder, query
+from interdrive.batches.conduct import _conduct, _Queue
 from interdrive.batches.execute import failed
+from interdrive.batches.pool import End
 from interdrive.batches.runs import planned
 from interdrive.errors import InputError
 from interdrive.run_settings import SimulationSettings
@@ -103,3 +112,187 @@ def test_a_merge_between_listing_and_reading_hides_no_run_from_questions(folder,
     monkeypatch.setattr(BatchFolder, "unmerged", unmerged)
     assert query(folder.path, "select count(*) from runs").rows == ((2,),)
     assert len(listed[0]) == 2
+
+
+def status(folder):
+    table = folder.table()
+    return dict(zip(table["key"].to_pylist(), table["status"].to_pylist(), strict=True))
+
+
+@pytest.mark.parametrize("is_still_claimed", [True, False])
+def test_a_run_that_is_done_again_while_it_is_merged_is_not_lost(folder, specs, monkeypatch, is_still_claimed):
+    def merge(into, parts):
+        real_merge(into, parts)
+        assert other.claim(specs[0].key)
+        store(other, specs[0], "finished", "")
+        if not is_still_claimed:
+            other.release(specs[0].key)
+
+    other, real_merge = BatchFolder.open(folder.path), folder_module.merge
+    for spec in specs[:2]:
+        store(folder, spec)
+    monkeypatch.setattr(folder_module, "merge", merge)
+    folder.tidy(now=True)
+    monkeypatch.undo()
+    assert [part.stem for part in folder.unmerged()] == [specs[0].key]
+    assert status(folder) == {specs[0].key: "finished", specs[1].key: "crashed"}
+    other.close()
+    folder.tidy(now=True)
+    assert not folder.unmerged()
+    assert status(folder) == {specs[0].key: "finished", specs[1].key: "crashed"}
+
+
+class InOrder:
+    """Does tasks in this process and calls `between` before each."""
+
+    def __init__(self, status, between):
+        self.status, self.between, self.done = status, between, []
+
+    def run(self, _function, take):
+        self.between()
+        while task := take(""):
+            spec = task.payload.spec
+            self.done.append(spec.key)
+            yield End(task, failed(spec, self.status, "", 1))
+            self.between()
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize("ended", ["finished", "crashed"])
+def test_two_batches_that_retry_a_run_do_it_once_however_it_ends(folder, specs, ended):
+    def conducted(batch, between=lambda: None):
+        backend = InOrder(ended, between)
+        _conduct(specs[:3], batch, backend, "none", send=False, on_progress=None)
+        batch.tidy(now=True)
+        return backend.done
+
+    for spec in specs[:3]:
+        store(folder, spec)
+    first, second = BatchFolder.open(folder.path), BatchFolder.open(folder.path)
+    assert set(first.done()) == set(second.done())
+    there = []
+    own = conducted(first, lambda: there or there.extend(conducted(second)))
+    assert len(there) == 3
+    assert own == []
+    assert set(status(folder).values()) == {ended}
+
+
+def test_claims_hold_between_folders_of_one_process_and_outlast_the_closing_of_others(folder, specs):
+    key, other_key = specs[0].key, specs[1].key
+    other = BatchFolder.open(folder.path)
+    assert folder.claim(key)
+    assert not folder.claim(key)
+    assert not other.claim(key)
+    assert other.claim(other_key)
+    other.close()
+    assert folder.claim(other_key)
+    program = f"from interdrive.batches import BatchFolder; print(BatchFolder.open('{folder.path}').claim('{key}'))"
+
+    def elsewhere():
+        return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+
+    assert elsewhere() == "False\n"
+    folder.release(key)
+    assert elsewhere() == "True\n"
+
+
+def test_threads_merge_one_after_the_other(folder, specs, monkeypatch):
+    def merge(into, parts):
+        at_work.append(into)
+        assert len(at_work) == 1
+        begun.set()
+        assert go_on.wait(60)
+        real_merge(into, parts)
+        at_work.pop()
+
+    def merged():
+        BatchFolder.open(folder.path).tidy(now=True)
+
+    at_work, begun, go_on, real_merge = [], threading.Event(), threading.Event(), folder_module.merge
+    monkeypatch.setattr(folder_module, "merge", merge)
+    store(folder, specs[0])
+    with ThreadPoolExecutor() as threads:
+        first = threads.submit(merged)
+        assert begun.wait(60)
+        second = threads.submit(merged)
+        with pytest.raises(TimeoutError):
+            second.result(0.05)
+        go_on.set()
+        first.result(60)
+        second.result(60)
+    assert status(folder) == {specs[0].key: "crashed"}
+
+
+def test_files_of_runs_are_listed_only_when_there_may_be_many(folder, specs, monkeypatch):
+    def unmerged(batch):
+        found = list_unmerged(batch)
+        listed.append(len(found))
+        return found
+
+    listed, list_unmerged = [], BatchFolder.unmerged
+    monkeypatch.setattr(BatchFolder, "unmerged", unmerged)
+    for spec in specs:
+        store(folder, spec)
+        folder.tidy()
+    # When it begins, and whenever there are 64 or a quarter of what is merged, twice.
+    assert listed == [1, *(2 * [64]), *(2 * [64]), *(2 * [64]), *(2 * [64])]
+    assert len(list_unmerged(folder)) == 300 - 4 * 64
+    assert len(status(folder)) == 300
+
+
+class Counted(str):
+    """Counts how often it is looked up."""
+
+    __slots__ = ()
+    lookups = 0
+
+    def __hash__(self):
+        Counted.lookups += 1
+        return super().__hash__()
+
+
+def test_the_next_scenario_is_found_without_looking_at_all_that_wait(specs):
+    n = 2000
+    waiting = [replace(specs[0], key=str(i), sha256=Counted(i), size=n - i // 2) for i in range(2 * n)]
+    waiting = [replace(spec, sha256=waiting[i - i % 2].sha256) for i, spec in enumerate(waiting)]
+    queue = _Queue(waiting, lambda _: True)
+    Counted.lookups = 0
+    first = queue.take("")
+    assert queue.take(first.sha256).sha256 == first.sha256
+    assert [queue.take("").key for _ in range(n - 1)] == [str(i) for i in range(2, 2 * n, 2)]
+    assert Counted.lookups < 20 * n
+
+
+def test_the_rows_of_some_runs_are_read_without_holding_all(folder, specs):
+    """A file of 600 000 rows of other runs, of which a summary takes some columns."""
+    store(folder, specs[0])
+    folder.tidy(now=True)
+    rows = folder.table()
+    other = rows.set_column(0, rows.schema.field("key"), pa.array(["other"], rows.schema.field("key").type))
+    portion = pa.concat_tables([other] * 20_000).unify_dictionaries().combine_chunks()
+    with pq.ParquetWriter(folder.results, rows.schema) as writer:
+        for _ in range(30):
+            writer.write_table(portion)
+        writer.write_table(rows)
+    program = f"""
+import pyarrow as pa
+from interdrive.batches import BatchSummary
+found = BatchSummary({str(folder.path)!r}, ({specs[0].key!r},), 0, {{}}, 0.0).select(["status", "key"])
+assert found.to_pylist() == [{{"status": "crashed", "key": {specs[0].key!r}}}]
+print(pa.default_memory_pool().max_memory())
+"""
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert int(said) < 30 * portion.nbytes / 5
+
+
+def test_what_a_killed_replacement_left_behind_is_removed_when_it_is_old(folder, monkeypatch):
+    left = folder.path / "recordings" / ".key.1-abcdef01.old"
+    left.mkdir(parents=True)
+    os.utime(left, (0, 0))  # as old as the run folder, which gave way just now
+    folder.tidy(now=True)
+    assert left.exists()
+    monkeypatch.setattr(folder_module, "_LEFTOVER_AGE", -1.0)
+    folder.tidy(now=True)
+    assert not left.exists()

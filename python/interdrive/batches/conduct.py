@@ -6,7 +6,7 @@ import math
 import multiprocessing
 import os
 import time
-from collections import Counter
+from collections import Counter, deque
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -70,7 +70,11 @@ class BatchSummary:
     @property
     def table(self) -> ArrowTable:
         """The rows of these runs; the columns are `interdrive.batches.COLUMNS`."""
-        return BatchFolder.open(self.folder).table(keys=set(self.keys))
+        return self.select(None)
+
+    def select(self, columns: Sequence[str] | None) -> ArrowTable:
+        """Some columns of the rows of these runs; all if None. Of large batches a few take much less memory."""
+        return BatchFolder.open(self.folder).table(columns, set(self.keys))
 
 
 class Backend(Protocol):
@@ -163,7 +167,7 @@ def batch(
         before = folder.done()
         missing = [spec for key, spec in specs.items() if _is_missing(before.get(key), keep, retry=retry)]
         try:
-            _conduct(missing, before, folder, backend, keep, send=ray is not None, on_progress=on_progress)
+            _conduct(missing, folder, backend, keep, send=ray is not None, on_progress=on_progress)
         finally:
             folder.tidy(now=True)
         done = folder.done()
@@ -232,9 +236,10 @@ class _Queue:
     """Runs that wait: first those of large scenarios, those of one scenario by one process as long as that helps."""
 
     def __init__(self, specs: Sequence[RunSpec], claim: Callable[[RunSpec], bool]) -> None:
-        self._groups: dict[str, list[RunSpec]] = {}
+        self._groups: dict[str, deque[RunSpec]] = {}
         for spec in sorted(specs, key=lambda spec: (-spec.size, spec.sha256)):
-            self._groups.setdefault(spec.sha256, []).append(spec)
+            self._groups.setdefault(spec.sha256, deque()).append(spec)
+        self._untouched = deque(self._groups)
         self._begun: set[str] = set()
         self._claim = claim
 
@@ -242,20 +247,26 @@ class _Queue:
         """The next run that can be claimed, if possible of the scenario that the process knows already."""
         while self._groups:
             if group not in self._groups:
-                untouched = [name for name in self._groups if name not in self._begun]
-                group = untouched[0] if untouched else max(self._groups, key=lambda name: len(self._groups[name]))
+                group = self._other()
             self._begun.add(group)
-            spec = self._groups[group].pop(0)
+            spec = self._groups[group].popleft()
             if not self._groups[group]:
                 del self._groups[group]
             if self._claim(spec):
                 return spec
         return None
 
+    def _other(self) -> str:
+        """An untouched scenario, or the one with most runs; then there are hardly more than processes."""
+        while self._untouched:
+            name = self._untouched.popleft()
+            if name not in self._begun:
+                return name
+        return max(self._groups, key=lambda name: len(self._groups[name]))
+
 
 def _conduct(
     missing: Sequence[RunSpec],
-    before: Mapping[str, Done],
     folder: BatchFolder,
     backend: Backend,
     keep: str,
@@ -272,14 +283,12 @@ def _conduct(
         if not folder.claim(spec.key):
             elsewhere.append(spec)
             return False
-        if _is_done_since(spec):
+        # The retry of a run is done once, however it ends.
+        if not _is_missing(folder.stored_since(spec.key), keep, retry=False):
             folder.release(spec.key)
             report(spec, "done by another batch")
             return False
         return True
-
-    def _is_done_since(spec: RunSpec) -> bool:
-        return spec.key not in before and folder.has(spec.key)
 
     def report(spec: RunSpec, status: str) -> None:
         nonlocal count

@@ -51,19 +51,12 @@ def merge(into: Path, parts: Sequence[Path]) -> None:
     keys = {part.stem for part in parts}
     with replacing(into) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         waiting: list[pa.Table] = []
-        for table in _portions(into, keys) if into.exists() else ():
-            _write(writer, waiting, table)
+        for batch in _opened(into).iter_batches(batch_size=_PORTION) if into.exists() else ():
+            _write(writer, waiting, _chosen(_migrated(pa.Table.from_batches([batch]), None), None, keys))
         for start in range(0, len(parts), _FILES_AT_ONCE):
             for part in parts[start : start + _FILES_AT_ONCE]:
                 _write(writer, waiting, read(part))
         _write(writer, waiting, None)
-
-
-def _portions(path: Path, without: set[str]) -> Iterator[pa.Table]:
-    refused = pa.array(sorted(without), pa.string())
-    for batch in _opened(path).iter_batches(batch_size=_PORTION):
-        table = _migrated(pa.Table.from_batches([batch]), None)
-        yield table.filter(pc.invert(pc.is_in(table["key"].cast(pa.string()), refused)))
 
 
 def _write(writer: pq.ParquetWriter, waiting: list[pa.Table], table: pa.Table | None) -> None:
@@ -75,8 +68,12 @@ def _write(writer: pq.ParquetWriter, waiting: list[pa.Table], table: pa.Table | 
         waiting.clear()
 
 
-def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
-    """The table in a file, or some of its columns.
+def read(
+    path: Path, columns: Sequence[str] | None = None, keys: set[str] | None = None, *, but: set[str] | None = None
+) -> pa.Table:
+    """The table in a file, or some of its columns, or the rows of some runs; `but` are keys of runs to leave out.
+
+    Rows that are not wanted are never held together.
 
     Raises:
         ResultsError: It is damaged or has other columns.
@@ -85,11 +82,34 @@ def read(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     try:
         file = _opened(path)
         there = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
-        return _migrated(file.read(columns=there), columns)
+        if keys is None and not but:
+            return _migrated(file.read(columns=there), columns)
+        found = [
+            _chosen(_migrated(pa.Table.from_batches([batch]), columns), keys, but or set())
+            for batch in file.iter_batches(batch_size=_PORTION, columns=there)
+        ]
+        return joined(found, columns)
     except (pa.ArrowException, OSError) as cause:
         if isinstance(cause, FileNotFoundError):
             raise
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
+
+
+def n_keys(path: Path) -> int:
+    """Number of runs in a file.
+
+    Raises:
+        ResultsError: It is damaged or has other columns.
+    """
+    return len(pc.unique(read(path, ["key"])["key"].cast(pa.string())))
+
+
+def _chosen(table: pa.Table, keys: set[str] | None, but: set[str]) -> pa.Table:
+    own = table["key"].cast(pa.string())
+    is_wanted = pc.invert(pc.is_in(own, pa.array(sorted(but), pa.string())))
+    if keys is not None:
+        is_wanted = pc.and_(is_wanted, pc.is_in(own, pa.array(sorted(keys), pa.string())))
+    return table.filter(is_wanted)
 
 
 def _migrated(table: pa.Table, columns: Sequence[str] | None) -> pa.Table:
@@ -128,14 +148,9 @@ def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> 
     return pa.concat_tables([empty.select(columns or empty.column_names), *tables]).unify_dictionaries()
 
 
-def without(table: pa.Table, keys: set[str]) -> pa.Table:
-    """The rows of other keys."""
-    return table.filter(pc.invert(pc.is_in(table["key"].cast(pa.string()), pa.array(sorted(keys), pa.string()))))
-
-
-def only(table: pa.Table, keys: set[str]) -> pa.Table:
-    """The rows of these keys."""
-    return table.filter(pc.is_in(table["key"].cast(pa.string()), pa.array(sorted(keys), pa.string())))
+def in_portions(table: pa.Table) -> Iterator[pa.RecordBatch]:
+    """The same rows, some of them at a time."""
+    yield from table.to_batches(max_chunksize=_PORTION)
 
 
 def in_order(table: pa.Table, by: Sequence[str]) -> pa.Table:

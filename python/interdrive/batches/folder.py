@@ -5,14 +5,15 @@
     runs/<key>.parquet  runs that are not merged yet
     recordings/<key>/   run folders that are kept
     .locks              which runs are being done; nothing is stored in it
+    .stored             a line per run that was stored, for batches that are at work at the same time
 
-A run is claimed by locking the byte of `.locks` that its key says. The system gives the lock back when the process
-ends, however it ends.
+A run is claimed by locking the byte of `.locks` that its key says, see `interdrive.batches.locks`. The system gives the
+lock back when the process ends, however it ends. Only who has claimed a run stores it, or removes the file it was
+stored in.
 """
 
 from __future__ import annotations
 
-import fcntl
 import io
 import json
 import shutil
@@ -25,7 +26,8 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
 from interdrive.batches.columns import NOT_ARRIVED
-from interdrive.batches.dataset import in_order, joined, merge, only, read, without
+from interdrive.batches.dataset import in_order, in_portions, joined, merge, n_keys, read
+from interdrive.batches.locks import Locks
 from interdrive.batches.runs import FORMAT
 from interdrive.errors import ResultsError
 from interdrive.results import check_folder, replacing
@@ -36,7 +38,8 @@ if TYPE_CHECKING:
     from interdrive.batches.execute import Finished
     from interdrive.results import ArrowTable
 
-_MARK, _RESULTS, _RUNS, _RECORDINGS, _LOCKS = "batch.json", "results.parquet", "runs", "recordings", ".locks"
+_MARK, _RESULTS, _RUNS, _RECORDINGS = "batch.json", "results.parquet", "runs", "recordings"
+_LOCKS, _STORED = ".locks", ".stored"
 
 #: Files of single runs are merged when there are this many, and this share of what is merged already.
 _MERGE_AT, _MERGE_SHARE = 64, 0.25
@@ -69,10 +72,13 @@ class BatchFolder:
     def __init__(self, path: Path) -> None:
         """Use `BatchFolder.create` or `BatchFolder.open`."""
         self.path = path
-        self._locks: io.FileIO | None = None
+        self._locks: Locks | None = None
+        #: Runs that are merged, and that are not, roughly; None: not counted yet.
         self._merged: int | None = None
-        self._known: set[str] = set()
-        self._known_at = (0, 0)
+        self._unmerged: int | None = None
+        #: What was stored since it was asked what is done; how far the list of it was read [bytes].
+        self._stored_since: dict[str, Done] = {}
+        self._looked_at = 0
 
     @classmethod
     def create(cls, path: str | Path) -> BatchFolder:
@@ -135,49 +141,52 @@ class BatchFolder:
             ResultsError: A file that is damaged or has other columns.
         """
         order = ("scenario", "planner", "predictor", "traffic", "agents", "seed", "key", "agent_id")
-        found = self._rows(None if columns is None else list(dict.fromkeys([*columns, *order])))
-        found = in_order(found if keys is None else only(found, keys), order)
+        found = in_order(self._rows(None if columns is None else list(dict.fromkeys([*columns, *order])), keys), order)
         return found if columns is None else found.select(list(columns))
 
-    def fresh(self, columns: Sequence[str] | None = None) -> tuple[ArrowTable, set[str]]:
-        """Rows, or some columns of them, of runs that were not merged a moment ago, and keys of these runs.
+    def fresh(self, columns: Sequence[str] | None = None, keys: set[str] | None = None) -> tuple[ArrowTable, set[str]]:
+        """Rows (or some columns of them, or those of some runs) that were not merged a moment ago, and whose they are.
 
         Who reads what is merged after that misses nothing, and has to leave out these keys.
         """
         while True:
             parts = self.unmerged()
+            wanted = parts if keys is None else [part for part in parts if part.stem in keys]
             try:
-                return joined([read(part, columns) for part in parts], columns), {part.stem for part in parts}
+                return joined([read(part, columns) for part in wanted], columns), {part.stem for part in parts}
             except FileNotFoundError:
                 continue  # another process has just merged them
 
-    def _rows(self, columns: Sequence[str] | None) -> ArrowTable:
-        fresh, keys = self.fresh(columns)
-        merged = [without(read(self.results, columns), keys)] if self.results.exists() else []
+    def _rows(self, columns: Sequence[str] | None, keys: set[str] | None = None) -> ArrowTable:
+        fresh, others = self.fresh(columns, keys)
+        merged = [read(self.results, columns, keys, but=others)] if self.results.exists() else []
         return joined([*merged, fresh], columns)
 
     def done(self) -> dict[str, Done]:
         """What was done already, by key."""
-        table = self._rows(["key", "status", "kept", "outcome", "under_test"])
+        self._stored_since.clear()
+        with suppress(FileNotFoundError):
+            self._looked_at = (self.path / _STORED).stat().st_size
         found: dict[str, Done] = {}
-        for row in zip(*(table[name].to_pylist() for name in table.column_names), strict=True):
-            key, status, kept, outcome, under_test = row
-            arrived = not (under_test and outcome in NOT_ARRIVED) and (key not in found or found[key].arrived)
-            found[key] = Done(status, kept and self.recording(key).is_dir(), arrived)
+        for portion in in_portions(self._rows(["key", "status", "kept", "outcome", "under_test"])):
+            for row in zip(*(portion[name].to_pylist() for name in portion.column_names), strict=True):
+                key, status, kept, outcome, under_test = row
+                arrived = not (under_test and outcome in NOT_ARRIVED) and (key not in found or found[key].arrived)
+                found[key] = Done(status, kept and self.recording(key).is_dir(), arrived)
         return found
 
-    def has(self, key: str) -> bool:
-        """The run was done, perhaps by another batch a moment ago."""
-        if (self.path / _RUNS / f"{key}.parquet").exists():
-            return True
-        try:
-            found = self.results.stat()
-        except FileNotFoundError:
-            return False
-        if self._known_at != (found.st_ino, found.st_mtime_ns):
-            self._known = set(read(self.results, ["key"])["key"].to_pylist())
-            self._known_at = (found.st_ino, found.st_mtime_ns)
-        return key in self._known
+    def stored_since(self, key: str) -> Done | None:
+        """What is known of a run that somebody has stored since it was asked what is done."""
+        with suppress(FileNotFoundError), (self.path / _STORED).open("rb") as file:
+            file.seek(self._looked_at)
+            for line in file:
+                if not line.endswith(b"\n"):
+                    break  # it is being written
+                self._looked_at += len(line)
+                about, status, kept, arrived = line.decode().split()
+                self._stored_since[about] = Done(status, kept == "kept", arrived == "arrived")
+        found = self._stored_since.get(key)
+        return None if found is None or found.status == "-" else found
 
     def store(self, key: str, finished: Finished) -> None:
         """Writes a run; its rows last, so that what they promise is there.
@@ -197,73 +206,94 @@ class BatchFolder:
                         (partial / Path(member.name).name).write_bytes(content.read())
         with replacing(self.path / _RUNS / f"{key}.parquet") as partial:
             partial.write_bytes(finished.rows)
-
-    def claim(self, key: str) -> bool:
-        """Nobody else does this run from now on; False if somebody else does it already."""
-        return self._lock(1 + int(key[:12], 16), wait=False)
-
-    def release(self, key: str) -> None:
-        """The run is done, or given up."""
-        self._unlock(1 + int(key[:12], 16))
+        arrived = not any(outcome in NOT_ARRIVED for outcome in finished.outcomes)
+        line = (key, finished.status or "-", "kept" if finished.recording else "-", "arrived" if arrived else "-")
+        with io.FileIO(self.path / _STORED, "a") as file:
+            file.write(f"{' '.join(line)}\n".encode())  # at once, so that lines of several batches do not mix
+        if self._unmerged is not None:
+            self._unmerged += 1
 
     def tidy(self, *, now: bool = False) -> None:
-        """Merges files of single runs if there are many, or `now`."""
-        parts = self.unmerged()
+        """Merges files of single runs if there are many, or `now`. They are listed only when there may be many."""
         if now:
             self._remove_leftovers()
-        if not parts or not (now or len(parts) >= max(_MERGE_AT, _MERGE_SHARE * self._count())):
+        elif self._unmerged is not None and self._unmerged < self._many():
+            return
+        self._unmerged = len(self.unmerged())
+        if not self._unmerged or not (now or self._unmerged >= self._many()):
             return
         with self._alone():
-            parts = self.unmerged()
+            parts = {part: _version(part) for part in self.unmerged()}
             if not parts:
                 return
-            merge(self.results, parts)
+            merge(self.results, list(parts))
             self._merged = self._count() + len(parts) if self._merged is not None else None
-            for part in parts:
-                part.unlink(missing_ok=True)
+            for part, version in parts.items():
+                self._remove_merged(part, version)
+            self._unmerged = 0
+
+    def _remove_merged(self, part: Path, version: tuple[int, ...]) -> None:
+        """Removes the file of a run, unless the run is being done again, or was while its rows were merged."""
+        if self.claim(part.stem):
+            try:
+                if _version(part) == version:
+                    part.unlink()
+            finally:
+                self.release(part.stem)
 
     def _remove_leftovers(self) -> None:
         """What processes left behind that were killed while they wrote."""
         for place in (self.path, self.path / _RUNS, self.path / _RECORDINGS):
-            for entry in place.glob(".*.partial*"):
+            for entry in (*place.glob(".*.partial*"), *place.glob(".*.old")):
                 with suppress(FileNotFoundError):
-                    if time.time() - entry.stat().st_mtime > _LEFTOVER_AGE:
+                    # A folder that gives way to another one has a new name, which changes no more than its ctime.
+                    found = entry.stat()
+                    since = found.st_ctime if entry.suffix == ".old" else found.st_mtime
+                    if time.time() - since > _LEFTOVER_AGE:
                         shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
     def _count(self) -> int:
         """Number of runs that are merged, roughly."""
         if self._merged is None:
-            self._merged = len(set(read(self.results, ["key"])["key"].to_pylist())) if self.results.exists() else 0
+            self._merged = n_keys(self.results) if self.results.exists() else 0
         return self._merged
+
+    def _many(self) -> float:
+        """So many files of single runs are merged."""
+        return max(_MERGE_AT, _MERGE_SHARE * self._count())
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        self._lock(_MERGE_BYTE, wait=True)
+        self._held().take(_MERGE_BYTE, wait=True)
         try:
             yield
         finally:
-            self._unlock(_MERGE_BYTE)
+            self._held().give(_MERGE_BYTE)
 
-    def _lock(self, byte: int, *, wait: bool) -> bool:
+    def claim(self, key: str) -> bool:
+        """Nobody else does this run from now on; False if somebody does it already."""
+        return self._held().take(1 + int(key[:12], 16), wait=False)
+
+    def release(self, key: str) -> None:
+        """The run is done, or given up."""
+        self._held().give(1 + int(key[:12], 16))
+
+    def _held(self) -> Locks:
         if self._locks is None:
-            self._locks = io.FileIO(self.path / _LOCKS, "a+")
-        try:
-            fcntl.lockf(self._locks, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), 1, byte)
-        except BlockingIOError:
-            return False
-        except PermissionError:
-            return False  # some systems say it like that
-        return True
-
-    def _unlock(self, byte: int) -> None:
-        if self._locks is not None:
-            fcntl.lockf(self._locks, fcntl.LOCK_UN, 1, byte)
+            self._locks = Locks(self.path / _LOCKS)
+        return self._locks
 
     def close(self) -> None:
         """Gives all claims back."""
         if self._locks is not None:
             self._locks.close()
             self._locks = None
+
+
+def _version(path: Path) -> tuple[int, ...]:
+    """Tells a file from one that takes its name."""
+    found = path.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def read_batch(path: str | Path, columns: Sequence[str] | None = None) -> Any:  # noqa: ANN401 - an Arrow table

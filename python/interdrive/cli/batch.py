@@ -80,7 +80,7 @@ def batch(
     memory = bytes_of(choices.memory) if choices.memory is not None else math.inf
 
     from interdrive.batches import batch as run_batch  # noqa: PLC0415
-    from interdrive.cli.batch_report import batch_progress, print_batch  # noqa: PLC0415 - rich
+    from interdrive.cli.batch_report import PRINTED, batch_progress, print_batch  # noqa: PLC0415 - rich
 
     with batch_progress(quiet=quiet) as on_progress:
         try:
@@ -107,11 +107,11 @@ def batch(
                 f"interrupted; what was done is in {shown(Path(choices.out).resolve())}, "
                 "the same command does what is missing"
             ) from None
-    table = done.table
+    table = done.select(PRINTED)
     if not quiet:
         print_batch(done, table, shown(done.folder))
     broken = sum(count for status, count in done.status.items() if status not in ("finished", "refused"))
-    return 1 if broken or "planner_error" in table["outcome"].to_pylist() else 0
+    return 1 if broken or "planner_error" in table["outcome"].unique().to_pylist() else 0
 
 
 def bytes_of(text: str) -> float:

@@ -36,6 +36,13 @@ _ANSWER_ROWS_MAX = 100
 _VARIANTS = ("planner", "predictor", "traffic", "agents")
 
 
+#: Rows become values of Python so many at a time.
+_PORTION = 4096
+
+#: Columns that `print_batch` needs.
+PRINTED = (*_VARIANTS, "status", "outcome", "under_test", "key", "scenario", "error")
+
+
 class _Rate(ProgressColumn):
     """Runs per second."""
 
@@ -72,16 +79,18 @@ def batch_progress(*, quiet: bool) -> Iterator[Callable[[Reached], None]]:
 def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
     """How runs and agents ended per planner, what did not finish, notes, and where the results are."""
     console = output()
-    columns = {name: rows[name].to_pylist() for name in (*_VARIANTS, "status", "outcome", "under_test", "key")}
-    shown = [name for name in _VARIANTS if name == "planner" or len(set(columns[name])) > 1]
+    shown = [name for name in _VARIANTS if name == "planner" or len(rows[name].unique()) > 1]
     runs: dict[tuple[Any, ...], dict[str, str]] = {}
     ended: dict[tuple[Any, ...], Counter[str]] = {}
-    for i, key in enumerate(columns["key"]):
-        variant = tuple(columns[name][i] for name in shown)
-        runs.setdefault(variant, {})[key] = columns["status"][i]
+    lost: dict[str, tuple[str, ...]] = {}
+    for row in _each(rows):
+        variant = tuple(row[name] for name in shown)
+        runs.setdefault(variant, {})[row["key"]] = row["status"]
         ended.setdefault(variant, Counter())
-        if columns["under_test"][i]:
-            ended[variant][columns["outcome"][i]] += 1
+        if row["under_test"]:
+            ended[variant][row["outcome"]] += 1
+        if row["status"] != "finished":
+            lost[row["key"]] = (row["scenario"], row["planner"], row["status"], row["error"])
     outcomes = [outcome for outcome in OUTCOMES if any(count[outcome] for count in ended.values())]
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name in shown:
@@ -99,7 +108,7 @@ def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
             *(str(count[outcome]) for outcome in outcomes),
         )
     console.print(table)
-    _print_unfinished(console, rows)
+    _print_unfinished(console, list(lost.values()))
     print_notes(console, done.notes, "BatchSummary.notes")
     fresh = len(done.keys) - done.found
     there = f", {done.found} were there already" if done.found else ""
@@ -107,12 +116,14 @@ def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 
-def _print_unfinished(console: Console, rows: ArrowTable) -> None:
-    names = ("key", "scenario", "planner", "status", "error")
-    lost = {
-        row[0]: row[1:] for row in zip(*(rows[name].to_pylist() for name in names), strict=True) if row[3] != "finished"
-    }
-    order = sorted(lost.values(), key=lambda row: row[2] == "refused")
+def _each(rows: ArrowTable) -> Iterator[dict[str, Any]]:
+    """Rows one by one; values of Python are made of some of them at a time."""
+    for portion in rows.to_batches(max_chunksize=_PORTION):
+        yield from portion.to_pylist()
+
+
+def _print_unfinished(console: Console, lost: list[tuple[str, ...]]) -> None:
+    order = sorted(lost, key=lambda row: row[2] == "refused")
     for scenario, planner, status, error in order[:NOTES_MAX]:
         style = "dim" if status == "refused" else "red"
         console.print(f"[{style}]{status}[/]: {escape(f'{scenario}, {planner}: {error}')}", soft_wrap=True)
