@@ -101,10 +101,12 @@ export async function showBatch(root: HTMLElement, header: BatchHeader, arrays: 
       part.traffic === option.traffic && part.agents === option.agents && (option.category === "all" || part.category === option.category);
     const whole = option.category === "all";
     const [title, said] = [whole ? option.title : `${option.title}: ${option.category}`, whole ? option.size : ""];
+    const apart = header.differences.filter((row) => within(row as never));
+    const enough = apart.some((row) => Number(row.n_scenarios) >= header.scenarios_min);
     compared.replaceChildren(
       element("section", {}, element("h2", {}, title), element("p", { class: "hint" }, said)),
-      comparison(header, header.table.filter((row) => within(row as never))),
-      differences(header, header.differences.filter((row) => within(row as never))),
+      comparison(header, header.table.filter((row) => within(row as never)), enough),
+      differences(header, apart),
     );
     list.restrict(inside);
     distributions.draw(inside, theme, zoom);
@@ -163,7 +165,8 @@ function number(value: Cell, digits: number): string {
   return typeof value === "string" ? value.replace("inf", "∞") : text(value, digits);
 }
 
-function comparison(header: BatchHeader, rows: Row[]): HTMLElement {
+/** Planners below each other; the best values are marked if there are enough scenarios. */
+function comparison(header: BatchHeader, rows: Row[], enough: boolean): HTMLElement {
   if (!rows.length) return element("section");
   const head = element("tr", {}, ...["planner", "outcomes", "runs", "agents"].map((name, i) => element("th", i > 1 ? NUMBER : {}, name)));
   const metrics = header.metrics.filter((metric) => happened(metric, rows));
@@ -185,7 +188,7 @@ function comparison(header: BatchHeader, rows: Row[]): HTMLElement {
       element("td", { class: "number" }, String(row.n_agents)),
     );
     for (const metric of metrics) {
-      const differ = rows.some((other) => other[metric.name] !== row[metric.name]);
+      const differ = enough && rows.some((other) => other[metric.name] !== row[metric.name]);
       const chosen = differ && size(row[metric.name]) === best.get(metric.name);
       const title: Record<string, string> = chosen ? { class: "number best", title: "the best of these" } : { class: "number" };
       line.append(element("td", title, number(row[metric.name], metric.digits)));

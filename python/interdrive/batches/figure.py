@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 _MM = 1.0 / 25.4
 _WIDTH = 180.0 * _MM
 _FONT = 7.5
+#: Between panels [inches].
+_GAP = 3.6 * _MM
 #: Widths of a character of that size, plain and bold [inches].
 _CHARACTER, _BOLD = 1.32 * _MM, 1.5 * _MM
 _BLUE = "#0072B2"
@@ -81,7 +83,7 @@ def draw_comparison(comparison: Comparison) -> Figure:
     _draw_shares(shares, upper, rows)
     _name_lines(figure, shares, upper, is_first=True)
     if lower:
-        gap = 0.02
+        gap = _GAP / _WIDTH
         width = (right - left - gap * (len(_DRAWN) - 1)) / len(_DRAWN)
         for k, (name, label) in enumerate(_DRAWN):
             place = (left + k * (width + gap), _FOOT / height, width, heights[1] / height)
@@ -190,13 +192,16 @@ def _set_range(panel: Axes, rows: Sequence[Mapping[str, Any]], digits: int, widt
     least = 10.0 ** (1 - digits)
     if high - low < least:
         low, high = min(low, -least), max(high, least)
-    margin = 0.1 * (high - low)
-    panel.set_xlim(low - margin, high + margin)
+    low, high = low - 0.1 * (high - low), high + 0.1 * (high - low)
+    panel.set_xlim(low, high)
     for n_ticks in range(4, 0, -1):
-        panel.xaxis.set_major_locator(MaxNLocator(n_ticks, steps=[1, 2, 2.5, 5, 10]))
-        ticks = [tick for tick in panel.get_xticks() if low - margin <= tick <= high + margin]
-        longest = max(map(len, panel.xaxis.get_major_formatter().format_ticks(ticks)))
-        if len(ticks) < 3 or (longest + 1) * _CHARACTER < width * (ticks[1] - ticks[0]) / (high - low + 2 * margin):
+        ticks = np.asarray(MaxNLocator(n_ticks, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+        longest = max(map(len, panel.xaxis.get_major_formatter().format_ticks(ticks.tolist())))
+        half = 0.5 * (longest + 1) * _CHARACTER
+        place = width * (ticks - low) / (high - low)
+        inside = (place > half - 0.4 * _GAP) & (place < width - half + 0.4 * _GAP)
+        panel.set_xticks(ticks[inside])
+        if (np.diff(place[inside]) > 2.0 * half).all():
             return
 
 
