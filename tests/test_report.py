@@ -142,6 +142,16 @@ def test_a_page_holds_every_plan_with_its_velocities(run, folder):
     np.testing.assert_allclose(mine[:, : own.shape[1]], own, atol=0.006)
 
 
+def test_a_page_tells_when_the_plans_were_made_that_agents_follow(run, tmp_path):
+    settings = SimulationSettings(step=StepSettings(replan_every=3))
+    made = run_contents(save(simulate(run.scenario, agents=[200], settings=settings, threads=1), tmp_path / "run"))
+    found = unpacked(made.header["arrays"], made.arrays)
+    step = found["plan_step"].astype(int)
+    assert np.array_equal(found["plan_made"], step - step % 3)
+    costs = np.isfinite(found["plan_cost"])
+    assert np.array_equal(costs, found["plan_made"] == step), "plans that go on have no cost of their own"
+
+
 def test_goals_and_sight_of_agents_are_in_the_header(folder):
     agent = run_contents(folder).header["participants"][1]
     assert agent["origin"] == "planning problem"

@@ -96,6 +96,8 @@ export class Detail {
     const [first, last] = run.candidates(state.selected, state.step);
     const at = run.table("candidate_step")[first];
     if (last > first) parts.push(`${last - first} candidates ${at === state.step ? "shown" : `of ${run.time(at)} shown`}`);
+    const made = run.madeAt(state.selected, state.step);
+    if (made < state.step && run.has("prediction_x")) parts.push(`predictions of ${run.time(made)} shown`);
     const lacking = run.header.missing.filter((m) => state.layers[LAYER_OF[m.what]]).map((m) => m.text);
     return [parts.join(" · "), ...(p.agent >= 0 ? lacking : [])].filter(Boolean).join("  —  ");
   }

@@ -201,6 +201,12 @@ export class Run {
     return NONE;
   }
 
+  /** When an agent made the plan that it follows: the same step, or before it if it does not plan at every one. */
+  madeAt(row: number, step: number): number {
+    const plan = this.has("plan_made") ? this.plan(row, step) : -1;
+    return plan < 0 ? step : this.table("plan_made")[plan];
+  }
+
   /** Everybody's predictions of a time step. */
   predictions(step: number): Rows {
     return this.predictionsAt.get(step) ?? NONE;

@@ -50,7 +50,7 @@ export class Traffic {
     if (agent) {
       this.drawGoal(ctx, camera, ratio, state);
       if (layers.sight) this.drawSight(ctx, camera, ratio, state);
-      if (layers.predictions) this.drawPredictions(ctx, camera, ratio, state, seen);
+      if (layers.predictions) this.drawPredictions(ctx, camera, ratio, state);
       if (layers.candidates) this.drawCandidates(ctx, camera, ratio, state);
     }
     this.drawBodies(ctx, camera, ratio, state, layers.sight ? seen : undefined);
@@ -178,9 +178,12 @@ export class Traffic {
     ctx.setLineDash([]);
   }
 
-  private drawPredictions(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State, seen?: Set<number>): void {
-    const [first, last] = this.run.predictions(state.step);
+  private drawPredictions(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State): void {
+    // What it planned against, when it planned.
+    const made = this.run.madeAt(state.selected, state.step);
+    const [first, last] = this.run.predictions(made);
     if (first === last || this.run.pose(state.selected, state.step) === undefined) return;
+    const seen = this.run.seen(state.selected, made);
     const color = PALETTES[state.theme].prediction;
     const [who, probability] = [this.run.table("prediction_participant"), this.run.table("prediction_probability")];
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -188,20 +191,20 @@ export class Traffic {
     ctx.strokeStyle = color;
     ctx.fillStyle = color;
     for (let i = first; i < last; i++) {
-      if (who[i] === state.selected || !(seen === undefined ? this.inRange(who[i], state) : seen.has(who[i]))) continue;
+      if (who[i] === state.selected || !(seen === undefined ? this.inRange(who[i], state.selected, made) : seen.has(who[i]))) continue;
       ctx.lineWidth = 0.8 * state.zoom;
       this.ellipses(ctx, camera, i, probability[i]);
       ctx.globalAlpha = 0.2 + 0.75 * probability[i];
       ctx.lineWidth = (0.6 + 1.6 * probability[i]) * state.zoom;
-      this.trace(ctx, camera, "prediction", i, who[i], state.step);
+      this.trace(ctx, camera, "prediction", i, who[i], made);
       ctx.stroke();
     }
     ctx.globalAlpha = 1;
   }
 
-  private inRange(row: number, state: State): boolean {
-    const radius = this.run.header.participants[state.selected].sensor_radius ?? Infinity;
-    const [a, b] = [this.run.pose(state.selected, state.step), this.run.pose(row, state.step)];
+  private inRange(row: number, agent: number, step: number): boolean {
+    const radius = this.run.header.participants[agent].sensor_radius ?? Infinity;
+    const [a, b] = [this.run.pose(agent, step), this.run.pose(row, step)];
     return a !== undefined && b !== undefined && Math.hypot(a.x - b.x, a.y - b.y) <= radius;
   }
 

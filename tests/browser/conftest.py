@@ -56,6 +56,15 @@ def demo(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def seldom(tmp_path_factory) -> Path:
+    """Page of the T-junction with a new plan every half second."""
+    folder = tmp_path_factory.mktemp("seldom") / "run"
+    choices = ["--agents", "all", "--predictor", "constant_velocity", "--set", "step.replan_every=5"]
+    interdrive("run", "t_junction", *choices, "--out", folder, "--report")
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="session")
 def crowd(tmp_path_factory) -> Path:
     """Page of a run with about 60 vehicles; of the largest shipped scenario where there are no recorded ones."""
     recorded = Path(os.environ.get("INTERDRIVE_SCENARIOS", ROOT.parent / "shared" / "scenarios"))

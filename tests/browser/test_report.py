@@ -290,6 +290,15 @@ def test_times_have_the_decimals_that_time_steps_need(page, demo, tmp_path):
     assert page.locator(".clock").inner_text().startswith("0.12 s")
 
 
+def test_between_plans_the_predictions_are_those_of_the_plan(page, seldom):
+    opened(page, seldom)
+    page.locator('button[aria-label="Select agent 1003"]').click()
+    for step, said in (("20", False), ("22", True), ("25", False)):
+        page.locator(".scrub").fill(step)
+        ready(page)
+        assert ("predictions of 2.0 s shown" in page.locator(".now-line").inner_text()) is said
+
+
 @pytest.mark.parametrize("size", [{"width": 1280, "height": 720}, {"width": 1024, "height": 768}])
 def test_larger_text_leaves_values_whole_and_the_map_in_sight(page, demo, size):
     page.set_viewport_size(size)

@@ -54,13 +54,14 @@ def run_contents(folder: str | Path) -> Contents:
     packer, lacking, origin = Packer(), _lacking(results), _origin(view)
     pack_states(packer, run, origin)
     pack_road(packer, run, origin)
-    pack_plans(packer, run, origin, results.plans)
+    settings = results.info.get("settings", {}).get("settings", {})
+    replan_every = int(settings.get("step.replan_every", 1))
+    pack_plans(packer, run, origin, results.plans, replan_every)
     pack_views(packer, run, results.views)
     reasons = pack_candidates(packer, run, origin, results.candidates)
-    settings = results.info.get("settings", {}).get("settings", {})
     if reasons:
         seconds = float(settings.get("record.candidate_spacing", 0.0))
-        spacing = steps_between(seconds, run.scenario.dt, int(settings.get("step.replan_every", 1)))
+        spacing = steps_between(seconds, run.scenario.dt, replan_every)
         packer.header["candidate_step"]["spacing"] = min(spacing, run.states.n_steps)
     pack_predictions(packer, run, origin, results.predictions)
     try:
@@ -84,10 +85,7 @@ def run_contents(folder: str | Path) -> Contents:
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(m.name) for m in MEASURES],
-        "events": [
-            _event(event)
-            for event in events_of(run, results.plans, measured, int(settings.get("step.replan_every", 1)))
-        ],
+        "events": [_event(event) for event in events_of(run, results.plans, measured, replan_every)],
         "missing": lacking,
         "info": {
             name: results.info.get(name) for name in ("digest", "settings", "versions", "platform", "notes", "seed")

@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.criticality import MEASURES, measure_named
+from interdrive.report.planning import made_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
     from interdrive.report.measured import Measured
     from interdrive.results import ArrowTable
     from interdrive.run import Run
-
-    Ints = NDArray[np.int64]
 
 #: Moments at which a measure goes beyond this are events; of each agent the most critical one.
 THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
@@ -97,7 +94,7 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
     length = np.diff(np.append(starts, plans.num_rows))
     for number in np.unique(agent[np.isin(status, list(_EMERGENCIES))]).tolist():
         mine = np.flatnonzero(agent == number)
-        anew = mine[made_anew(step[mine], length[mine], replan_every)].tolist()
+        anew = mine[made_at(step[mine], length[mine], replan_every) == step[mine]].tolist()
         for before, at in zip([None, *anew], anew, strict=False):
             name = status[at]
             if name not in _EMERGENCIES or (before is not None and status[before] == name):
@@ -105,23 +102,6 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
             kind, moment = "infeasible_plan" if name == "infeasible" else name, int(step[at])
             text = f"{number} {_EMERGENCIES[name]}"
             yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), text)
-
-
-def made_anew(steps: Ints, lengths: Ints, replan_every: int) -> NDArray[np.bool_]:
-    """Which plans of an agent are new; the others are what was left of the one before.
-
-    Args:
-        steps: Time steps of all its plans, ascending, shape (plans,).
-        lengths: Their numbers of points, shape (plans,).
-        replan_every: A plan is followed for so many time steps, if it is long enough.
-    """
-    anew = np.ones(len(steps), dtype=np.bool_)
-    last = 0
-    for at in range(1, len(steps)):
-        age = steps[at] - steps[last]
-        anew[at] = not (age < replan_every and lengths[last] > age + 1)
-        last = at if anew[at] else last
-    return anew
 
 
 def _critical(run: Run, measured: Measured) -> Iterator[Event]:

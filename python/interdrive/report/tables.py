@@ -9,6 +9,7 @@ import numpy as np
 from interdrive.plots.road import road_lines
 from interdrive.plots.view import View
 from interdrive.report.measured import columns_of, rows_of
+from interdrive.report.planning import made_at
 from interdrive.run import PLAN_STATUS
 
 if TYPE_CHECKING:
@@ -63,8 +64,8 @@ def pack_road(packer: Packer, run: Run, origin: Floats) -> None:
         packer.add(f"{name}_xy", points.T, unit=_METRE, steps=True)
 
 
-def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable) -> None:
-    """Every plan, thinned, sorted by agent and time step."""
+def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable, replan_every: int) -> None:
+    """Every plan, thinned, sorted by agent and time step; when it was made, if not always at that time step."""
     column = columns_of(table, ("time_step", "agent_id", "point", "cost", "x", "y", "velocity"))
     stride = max(1, round(_PLAN_SPACING / run.scenario.dt))
     starts = np.flatnonzero(column["point"] == 0)
@@ -77,6 +78,13 @@ def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable) -> N
     status = np.array([PLAN_STATUS.index(name) for name in names], dtype=np.int64)
     packer.add("plan_participant", rows_of(run, column["agent_id"][starts][order]), steps=True)
     packer.add("plan_step", column["time_step"][starts][order] - run.states.first_time_step, steps=True)
+    if replan_every > 1:
+        agent, step = column["agent_id"][starts][order], column["time_step"][starts][order]
+        length, made = np.diff(np.append(starts, table.num_rows))[order], step.copy()
+        for number in np.unique(agent):
+            mine = agent == number
+            made[mine] = made_at(step[mine], length[mine], replan_every)
+        packer.add("plan_made", made - run.states.first_time_step, steps=True)
     packer.add("plan_status", status[order])
     packer.add("plan_cost", column["cost"][starts][order].astype(np.float64))
     packer.header["plan_step"]["spacing"] = stride
