@@ -244,16 +244,18 @@ def test_the_key_says_scenario_choices_and_settings_and_nothing_else(tmp_path):
     assert len({key, *keys}) == 7
 
 
-def test_a_changed_planner_is_another_planner(tmp_path, monkeypatch):
+def test_a_changed_planner_is_another_planner_also_in_the_same_session(tmp_path, monkeypatch):
     module = tmp_path / "mine_for_keys.py"
     module.write_text("class Mine:\n    def plan(self, view, predictions): ...\n")
     monkeypatch.syspath_prepend(tmp_path)
-    key = plan(planner="mine_for_keys:Mine").specs[0].key
-    from interdrive.batches import runs
-
-    runs._PLAIN.clear()
+    same = {"planner": "mine_for_keys:Mine", "settings": SimulationSettings()}
+    (spec,) = plan(**same).specs
+    (again,) = plan(**same).specs
+    assert again.key == spec.key
     module.write_text("class Mine:\n    def plan(self, view, predictions): ...\n\n")
-    assert plan(planner="mine_for_keys:Mine").specs[0].key != key
+    (changed,) = plan(**same).specs
+    assert changed.key != spec.key
+    assert changed.of_agents([1]).key != spec.of_agents([1]).key == again.of_agents([1]).key
 
 
 def test_the_version_of_a_library_that_a_planner_needs_is_part_of_the_key(monkeypatch):
@@ -267,18 +269,16 @@ def test_the_version_of_a_library_that_a_planner_needs_is_part_of_the_key(monkey
 
 
 def test_a_file_that_a_setting_names_is_part_of_the_key(tmp_path):
-    from interdrive.batches import runs
     from interdrive.predictors.neural import SHIPPED
 
     weights = tmp_path / "own.safetensors"
     weights.write_bytes(SHIPPED.read_bytes())
     chosen = f"neural,weights={weights}"
-    key = plan(predictor=chosen).specs[0].key
-    runs._PLAIN.clear()
-    assert plan(predictor=chosen).specs[0].key == key
-    runs._PLAIN.clear()
+    settings = SimulationSettings()
+    key = plan(predictor=chosen, settings=settings).specs[0].key
+    assert plan(predictor=chosen, settings=settings).specs[0].key == key
     weights.write_bytes(SHIPPED.read_bytes() + b" ")
-    assert plan(predictor=chosen).specs[0].key != key
+    assert plan(predictor=chosen, settings=settings).specs[0].key != key
 
 
 @pytest.mark.parametrize(

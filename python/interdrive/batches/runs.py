@@ -89,6 +89,7 @@ class RunSpec:
         seed: Chooses a number of agents.
         settings: Of the simulation.
         problem: Why it cannot be done; None if nothing is known against it.
+        content: Planner, predictor and settings in plain values when the batch was planned, for the key.
     """
 
     key: str
@@ -107,6 +108,7 @@ class RunSpec:
     seed: int
     settings: SimulationSettings
     problem: Problem | None = None
+    content: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def agents_label(self) -> str:
@@ -161,9 +163,12 @@ def planned(
     agents, traffic = _who(agents, traffic, alone=alone, seeds=seeds)
     files, notes = scenario_files(paths)
     planners, predictors = choices(planner, "planner"), choices(predictor, "predictor")
-    for chosen in planners.values():
-        for expected in predictors.values():
-            _plain(chosen, expected, settings)  # refused before anything is simulated
+    # What cannot be used is refused before anything is simulated.
+    contents = {
+        (planner_label, predictor_label): _plain(chosen, expected, settings)
+        for planner_label, chosen in planners.items()
+        for predictor_label, expected in predictors.items()
+    }
     if not can_be_sent((planners, predictors, settings)):
         raise InputError("planner, predictor or settings cannot be sent to other processes (they cannot be pickled)")
     specs = [
@@ -171,6 +176,7 @@ def planned(
             RunSpec(
                 "", file.path, file.name, file.category, file.sha256, file.parts_sha256, file.size,
                 chosen, planner_label, expected, predictor_label, agents, traffic, seed, settings,
+                content=contents[planner_label, predictor_label],
             )
         )
         for file in files
@@ -336,13 +342,10 @@ def _keyed(spec: RunSpec) -> RunSpec:
         "agents": spec.agents,
         "traffic": spec.traffic,
         "seed": spec.seed,
-        **_plain(spec.planner, spec.predictor, spec.settings),
+        **spec.content,
     }
     text = json.dumps(content, sort_keys=True, default=str)
     return replace(spec, key=hashlib.sha256(text.encode()).hexdigest()[:32])
-
-
-_PLAIN: dict[tuple[int, int, int], tuple[object, dict[str, Any]]] = {}
 
 
 def _plain(planner: object, predictor: object, settings: SimulationSettings) -> dict[str, Any]:
@@ -351,9 +354,6 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
     Raises:
         InputError: One that cannot be used, or that other processes would not find by its name.
     """
-    at_hand = (id(planner), id(predictor), id(settings))
-    if at_hand in _PLAIN:
-        return _PLAIN[at_hand][1]
     own, chosen, expected = named(settings, planner, predictor)
     if not isinstance(chosen, Choice):
         raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
@@ -380,7 +380,6 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
     libraries = versions(name_of(chosen), "planner") | versions(name_of(expected), "predictor")
     if libraries:
         plain["libraries"] = libraries
-    _PLAIN[at_hand] = ((planner, predictor, settings), plain)  # keeps them alive: their ids stay theirs
     return plain
 
 
