@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -294,6 +295,24 @@ def test_two_batches_on_one_folder_share_the_work_and_lose_nothing(place):
     assert [process.returncode for process in both] == [0, 0], said
     rows = check_whole(place, 6)
     assert set(rows["status"].to_pylist()) == {"finished"}
+
+
+def test_two_threads_on_one_folder_share_the_work_as_well(place):
+    def batch(_):
+        return idr.batch(
+            ["t_junction", "lane_merge"],
+            place / "out",
+            planner="idm,idm_mobil",
+            workers=1,
+            on_progress=lambda reached: said.append(reached.text),
+        )
+
+    said = []
+    with ThreadPoolExecutor(2) as threads:
+        both = list(threads.map(batch, range(2)))
+    assert [done.status for done in both] == [{"finished": 4}] * 2
+    assert sum(text.endswith(": finished") for text in said) == 4
+    check_whole(place, 4)
 
 
 def test_a_script_without_a_guard_is_told_so(place):
