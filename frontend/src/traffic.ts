@@ -224,9 +224,9 @@ export class Traffic {
       ctx.beginPath();
       ctx.ellipse(px, py, Math.max(s * long, 0.5), Math.max(s * short, 0.5), camera.angle - angle, 0, 2 * Math.PI);
       // Fills of many vehicles add up: outlines tell them apart.
-      ctx.globalAlpha = 0.03 + 0.1 * probability;
+      ctx.globalAlpha = 0.07 * probability;
       ctx.fill();
-      ctx.globalAlpha = 0.12 + 0.45 * probability;
+      ctx.globalAlpha = 0.08 + 0.6 * probability;
       ctx.stroke();
     }
   }
