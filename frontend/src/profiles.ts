@@ -143,7 +143,7 @@ export class Profiles {
     const options: uPlot.Options = {
       width: Math.max(chart.plot.clientWidth, 120),
       height: Math.max(chart.plot.clientHeight, 80),
-      padding: [4, 8, 0, 0],
+      padding: [4, 18 * state.zoom, 0, 0],
       legend: { show: false },
       cursor: { show: false },
       scales: { x: { time: false }, y: { range: (_u, low, high) => this.range(chart, low, high) } },
