@@ -14,8 +14,9 @@ import pytest
 
 import interdrive as idr
 from interdrive.batches import BatchFolder, conduct
+from interdrive.batches import pool as pool_module
 from interdrive.batches.execute import Job, agents_of, execute
-from interdrive.batches.pool import _LATE, End, Pool, Task, _Worker
+from interdrive.batches.pool import _LATE, End, Pool, Task, _no_interrupt, _Worker
 from interdrive.batches.runs import planned
 from interdrive.files import shipped_scenario
 from interdrive.run_settings import SimulationSettings
@@ -176,12 +177,31 @@ def test_a_scenario_that_changes_during_a_batch_is_a_failure_and_no_property_of_
     assert (execute(job, 1).status, agents_of(job, 1).status) == ("failed", "failed")
 
 
+def test_workers_that_never_get_ready_are_replaced_and_end_the_batch_when_none_does(monkeypatch):
+    monkeypatch.setattr(pool_module, "_START_MAX", 0.0)
+    begun = []
+    start = Pool._fill
+    monkeypatch.setattr(Pool, "_fill", lambda pool: (begun.append(len(pool._workers)), start(pool)))
+    with Pool(1) as pool, pytest.raises(idr.InterdriveError, match="worker processes are not ready within 0 s"):
+        list(pool.run(execute, lambda _group: None))
+    assert begun.count(0) == 3
+
+
+def test_ctrl_c_while_a_worker_starts_is_told_afterwards_and_not_blocked_for_good():
+    told = False
+    with pytest.raises(KeyboardInterrupt), _no_interrupt():
+        signal.raise_signal(signal.SIGINT)
+        told = True
+    assert told
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
 def test_a_worker_that_hangs_while_it_answers_is_ended_after_its_time(place):
     import batch_planners
 
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=batch_planners.begins_to_answer, args=(theirs,))
+    process = context.Process(target=batch_planners.begins_to_answer, args=(theirs,), daemon=True)
     process.start()
     theirs.close()
     until(ours.poll)

@@ -16,7 +16,7 @@ import pytest
 import interdrive.batches.folder as folder_module
 from interdrive.batches import BatchFolder, query
 from interdrive.batches.conduct import _conduct, _Queue
-from interdrive.batches.execute import failed
+from interdrive.batches.execute import failed, no_rows
 from interdrive.batches.pool import End
 from interdrive.batches.runs import planned
 from interdrive.errors import InputError
@@ -86,6 +86,23 @@ def test_a_question_changes_nothing_and_sees_no_files(folder, specs, question, l
     assert "\n" not in str(refused.value)
     assert "LINE" not in str(refused.value)
     assert folder.results.read_bytes() == before
+
+
+def test_rows_that_were_withdrawn_are_gone_before_they_are_merged(folder, specs):
+    store(folder, specs[0])
+    folder.tidy(now=True)
+    folder.store(specs[0].key, no_rows())
+    assert folder.table().num_rows == 0
+    assert query(folder.path, "select count(*) from results").rows == ((0,),)
+
+
+def test_a_line_that_was_written_on_a_full_disk_is_passed_over(folder, specs):
+    with (folder.path / ".stored").open("ab") as file:
+        file.write(specs[0].key[:7].encode())
+    assert folder.stored_since(specs[1].key) is None
+    store(folder, specs[0])
+    store(folder, specs[1])
+    assert folder.stored_since(specs[1].key).status == "crashed"
 
 
 def test_answers_are_values_of_python(folder, specs):

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import interdrive as idr
-from interdrive.batches import COLUMNS, BatchFolder, query
+from interdrive.batches import COLUMNS, BatchFolder
 from interdrive.batches.columns import comfort
 from interdrive.batches.runs import choices, planned, scenario_files
 from interdrive.files import shipped_scenario
@@ -411,10 +411,10 @@ def test_a_folder_that_is_no_batch_or_of_another_format_is_refused(tmp_path):
         idr.read_batch(tmp_path)
     with pytest.raises(idr.ResultsError, match="not a batch folder"):
         idr.read_batch(tmp_path / "nowhere")
-    (tmp_path / "batch.json").write_text(json.dumps({"format": 0}))
-    with pytest.raises(idr.ResultsError, match="format 0, this version of interdrive reads and writes format 1"):
+    (tmp_path / "batch.json").write_text(json.dumps({"format": 1}))
+    with pytest.raises(idr.ResultsError, match="format 1, this version of interdrive reads and writes format 2"):
         idr.read_batch(tmp_path)
-    with pytest.raises(idr.ResultsError, match="format 0"):
+    with pytest.raises(idr.ResultsError, match="format 1"):
         idr.batch("t_junction", tmp_path, planner=FAST)
 
 
@@ -423,19 +423,6 @@ def test_damaged_results_are_named(tmp_path, two_planners):
     (tmp_path / "results.parquet").write_bytes(b"PAR1 but not really")
     with pytest.raises(idr.ResultsError, match=r"results\.parquet: cannot be read"):
         idr.read_batch(tmp_path)
-
-
-def test_results_of_before_settings_were_a_column_are_read_and_grow(tmp_path):
-    done = idr.batch("lane_merge", tmp_path, planner="idm", workers=1)
-    old = done.table.drop_columns(["settings"])
-    pq.write_table(old, tmp_path / "results.parquet")
-    assert set(idr.read_batch(tmp_path)["settings"].to_pylist()) == {"settings not recorded"}
-    assert query(tmp_path, "select distinct settings from runs").rows == (("settings not recorded",),)
-    again = idr.batch("lane_merge", tmp_path, planner="idm,idm_mobil", workers=1)
-    assert again.found == 1
-    assert idr.read_batch(tmp_path).group_by("planner").aggregate([("settings", "count_distinct")]).num_rows == 2
-    found = dict(query(tmp_path, "select planner, settings from runs").rows)
-    assert found == {"idm": "settings not recorded", "idm_mobil": ""}
 
 
 def test_settings_that_are_not_the_defaults_are_a_column(tmp_path):

@@ -187,6 +187,7 @@ def test_candidates_are_those_of_new_plans_only(run):
     drive = simulate(run.scenario, agents=[100, 200], settings=settings, threads=1)
     carried = drive.plans.time_step[np.isnan(drive.plans.cost) & (drive.plans.status == 1)]
     assert len(carried) > 10
+    assert sorted(set(drive.considered.agent_id.tolist())) == [100, 200]
     for agent in (100, 200):
         steps = np.unique(drive.considered.time_step[drive.considered.agent_id == agent])
         own = drive.plans.agent_id == agent

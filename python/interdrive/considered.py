@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive import _core
-    from interdrive.run import Plans
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
@@ -69,16 +68,18 @@ def steps_between(spacing: float, dt: float, replan_every: int) -> int:
 class CandidateLog:
     """Collects candidates of native sampling planners; other planners have none to show."""
 
-    def __init__(self, dt: float, count: int, every: int, threads: int) -> None:
-        """Starts empty; keeps at most `count` candidates of one plan of each agent in so many time steps."""
-        self._every = every
+    def __init__(self, dt: float, count: int, spacing: float, threads: int) -> None:
+        """Starts empty; keeps at most `count` candidates of one new plan of each agent per `spacing` [s]."""
+        self._every = steps_between(spacing, dt, 1)
         self._next: dict[int, int] = {}
         self._stride, self._count, self._threads = max(1, round(_SPACING / dt)), count, threads
         self._rows: list[tuple[int, int, Floats, list[str], NDArray[np.bool_], Floats, Floats]] = []
 
-    def add(self, world: _core.World, scene: _core.Scene, predictions: _core.Predictions) -> None:
-        """Keeps what driving agents choose from now, if it is time for them."""
-        agents = [agent for agent in world.driving if self._next.get(agent, world.time_step) <= world.time_step]
+    def add(self, world: _core.World, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
+        """Keeps what agents with new plans chose from, if it is time for them."""
+        carried_over = (plans.status == PLAN_STATUS.index("planned")) & np.isnan(plans.cost)
+        new = plans.ids[~carried_over].tolist()
+        agents = [agent for agent in new if self._next.get(agent, world.time_step) <= world.time_step]
         self._next |= dict.fromkeys(agents, world.time_step + self._every)
         with ThreadPoolExecutor(self._threads) as pool:
             every = list(pool.map(lambda agent: world.candidates(agent, scene, predictions), agents))
@@ -99,26 +100,20 @@ class CandidateLog:
                 )
             )
 
-    def table(self, plans: Plans) -> Considered:
-        """All rows so far of those plans that were made, and not carried over from the step before."""
-        status, carried = PLAN_STATUS.index("planned"), np.isnan(plans.cost)
-        old = set(
-            zip(*(column[carried & (plans.status == status)].tolist() for column in (plans.time_step, plans.agent_id)),
-                strict=True)
-        )  # fmt: skip
-        kept = [rows for rows in self._rows if rows[:2] not in old]
-        points = max((rows[5].shape[1] for rows in kept), default=0)
-        counts = [len(rows[2]) for rows in kept]
+    def table(self) -> Considered:
+        """All rows so far."""
+        points = max((rows[5].shape[1] for rows in self._rows), default=0)
+        counts = [len(rows[2]) for rows in self._rows]
         empty = np.empty((0, points))
         return Considered(
             point=self._stride * np.arange(points),
-            time_step=np.repeat(np.array([rows[0] for rows in kept], dtype=np.int64), counts),
-            agent_id=np.repeat(np.array([rows[1] for rows in kept], dtype=np.int64), counts),
-            cost=np.concatenate([np.empty(0), *(rows[2] for rows in kept)]),
-            rejection=tuple(text for rows in kept for text in rows[3]),
-            chosen=np.concatenate([np.empty(0, dtype=np.bool_), *(rows[4] for rows in kept)]),
-            x=np.concatenate([empty, *(_widened(rows[5], points) for rows in kept)]),
-            y=np.concatenate([empty, *(_widened(rows[6], points) for rows in kept)]),
+            time_step=np.repeat(np.array([rows[0] for rows in self._rows], dtype=np.int64), counts),
+            agent_id=np.repeat(np.array([rows[1] for rows in self._rows], dtype=np.int64), counts),
+            cost=np.concatenate([np.empty(0), *(rows[2] for rows in self._rows)]),
+            rejection=tuple(text for rows in self._rows for text in rows[3]),
+            chosen=np.concatenate([np.empty(0, dtype=np.bool_), *(rows[4] for rows in self._rows)]),
+            x=np.concatenate([empty, *(_widened(rows[5], points) for rows in self._rows)]),
+            y=np.concatenate([empty, *(_widened(rows[6], points) for rows in self._rows)]),
         )
 
 

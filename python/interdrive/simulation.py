@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 from interdrive import _core
 from interdrive.agents import normalized, select
 from interdrive.choices import named, per_agent, stored
-from interdrive.considered import CandidateLog, PredictionLog, steps_between
+from interdrive.considered import CandidateLog, PredictionLog
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.handles import core_road, core_scenario, core_shape
@@ -153,12 +153,7 @@ class Simulation:
         record = self.settings.record
         self._predicted = PredictionLog(self.scenario.dt) if record.predictions else None
         self._considered = (
-            CandidateLog(
-                self.scenario.dt,
-                record.candidates,
-                steps_between(record.candidate_spacing, self.scenario.dt, self.settings.step.replan_every),
-                self.threads,
-            )
+            CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
             if record.candidates
             else None
         )
@@ -203,7 +198,7 @@ class Simulation:
         if self._predicted is not None:
             self._predicted.add(predictions)
         if self._considered is not None:
-            self._considered.add(world, scene, predictions)
+            self._considered.add(world, scene, predictions, plans)
         marks.append(clock())
         collision = world.step(plans)
         marks.append(clock())
@@ -281,7 +276,7 @@ class Simulation:
 
     def record(self) -> Run:
         """What happened so far, as arrays."""
-        states, plans = states_of(self.world.states()), Plans(**self.world.plans())
+        states = states_of(self.world.states())
         names = {agent.id: name_of(self._choices[agent.id].planner) for agent in self.agents}
         return Run(
             scenario=self.scenario,
@@ -289,7 +284,7 @@ class Simulation:
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
             outcomes=outcomes_of(self.world.outcomes(), names),
             states=states,
-            plans=plans,
+            plans=Plans(**self.world.plans()),
             timings=timings_of(self._timings),
             notes=(
                 *self._notes,
@@ -304,7 +299,7 @@ class Simulation:
             snapshots=tuple(self._snapshots),
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
             predicted=None if self._predicted is None else self._predicted.table(),
-            considered=None if self._considered is None else self._considered.table(plans),
+            considered=None if self._considered is None else self._considered.table(),
         )
 
     def _repeatable_settings(self) -> dict[str, Any]:

@@ -82,6 +82,11 @@ impl PyPlans {
     fn status<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         arrays::row(py, self.0.status.iter().map(|status| *status as i64).collect())
     }
+    /// Costs of the plans; not a number where the planner has none, or the plan is the rest of an earlier one.
+    #[getter]
+    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        arrays::row(py, self.0.cost.clone())
+    }
     /// Ids of the agents that still need a plan from outside the core.
     #[getter]
     fn missing(&self) -> Vec<i64> {

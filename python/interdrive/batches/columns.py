@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 #: How a run can end. Agents exist only in finished ones.
 STATUS = ("finished", "refused", "failed", "crashed", "timeout", "memory")
 
-#: What the column `settings` says of runs that were done before there was that column.
-NOT_RECORDED = "settings not recorded"
-
 #: A time to collision under this is critical [s]; Vogel, "A comparison of headway and time to collision", 2003.
 TTC_CRITICAL = 2.0
 

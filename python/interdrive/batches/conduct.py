@@ -226,8 +226,9 @@ def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: b
             if isinstance(answer, Problem):
                 found.append(nobody.impossible(answer))
                 continue
-            if nobody.key in known:
+            if nobody.key in known and folder.claim(nobody.key):
                 folder.store(nobody.key, no_rows())
+                folder.release(nobody.key)
             found += [spec.of_agents([number]) for number in answer]
     return tuple(found)
 

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from interdrive.batches.columns import COLUMNS, NOT_RECORDED
+from interdrive.batches.columns import COLUMNS
 from interdrive.errors import ResultsError
 from interdrive.results import arrow_table, replacing
 
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 #: Rows are read and written in portions of about this many.
 _PORTION = 32_768
-
-#: Labels that came after the first data sets, and what they are in older ones.
-_LATER = {"settings": NOT_RECORDED}
 
 #: So many files of single runs are held in memory at once.
 _FILES_AT_ONCE = 256
@@ -52,7 +49,7 @@ def merge(into: Path, parts: Sequence[Path]) -> None:
     with replacing(into) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         waiting: list[pa.Table] = []
         for batch in _opened(into).iter_batches(batch_size=_PORTION) if into.exists() else ():
-            _write(writer, waiting, _chosen(_migrated(pa.Table.from_batches([batch]), None), None, keys))
+            _write(writer, waiting, _chosen(pa.Table.from_batches([batch]), None, keys))
         for start in range(0, len(parts), _FILES_AT_ONCE):
             for part in parts[start : start + _FILES_AT_ONCE]:
                 _write(writer, waiting, read(part))
@@ -81,12 +78,12 @@ def read(
     """
     try:
         file = _opened(path)
-        there = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
+        wanted = [column.name for column in COLUMNS] if columns is None else list(columns)
         if keys is None and not but:
-            return _migrated(file.read(columns=there), columns)
+            return file.read(columns=wanted).select(wanted)
         found = [
-            _chosen(_migrated(pa.Table.from_batches([batch]), columns), keys, but or set())
-            for batch in file.iter_batches(batch_size=_PORTION, columns=there)
+            _chosen(pa.Table.from_batches([batch]).select(wanted), keys, but or set())
+            for batch in file.iter_batches(batch_size=_PORTION, columns=wanted)
         ]
         return joined(found, columns)
     except (pa.ArrowException, OSError) as cause:
@@ -112,20 +109,8 @@ def _chosen(table: pa.Table, keys: set[str] | None, but: set[str]) -> pa.Table:
     return table.filter(is_wanted)
 
 
-def _migrated(table: pa.Table, columns: Sequence[str] | None) -> pa.Table:
-    """The table with columns that it lacks because it was written before there were any."""
-    wanted = [column.name for column in COLUMNS] if columns is None else list(columns)
-    for name in [name for name in wanted if name not in table.column_names]:
-        text = pa.array([_LATER[name]] * table.num_rows, pa.string()).dictionary_encode()
-        table = table.append_column(_field(name), text.cast(_field(name).type))
-    return table.select(wanted)
-
-
-def streamed(path: Path) -> tuple[ds.Dataset, dict[str, str]]:
+def streamed(path: Path) -> ds.Dataset:
     """A file whose rows are read in portions while they are asked for; that another one takes its place does no harm.
-
-    Returns:
-        Its rows; columns that it lacks because it was written before there were any, and their value in all its rows.
 
     Raises:
         ResultsError: It is damaged or has other columns.
@@ -133,13 +118,7 @@ def streamed(path: Path) -> tuple[ds.Dataset, dict[str, str]]:
     _opened(path)
     form = ds.ParquetFileFormat()
     fragment = form.make_fragment(pa.OSFile(str(path)))
-    schema = fragment.physical_schema
-    lacking = {name: value for name, value in _LATER.items() if name not in schema.names}
-    return ds.FileSystemDataset([fragment], schema, form), lacking
-
-
-def _field(name: str) -> pa.Field:
-    return arrow_table(COLUMNS, {column.name: [] for column in COLUMNS}).schema.field(name)
+    return ds.FileSystemDataset([fragment], fragment.physical_schema, form)
 
 
 def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> pa.Table:
@@ -171,7 +150,7 @@ def _opened(path: Path) -> pq.ParquetFile:
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
     expected = [column.name for column in COLUMNS]
     names = found.schema_arrow.names
-    if names not in (expected, [name for name in expected if name not in _LATER]):
+    if names != expected:
         other = next(iter(set(names) ^ set(expected)), "their order")
         raise ResultsError(f"{path}: its columns are not those of this version ({other} differs)")
     return found

@@ -30,7 +30,7 @@ from interdrive.batches.dataset import in_order, in_portions, joined, merge, n_k
 from interdrive.batches.locks import Locks
 from interdrive.batches.runs import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.results import check_folder, replacing
+from interdrive.results import check_folder, one_line, replacing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -183,8 +183,10 @@ class BatchFolder:
                 if not line.endswith(b"\n"):
                     break  # it is being written
                 self._looked_at += len(line)
-                about, status, kept, arrived = line.decode().split()
-                self._stored_since[about] = Done(status, kept == "kept", arrived == "arrived")
+                fields = line.decode(errors="replace").split()
+                if len(fields) == 4:  # else it was written on a full disk
+                    about, status, kept, arrived = fields
+                    self._stored_since[about] = Done(status, kept == "kept", arrived == "arrived")
         found = self._stored_since.get(key)
         return None if found is None or found.status == "-" else found
 
@@ -208,10 +210,18 @@ class BatchFolder:
             partial.write_bytes(finished.rows)
         arrived = not any(outcome in NOT_ARRIVED for outcome in finished.outcomes)
         line = (key, finished.status or "-", "kept" if finished.recording else "-", "arrived" if arrived else "-")
-        with io.FileIO(self.path / _STORED, "a") as file:
-            file.write(f"{' '.join(line)}\n".encode())  # at once, so that lines of several batches do not mix
+        self._note(f"{' '.join(line)}\n".encode())
         if self._unmerged is not None:
             self._unmerged += 1
+
+    def _note(self, line: bytes) -> None:
+        try:
+            with io.FileIO(self.path / _STORED, "a") as file:
+                written = file.write(line)  # at once, so that lines of several batches do not mix
+        except OSError as cause:
+            raise ResultsError(f"{self.path / _STORED}: cannot be written: {one_line(cause)}") from cause
+        if written != len(line):
+            raise ResultsError(f"{self.path / _STORED}: cannot be written: the disk is full")
 
     def tidy(self, *, now: bool = False) -> None:
         """Merges files of single runs if there are many, or `now`. They are listed only when there may be many."""

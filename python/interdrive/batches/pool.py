@@ -98,11 +98,6 @@ class Pool:
         self._workers: list[_Worker] = []
         self._stillborn = 0
 
-    @property
-    def pids(self) -> list[int]:
-        """Process ids of the workers."""
-        return [worker.process.pid or 0 for worker in self._workers]
-
     def __enter__(self) -> Pool:
         return self
 
@@ -162,10 +157,10 @@ class Pool:
         while len(self._workers) < self._n:
             ours, theirs = self._context.Pipe()
             process = self._context.Process(target=_work, args=(theirs,), daemon=True, name="interdrive-batch")
-            with _one_thread(), _no_interrupt():
+            with _STARTING, _one_thread(), _no_interrupt():
                 process.start()
-            theirs.close()
-            self._workers.append(_Worker(process, ours))
+                theirs.close()
+                self._workers.append(_Worker(process, ours))
 
     def _assign(self, worker: _Worker, function: Callable[[T, int], Any], task: Task[T], attempts: int) -> None:
         worker.task, worker.attempts, worker.group = task, attempts, task.group
@@ -255,6 +250,8 @@ class Pool:
 
 
 _NOTHING, _LATE = object(), object()
+#: Processes are started by one thread at a time: the environment and the signals of the process change meanwhile.
+_STARTING = threading.Lock()
 
 
 def resident_memory(pid: int | None) -> int:
@@ -276,17 +273,19 @@ def _one_thread() -> Iterator[None]:
     finally:
         for name, value in before.items():
             if value is None:
-                del os.environ[name]
+                os.environ.pop(name, None)
             else:
                 os.environ[name] = value
 
 
 @contextmanager
 def _no_interrupt() -> Iterator[None]:
-    """Processes that start now are not told of Ctrl-C before they can ignore it; the parent is told a moment later."""
+    """Processes that start now are not told of Ctrl-C before they can ignore it; this thread is told a moment later."""
     resource_tracker.ensure_running()  # it would lift the block when it starts
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
     try:
+        # It may raise because of a Ctrl-C just before, with the signal blocked already.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)

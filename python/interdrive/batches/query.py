@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
+import pyarrow as pa
+
 from interdrive.batches.columns import RUN_COLUMNS
 from interdrive.batches.dataset import streamed
 from interdrive.batches.folder import BatchFolder
@@ -65,12 +67,11 @@ def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder) -> None:
     """Makes the tables, and locks everything else away."""
     fresh, keys = batch.fresh()
     connection.register("_fresh", fresh)
+    connection.register("_withdrawn", pa.table({"key": pa.array(sorted(keys), pa.string())}))
     select = "select * from _fresh"
     if batch.results.exists():
-        merged, lacking = streamed(batch.results)
-        connection.register("_merged", merged)
-        added = "".join(f", '{value}' as {name}" for name, value in lacking.items())
-        select = f"select *{added} from _merged where key not in (select key from _fresh) union all by name {select}"
+        connection.register("_merged", streamed(batch.results))
+        select = f"select * from _merged where key not in (select key from _withdrawn) union all by name {select}"
     elif not keys:
         raise InputError(f"{batch.path}: no run of this batch has ended yet, there is nothing to ask")
     columns = ", ".join(column.name for column in RUN_COLUMNS)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 #: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
-FORMAT = 1
+FORMAT = 2
 
 #: What vehicles do that could be agents but are not under test.
 TRAFFIC = ("recorded", "velocity_adjusting", "same")

@@ -100,8 +100,8 @@ def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], l
 
 def _of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -> str:
     """What bold means, and where it cannot be."""
-    few = {row["metric"] for row in rows if row["n_scenarios"] < SCENARIOS_MIN}
-    names = [metric.heading for metric in metrics if metric.name in few]
+    enough = {row["metric"] for row in rows if row["n_scenarios"] >= SCENARIOS_MIN}
+    names = [metric.heading for metric in metrics if metric.name not in enough]
     if names and len(names) == len(metrics):
         most = max(row["n_scenarios"] for row in rows)
         count = f"there {'is' if most == 1 else 'are'} {most}"

@@ -8,7 +8,6 @@ import shlex
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from interdrive.batches.columns import NOT_RECORDED
 from interdrive.batches.runs import ALONE
 from interdrive.errors import InputError
 from interdrive.planners import NATIVE as PLANNERS
@@ -55,8 +54,6 @@ def _assignments(label: str) -> list[str] | None:
     """Settings that are not the defaults, as `--set` takes them; None if the label does not tell."""
     if not label:
         return []
-    if label == NOT_RECORDED:
-        return None
     found = [tuple(item.split("=", 1)) for item in re.split(r" (?=[a-z_.0-9]+=)", label)]
     try:
         values = flatten(bind(SimulationSettings(), dict(found)))

@@ -22,7 +22,7 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import Column, arrow_table, labels, read_table, write_parquet, write_table
-from interdrive.results.writing import check_folder, replacing, write_json
+from interdrive.results.writing import check_folder, one_line, replacing, write_json
 
 if TYPE_CHECKING:
     from interdrive.results.tabular import ArrowTable
@@ -41,6 +41,7 @@ __all__ = [
     "information",
     "labels",
     "load",
+    "one_line",
     "outcome_table",
     "plans_table",
     "predictions_table",

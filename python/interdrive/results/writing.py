@@ -163,5 +163,6 @@ def _arrow_exception() -> type[Exception]:
 
 def one_line(cause: BaseException) -> str:
     """The cause on one line; for errors of the operating system without their number."""
-    text = cause.strerror if isinstance(cause, OSError) and cause.strerror else str(cause)
+    # Arrow's errors of the system have its number, and a text of their own.
+    text = os.strerror(cause.errno) if isinstance(cause, OSError) and cause.errno else str(cause)
     return " ".join(text.split()) or type(cause).__name__

@@ -93,6 +93,6 @@ def target_rows(found: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
         value = found[target.name] / target.scale
         reached = value <= target.value if target.at_most else value >= target.value
         short = 100.0 * (max(value / target.value, target.value / value) - 1.0)
-        verdict = "reached" if reached else f"missed by {short:.1f} %"
+        verdict = "reached" if reached else f"missed by {short:.0f} %" if short >= 1.0 else f"missed by {short:.1g} %"
         rows.append((target.what, aim, f"{value:.4g} {target.unit}", verdict))
     return rows
