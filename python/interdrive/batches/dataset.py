@@ -121,6 +121,11 @@ def streamed(path: Path) -> ds.Dataset:
     return ds.FileSystemDataset([fragment], fragment.physical_schema, form)
 
 
+def key_table(keys: set[str]) -> pa.Table:
+    """A table with the column `key` alone."""
+    return pa.table({"key": pa.array(sorted(keys), pa.string())})
+
+
 def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> pa.Table:
     """Tables below each other."""
     empty = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS})

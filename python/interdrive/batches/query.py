@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
-
 from interdrive.batches.columns import RUN_COLUMNS
-from interdrive.batches.dataset import streamed
+from interdrive.batches.dataset import key_table, streamed
 from interdrive.batches.folder import BatchFolder
 from interdrive.errors import InputError, MissingExtraError
 
@@ -67,7 +65,7 @@ def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder) -> None:
     """Makes the tables, and locks everything else away."""
     fresh, keys = batch.fresh()
     connection.register("_fresh", fresh)
-    connection.register("_withdrawn", pa.table({"key": pa.array(sorted(keys), pa.string())}))
+    connection.register("_withdrawn", key_table(keys))
     select = "select * from _fresh"
     if batch.results.exists():
         connection.register("_merged", streamed(batch.results))
