@@ -98,9 +98,9 @@ def test_rows_that_were_withdrawn_are_gone_before_they_are_merged(folder, specs)
 
 def test_a_line_that_was_written_on_a_full_disk_is_passed_over(folder, specs):
     with (folder.path / ".stored").open("ab") as file:
-        file.write(specs[0].key[:7].encode())
+        file.write(f"{specs[0].key} crashed".encode())
     assert folder.stored_since(specs[1].key) is None
-    store(folder, specs[0])
+    store(folder, specs[0])  # its line goes on where the half one ends
     store(folder, specs[1])
     assert folder.stored_since(specs[1].key).status == "crashed"
 

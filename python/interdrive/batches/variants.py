@@ -193,8 +193,8 @@ def _agents(rows: Rows, which: Flags, variant: str) -> dict[tuple[str, int, int]
         if agent in found:
             raise ResultsError(
                 f"{variant} drove agent {agent[2]} of {rows['scenario'][row]} in several runs that cannot be told "
-                "apart (a planner's module or a file that belongs to the scenario, such as its map, was changed, or "
-                "settings were not recorded); use a folder for each"
+                "apart (a planner's module, a library that it needs, or a file that belongs to the scenario, such as "
+                "its map, was changed); use a folder for each"
             )
         found[agent] = row
     return found
