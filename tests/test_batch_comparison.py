@@ -153,7 +153,7 @@ def test_runs_with_other_settings_or_of_another_version_are_other_planners(tmp_p
 
 def test_runs_that_nothing_tells_apart_are_not_compared(tmp_path):
     runs = [("s/x", "own:Planner", {1: {}}), ("s/x", "own:Planner", {1: crash()}, {"n_steps": 3})]
-    told = r"own:Planner drove agent 1 of s/x in several runs.*module or a file that belongs to the scenario"
+    told = r"own:Planner drove agent 1 of s/x in several runs.*module, a library that it needs, or a file"
     with pytest.raises(idr.ResultsError, match=told):
         compare(invented(tmp_path / "batch", runs))
 
