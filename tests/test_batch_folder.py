@@ -88,6 +88,19 @@ def test_a_question_changes_nothing_and_sees_no_files(folder, specs, question, l
     assert folder.results.read_bytes() == before
 
 
+def test_a_folder_that_another_batch_makes_while_it_is_looked_at_is_shared(tmp_path, monkeypatch):
+    check, place = folder_module.check_folder, tmp_path / "new"
+
+    def late(*arguments, **options):
+        if not place.exists():
+            place.mkdir()
+            (place / ".batch.json.1-a.partial.json").write_text("{")
+        return check(*arguments, **options)
+
+    monkeypatch.setattr(folder_module, "check_folder", late)
+    assert BatchFolder.create(place).table().num_rows == 0
+
+
 def test_rows_that_were_withdrawn_are_gone_before_they_are_merged(folder, specs):
     store(folder, specs[0])
     folder.tidy(now=True)

@@ -88,12 +88,19 @@ class BatchFolder:
             ResultsError: Something else is there, or it cannot be written.
         """
         target = Path(path).resolve()
-        # Another batch may be making the same folder at this moment.
-        inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()
-        if _MARK in inside:
-            return cls.open(path)
-        if not target.is_dir() or any(not name.startswith(f".{_MARK}.") for name in inside):
-            check_folder(path, "batch", _MARK, lambda _: False, overwrite=False)
+        # Another batch may be making the same folder at this moment, also while it is looked at.
+        for is_last in (False, True):
+            inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()
+            if _MARK in inside:
+                return cls.open(path)
+            if target.is_dir() and all(name.startswith(f".{_MARK}.") for name in inside):
+                break
+            try:
+                check_folder(path, "batch", _MARK, lambda _: False, overwrite=False)
+                break
+            except ResultsError:
+                if is_last:
+                    raise
         text = json.dumps({"format": FORMAT, "interdrive": _core.__version__}, indent=2)
         with replacing(target / _MARK) as partial:
             partial.write_text(f"{text}\n", encoding="utf-8")
