@@ -26,6 +26,7 @@ from interdrive.cli.run import run
 from interdrive.cli.settings import settings
 from interdrive.cli.sql import sql
 from interdrive.cli.study import study
+from interdrive.cli.terminal import say
 from interdrive.cli.verify import verify
 from interdrive.errors import InterdriveError
 
@@ -57,7 +58,7 @@ class _Commands(click.Group):
         except InterdriveError as error:
             return _complain(str(error), 2)
         except KeyboardInterrupt as stop:
-            click.echo(str(stop) or "interrupted, nothing written", err=True)
+            say(str(stop) or "interrupted, nothing written", err=True)
             return INTERRUPTED
         except BrokenPipeError:
             # The interpreter would flush stdout once more and complain.
@@ -69,7 +70,7 @@ class _Commands(click.Group):
 
 
 def _complain(text: str, code: int) -> int:
-    click.echo(f"error: {' '.join(text.split())}", err=True)
+    say(f"error: {' '.join(text.split())}", err=True)
     return code
 
 

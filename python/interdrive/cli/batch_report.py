@@ -6,19 +6,19 @@ from collections import Counter
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from interdrive.cli.report import NOTES_MAX, STYLES, output, print_notes
+from interdrive.cli.report import NOTES_MAX, STYLES, errors, output, print_notes
 from interdrive.run import OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from rich.console import Console
     from rich.progress import Task
 
     from interdrive.batches import Answer, BatchSummary, Comparison
@@ -54,7 +54,7 @@ class _Rate(ProgressColumn):
 @contextmanager
 def batch_progress(*, quiet: bool) -> Iterator[Callable[[Reached], None]]:
     """A progress bar on stderr that leaves no trace; shown only if stderr is a terminal."""
-    console = Console(stderr=True)
+    console = errors()
     columns = (
         BarColumn(),
         MofNCompleteColumn(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from interdrive.cli.terminal import say
 from interdrive.errors import InterdriveError
 
 
@@ -30,6 +31,6 @@ def check(files: tuple[str, ...]) -> int:
             refused_by_id = refusals(scenario, road, agent_settings=AgentSettings(), goal_settings=GoalSettings())
             print_inspection(inspect(scenario), refused_by_id)
         except InterdriveError as error:
-            click.echo(f"error: {' '.join(str(error).split())}", err=True)
+            say(f"error: {' '.join(str(error).split())}", err=True)
             refused = True
     return 2 if refused else 0

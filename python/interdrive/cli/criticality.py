@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
+from interdrive.cli.terminal import say
 from interdrive.errors import InputError
 from interdrive.settings import bind
 
@@ -61,7 +62,7 @@ def criticality(
     if not quiet:
         print_criticality(found, run.scenario.name, shown(folder))
         if png and found.most_critical_moment() is None:
-            click.echo("nothing is drawn: nobody met anybody")
+            say("nothing is drawn: nobody met anybody")
     return 0
 
 

@@ -10,14 +10,19 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+from rich.segment import Segment
 from rich.table import Table
 
+from interdrive.cli.terminal import visible
 from interdrive.criticality import MEASURES, agent_harm
 from interdrive.run import OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
+
+    from rich.console import ConsoleOptions, RenderableType
+    from rich.text import Text
 
     from interdrive.check import Inspection
     from interdrive.criticality import Criticality
@@ -41,7 +46,16 @@ STYLES = {
 
 
 class _Output(Console):
-    """Leaves a closed pipe to the command's exit code."""
+    """Prints no character that a terminal would obey, and leaves a closed pipe to the command's exit code."""
+
+    def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - rich's signature
+        """Every text passes here before it is laid out."""
+        return super().render_str(visible(text), **options)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """What is no plain text (progress bars) passes here."""
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else visible(text), style, control)
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
@@ -53,6 +67,11 @@ def output() -> Console:
     if not console.is_terminal:
         console.width = 120
     return console
+
+
+def errors() -> Console:
+    """Where commands say how far they are."""
+    return _Output(stderr=True)
 
 
 class Report:
@@ -88,7 +107,7 @@ class Report:
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Report]:
     """A progress bar that leaves no trace."""
-    console = Console(stderr=True)
+    console = errors()
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn()
     with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
         yield Report(bar)

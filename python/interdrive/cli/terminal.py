@@ -1,0 +1,30 @@
+r"""Lines for the terminal: the one place where texts are made harmless before they are printed.
+
+Names of files, planners and agents, messages of planners and cells of tables come from others. Characters that a
+terminal obeys, and those that change the direction of writing, are shown as escapes such as \x1b.
+"""
+
+from __future__ import annotations
+
+import click
+
+#: Line breaks and tabs are left as they are; every other control character is shown.
+_LEFT = "\n\t"
+
+#: Marks that change the direction of writing, and separators that some terminals take for line breaks.
+_DECEIVING = (0x061C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A))
+
+_SHOWN = {code: f"\\x{code:02x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in _LEFT}
+_SHOWN |= {code: f"\\u{code:04x}" for code in (*_DECEIVING, *range(0xD800, 0xE000))}
+# A byte of a file name that is not UTF-8.
+_SHOWN |= {0xDC00 + byte: f"\\x{byte:02x}" for byte in range(0x80, 0x100)}
+
+
+def visible(text: str) -> str:
+    """The text with every character that a terminal would obey as a visible escape."""
+    return text if text.isprintable() else text.translate(_SHOWN)
+
+
+def say(text: str, *, err: bool = False) -> None:
+    """Prints a line on stdout, or on stderr."""
+    click.echo(visible(text), err=err)
