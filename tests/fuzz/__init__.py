@@ -1,0 +1,1 @@
+"""Mutated CommonRoad files through everything that interdrive does with a file; see `python -m tests.fuzz`."""

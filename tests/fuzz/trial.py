@@ -1,0 +1,132 @@
+"""What is done with one file: check, a run of 20 steps, save, read again, criticality, report; and what must hold."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import traceback
+from typing import TYPE_CHECKING
+
+import interdrive as idr
+from interdrive.cli import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from random import Random
+
+N_STEPS = 20
+ACCEPTED, REFUSED, FAILED = "accepted", "refused", "failed"
+#: Weighted: the default planner and predictor are used most. Some need a recording, which no planning problem has.
+_PLANNERS = ("frenet", "frenet", "frenet", "idm", "idm_mobil")
+_WITH_RECORDING = (*_PLANNERS, "recorded", "velocity_adjusting")
+_PREDICTORS = ("neural", "neural", "lane_following", "constant_velocity", "ground_truth")
+
+
+class Broken(Exception):  # noqa: N818 - not an error of a program but a verdict
+    """Something that must hold does not; the text says what."""
+
+
+def tried(path: Path, folder: Path, random: Random, on_stage: Callable[[str], None]) -> tuple[str, str]:
+    """Does everything with a file, in this process.
+
+    Args:
+        path: The file.
+        folder: An empty folder for what is written.
+        random: Chooses planner, predictor and what is done rarely.
+        on_stage: Told what begins.
+
+    Returns:
+        The verdict; the line of the refusal, or the traceback of the failure.
+    """
+    try:
+        return _tried(path, folder, random, on_stage)
+    except BaseException:  # noqa: BLE001 - panics of the core are none of Exception, and interrupts come from nowhere
+        return FAILED, traceback.format_exc()
+
+
+def _tried(path: Path, folder: Path, random: Random, on_stage: Callable[[str], None]) -> tuple[str, str]:
+    on_stage("check")
+    refusal = _command("check", path)
+    on_stage("read")
+    try:
+        scenario = idr.read_scenario(path)
+    except idr.InterdriveError as error:
+        if not refusal:
+            raise Broken(f"check accepts what read_scenario refuses: {error}") from error
+        _judge_line(f"error: {error}", path)
+        return REFUSED, refusal
+    on_stage("run")
+    planner = random.choice(_PLANNERS if scenario.planning_problems else _WITH_RECORDING)
+    predictor = random.choice(_PREDICTORS)
+    try:
+        simulation = idr.Simulation(scenario, agents="all", planner=planner, predictor=predictor, threads=1)
+    except idr.InterdriveError as error:
+        if not refusal:
+            raise Broken(f"check accepts what a simulation refuses: {error}") from error
+        _judge_line(f"error: {error}", path)
+        return REFUSED, refusal
+    if refusal:
+        raise Broken(f"check refuses what a simulation accepts: {refusal}")
+    for _ in range(N_STEPS):
+        if simulation.is_done:
+            break
+        simulation.step()
+    run = simulation.record()
+    on_stage("save")
+    target = folder / "run"
+    idr.save(run, target)
+    on_stage("read again")
+    again = _command("check", target / "scenario.xml")
+    if again:
+        raise Broken(f"accepted and saved, but refused when read again: {again}")
+    on_stage("criticality")
+    _must("criticality", target, "--threads", "1", "--quiet")
+    if random.random() < 0.2:
+        on_stage("criticality of the recording")
+        _must("criticality", path, "--threads", "1", "--quiet", "--out", folder / "recorded")
+    on_stage("report")
+    _must("report", target, "--quiet")
+    page = (target / "report.html").read_text(encoding="utf-8")
+    if "NaN," in page.rpartition("<script")[2][:200_000]:
+        raise Broken("the page of the report holds NaN, which is not JSON")
+    if random.random() < 0.05:
+        on_stage("plot")
+        _must("plot", target, "--kind", "velocity", "--out", folder / "velocity.png")
+    return ACCEPTED, ""
+
+
+def _must(*arguments: object) -> None:
+    line = _command(*arguments)
+    if line:
+        raise Broken(f"{arguments[0]} refuses a run that was saved: {line}")
+
+
+def _command(*arguments: object) -> str:
+    """Runs a command of the command line; its line on stderr if it refuses, "" if all is right."""
+    out, err = io.StringIO(), io.StringIO()
+    code: object = None
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main.main([str(argument) for argument in arguments], prog_name="interdrive")
+        except SystemExit as stop:
+            code = stop.code
+    said = err.getvalue()
+    if any(character < " " and character not in "\n\t" for character in out.getvalue() + said):
+        raise Broken(f"{arguments[0]} prints control characters: {said[-2000:]!r}")
+    if code in (0, None, 1):
+        return ""
+    if code != 2:
+        raise Broken(f"{arguments[0]} ends with exit code {code}: {said}")
+    _judge_line(said, arguments[1])
+    return said.strip()
+
+
+def _judge_line(said: str, path: object) -> None:
+    """A refusal is one line of readable length that names the file."""
+    line = said.removesuffix("\n")
+    name = str(path).rpartition("/")[2]
+    if not line.startswith("error: ") or "\n" in line or len(line) > 1000:
+        raise Broken(f"a refusal is not one line: {said[:2000]!r}")
+    if name not in line and name.partition(".")[0].partition("_T-1")[0] not in line:
+        raise Broken(f"a refusal does not name {name}: {line}")
