@@ -15,6 +15,8 @@ from interdrive.predictors.weights import read_weights
 evaluate = pytest.importorskip("training.evaluate", reason="training/ is part of the repository, not of the package")
 dataset = pytest.importorskip("training.dataset")
 driven = pytest.importorskip("training.driven")
+evenness = pytest.importorskip("training.evenness")
+networks = pytest.importorskip("training.networks")
 tail = pytest.importorskip("training.tail")
 
 KNOTS = np.asarray(_core.NEURAL["knots"])
@@ -98,10 +100,8 @@ def test_modes_are_merged_and_widened_as_in_the_core(rows):
 
 
 def test_how_even_a_past_was_is_computed_as_in_the_core(rows):
-    torch = pytest.importorskip("torch", reason="augmentation is part of the training, which has torch")
-    augment = pytest.importorskip("training.augment")
     agent = rows[0]["agent"]
-    anew = augment.with_evenness(torch.from_numpy(agent)).numpy()
+    anew = evenness.with_evenness(agent)
     assert (agent[:, -N_EVENNESS:] != 0.0).mean() > 0.5
     assert anew == pytest.approx(agent, abs=2e-3)
 
@@ -123,16 +123,13 @@ def test_true_positions_that_are_not_known_are_not_outside_a_region():
 
 
 def test_a_kept_network_is_the_one_that_was_trained_and_is_only_used_for_the_same_course(tmp_path):
-    torch = pytest.importorskip("torch", reason="networks are trained with torch")
-    networks, network = pytest.importorskip("training.networks"), pytest.importorskip("training.network")
     made, lines = {"data": "digest", "course": {"epochs": 20}}, [{"epoch": 1, "loss": 0.5}]
-    trained = network.Network(network.Sizes(head=32))
-    networks.save(tmp_path / "kept" / "shipped.pt", trained, made, lines)
-    found, said = networks.load(tmp_path / "kept" / "shipped.pt", made)
-    assert said == lines
-    assert found.sizes == trained.sizes
-    assert all(
-        torch.equal(a, b) for a, b in zip(found.state_dict().values(), trained.state_dict().values(), strict=True)
-    )
+    tensors = {"head.1.weight": np.linspace(-1.0, 1.0, 6, dtype=np.float32).reshape(2, 3)}
+    path = tmp_path / "kept" / "shipped.safetensors"
+    networks.save(path, networks.TrainedNetwork(tensors, {"head": 32, "dropout": 0.1}, lines), made)
+    found = networks.load(path, made)
+    assert found.lines == lines
+    assert found.sizes == {"head": 32, "dropout": 0.1}
+    assert np.array_equal(found.tensors["head.1.weight"], tensors["head.1.weight"])
     with pytest.raises(ValueError, match="trained on other files or in another way"):
-        networks.load(tmp_path / "kept" / "shipped.pt", {**made, "course": {"epochs": 12}})
+        networks.load(path, {**made, "course": {"epochs": 12}})

@@ -22,7 +22,8 @@ from training.dataset import RIVALS, gather, scenario_files
 from training.evaluate import errors, groups, modes_of, rival_modes, table
 from training.export import digest_of, write_fixture, write_weights
 from training.fit import Course, answer_to, fit, shares
-from training.networks import load, save
+from training.network import network_of, tensors_of
+from training.networks import TrainedNetwork, load, save
 from training.split import FOLDS, place_of, read_places
 from training.tail import with_tail
 
@@ -69,15 +70,16 @@ def main() -> int:
     earlier = []
 
     def trained(name: str, chosen: NDArray[np.bool_], unseen: NDArray[np.bool_] | None) -> Network:
-        kept = arguments.networks / f"{name.replace(' ', '_')}.pt" if arguments.networks else None
+        kept = arguments.networks / f"{name.replace(' ', '_')}.safetensors" if arguments.networks else None
         if kept is not None and kept.exists():
-            network, lines = load(kept, made)
+            found = load(kept, made)
+            network, lines = network_of(found.tensors, found.sizes), found.lines
             earlier.append(name)
         else:
             lines = []
             network = _trained(name, rows, chosen, unseen, places, course, lines, say)
             if kept is not None:
-                save(kept, network, made, lines)
+                save(kept, TrainedNetwork(tensors_of(network), asdict(network.sizes), lines), made)
         log.extend(lines)
         return network
 

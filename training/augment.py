@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING
 import torch
 
 from interdrive import _core
+from training.evenness import N_INSTANTS, with_evenness
 
 if TYPE_CHECKING:
     from torch import Generator, Tensor
 
     Batch = dict[str, Tensor]
 
-_N_INSTANTS, _INSTANT = 10, 0.2
-#: Instants of the windows of roughness and of unsteadiness, their units [m, m/s], what is added before the logarithm.
-_ROUGH, _STEADY = (4, 6, 10), (5, 10)
-_ROUGHNESS, _UNSTEADINESS, _LEAST = 0.01, 0.1, 0.1
+_INSTANT = 0.2
 _COLUMN = {
     group: {entry[0]: i for i, entry in enumerate(_core.NEURAL[group])} for group in ("agent", "neighbours", "paths")
 }
@@ -74,8 +72,8 @@ def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
     if how.jittery:
         batch["agent"] = jittered(batch["agent"], chosen(how.jittery) & (batch["velocity"] > 1.0), generator)
     if how.shortened:
-        instants = torch.randint(0, _N_INSTANTS, (n,), generator=generator)
-        batch["agent"] = shortened(batch["agent"], torch.where(chosen(how.shortened), instants, _N_INSTANTS))
+        instants = torch.randint(0, N_INSTANTS, (n,), generator=generator)
+        batch["agent"] = shortened(batch["agent"], torch.where(chosen(how.shortened), instants, N_INSTANTS))
     if how.forgetful:
         kept = ~chosen(how.forgetful, n, batch["neighbours"].shape[1], 1)
         batch["neighbours"] = batch["neighbours"] * kept
@@ -88,35 +86,7 @@ def augmented(batch: Batch, how: Augmentation, generator: Generator) -> Batch:
     if how.speed_noise:
         noise = torch.randn(n, generator=generator) * how.speed_noise * batch["velocity"]
         batch = with_speed(batch, torch.where(batch["velocity"] > 1.0, noise, torch.zeros(n)))
-    return {**batch, "agent": with_evenness(batch["agent"])}
-
-
-def with_evenness(agent: Tensor) -> Tensor:
-    """Features of vehicles with those that tell how even the past was made anew from the past, as the core does."""
-    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
-    is_known = past[..., 3] > 0
-    n_known = is_known.cumprod(dim=1).sum(dim=1)
-    scale = [_SCALE["agent"][f"{name}_0.2"] for name in ("past_x", "past_y", "past_velocity")]
-    values = torch.cat([torch.zeros(len(agent), 1, 3), past[..., :3] * torch.tensor(scale)], dim=1)
-    third = values[:, :-3] - 3 * values[:, 1:-2] + 3 * values[:, 2:-1] - values[:, 3:]
-    found = []
-    for axis in (0, 1):
-        for window in _ROUGH:
-            n = n_known.clamp(max=window)
-            counted = torch.arange(third.shape[1]) <= n[:, None] - 3
-            mean = (third[..., axis] ** 2 * counted).sum(dim=1) / (n - 2).clamp(min=1)
-            found.append(torch.where(n >= 3, torch.log(mean.sqrt() / _ROUGHNESS + _LEAST), 0.0))
-    for window in _STEADY:
-        n = n_known.clamp(max=window)
-        counted = torch.arange(_N_INSTANTS) < n[:, None]
-        largest = (values[:, 1:, 2].abs() * counted).amax(dim=1)
-        found.append(torch.where(n >= 1, torch.log(largest / _UNSTEADINESS + _LEAST), 0.0))
-    names = [f"roughness_{axis}_{end}" for axis in ("along", "across") for end in ("0.8", "1.2", "2.0")]
-    names += ["unsteadiness_1.0", "unsteadiness_2.0"]
-    agent = agent.clone()
-    for name, values_of in zip(names, found, strict=True):
-        agent[:, _COLUMN["agent"][name]] = values_of / _SCALE["agent"][name]
-    return agent
+    return {**batch, "agent": torch.from_numpy(with_evenness(batch["agent"].numpy()))}
 
 
 def _mixed(batch: Batch, other: Batch, where: Tensor) -> Batch:
@@ -148,9 +118,9 @@ def jittered(agent: Tensor, chosen: Tensor, generator: Generator) -> Tensor:
     """Features of vehicles with errors of measurement in what is known of the past of the chosen ones, shape (b,)."""
     agent = agent.clone()
     size = torch.rand(len(agent), generator=generator) * chosen
-    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
+    past = agent[:, : 4 * N_INSTANTS].view(-1, N_INSTANTS, 4)
     for i, (name, sigma) in enumerate(_JITTER_PAST.items()):
-        noise = torch.randn(len(agent), _N_INSTANTS, generator=generator) * sigma / _SCALE["agent"][f"{name}_0.2"]
+        noise = torch.randn(len(agent), N_INSTANTS, generator=generator) * sigma / _SCALE["agent"][f"{name}_0.2"]
         past[..., i] += noise * past[..., 3] * size[:, None]
     for name, sigma in _JITTER_NOW.items():
         column = agent[:, _COLUMN["agent"][name]]
@@ -183,8 +153,8 @@ def humanised(batch: Batch, chosen: Tensor, generator: Generator) -> Batch:
     paths[..., column["heading_error"]] += heading[:, None] * on_lane / _SCALE["paths"]["heading_error"]
     out["paths"] = paths
     agent = jittered(batch["agent"], chosen, generator)
-    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
-    ago = torch.arange(1, _N_INSTANTS + 1) * _INSTANT
+    past = agent[:, : 4 * N_INSTANTS].view(-1, N_INSTANTS, 4)
+    ago = torch.arange(1, N_INSTANTS + 1) * _INSTANT
     # Only the heading is misjudged: the way that it came lies beside it now.
     past[..., 1] += past[..., 3] * (heading * batch["velocity"])[:, None] * ago / _SCALE["agent"]["past_y_0.2"]
     out["agent"] = agent
@@ -205,10 +175,10 @@ def shortened(agent: Tensor, instants: Tensor) -> Tensor:
     """Features of vehicles whose past is known for a number of instants only, shape (b,); ten leave all as it is."""
     column = _COLUMN["agent"]
     agent = agent.clone()
-    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
-    past *= (torch.arange(_N_INSTANTS) < instants[:, None])[..., None]
+    past = agent[:, : 4 * N_INSTANTS].view(-1, N_INSTANTS, 4)
+    past *= (torch.arange(N_INSTANTS) < instants[:, None])[..., None]
     seconds = instants * _INSTANT
-    is_short = instants < _N_INSTANTS
+    is_short = instants < N_INSTANTS
     for name in ("seconds_known", "seconds_unmoved"):
         i = column[name]
         agent[:, i] = torch.where(is_short, torch.minimum(agent[:, i] * _SCALE["agent"][name], seconds), agent[:, i])
@@ -264,8 +234,8 @@ def with_speed(batch: Batch, change: Tensor) -> Batch:
     out = dict(batch)
     agent, neighbours, paths = (batch[group].clone() for group in ("agent", "neighbours", "paths"))
     change = torch.maximum(change, -batch["velocity"])
-    past = agent[:, : 4 * _N_INSTANTS].view(-1, _N_INSTANTS, 4)
-    ago = torch.arange(1, _N_INSTANTS + 1) * _INSTANT
+    past = agent[:, : 4 * N_INSTANTS].view(-1, N_INSTANTS, 4)
+    ago = torch.arange(1, N_INSTANTS + 1) * _INSTANT
     known = past[..., 3]
     past[..., 0] += known * ago * change[:, None] / _SCALE["agent"]["past_x_0.2"]
     past[..., 2] -= known * change[:, None] / _SCALE["agent"]["past_velocity_0.2"]

@@ -14,7 +14,7 @@ import torch
 from interdrive import _core
 from interdrive.predictors.weights import digest
 from training.evaluate import MERGING
-from training.network import DEAD_ZONE
+from training.network import DEAD_ZONE, tensors_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ def write_safetensors(path: Path, tensors: Mapping[str, NDArray[np.float32]], me
 
 def write_weights(path: Path, network: Network, calibration: Calibration, metadata: Mapping[str, str]) -> None:
     """The file that the predictor reads."""
-    tensors = {name: value.detach().numpy() for name, value in network.state_dict().items()}
+    tensors = tensors_of(network)
     tensors |= {
         "calibration.s": np.asarray(calibration.s, np.float32),
         "calibration.d": np.asarray(calibration.d, np.float32),

@@ -13,6 +13,8 @@ from interdrive import _core
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
+    from numpy.typing import NDArray
     from torch import Tensor
 
 #: Seconds from now of the numbers that the network answers.
@@ -96,6 +98,19 @@ class Network(nn.Module):
         c = per_row.amax(dim=1)
         y = self.head[1](torch.relu(self.head[0](torch.cat([z, c[row]], dim=-1))))
         return y.new_zeros(*path_valid.shape, y.shape[-1]).index_put((row, slot), y)
+
+
+def tensors_of(network: Network) -> dict[str, NDArray[np.float32]]:
+    """Weights by name."""
+    return {name: values.detach().numpy() for name, values in network.state_dict().items()}
+
+
+def network_of(tensors: Mapping[str, NDArray[np.float32]], sizes: Mapping[str, float]) -> Network:
+    """The network with these weights, ready to be asked."""
+    network = Network(Sizes(**sizes))
+    network.load_state_dict({name: torch.from_numpy(values.copy()) for name, values in tensors.items()})
+    network.eval()
+    return network
 
 
 def _both(layers: nn.ModuleList, x: Tensor) -> Tensor:
