@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle format clean
+.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle fuzz fuzz-smoke format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -64,6 +64,15 @@ instructions: ## instructions of the hot paths against stored figures; benchmark
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
 
+# Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
+FUZZ_SEED ?= 1
+FUZZ_SECONDS ?= 3600
+fuzz: $(VENV)/.installed ## mutated files through everything; see docs/robustness.md
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS)/format_edge_cases $(SCENARIOS)/../robustness)
+
+fuzz-smoke: $(VENV)/.installed ## regressions and one minute of mutants, the same ones every time
+	$(BIN)/python -m tests.fuzz --seconds 60
+
 third_party: .venv-third/.installed ## drives planners of others; see docs/planners_third_party.md
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
 
@@ -88,14 +97,14 @@ ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see do
 	VIRTUAL_ENV=$(CURDIR)/.venv-ray .venv-ray/bin/maturin develop --release --quiet
 	touch $@
 
-browser: $(VENV)/.installed .venv-browser/.tools ## opens reports in Chromium; skipped where there is none
+browser: $(VENV)/.installed .venv-browser/.tools ## opens reports in Chromium; skipped where there is none, which is a failure in CI
 	.venv-browser/bin/python -m pytest -q -s --confcutdir=tests/browser tests/browser
 
 # Needs apt-get and root only where there is no Chromium yet; without one the tests are skipped.
 .venv-browser/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-browser
 	.venv-browser/bin/python -m pip install --quiet --disable-pip-version-check "playwright>=1.49" "pillow>=10" "pytest>=8"
-	command -v chromium || command -v chromium-browser || command -v google-chrome || timeout 80 sh -c \
+	command -v chromium || command -v chromium-browser || command -v google-chrome || timeout 300 sh -c \
 	  "apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium" > /dev/null 2>&1 || echo "no Chromium"
 	touch $@
 
