@@ -205,10 +205,13 @@ def _shape(root: Element, random: Random, _donors: Sequence[Element]) -> None:
         )
     )
     polygon = "".join(f"<point><x>{x}</x><y>{y}</y></point>" for x, y in corners)
+    turn, center = (
+        f"<orientation>{random.uniform(-9, 9)}</orientation>",
+        f"<center><x>{other}</x><y>{size}</y></center>",
+    )
     kinds = (
         f"<rectangle><length>{size}</length><width>{other}</width></rectangle>",
-        f"<rectangle><length>{size}</length><width>{other}</width><orientation>{random.uniform(-9, 9)}</orientation>"
-        f"<center><x>{other}</x><y>{size}</y></center></rectangle>",
+        f"<rectangle><length>{size}</length><width>{other}</width>{turn}{center}</rectangle>",
         f"<circle><radius>{size}</radius></circle>",
         f"<polygon>{polygon}</polygon>",
     )

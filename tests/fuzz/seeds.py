@@ -80,13 +80,13 @@ def _obstacles() -> str:
     truck = "<rectangle><length>12</length><width>2.5</width><orientation>0.0</orientation>"
     circle = "<circle><radius>0.4</radius></circle>"
     triangle = f"<polygon>{cr.point(2, 0)}{cr.point(-2, 1)}{cr.point(-2, -1)}</polygon>"
-    standing = cr.initial(20.0, -4.0, velocity=None)
+    parked = f"<shape>{cr.RECTANGLE}</shape>{cr.initial(20.0, -4.0, velocity=None)}"
     box = "<occupancySet><occupancy><shape><circle><radius>1.0</radius></circle></shape>"
     occupied = f"{box}<time><exact>1</exact></time></occupancy></occupancySet>"
     uncertain = cr.state(1, 0, position=cr.rectangle_at(31, -4, length=1, width=1), velocity=(3.0, 5.0))
     return "".join(
         (
-            f'<staticObstacle id="70"><type>parkedVehicle</type><shape>{cr.RECTANGLE}</shape>{standing}</staticObstacle>',
+            f'<staticObstacle id="70"><type>parkedVehicle</type>{parked}</staticObstacle>',
             cr.car(71, cr.initial(5.0), drive),
             cr.car(
                 72, cr.initial(48.0, 4.0, orientation=3.14159, velocity=8.0), oncoming, shape=f"{truck}</rectangle>"
@@ -126,7 +126,7 @@ def documents() -> tuple[bytes, ...]:
 
 
 def further(folder: Path) -> tuple[bytes, ...]:
-    """Documents of a folder as further seeds: small XML files, sorted by name; those that are not well-formed are left out."""
+    """Small well-formed XML files of a folder as further seeds, sorted by name."""
     from xml.etree.ElementTree import ParseError, fromstring
 
     found = []
