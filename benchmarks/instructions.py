@@ -6,8 +6,7 @@
 Each path is run once and several times; the difference leaves out what preparing takes. Counts belong to a processor
 with AVX2 (the core has kernels of its own for it, and callgrind knows AVX2 but not AVX-512) and to a version of rustc:
 without AVX2 nothing is compared, with another rustc the tolerance is wider. Needs valgrind, which is installed where
-apt-get may do that; where it is missing the comparison is skipped with a message. In CI (`CI=true`) a comparison that is
-skipped is a failure.
+apt-get may do that; where it is missing the comparison is skipped with a message, which is a failure in CI (`CI=true`).
 """
 
 from __future__ import annotations

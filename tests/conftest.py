@@ -19,14 +19,14 @@ def _fail_if_skipped(report) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item, call):  # noqa: ARG001 - pytest asks for these names
+def pytest_runtest_makereport(item, call):
     report = yield
     _fail_if_skipped(report)
     return report
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(collector):  # noqa: ARG001
+def pytest_make_collect_report(collector):
     report = yield
     _fail_if_skipped(report)
     return report
