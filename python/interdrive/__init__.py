@@ -9,9 +9,11 @@ print(run.outcomes.outcome)
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # typing takes longer to import than this module
 if TYPE_CHECKING:
+    from typing import Any
+
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.agents import AgentSettings, GoalSettings
     from interdrive.batches import batch, read_batch

@@ -1,6 +1,141 @@
-"""`python -m interdrive` is the same as `interdrive`."""
+"""Where the command line starts: `interdrive` and `python -m interdrive`.
 
-from interdrive.cli import main
+Whatever ends a command that is no refusal ends here, in one line. As little as possible is imported before that holds.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import sys
+
+TYPE_CHECKING = False  # typing takes longer to import than all the rest here
+if TYPE_CHECKING:
+    from types import FrameType
+    from typing import NoReturn
+
+#: Exit codes: interrupted; a bug (EX_SOFTWARE of sysexits.h); out of memory (EX_OSERR).
+INTERRUPTED, BUG, OUT_OF_MEMORY = 130, 70, 71
+#: With this variable of the environment set, the traceback of a bug is printed.
+TRACEBACK = "INTERDRIVE_TRACEBACK"
+
+
+def start() -> NoReturn:
+    """Runs the command line and exits; `interdrive.cli` says with which codes."""
+    signal.signal(signal.SIGINT, _leave)
+    _open_streams()
+    code: int | str | None = 0
+    try:
+        from interdrive.cli import main  # noqa: PLC0415 - Ctrl-C is one line from here on
+
+        signal.signal(signal.SIGINT, _interrupt)
+        main(prog_name="interdrive")
+    except SystemExit as end:
+        code = end.code
+    except BaseException as error:  # noqa: BLE001 - never a bare traceback
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        code = last_resort(error)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # all is said and written
+    _close_output()
+    if code == INTERRUPTED:
+        # Where exec was interrupted, the interpreter would remember that and end by the signal instead.
+        atexit._run_exitfuncs()
+        os._exit(INTERRUPTED)
+    sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Names of files need not be text, and streams may be closed: both are no reason to fail."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115 - until the end
+        else:
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _close_output() -> None:
+    """The interpreter would complain once more about what cannot be written."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def last_resort(error: BaseException) -> int:
+    """One line on stderr for what nothing else has understood, and the exit code.
+
+    Args:
+        error: What was raised.
+    """
+    if _Interrupts.came or isinstance(error, KeyboardInterrupt):
+        return _say("interrupted", INTERRUPTED)
+    if isinstance(error, MemoryError):
+        return _say("error: out of memory; take fewer agents, a shorter horizon or a smaller scenario", OUT_OF_MEMORY)
+    where = _place(error)
+    wanted = os.environ.get(TRACEBACK, "") not in ("", "0")
+    if wanted:
+        _print_traceback(error)
+    hint = "" if wanted else f"; set {TRACEBACK}=1 to see the traceback"
+    return _say(f"error: this is a bug, please report it: {_described(error)}{where}{hint}", BUG)
+
+
+class _Interrupts:
+    """Whether Ctrl-C was pressed: libraries turn the exception into others while they are imported."""
+
+    came = False
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    """Nothing has begun: no library is asked whether it lets an exception through."""
+    os.write(2, b"interrupted, nothing written\n")
+    os._exit(INTERRUPTED)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    _Interrupts.came = True
+    signal.default_int_handler(number, frame)
+
+
+def _described(error: BaseException) -> str:
+    """Type and text; the text may be anything."""
+    try:
+        text = " ".join(str(error).split())[:200]
+    except Exception:  # noqa: BLE001 - whatever it does
+        text = ""
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _place(error: BaseException) -> str:
+    """The innermost line of interdrive that was involved."""
+    place, trace = "", error.__traceback__
+    while trace is not None:
+        name = str(trace.tb_frame.f_globals.get("__name__", ""))
+        if name.partition(".")[0] == "interdrive":
+            place = f" ({name}, line {trace.tb_lineno})"
+        trace = trace.tb_next
+    return place
+
+
+def _print_traceback(error: BaseException) -> None:
+    import traceback  # noqa: PLC0415 - only then
+
+    try:
+        traceback.print_exception(error)
+    except Exception:  # noqa: BLE001 - an exception that cannot be printed is one line all the same
+        traceback.print_tb(error.__traceback__)
+
+
+def _say(line: str, code: int) -> int:
+    """Prints a line, unless not even that is possible."""
+    try:
+        sys.stderr.write("".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in line) + "\n")
+        sys.stderr.flush()
+    except (OSError, ValueError, MemoryError):
+        pass
+    return code
+
 
 if __name__ == "__main__":
-    main(prog_name="interdrive")
+    start()

@@ -1,7 +1,9 @@
 """The command line, the only place that prints. Heavy modules are imported by the commands, not before.
 
 Exit codes: 0 all right; 1 an agent ended with planner_error, or `verify` found a difference; 2 something the user gave
-cannot be used (one line on stderr); 130 interrupted; 141 the reader of the output went away.
+cannot be used (one line on stderr); 70 a bug in interdrive (one line; INTERDRIVE_TRACEBACK=1 shows the traceback);
+71 out of memory; 130 interrupted; 141 the reader of the output went away. What no command understands leaves `main` as
+an exception, of which `interdrive.__main__` makes the line for 70 or 71.
 """
 
 from __future__ import annotations
@@ -46,12 +48,18 @@ class _Commands(click.Group):
             code = error.exit_code
         except click.ClickException as error:
             code = _complain(error.format_message(), error.exit_code)
+        except click.Abort:  # Ctrl-C or the end of the input at a question, or before a command began
+            click.echo("interrupted, nothing written", err=True)
+            code = INTERRUPTED
         sys.exit(code if isinstance(code, int) else 0)
 
     def invoke(self, ctx: click.Context) -> int:
         """The exit code of the chosen command."""
-        # Planners and predictors of the user may lie in the working folder; behind everything that is installed.
-        sys.path.append(str(Path.cwd()))
+        try:
+            # Planners and predictors of the user may lie in the working folder; behind everything that is installed.
+            sys.path.append(str(Path.cwd()))
+        except FileNotFoundError:
+            return _complain("the working folder is gone; change to another one", 2)
         try:
             code = super().invoke(ctx)
             sys.stdout.flush()
