@@ -1,4 +1,5 @@
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -69,3 +70,22 @@ def published_walenet() -> _core.Walenet:
 def read(tmp_path):
     """Reads a document from text."""
     return lambda text, name="test.xml": read_scenario(cr.saved(tmp_path, text, name))
+
+
+@pytest.fixture
+def ffmpeg(tmp_path_factory, monkeypatch) -> str:
+    """The program ffmpeg, which is on the PATH of the test: the machine's, or that of the wheel imageio-ffmpeg."""
+    program = shutil.which("ffmpeg")
+    if program is None:
+        try:
+            import imageio_ffmpeg
+        except ImportError:
+            message = "no ffmpeg on the PATH and no imageio-ffmpeg: MP4 cannot be tested"
+            if os.environ.get("CI") == "true":
+                pytest.fail(message)
+            pytest.skip(message)
+        place = tmp_path_factory.mktemp("bin")
+        (place / "ffmpeg").symlink_to(imageio_ffmpeg.get_ffmpeg_exe())
+        monkeypatch.setenv("PATH", f"{place}{os.pathsep}{os.environ['PATH']}")
+        program = str(place / "ffmpeg")
+    return program

@@ -223,6 +223,29 @@ def test_a_worker_that_is_killed_from_outside_is_replaced_and_no_run_is_lost(pla
     assert set(rows["status"].to_pylist()) == {"finished"}
 
 
+def test_scenarios_that_are_deleted_midway_cost_runs_that_had_not_begun_alone(place):
+    for name in ("t_junction", "lane_merge"):
+        shutil.copy(shipped_scenario(name), place / f"{name}.xml")
+    (place / "marks").mkdir()
+    marking = f"batch_planners:Marks,folder={place / 'marks'}"
+    wanted = ["t_junction.xml", "lane_merge.xml", "--planner", marking, "--agents", 1, "--workers", 1]
+    process = started(place, *wanted)
+    until(lambda: any((place / "marks").iterdir()))
+    for path in place.glob("*.xml"):
+        path.rename(path.with_suffix(".gone"))
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (1, ""), out
+    lost, kept = sorted(check_whole(place, 2).to_pylist(), key=lambda row: row["status"] == "finished")
+    assert (lost["status"], kept["status"]) == ("failed", "finished")
+    assert lost["error"] == f"{place / lost['scenario']}.xml: cannot be read: No such file or directory"
+    for path in place.glob("*.gone"):
+        path.rename(path.with_suffix(".xml"))
+    again = started(place, *wanted, "--retry")
+    out, err = again.communicate(timeout=60)
+    assert (again.returncode, err) == (0, ""), out
+    assert set(check_whole(place, 2)["status"].to_pylist()) == {"finished"}
+
+
 def test_an_interrupted_batch_goes_on_where_it_was(place):
     wanted = ["t_junction", "lane_merge", "highway", "--planner", "batch_planners:Slow,idm", "--workers", "1",
               "--agents", "2"]  # fmt: skip

@@ -85,14 +85,15 @@ def criticality_extremes_table(found: Criticality) -> ArrowTable:
 
 
 def save_criticality(found: Criticality, folder: str | Path) -> None:
-    """Writes criticality.parquet and criticality_extremes.parquet into a folder; older ones are replaced.
+    """Writes criticality.parquet and criticality_extremes.parquet into a folder, both or none; older ones are replaced.
 
     Raises:
         ResultsError: if a file cannot be written; one line with path and cause.
     """
-    for name, table in ((_TABLE, criticality_table(found)), (_EXTREMES, criticality_extremes_table(found))):
-        with replacing(Path(folder) / name) as partial:
-            write_table(table, partial)
+    with replacing(Path(folder) / _TABLE) as series:
+        write_table(criticality_table(found), series)
+        with replacing(Path(folder) / _EXTREMES) as extremes:
+            write_table(criticality_extremes_table(found), extremes)
 
 
 def stored_criticality(folder: str | Path) -> tuple[ArrowTable, ArrowTable] | None:

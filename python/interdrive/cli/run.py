@@ -11,7 +11,7 @@ import click
 
 from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, scenario_named, shown
 from interdrive.cli.config import RunChoices, read_config
-from interdrive.errors import InputError
+from interdrive.errors import InputError, InterdriveError
 from interdrive.plugins import read_choice
 from interdrive.settings import bind
 
@@ -185,8 +185,10 @@ def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str]
 
 @contextmanager
 def _kept(folder: Path) -> Iterator[None]:
-    """Says that the run itself is safe when drawing is interrupted."""
+    """Says that the run itself is safe when drawing is interrupted or fails."""
     try:
         yield
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted while drawing; the run is in {shown(folder)}") from None
+    except InterdriveError as error:
+        raise type(error)(f"{error}; the run is in {shown(folder)}") from error

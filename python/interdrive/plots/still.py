@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -121,8 +122,11 @@ def save_figure(figure: Figure, path: str | Path) -> None:
     # Editable text in vector files, and the same bytes for the same run.
     options = {"pdf.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "interdrive"}
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
-    with replacing(path) as partial, mpl.rc_context(options):
-        figure.savefig(partial, format=kind, metadata=metadata)
+    drawn = io.BytesIO()  # matplotlib's writer of PDF breaks when a disk is full, and hides why
+    with mpl.rc_context(options):
+        figure.savefig(drawn, format=kind, metadata=metadata)
+    with replacing(path) as partial:
+        partial.write_bytes(drawn.getbuffer())
 
 
 def _tracks(run: Run, row: int, view: View) -> tuple[Floats, Floats]:

@@ -39,8 +39,7 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
             nearest = next(parent for parent in target.parents if parent.exists())
             if not nearest.is_dir():
                 raise ResultsError(f"{folder}: {nearest} is not a folder")
-            if not os.access(nearest, os.W_OK | os.X_OK):
-                raise ResultsError(f"{folder}: there is no permission to write in {nearest}")
+            _check_writable(folder, nearest)
             return target
         if not target.is_dir():
             raise ResultsError(f"{folder}: a file of that name is in the way")
@@ -56,7 +55,13 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
         )
     if inside and not overwrite:
         raise ResultsError(f"{folder}: a {what} is there already; ask for overwriting or choose another folder")
+    _check_writable(folder, target.parent)  # what is written takes the folder's place
     return target
+
+
+def _check_writable(folder: str | Path, place: Path) -> None:
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise ResultsError(f"{folder}: there is no permission to write in {place}")
 
 
 @contextmanager
@@ -94,6 +99,9 @@ def _replacing(target: Path) -> Iterator[Path]:
                 parent.rmdir()
         if isinstance(cause, (OSError, _arrow_exception())):
             raise ResultsError(f"{target}: cannot be written: {one_line(cause)}") from cause
+        if isinstance(cause, ResultsError) and str(partial) in str(cause):
+            # A part that is replaced within the whole: the reader knows the whole by its own name.
+            raise ResultsError(str(cause).replace(str(partial), str(target))) from cause
         raise
 
 
