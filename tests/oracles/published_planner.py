@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import frenetix
@@ -61,19 +61,37 @@ class Start:
 
     def in_world(self, path: Path) -> tuple[np.ndarray, float, float, float, float]:
         """Position of the rear axle, heading, speed, acceleration and curvature (Werling's thesis, appendix A)."""
-        position, theta, kappa, kappa_rate = (np.asarray(value) for value in path.at(np.array(self.s)))
-        stretch = 1.0 - kappa * self.d
-        tan = self.d_prime / stretch
-        angle = np.arctan(tan)
-        cos = np.cos(angle)
-        turn = kappa_rate * self.d + kappa * self.d_prime
+        position, theta, kappa, _ = (np.asarray(value) for value in path.at(np.array(self.s)))
+        stretch, tan, cos, turn = self._beside(path)
         curvature = ((self.d_prime2 + turn * tan) * cos**2 / stretch + kappa) * cos / stretch
         acceleration = self.s_ddot * stretch / cos + self.s_dot**2 / cos * (
             stretch * tan * (curvature * stretch / cos - kappa) - turn
         )
         normal = np.array([-np.sin(theta), np.cos(theta)])
         where = position + self.d * normal
+        angle = np.arctan(tan)
         return where, float(theta + angle), float(self.s_dot * stretch / cos), float(acceleration), float(curvature)
+
+    def _beside(self, path: Path) -> tuple[float, float, float, float]:
+        """1 - curvature d, tangent and cosine of the heading relative to the path, change of curvature d by s."""
+        kappa, kappa_rate = (float(value) for value in path.at(np.array(self.s))[2:])
+        stretch = 1.0 - kappa * self.d
+        tan = self.d_prime / stretch
+        return stretch, tan, float(np.cos(np.arctan(tan))), kappa_rate * self.d + kappa * self.d_prime
+
+    def turning(self, path: Path, curvature: float) -> Start:
+        """The same place, heading, speed and acceleration in the world with another curvature."""
+        kappa, (stretch, tan, cos, turn) = float(path.at(np.array(self.s))[2]), self._beside(path)
+        swing = curvature * stretch / cos - kappa
+        inertia = self.s_dot**2 / cos * (stretch * tan * swing - turn)
+        acceleration = self.in_world(path)[3]
+        return replace(
+            self, d_prime2=stretch / cos**2 * swing - turn * tan, s_ddot=(acceleration - inertia) * cos / stretch
+        )
+
+    def parallel(self, path: Path) -> Start:
+        """The same with a steering that keeps the present direction relative to the path: d'' = 0 at constant speed."""
+        return self.turning(path, replace(self, d_prime2=0.0).in_world(path)[4])
 
     def lateral(self, low_velocity: bool) -> list[float]:
         """As the binary wants it: derivatives by arc length in its low-velocity mode, else by time."""

@@ -98,17 +98,18 @@ def recorded_obstacles(
 def agent(i: int, body: Body, pose: np.ndarray, start: int, route: _core.Route, goal: _core.Goal) -> _core.Agent:
     """Somebody who can do anything."""
     vehicle = _core.Vehicle(1, 4.5, 1.8, velocity_max=1e5)
-    return _core.Agent(i, 1, body.handle, vehicle, (*pose.tolist(), 0.0, 0.0, 0.0), start, goal, route, None, 80.0)
+    state = (*pose.tolist(), 0.0, 0.0, 0.0)
+    return _core.Agent(i, 1, body.handle, vehicle, state, start, goal, route, None, sensor_radius=80.0)
 
 
 def world_of(scenario: _core.Scenario, agents: list[_core.Agent]) -> _core.World:
     return _core.World(scenario, agents, grace_factor=1.7, replan_every=1, history_steps=1, threads=1)
 
 
-def go(plans: _core.Plans, i: int, start: np.ndarray, end: np.ndarray, speed: float) -> None:
+def go(plans: _core.Plans, view: _core.View, start: np.ndarray, end: np.ndarray, speed: float) -> None:
     """A plan for one step that ends at a speed."""
     two = {name: np.array([start[k], end[k]]) for k, name in enumerate(FIELDS[:3])}
-    plans.set(i, **two, velocity=np.array([0.0, speed]), acceleration=np.zeros(2), yaw_rate=np.zeros(2))
+    plans.set(view, **two, velocity=np.array([0.0, speed]), acceleration=np.zeros(2), yaw_rate=np.zeros(2))
 
 
 def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
@@ -135,9 +136,9 @@ def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
     plans = world.plan(scene, world.predict(_core.Predictor.constant_velocity(0.1, 0.1, 0.1), scene, 1))
     for k, p in enumerate(moved):
         # Everybody's speed grows from 0, the agent's to 1: the speed of impact is the fraction of the step.
-        go(plans, 2 * k, p[0], p[1], 1.0)
+        go(plans, world.view(scene, 2 * k), p[0], p[1], 1.0)
         if partner_is_agent:
-            go(plans, 2 * k + 1, p[2], p[3], 0.0)
+            go(plans, world.view(scene, 2 * k + 1), p[2], p[3], 0.0)
     world.step(plans)
     outcomes = world.outcomes()
     found = {}
@@ -265,7 +266,7 @@ def replayed(scenario: Scenario) -> dict[int, tuple[int, int] | None]:
         for i in plans.missing:
             row = row_of[i]
             if step + 1 < o.n_steps and o.valid[row, step + 1]:
-                go(plans, i, poses[row, step], poses[row, step + 1], 0.0)
+                go(plans, world.view(scene, i), poses[row, step], poses[row, step + 1], 0.0)
             else:
                 plans.fail(i, "the recording ends")
         world.step(plans)
