@@ -30,7 +30,7 @@ from interdrive.batches.dataset import in_order, in_portions, joined, merge, n_k
 from interdrive.batches.locks import Locks
 from interdrive.batches.runs import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.results import check_folder, one_line, replacing
+from interdrive.results import check_folder, one_line, replacing, resolved
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -87,7 +87,7 @@ class BatchFolder:
         Raises:
             ResultsError: Something else is there, or it cannot be written.
         """
-        target = Path(path).resolve()
+        target = resolved(path)
         # Another batch may be making the same folder at this moment, also while it is looked at.
         for is_last in (False, True):
             inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()
@@ -113,7 +113,7 @@ class BatchFolder:
         Raises:
             ResultsError: It is no batch, or one of another version of the schema.
         """
-        target = Path(path).resolve()
+        target = resolved(path)
         try:
             info = json.loads((target / _MARK).read_bytes())
         except (FileNotFoundError, NotADirectoryError):

@@ -15,6 +15,7 @@ from interdrive import _core
 from interdrive.choices import AgentChoice, named, stored
 from interdrive.errors import InputError
 from interdrive.files import scenario_parts, shipped_scenario, shipped_scenarios
+from interdrive.files.names import readable
 from interdrive.planners import name_of
 from interdrive.planners.workers import can_be_sent
 from interdrive.plugins import Choice, read_choice, versions
@@ -242,7 +243,9 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
     return list(first.values()), notes
 
 
-def _inside(folder: Path) -> Iterable[Path]:
+def _inside(folder: Path, above: tuple[Path, ...] = ()) -> Iterable[Path]:
+    if (place := folder.resolve()) in above:
+        return  # a symbolic link to a folder that it lies in
     entries = sorted(folder.iterdir())
     if any(entry.name in _RESULT_MARKS for entry in entries):
         return
@@ -250,7 +253,7 @@ def _inside(folder: Path) -> Iterable[Path]:
         if entry.name.startswith("."):
             continue
         if entry.is_dir():
-            yield from _inside(entry)
+            yield from _inside(entry, (*above, place))
         elif entry.suffix in _ENDINGS and not _is_part(entry):
             yield entry
 
@@ -268,8 +271,8 @@ def _file(path: Path, category: str) -> ScenarioFile:
         raise InputError(f"{path}: cannot be read ({cause.strerror}); check its permissions") from cause
     return ScenarioFile(
         path=str(path.resolve()),
-        name=path.stem,
-        category=category,
+        name=readable(path.stem),
+        category=readable(category),
         sha256=hashlib.sha256(content).hexdigest(),
         parts_sha256=parts_hash(parts),
         size=len(content),
@@ -392,7 +395,10 @@ def _source(module: str) -> str:
 
 
 def _names_a_file(value: object) -> bool:
-    return isinstance(value, str) and value != "" and Path(value).expanduser().is_file()
+    try:
+        return isinstance(value, str) and value != "" and Path(value).expanduser().is_file()
+    except (OSError, RuntimeError):  # too long, no such user
+        return False
 
 
 def _hash(path: Path) -> str:

@@ -112,8 +112,11 @@ def read_config(
         document = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as cause:
-        raise InputError(f"{path}: not a configuration file: {cause}") from cause
+    except OSError as cause:
+        raise InputError(f"{path}: cannot be read: {cause.strerror or cause}") from cause
+    except (ValueError, RecursionError) as cause:
+        why = "its brackets are nested too deeply" if isinstance(cause, RecursionError) else cause
+        raise InputError(f"{path}: not a configuration file: {why}") from cause
     names = [field.name for field in fields(kind)]
     own = _per_agent(path, document.pop("agent", {}))
     choices: dict[str, Any] = {}

@@ -12,6 +12,7 @@ import numpy as np
 from interdrive.errors import InputError
 from interdrive.files.document import Facts, polygon
 from interdrive.files.motion import Floats, Track, completed, track, wrapped
+from interdrive.files.names import readable
 from interdrive.files.shapes import Foreign, middle_of, shape_of
 from interdrive.scenario import GoalState, Incoming, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
 
@@ -93,7 +94,7 @@ def converted(
         _planning_problem(table[number], lanelets, file, facts, notes) for number in sorted(table)
     )
     return Scenario(
-        name=path.stem if path is not None else benchmark_id,
+        name=readable(path.stem) if path is not None else benchmark_id,
         benchmark_id=benchmark_id,
         dt=dt,
         lanelets=lanelets,

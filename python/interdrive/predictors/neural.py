@@ -22,11 +22,11 @@ def network(weights: str = "") -> _core.NeuralNetwork:
         InputError: No such file, damaged, made for other features than this version of interdrive computes, or a tensor
             that does not fit. The text names the file.
     """
-    path = Path(weights).expanduser().resolve() if weights else SHIPPED
     try:
+        path = Path(weights).expanduser().resolve() if weights else SHIPPED
         status = path.stat()
-    except OSError as error:
-        raise InputError(f"weights {path}: no such file") from error
+    except (OSError, ValueError, RuntimeError) as error:  # no such user, links in a circle
+        raise InputError(f"weights {weights or SHIPPED}: no such file") from error
     return _network(path, status.st_mtime_ns, status.st_size)
 
 

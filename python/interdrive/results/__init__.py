@@ -22,7 +22,7 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import Column, arrow_table, labels, read_table, write_parquet, write_table
-from interdrive.results.writing import check_folder, one_line, replacing, write_json
+from interdrive.results.writing import check_folder, one_line, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from interdrive.results.tabular import ArrowTable
@@ -47,6 +47,7 @@ __all__ = [
     "predictions_table",
     "read_table",
     "replacing",
+    "resolved",
     "save",
     "software",
     "states_table",

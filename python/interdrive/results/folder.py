@@ -18,7 +18,7 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import read_table, schema_of, write_parquet
-from interdrive.results.writing import check_folder, replacing, write_json
+from interdrive.results.writing import check_folder, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -113,6 +113,7 @@ def load(folder: str | Path, *, in_part: bool = False) -> Results:
         ResultsError: if the folder or one of its files is missing, damaged or of another format; one line.
     """
     folder = Path(folder)
+    resolved(folder)  # refuses what Arrow cannot open
     info = read_information(folder)
     tables: dict[str, Any] = {}
     missing = []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from interdrive.errors import ResultsError
+from interdrive.files.names import readable
 from interdrive.results.writing import one_line
 
 if TYPE_CHECKING:
@@ -37,12 +38,20 @@ def arrow_table(columns: Sequence[Column], values: Mapping[str, Any]) -> pa.Tabl
     schema = schema_of(columns)
     # from_pandas: nan and masked entries become null.
     arrays = [
-        pa.array(values[field.name], type=field.type, from_pandas=field.nullable)
-        if not isinstance(values[field.name], pa.Array)
-        else values[field.name]
+        _array(values[field.name], field) if not isinstance(values[field.name], pa.Array) else values[field.name]
         for field in schema
     ]
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _array(values: Any, field: pa.Field) -> pa.Array:  # noqa: ANN401 - array or sequence
+    import pyarrow as pa  # noqa: PLC0415
+
+    try:
+        return pa.array(values, type=field.type, from_pandas=field.nullable)
+    except UnicodeEncodeError:
+        texts = [readable(text) if isinstance(text, str) else text for text in values]
+        return pa.array(texts, type=field.type, from_pandas=field.nullable)
 
 
 def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array
@@ -53,7 +62,7 @@ def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN4
     place = np.array([places.setdefault(name, len(places)) for name in names], dtype=np.int32)
     picked = place if index is None else np.append(place, np.int32(-1))[index]
     indices = pa.array(picked, pa.int32(), mask=picked < 0)
-    return pa.DictionaryArray.from_arrays(indices, pa.array(list(places), pa.string()))
+    return pa.DictionaryArray.from_arrays(indices, pa.array([readable(name) for name in places], pa.string()))
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:

@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import re
 import secrets
 import shutil
 from contextlib import contextmanager, suppress
@@ -18,6 +19,26 @@ from interdrive.errors import ResultsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+
+
+def resolved(path: str | Path) -> Path:
+    """The path as an absolute one without symbolic links; it need not exist.
+
+    Raises:
+        ResultsError: if its links lead in a circle, it can be no path, or Arrow could not open it.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+        str(target).encode()
+        target.stat()
+    except UnicodeEncodeError:
+        raise ResultsError(f"{path}: results need a path that is UTF-8 from the root on; choose another one") from None
+    except ValueError as cause:
+        raise ResultsError(f"{str(path)!r}: this is no path ({cause})") from None
+    except OSError as cause:
+        if cause.errno == errno.ELOOP:
+            raise ResultsError(f"{path}: its symbolic links lead in a circle; choose another path") from None
+    return target
 
 
 def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Path], bool], *, overwrite: bool) -> Path:
@@ -33,7 +54,7 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
     Raises:
         ResultsError: if something is there that must not be replaced.
     """
-    target = Path(folder).resolve()
+    target = resolved(folder)
     try:
         if not target.exists():
             nearest = next(parent for parent in target.parents if parent.exists())
@@ -73,7 +94,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises:
         ResultsError: if it cannot be written; one line with path and cause.
     """
-    with _replacing(Path(path).resolve()) as partial:
+    with _replacing(resolved(path)) as partial:
         yield partial
 
 
@@ -144,8 +165,9 @@ def _sync(path: Path) -> None:
 
 
 def write_json(values: Mapping[str, Any], path: Path) -> None:
-    """Writes plain values as JSON; infinities and nan as texts."""
+    """Writes plain values as JSON; infinities and nan as texts, bytes of file names that are not UTF-8 as escapes."""
     text = json.dumps(_finite(values), indent=2, ensure_ascii=False, allow_nan=False)
+    text = re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text)
     path.write_bytes(text.encode() + b"\n")
 
 
