@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive.criticality import MEASURES
-from interdrive.errors import ResultsError
 from interdrive.files import read_scenario
-from interdrive.results import Column, arrow_table, labels, load, read_table, replacing, write_table
+from interdrive.results import (
+    Column,
+    arrow_table,
+    check_order,
+    check_table,
+    labels,
+    load,
+    read_table,
+    replacing,
+    write_table,
+)
 from interdrive.run import PLAN_STATUS, AgentRecord, Outcomes, Plans, Run, States, Timings
 from interdrive.scenario import Shape
 
@@ -40,6 +50,9 @@ COLUMNS = (
 )
 
 _TABLE, _EXTREMES = "criticality.parquet", "criticality_extremes.parquet"
+
+#: Columns by which their rows are sorted.
+_ORDERS = (("agent_id", "time_step", "measure"), ("agent_id", "measure"))
 
 
 def criticality_table(found: Criticality) -> ArrowTable:
@@ -105,8 +118,16 @@ def stored_criticality(folder: str | Path) -> tuple[ArrowTable, ArrowTable] | No
     paths = Path(folder) / _TABLE, Path(folder) / _EXTREMES
     if not any(path.exists() for path in paths):
         return None
-    series, extremes = (read_table(path, COLUMNS) for path in paths)
+    series, extremes = (_stored(path, order) for path, order in zip(paths, _ORDERS, strict=True))
     return series, extremes
+
+
+def _stored(path: Path, order: tuple[str, ...]) -> ArrowTable:
+    table = read_table(path, COLUMNS)
+    columns = dict(check_table(table, path, COLUMNS, {"measure": _NAMES}))
+    columns["measure"] = np.array([_NAMES.index(name) for name in columns["measure"].tolist()], dtype=np.int64)
+    check_order(columns, path, order)
+    return table
 
 
 def reopen(folder: str | Path, results: Results | None = None) -> Run:
@@ -123,14 +144,11 @@ def reopen(folder: str | Path, results: Results | None = None) -> Run:
         InputError: if the scenario cannot be read.
     """
     results = results or load(folder)
-    try:
-        scenario = _scenario_of(Path(folder), results.info)
-        states = _states(results, scenario)
-        outcomes = _outcomes(results)
-        facts = {int(agent["id"]): agent for agent in results.info.get("agents", ())}
-        return _run(scenario, states, outcomes, str(results.info["digest"]), tuple(results.info["notes"]), facts)
-    except (KeyError, TypeError) as cause:
-        raise ResultsError(f"{folder}: run.json lacks something that belongs to a run ({cause!r})") from None
+    info = results.info
+    scenario = _scenario_of(Path(folder), info)
+    states, outcomes = _states(results, scenario), _outcomes(results)
+    facts = {agent["id"]: agent for agent in info.get("agents", ())}
+    return _run(scenario, states, outcomes, info["digest"], tuple(info["notes"]), facts)
 
 
 def stored_plans(results: Results) -> Plans:
@@ -189,7 +207,8 @@ def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
     if stored["path"] is not None:
         path = Path(stored["path"])
         try:
-            if hashlib.sha256(path.read_bytes()).hexdigest() == stored["sha256"]:
+            # Devices and pipes have no end.
+            if os.path.isfile(path) and hashlib.sha256(path.read_bytes()).hexdigest() == stored["sha256"]:  # noqa: PTH113
                 return read_scenario(path)
         except OSError:
             pass  # moved away; the folder has a copy of the road
@@ -198,9 +217,12 @@ def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
 
 def _states(results: Results, scenario: Scenario) -> States:
     table = results.states
-    column = {name: table[name].to_numpy(zero_copy_only=False) for name in ("time_step", "participant_id", "length")}
-    ids, row = np.unique(column["participant_id"], return_inverse=True)
-    first = int(column["time_step"].min(initial=0)) if not len(ids) else int(column["time_step"].min())
+    column = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    # Agents that had not started when the run was stopped have no state.
+    ids = np.union1d(column["participant_id"], results.outcomes["agent_id"].to_numpy())
+    row = np.searchsorted(ids, column["participant_id"])
+    there, place = np.unique(row, return_index=True)
+    first = int(column["time_step"].min(initial=0)) if not len(row) else int(column["time_step"].min())
     step = column["time_step"] - first
     shape = (len(ids), int(step.max(initial=-1)) + 1)
     valid = np.zeros(shape, dtype=np.bool_)
@@ -208,21 +230,23 @@ def _states(results: Results, scenario: Scenario) -> States:
 
     def filled(name: str) -> Any:  # noqa: ANN401 - array of numbers
         values = np.full(shape, np.nan)
-        values[row, step] = table[name].to_numpy(zero_copy_only=False)
+        values[row, step] = column[name]
         return values
 
-    def of_participant(name: str) -> Any:  # noqa: ANN401 - array
-        return table[name].to_numpy(zero_copy_only=False)[np.unique(row, return_index=True)[1]]
+    def of_participant(name: str, absent: object) -> Any:  # noqa: ANN401 - array
+        values = np.full(len(ids), absent, dtype=column[name].dtype)
+        values[there] = column[name][place]
+        return values
 
     standing = set(scenario.obstacles.ids[scenario.obstacles.is_static].tolist())
     return States(
         ids=ids,
-        kinds=tuple(of_participant("kind").tolist()),
+        kinds=tuple(of_participant("kind", "unknown").tolist()),
         first_time_step=first,
-        is_agent=of_participant("is_agent").astype(np.bool_),
+        is_agent=of_participant("is_agent", absent=True).astype(np.bool_),
         is_static=np.array([number in standing for number in ids.tolist()], dtype=np.bool_),
-        length=of_participant("length"),
-        width=of_participant("width"),
+        length=of_participant("length", 0.0),
+        width=of_participant("width", 0.0),
         **{name: filled(name) for name in _STATE_COLUMNS},
         valid=valid,
     )
@@ -260,7 +284,9 @@ def _run(
             id=number,
             planner=planner,
             origin=str(known.get(number, {}).get("origin", "recorded")),
-            start_time_step=states.first_time_step + int(rows[number].argmax()),
+            start_time_step=states.first_time_step + int(rows[number].argmax())
+            if rows[number].any()
+            else known.get(number, {}).get("start_time_step", 0),
             goal_time_step=tuple(known.get(number, {}).get("goal_time_step", (0, 0))),
             goal_areas=tuple(_area(area) for area in known.get(number, {}).get("goal_areas", ())),
             route_lanelet_ids=tuple(known.get(number, {}).get("route_lanelet_ids", ())),

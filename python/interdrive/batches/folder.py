@@ -30,7 +30,7 @@ from interdrive.batches.dataset import in_order, in_portions, joined, merge, n_k
 from interdrive.batches.locks import Locks
 from interdrive.batches.runs import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.results import check_folder, one_line, replacing, resolved
+from interdrive.results import check_folder, one_line, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -101,9 +101,8 @@ class BatchFolder:
             except ResultsError:
                 if is_last:
                     raise
-        text = json.dumps({"format": FORMAT, "interdrive": _core.__version__}, indent=2)
         with replacing(target / _MARK) as partial:
-            partial.write_text(f"{text}\n", encoding="utf-8")
+            write_json({"format": FORMAT, "interdrive": _core.__version__}, partial)
         return cls(target)
 
     @classmethod

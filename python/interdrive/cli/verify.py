@@ -68,9 +68,10 @@ def _scenario_file(folder: str, info: Mapping[str, Any], given: str | None) -> P
         raise InputError(f"{folder}: the scenario came from memory, not from a file; repeat the run in Python")
     path = Path(given or stored["path"])
     try:
-        content = path.read_bytes()
-    except OSError as cause:
-        reason = cause.strerror or cause
+        # Devices and pipes have no end.
+        content = path.read_bytes() if path.is_file() or not path.exists() else b""
+    except (OSError, ValueError) as cause:
+        reason = getattr(cause, "strerror", None) or cause
         raise InputError(
             f"{path}: the scenario of the run cannot be read ({reason}); --scenario says where it is"
         ) from None

@@ -37,7 +37,7 @@ def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path
     contents = run_contents(folder)
     text = page(f"{contents.header['name']} - interdrive", contents)
     with replacing(target) as partial:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be text
     return target
 
 
@@ -79,7 +79,7 @@ def write_batch_report(
     batch = BatchFolder.open(folder)
     kept = batch.table(["key", "kept"]).to_pylist()
     keys = sorted({row["key"] for row in kept if row["kept"] and (batch.recording(row["key"]) / "run.json").is_file()})
-    start, pages, damaged = target.resolve().parent, {}, {}
+    start, pages, damaged = target.absolute().parent.resolve(), {}, {}
     for done, key in enumerate(keys, start=1):
         own = batch.recording(key) / "report.html"
         try:
@@ -93,5 +93,5 @@ def write_batch_report(
     contents = batch_contents(folder, pages, damaged)
     text = page(f"{contents.header['name']} - interdrive batch", contents)
     with replacing(target) as partial:
-        partial.write_text(text, encoding="utf-8")
+        partial.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be text
     return target

@@ -47,13 +47,13 @@ class Packer:
         Args:
             name: How the reader finds it.
             array: Numbers or truth values of any shape; nan where absent.
-            unit: Resolution; values are rounded to whole multiples. Without it, integers stay exact and other numbers
-                keep four digits (and inf and nan).
+            unit: Resolution; values are rounded to whole multiples. Without it, or where they are too large for it,
+                integers stay exact and other numbers keep four digits (and inf and nan).
             steps: Store differences; better where neighbours are alike.
         """
         values = np.asarray(array)
         entry: dict[str, Any] = {"shape": list(values.shape)}
-        if unit is None and values.dtype.kind == "f":
+        if values.dtype.kind == "f" and (unit is None or not _is_small(values, unit)):
             entry |= {"type": "f32", "at": self._put(_planes(_shortened(values)))}
         else:
             absent = ~np.isfinite(values) if values.dtype.kind == "f" else np.zeros(values.shape, dtype=bool)
@@ -79,6 +79,12 @@ class Packer:
         self._parts.append(data)
         self._size += len(data)
         return at
+
+
+def _is_small(values: NDArray[Any], unit: float) -> bool:
+    """Multiples of the unit, and differences of two of them, are 32-bit integers."""
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    return bool(largest / unit < 2**30)
 
 
 def _narrowest(whole: NDArray[np.int64]) -> str:

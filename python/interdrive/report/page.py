@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import html
-import json
 from importlib.resources import files
 from typing import TYPE_CHECKING
+
+from interdrive.results import json_text
 
 if TYPE_CHECKING:
     from interdrive.report.contents import Contents
@@ -19,9 +20,7 @@ def page(title: str, contents: Contents) -> str:
     bundle = files("interdrive.report") / "bundle"
     script, style = ((bundle / name).read_text(encoding="utf-8") for name in ("report.js", "report.css"))
     # Inside a script element only "<" can end it.
-    header = json.dumps(contents.header, ensure_ascii=False, separators=(",", ":"), default=_plain).replace(
-        "<", "\\u003c"
-    )
+    header = json_text(contents.header).replace("<", "\\u003c")
     return "\n".join(
         (
             "<!doctype html>",
@@ -45,7 +44,3 @@ def page(title: str, contents: Contents) -> str:
             "",
         )
     )
-
-
-def _plain(value: object) -> object:
-    return value.item() if hasattr(value, "item") else str(value)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import Results, check_target, holds_run, load, save
 from interdrive.results.information import FORMAT, information, software
+from interdrive.results.schema import read_json
 from interdrive.results.tables import (
     candidates_table,
     outcome_table,
@@ -22,7 +23,8 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import Column, arrow_table, labels, read_table, write_parquet, write_table
-from interdrive.results.writing import check_folder, one_line, replacing, resolved, write_json
+from interdrive.results.validation import check_order, check_table
+from interdrive.results.writing import check_folder, json_text, one_line, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from interdrive.results.tabular import ArrowTable
@@ -36,15 +38,19 @@ __all__ = [
     "arrow_table",
     "candidates_table",
     "check_folder",
+    "check_order",
+    "check_table",
     "check_target",
     "holds_run",
     "information",
+    "json_text",
     "labels",
     "load",
     "one_line",
     "outcome_table",
     "plans_table",
     "predictions_table",
+    "read_json",
     "read_table",
     "replacing",
     "resolved",

@@ -18,6 +18,7 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import read_table, schema_of, write_parquet
+from interdrive.results.validation import check_tables
 from interdrive.results.writing import check_folder, replacing, resolved, write_json
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     target = check_target(folder, overwrite=overwrite)
     with replacing(target) as partial:
         partial.mkdir()
+        rows = {}
         for name, table in (
             ("outcomes", outcome_table(run)),
             ("states", states_table(run)),
@@ -97,20 +99,22 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
             if table is None:
                 continue
             write_parquet(table, partial / f"{name}.parquet")
-        write_json(information(run), partial / "run.json")
+            rows[name] = table.num_rows
+        write_json({**information(run), "rows": rows}, partial / "run.json")
         (partial / "scenario.xml").write_bytes(write_scenario(run))
     return target
 
 
 def load(folder: str | Path, *, in_part: bool = False) -> Results:
-    """Reads a run folder.
+    """Reads a run folder, and checks that its files are sound and about the same run.
 
     Args:
         folder: As `save` wrote it.
         in_part: Tables besides outcomes and states may be missing; plans and timing are empty then.
 
     Raises:
-        ResultsError: if the folder or one of its files is missing, damaged or of another format; one line.
+        ResultsError: if the folder or one of its files is missing, damaged or of another format; one line that names
+            file and column or field.
     """
     folder = Path(folder)
     resolved(folder)  # refuses what Arrow cannot open
@@ -127,6 +131,7 @@ def load(folder: str | Path, *, in_part: bool = False) -> Results:
                 tables[name] = schema_of(COLUMNS[name]).empty_table()
             continue
         tables[name] = read_table(path, COLUMNS[name])
+    check_tables(folder, tables, info, missing)
     return Results(**tables, info=info, missing=tuple(missing))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
 import os
 import platform
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import ResultsError
+from interdrive.results.schema import check_information, read_json
 from interdrive.results.writing import one_line
 
 if TYPE_CHECKING:
@@ -67,18 +67,19 @@ def read_information(folder: Path) -> dict[str, Any]:
     """What the run.json of a folder says.
 
     Raises:
-        ResultsError: The folder is no run folder, or one of another format; one line.
+        ResultsError: The folder is no run folder, one of another format, or a field is not of its kind; one line.
     """
     path = folder / "run.json"
     try:
-        info = json.loads(path.read_bytes())
+        info = read_json(path)
     except (FileNotFoundError, NotADirectoryError):
         raise ResultsError(f"{folder}: this is not a run folder, it has no run.json") from None
     except (OSError, ValueError) as cause:
         raise ResultsError(f"{path}: cannot be read: {one_line(cause)}") from cause
-    if not isinstance(info, dict) or not isinstance(found := info.get("format"), int):
+    if not isinstance(info, dict) or type(found := info.get("format")) is not int:
         raise ResultsError(f"{path}: it states no format, so this is not a run folder")
     if found == FORMAT:
+        check_information(path, info)
         return info
     if found > FORMAT:
         raise ResultsError(f"{path}: format {found} is newer than what this interdrive reads ({FORMAT}); update it")

@@ -93,6 +93,8 @@ def read_table(path: Path, columns: Sequence[Column]) -> pa.Table:
     import pyarrow as pa  # noqa: PLC0415
     import pyarrow.parquet as pq  # noqa: PLC0415
 
+    if path.exists() and not path.is_file():
+        raise ResultsError(f"{path}: this is no file")
     try:
         table = pq.read_table(path, partitioning=None)
     except FileNotFoundError:

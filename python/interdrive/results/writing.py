@@ -21,16 +21,22 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
 
-def resolved(path: str | Path) -> Path:
+def resolved(path: str | Path, *, follow: bool = True) -> Path:
     """The path as an absolute one without symbolic links; it need not exist.
+
+    Args:
+        path: The path.
+        follow: Also where the last name is a link; otherwise the path of the link itself.
 
     Raises:
         ResultsError: if its links lead in a circle, it can be no path, or Arrow could not open it.
     """
     try:
         target = Path(os.path.realpath(path))
+        if not follow and Path(path).name not in ("", ".."):
+            target = Path(os.path.realpath(Path(path).parent)) / Path(path).name
         str(target).encode()
-        target.stat()
+        target.stat(follow_symlinks=follow)
     except UnicodeEncodeError:
         raise ResultsError(f"{path}: results need a path that is UTF-8 from the root on; choose another one") from None
     except ValueError as cause:
@@ -89,12 +95,13 @@ def _check_writable(folder: str | Path, place: Path) -> None:
 def replacing(path: str | Path) -> Iterator[Path]:
     """A path to write one file or folder to, which takes the place of `path` if all goes well and vanishes if not.
 
-    What was written reaches the disk before it is renamed: after a loss of power it is whole or not there.
+    What was written reaches the disk before it is renamed: after a loss of power it is whole or not there. A symbolic
+    link of that name is replaced itself; what it points to is left alone.
 
     Raises:
         ResultsError: if it cannot be written; one line with path and cause.
     """
-    with _replacing(resolved(path)) as partial:
+    with _replacing(resolved(path, follow=False)) as partial:
         yield partial
 
 
@@ -128,12 +135,12 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 def _move(partial: Path, target: Path, old: Path) -> None:
     """Puts what was written into its place; a folder that is there is `old` for a moment."""
-    if target.is_dir() and not partial.is_dir():
+    if target.is_dir() and not target.is_symlink() and not partial.is_dir():
         # A file never takes the place of a folder, which would be gone with all that is in it.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     for path in (*partial.rglob("*"), partial):
         _sync(path)
-    if not target.is_dir():
+    if not (partial.is_dir() and (target.is_dir() or target.is_symlink())):
         partial.replace(target)
     else:
         target.rename(old)
@@ -142,13 +149,13 @@ def _move(partial: Path, target: Path, old: Path) -> None:
         except BaseException:
             old.rename(target)
             raise
-        shutil.rmtree(old, ignore_errors=True)
+        _remove(old)
     _sync(target.parent)
 
 
 def _remove(path: Path) -> None:
     """Removes what can be removed: the reason why the writing failed is the one to report."""
-    if path.is_dir():
+    if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
         with suppress(OSError):
@@ -165,14 +172,22 @@ def _sync(path: Path) -> None:
 
 
 def write_json(values: Mapping[str, Any], path: Path) -> None:
-    """Writes plain values as JSON; infinities and nan as texts, bytes of file names that are not UTF-8 as escapes."""
-    text = json.dumps(_finite(values), indent=2, ensure_ascii=False, allow_nan=False)
-    text = re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text)
-    path.write_bytes(text.encode() + b"\n")
+    """Writes plain values as JSON, as `json_text` has them."""
+    path.write_bytes(json_text(values, indent=2).encode() + b"\n")
+
+
+def json_text(values: Any, *, indent: int | None = None) -> str:  # noqa: ANN401 - any plain values
+    """Plain values as JSON, which has no infinities and no nan: "inf", "-inf" and null stand for them.
+
+    Arrays and paths become plain values, bytes of file names that are not UTF-8 become escapes; without `indent`
+    nothing is wasted on spaces.
+    """
+    separators = (",", ":") if indent is None else None
+    text = json.dumps(_finite(values), indent=indent, separators=separators, ensure_ascii=False, allow_nan=False)
+    return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
-    """The same value with infinities and nan as texts, which JSON can hold; arrays and paths become plain values."""
     if isinstance(value, dict):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
@@ -180,7 +195,7 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     if isinstance(value, list | tuple | set | frozenset):
         return [_finite(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
+        return None if math.isnan(value) else str(value)
     return str(value) if isinstance(value, Path) else value
 
 

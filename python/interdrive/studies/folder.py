@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 from interdrive.plots import save_figure
-from interdrive.results import check_folder, holds_run, replacing, save, write_table
+from interdrive.results import check_folder, holds_run, replacing, save, write_json, write_table
 from interdrive.studies.case import DEGREES
 from interdrive.studies.figures import profile_figure, scene_figure
 from interdrive.studies.measures import study_table
@@ -85,5 +84,5 @@ def save_study(
             }
             for study in studies
         ]
-        (partial / _MARK).write_text(json.dumps({"cases": cases}, indent=2) + "\n", encoding="utf-8")
+        write_json({"cases": cases}, partial / _MARK)
     return target

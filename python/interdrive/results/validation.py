@@ -1,0 +1,285 @@
+"""Whether the tables of a run folder are what `save` writes: their values, their order, and that they fit together."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.criticality import IMPACT_AREAS
+from interdrive.errors import ResultsError
+from interdrive.results.columns import COLUMNS
+from interdrive.run import OUTCOMES, PLAN_STATUS
+from interdrive.scenario import KINDS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from interdrive.results.tabular import Column
+
+    Ints = NDArray[np.int64]
+    Columns = Mapping[str, Any]
+
+#: Labels that a column may hold.
+LABELS: Mapping[tuple[str, str], Sequence[str]] = {
+    ("outcomes", "outcome"): (*OUTCOMES, "running"),
+    ("outcomes", "impact_area"): IMPACT_AREAS,
+    ("states", "kind"): KINDS,
+    ("plans", "status"): PLAN_STATUS,
+}
+
+#: Columns by which rows are sorted; no two rows have the same values in them.
+ORDER: Mapping[str, Sequence[str]] = {
+    "outcomes": ("agent_id",),
+    "states": ("time_step", "participant_id"),
+    "plans": ("time_step", "agent_id", "point"),
+    "views": ("observer_id", "seen_id", "first_time_step"),
+    "predictions": ("time_step", "participant_id", "mode", "point"),
+    "candidates": ("time_step", "agent_id", "candidate", "point"),
+}
+
+#: Absent values are null, and only these may be infinite.
+_INFINITE = ("cost", "value")
+
+#: No finite number of a run is larger, whatever its unit.
+_NUMBER_MAX = 1e12
+
+#: Arrays of participants and time steps, or of plans and points, may have so many cells, and so many more per row.
+_CELLS, _CELLS_PER_ROW = 10_000_000, 200
+
+#: Time steps and ids are whole numbers below this.
+_WHOLE_MAX = 2**53
+
+
+class _Damage(Exception):  # noqa: N818 - never leaves this module
+    """What is wrong, without the name of the file."""
+
+
+def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> Columns:
+    """The columns of one table as arrays.
+
+    Raises:
+        ResultsError: A value that no writer writes; the line names file and column.
+    """
+    try:
+        return {column.name: _checked(table[column.name], column, labels.get(column.name)) for column in columns}
+    except _Damage as cause:
+        raise ResultsError(f"{path}: {cause}; the file is damaged") from None
+
+
+def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
+    """Raises ResultsError unless rows are sorted by these columns, and no two rows have the same values in them."""
+    n = max(0, len(columns[order[0]]) - 1)
+    is_ascending, is_equal = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
+    for name in order:
+        step = np.diff(columns[name])
+        is_ascending |= is_equal & (step > 0)
+        is_equal &= step == 0
+    wrong = np.flatnonzero(~is_ascending)
+    if len(wrong):
+        raise ResultsError(
+            f"{path}: {', '.join(order)}: row {int(wrong[0]) + 1} is out of order or there twice; the file is damaged"
+        )
+
+
+def check_tables(folder: Path, tables: Mapping[str, pa.Table], info: Mapping[str, Any], missing: Sequence[str]) -> None:
+    """Raises ResultsError unless every table is sound and all of them are about the same run.
+
+    Args:
+        folder: Of the run.
+        tables: By name.
+        info: What run.json says, checked.
+        missing: Tables that are empty because their files are not there.
+    """
+    found: dict[str, Columns] = {}
+    for name, table in tables.items():
+        path = folder / f"{name}.parquet"
+        expected = info.get("rows", {}).get(name)
+        if expected is not None and name not in missing and table.num_rows != expected:
+            raise ResultsError(f"{path}: it has {table.num_rows} rows, run.json says {expected}; the file is damaged")
+        labels = {column: texts for (owner, column), texts in LABELS.items() if owner == name}
+        found[name] = check_table(table, path, COLUMNS[name], labels)
+        if name in ORDER:
+            check_order(found[name], path, ORDER[name])
+    for name, check in _ACROSS.items():
+        if name in found and name not in missing:
+            try:
+                check(found, info)
+            except _Damage as cause:
+                raise ResultsError(f"{folder / f'{name}.parquet'}: {cause}; the folder is damaged") from None
+
+
+def _checked(column: pa.ChunkedArray, about: Column, labels: Sequence[str] | None) -> Any:  # noqa: ANN401 - an array
+    if column.null_count and not about.nullable:
+        raise _Damage(f"{about.name}: a value is missing")
+    if about.kind in ("label", "text"):
+        texts = column.cast("string")
+        if texts.null_count and not about.nullable:
+            raise _Damage(f"{about.name}: a value is missing")
+        if labels is not None:
+            unknown = [text for text in texts.unique().to_pylist() if text is not None and text not in labels]
+            if unknown:
+                raise _Damage(f"{about.name}: {unknown[0]!r} is none of {', '.join(labels)}")
+        return texts.to_numpy(zero_copy_only=False)
+    if about.kind == "truth":
+        return column.to_numpy(zero_copy_only=False)
+    if about.kind == "integer":
+        values = column.fill_null(-1).to_numpy()
+        _refuse(about.name, values, np.abs(values) >= _WHOLE_MAX, "is too large")
+        return values
+    numbers = column.to_numpy(zero_copy_only=False)
+    if not about.nullable:
+        _refuse(about.name, numbers, np.isnan(numbers), "is no number")
+    wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
+    _refuse(about.name, numbers, wrong | (np.isinf(numbers) & (about.name not in _INFINITE)), "is too large")
+    return numbers
+
+
+def _refuse(name: str, values: Any, wrong: Any, why: str) -> None:  # noqa: ANN401 - arrays
+    rows = np.flatnonzero(wrong)
+    if len(rows):
+        raise _Damage(f"{name}: {values[rows[0]]} in row {int(rows[0])} {why}")
+
+
+def _check_timing(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    timing = found["timing"]
+    steps = np.unique(timing["time_step"])
+    if len(steps) and (np.any(np.diff(timing["time_step"]) < 0) or steps[-1] - steps[0] != len(steps) - 1):
+        raise _Damage("time_step: time steps are missing or out of order")
+    _refuse("seconds", timing["seconds"], timing["seconds"] < 0, "is negative")
+
+
+def _check_outcomes(found: Mapping[str, Columns], info: Mapping[str, Any]) -> None:
+    outcomes, states = found["outcomes"], found["states"]
+    ids = outcomes["agent_id"]
+    if "agents" in info and sorted(agent["id"] for agent in info["agents"]) != ids.tolist():
+        raise _Damage("agent_id: the agents are not those of run.json")
+    drives = np.unique(states["participant_id"][states["is_agent"].astype(np.bool_)])
+    _known("agent_id", drives, ids, "drives in states.parquet, but has no row")
+    # A run may be stopped before an agent has started.
+    waits = (outcomes["outcome"] == "running") & ~np.isin(ids, drives)
+    _known("agent_id", ids[~waits], drives, "has no states as an agent")
+    partners = outcomes["partner_id"][outcomes["partner_id"] != -1]
+    _known("partner_id", partners, states["participant_id"], "has no states")
+    is_outside = ~waits & ~_is_recorded(outcomes["time_step"], states)
+    _refuse("time_step", outcomes["time_step"], is_outside, "is not in states.parquet")
+
+
+def _check_states(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    states, timing = found["states"], found["timing"]
+    steps, ids = states["time_step"], np.unique(states["participant_id"])
+    for name in ("length", "width"):
+        _refuse(name, states[name], states[name] < 0, "is negative")
+    if not len(steps):
+        return
+    if len(timing["time_step"]):
+        first, last = int(timing["time_step"].min()), int(timing["time_step"].max()) + 1
+        _refuse("time_step", steps, (steps < first) | (steps > last), f"is outside of the run ({first} to {last})")
+    _bounded("time_step", (int(steps[-1]) - int(steps[0]) + 1) * len(ids), len(steps))
+    row = np.searchsorted(ids, states["participant_id"])
+    first_row = np.unique(row, return_index=True)[1]
+    for name in ("kind", "is_agent", "length", "width"):
+        values = states[name]
+        _refuse(name, values, values != values[first_row][row], "differs from the participant's first one")
+
+
+def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    plans, states = found["plans"], found["states"]
+    point, starts = plans["point"], plans["point"] == 0
+    # Sorted by point within a plan, so only gaps are left to be found.
+    _refuse("point", point, ~starts & (np.diff(point, prepend=-1) != 1), "does not follow the point before")
+    _bounded("point", int(starts.sum()) * (int(point.max(initial=0)) + 1), len(point))
+    _known("agent_id", plans["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
+    _refuse("time_step", plans["time_step"], ~_is_recorded(plans["time_step"], states), "is not in states.parquet")
+    driving = states["is_agent"].astype(np.bool_)
+    driven_at, driver = states["time_step"][driving], states["participant_id"][driving]
+    driven, made = (
+        (steps - states["time_step"][:1].sum()) * len(known) + np.searchsorted(known, ids)
+        for known in [found["outcomes"]["agent_id"]]
+        for steps, ids in ((driven_at, driver), (plans["time_step"][starts], plans["agent_id"][starts]))
+    )
+    astray = np.flatnonzero(~np.isin(made, driven))
+    if len(astray):
+        at = np.flatnonzero(starts)[astray[0]]
+        raise _Damage(f"time_step: agent {plans['agent_id'][at]} does not drive at time step {plans['time_step'][at]}")
+    # Every state of an agent but its last one has a plan.
+    last = np.unique(driver[::-1], return_index=True)[1]
+    has_ended = np.zeros(len(driver), dtype=np.bool_)
+    has_ended[len(driver) - 1 - last] = True
+    lost = np.flatnonzero(~has_ended & ~np.isin(driven, made))
+    if len(lost):
+        raise _Damage(f"time_step: agent {driver[lost[0]]} has no plan at time step {driven_at[lost[0]]}")
+
+
+def _check_views(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    views, states = found["views"], found["states"]
+    _known("observer_id", views["observer_id"], found["outcomes"]["agent_id"], "is no agent")
+    _known("seen_id", views["seen_id"], states["participant_id"], "has no states")
+    first, last = views["first_time_step"], views["last_time_step"]
+    _refuse("last_time_step", last, last < first, "is before the first one")
+    for name in ("first_time_step", "last_time_step"):
+        _refuse(name, views[name], ~_is_recorded(views[name], states), "is not in states.parquet")
+
+
+def _check_predictions(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    predictions = found["predictions"]
+    _known("participant_id", predictions["participant_id"], found["states"]["participant_id"], "has no states")
+    _refuse("probability", predictions["probability"], ~_is_share(predictions["probability"]), "is no probability")
+    _check_blocks(predictions, ("time_step", "participant_id", "mode", "probability"), found["states"])
+
+
+def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    candidates = found["candidates"]
+    _known("agent_id", candidates["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
+    _check_blocks(candidates, ("time_step", "agent_id", "candidate", "rejection", "chosen"), found["states"])
+
+
+def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
+    """Every row of a prediction or candidate has the same points, and the same values in these columns."""
+    steps, points = columns["time_step"], np.unique(columns["point"])
+    _refuse("time_step", steps, ~_is_recorded(steps, states), "is not in states.parquet")
+    if len(steps) % max(1, len(points)) or np.any(columns["point"].reshape(-1, len(points)) != points):
+        raise _Damage("point: points are missing")
+    for name in alike:
+        values = columns[name].reshape(-1, max(1, len(points)))
+        if len(values) and np.any(values != values[:, :1]):
+            raise _Damage(f"{name}: it changes from point to point")
+
+
+_ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]] = {
+    "timing": _check_timing,
+    "states": _check_states,
+    "outcomes": _check_outcomes,
+    "plans": _check_plans,
+    "views": _check_views,
+    "predictions": _check_predictions,
+    "candidates": _check_candidates,
+}
+
+
+def _known(name: str, ids: Ints, known: Ints, why: str) -> None:
+    strangers = ids[~np.isin(ids, known)]
+    if len(strangers):
+        raise _Damage(f"{name}: {strangers[0]} {why}")
+
+
+def _is_recorded(steps: Ints, states: Columns) -> NDArray[np.bool_]:
+    """Which time steps lie between the first and the last state."""
+    there = states["time_step"]
+    found: NDArray[np.bool_] = (
+        (steps >= there[0]) & (steps <= there[-1]) if len(there) else np.zeros(len(steps), dtype=np.bool_)
+    )
+    return found
+
+
+def _is_share(values: Any) -> Any:  # noqa: ANN401 - arrays
+    return (values >= 0.0) & (values <= 1.0 + 1e-6)
+
+
+def _bounded(name: str, cells: int, rows: int) -> None:
+    if cells > _CELLS + _CELLS_PER_ROW * rows:
+        raise _Damage(f"{name}: {rows} rows are spread over {cells} places")
