@@ -49,7 +49,7 @@ class _Commands(click.Group):
         except click.ClickException as error:
             code = _complain(error.format_message(), error.exit_code)
         except click.Abort:  # Ctrl-C or the end of the input at a question, or before a command began
-            click.echo("interrupted, nothing written", err=True)
+            say("interrupted, nothing written", err=True)
             code = INTERRUPTED
         sys.exit(code if isinstance(code, int) else 0)
 
