@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle fuzz fuzz-smoke format clean
+.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle versions fuzz fuzz-smoke format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -124,6 +124,21 @@ report_bundle: ## builds the front end of reports (needs node and npm); says whe
 	VIRTUAL_ENV=$(CURDIR)/.venv-third .venv-third/bin/maturin develop --release --quiet
 	touch $@
 
+versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with the oldest libraries that pyproject.toml allows
+	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/test_versions.py
+
+# Of every dependency exactly the lower bound.
+.venv-oldest/.tools: pyproject.toml
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	.venv-oldest/bin/python -c "import re, tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = [re.sub(r'>=([^,]+).*', r'==\1', d) for d in p['project']['dependencies']]; print(*o, *p['build-system']['requires'], 'pytest>=8', sep='\n')" > .venv-oldest/requirements.txt
+	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-oldest/requirements.txt
+	touch $@
+
+.venv-oldest/.installed: .venv-oldest/.tools $(RUST)
+	VIRTUAL_ENV=$(CURDIR)/.venv-oldest .venv-oldest/bin/maturin develop --release --quiet
+	touch $@
+
 .venv-oracles/.tools: pyproject.toml
 	$(PYTHON) -m venv .venv-oracles
 	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
@@ -158,4 +173,4 @@ format: $(VENV)/.tools ## writes what `make check` wants to see
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-oracles .venv-third .venv-ray .venv-browser .venv-training frontend/node_modules target demo out
+	rm -rf $(VENV) .venv-oldest .venv-oracles .venv-third .venv-ray .venv-browser .venv-training frontend/node_modules target demo out

@@ -100,3 +100,34 @@ def test_a_full_disk_behind_the_output_is_one_line():
         f"{sys.executable} -m interdrive settings >/dev/full", shell=True, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (2, "error: No space left on device\n")
+
+
+#: numpy 1.26 beside a pyarrow that was built for numpy 2.
+PYARROW_TOO_NEW = """
+class Finder:
+    def find_spec(self, name, path, target=None):
+        if name == "pyarrow":
+            raise ImportError("pyarrow requires NumPy 2.0 or newer, found 1.26.4", name="pyarrow")
+sys.meta_path.insert(0, Finder())
+import interdrive.simulation
+interdrive.simulation.simulate = lambda *_, **__: print("simulated in vain")
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "t_junction", "--out", "made"],
+        ["batch", "t_junction", "--out", "made", "--workers", "1"],
+        ["study", "merge", "--out", "made"],
+        ["predict-eval", "t_junction", "--out", "made"],
+        ["criticality", "t_junction", "--out", "made"],
+    ],
+)
+def test_a_pyarrow_that_does_not_work_is_found_out_before_anything_is_simulated(tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    done = ended(PYARROW_TOO_NEW, *arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert "pyarrow requires NumPy 2.0 or newer, found 1.26.4" in done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import NoReturn
 
-#: Exit codes: interrupted; a bug (EX_SOFTWARE of sysexits.h); out of memory (EX_OSERR).
-INTERRUPTED, BUG, OUT_OF_MEMORY = 130, 70, 71
+#: Exit codes: something cannot be used; interrupted; a bug (EX_SOFTWARE of sysexits.h); out of memory (EX_OSERR).
+REFUSED, INTERRUPTED, BUG, OUT_OF_MEMORY = 2, 130, 70, 71
 #: With this variable of the environment set, the traceback of a bug is printed.
 TRACEBACK = "INTERDRIVE_TRACEBACK"
 
@@ -73,6 +73,12 @@ def last_resort(error: BaseException) -> int:
         return _say("interrupted", INTERRUPTED)
     if isinstance(error, MemoryError):
         return _say("error: out of memory; take fewer agents, a shorter horizon or a smaller scenario", OUT_OF_MEMORY)
+    if isinstance(error, ImportError) and not str(error.name).startswith("interdrive"):
+        return _say(
+            f"error: the installation does not work: {_described(error)}; "
+            "`pip install --upgrade interdrive` brings versions that fit together",
+            REFUSED,
+        )
     where = _place(error)
     wanted = os.environ.get(TRACEBACK, "") not in ("", "0")
     if wanted:

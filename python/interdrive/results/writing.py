@@ -9,6 +9,7 @@ import os
 import re
 import secrets
 import shutil
+import sys
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +48,17 @@ def resolved(path: str | Path, *, follow: bool = True) -> Path:
     return target
 
 
+def _check_arrow() -> None:
+    """Tells before a simulation rather than after it that no table can be written."""
+    try:
+        import pyarrow.parquet  # noqa: F401, PLC0415
+    except ImportError as cause:
+        raise ResultsError(
+            f"no results can be written, pyarrow does not work here: {one_line(cause)}; "
+            "`pip install --upgrade interdrive` brings versions that fit together"
+        ) from cause
+
+
 def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Path], bool], *, overwrite: bool) -> Path:
     """A folder that can be written whole, as an absolute path.
 
@@ -58,9 +70,10 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
         overwrite: It may be replaced.
 
     Raises:
-        ResultsError: if something is there that must not be replaced.
+        ResultsError: if something is there that must not be replaced, or pyarrow does not work.
     """
     target = resolved(folder)
+    _check_arrow()
     try:
         if not target.exists():
             nearest = next(parent for parent in target.parents if parent.exists())
@@ -200,9 +213,8 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
 
 
 def _arrow_exception() -> type[Exception]:
-    import pyarrow as pa  # noqa: PLC0415
-
-    exception: type[Exception] = pa.ArrowException
+    """Arrow's own exception; one that is never raised anew here if Arrow was not even loaded."""
+    exception: type[Exception] = getattr(sys.modules.get("pyarrow"), "ArrowException", OSError)
     return exception
 
 
