@@ -76,7 +76,7 @@ def _table(
     return Damage(name, do, f"{found_in or table}.parquet: {words}")
 
 
-def _cell(column: str, value: Any, row: int = -1) -> Callable[[pa.Table], pa.Table]:
+def with_cell(column: str, value: Any, row: int = -1) -> Callable[[pa.Table], pa.Table]:
     """The table with another value in one row."""
 
     def change(table: pa.Table) -> pa.Table:
@@ -173,41 +173,41 @@ DAMAGES = (
         "outcomes",
         counted=False,
     ),
-    _table("a state far away in time", "states", _cell("time_step", 2**31), "time_step: 2147483648 in row "),
-    _table("a state far before", "states", _cell("time_step", -(2**62), 0), "time_step: -4611686018427387904 in row 0"),
-    _table("a state nowhere", "states", _cell("x", float("inf")), "x: inf in row "),
-    _table("a state that is no number", "states", _cell("y", float("nan")), "y: nan in row "),
-    _table("a state beyond everything", "states", _cell("x", 1e300), "x: 1e+300 in row "),
-    _table("a kind that is none", "states", _cell("kind", "tank"), "kind: 'tank' is none of unknown, car, "),
-    _table("a length below 0", "states", _cell("length", -4.5), "length: -4.5 in row "),
-    _table("an agent that grows", "states", _cell("width", 9.0), "width: 9.0 in row "),
+    _table("a state far away in time", "states", with_cell("time_step", 2**31), "time_step: 2147483648 in row "),
+    _table("a state far before", "states", with_cell("time_step", -(2**62), 0), "time_step: -4611686018427387904 in"),
+    _table("a state nowhere", "states", with_cell("x", float("inf")), "x: inf in row "),
+    _table("a state that is no number", "states", with_cell("y", float("nan")), "y: nan in row "),
+    _table("a state beyond everything", "states", with_cell("x", 1e300), "x: 1e+300 in row "),
+    _table("a kind that is none", "states", with_cell("kind", "tank"), "kind: 'tank' is none of unknown, car, "),
+    _table("a length below 0", "states", with_cell("length", -4.5), "length: -4.5 in row "),
+    _table("an agent that grows", "states", with_cell("width", 9.0), "width: 9.0 in row "),
     _table(
         "a stranger",
         "states",
-        _cell("participant_id", 77),
+        with_cell("participant_id", 77),
         "agent_id: 77 drives in states.parquet, but has no row",
         "outcomes",
     ),
     _table("half of the agents", "outcomes", _half, "it has 1 rows, run.json says 3"),
     _table("half of the agents of an older run", "outcomes", _half, "agent_id: the agents are not th", counted=False),
-    _table("an outcome that is none", "outcomes", _cell("outcome", "won"), "outcome: 'won' is none of goal_reached, "),
-    _table("a partner that is none", "outcomes", _cell("partner_id", 4711), "partner_id: 4711 has no states"),
-    _table("an end after the end", "outcomes", _cell("time_step", 10**9), "time_step: 1000000000 in row 2 is not in "),
+    _table("an outcome that is none", "outcomes", with_cell("outcome", "won"), "outcome: 'won' is none of "),
+    _table("a partner that is none", "outcomes", with_cell("partner_id", 4711), "partner_id: 4711 has no states"),
+    _table("an end after the end", "outcomes", with_cell("time_step", 10**9), "time_step: 1000000000 in row 2 is "),
     _table("outcomes in disorder", "outcomes", lambda table: table.take([1, 0, 2]), "agent_id: row 1 is out of order"),
     _table("plans in disorder", "plans", _shuffled, "time_step, agent_id, point: row "),
     _table("half of the plans", "plans", _half, "it has "),
     _table("half of the plans of an older run", "plans", _half, "time_step: agent ", counted=False),
     _table("plans with holes", "plans", _without("point", 3), "point: 4 in row 3 does not follow", counted=False),
-    _table("a point far away", "plans", _cell("point", 2**31), "point: 2147483648 in row "),
-    _table("a plan of nobody", "plans", _cell("agent_id", 4711), "agent_id: 4711 has no outcome"),
-    _table("a status that is none", "plans", _cell("status", "dreamt"), "status: 'dreamt' is none of none, planned, "),
+    _table("a point far away", "plans", with_cell("point", 2**31), "point: 2147483648 in row "),
+    _table("a plan of nobody", "plans", with_cell("agent_id", 4711), "agent_id: 4711 has no outcome"),
+    _table("a status that is none", "plans", with_cell("status", "dreamt"), "status: 'dreamt' is none of none, "),
     _table(
         "a time step without time", "timing", _without("time_step", 3), "time_step: time steps are miss", counted=False
     ),
-    _table("a time below 0", "timing", _cell("seconds", -1.0), "seconds: -1.0 in row "),
-    _table("somebody unknown was seen", "views", _cell("seen_id", 4711), "seen_id: 4711 has no states"),
-    _table("seen to the end of time", "views", _cell("last_time_step", 2**40), "last_time_step: 1099511627776 in row "),
-    _table("a probability of 2", "predictions", _cell("probability", 2.0), "probability: 2.0 in row "),
+    _table("a time below 0", "timing", with_cell("seconds", -1.0), "seconds: -1.0 in row "),
+    _table("somebody unknown was seen", "views", with_cell("seen_id", 4711), "seen_id: 4711 has no states"),
+    _table("seen to the end of time", "views", with_cell("last_time_step", 2**40), "last_time_step: 1099511627776 in"),
+    _table("a probability of 2", "predictions", with_cell("probability", 2.0), "probability: 2.0 in row "),
     _table("predictions with holes", "predictions", _without("point", 5), "it has "),
     _table(
         "half a prediction", "predictions", lambda t: t.slice(0, t.num_rows - 1), "point: points are mis", counted=False

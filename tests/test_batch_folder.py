@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -86,6 +87,49 @@ def test_a_question_changes_nothing_and_sees_no_files(folder, specs, question, l
     assert "\n" not in str(refused.value)
     assert "LINE" not in str(refused.value)
     assert folder.results.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        "select count(*) from range(100000000000)",
+        "select * from range(100000000000)",
+        "with recursive t(n) as (select 1 union all select n + 1 from t) select max(n) from t",
+    ],
+)
+def test_a_question_without_end_is_given_up(folder, specs, question):
+    store(folder, specs[0])
+    with pytest.raises(InputError, match=r"^sql: no answer after 0\.5 s; --timeout SECONDS gives it more time$"):
+        query(folder.path, question, seconds=0.5)
+
+
+@pytest.mark.parametrize(
+    ("question", "line"),
+    [
+        (
+            "select list(range) from range(1000000000)",
+            "the question needs more memory than 57 MiB; --memory SIZE",
+        ),
+        (
+            "select 'x' || range as text from range(10000000)",
+            "the answer has more than [0-9]+ rows, which need more",
+        ),
+    ],
+)
+def test_a_question_whose_answer_does_not_fit_is_given_up(folder, specs, question, line):
+    store(folder, specs[0])
+    with pytest.raises(InputError, match=f"^sql: {line}"):
+        query(folder.path, question, memory=60e6)
+
+
+def test_a_single_call_without_end_ends_the_command(folder, specs):
+    store(folder, specs[0])
+    question = "select length(repeat('x', 4000000000))"
+    words = [sys.executable, "-m", "interdrive", "sql", folder.path, question, "--timeout", "1", "--memory", "100M"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert re.match("error: sql: (the question needs more memory than 100 MiB|no answer after 1 s)", done.stderr)
 
 
 def test_a_folder_that_another_batch_makes_while_it_is_looked_at_is_shared(tmp_path, monkeypatch):
@@ -300,7 +344,7 @@ def test_the_rows_of_some_runs_are_read_without_holding_all(folder, specs):
     store(folder, specs[0])
     folder.tidy(now=True)
     rows = folder.table()
-    other = rows.set_column(0, rows.schema.field("key"), pa.array(["other"], rows.schema.field("key").type))
+    other = rows.set_column(0, rows.schema.field("key"), pa.array(["0" * 32], rows.schema.field("key").type))
     portion = pa.concat_tables([other] * 20_000).unify_dictionaries().combine_chunks()
     with pq.ParquetWriter(folder.results, rows.schema) as writer:
         for _ in range(30):

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-from damage import DAMAGES, edited
+from damage import DAMAGES, edited, with_cell
 from interdrive.assessment import reopen
 from interdrive.cli import main
+from interdrive.report import write_run_report
+from interdrive.report.contents import run_contents
 from interdrive.results import load, save
 from interdrive.run_settings import RecordSettings, SimulationSettings
 from interdrive.simulation import Simulation, simulate
@@ -68,6 +73,66 @@ def test_damage_is_one_line_that_names_file_and_field(folder, capfd, damage):
         assert len(done.stderr) < 300
         assert capfd.readouterr() == ("", "")
     assert content(folder.parent) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (("report", "run"), "run/report.html"),
+        (("report", "run", "--out", "page.html"), "page.html"),
+        (("criticality", "run"), "run/criticality.parquet"),
+        (("criticality", "run", "--out", "made"), "made/criticality_extremes.parquet"),
+        (("plot", "run", "--kind", "velocity", "--out", "figure.pdf"), "figure.pdf"),
+    ],
+)
+def test_no_command_writes_through_a_link(folder, command, name):
+    Path("precious").write_text("precious")
+    Path(name).parent.mkdir(exist_ok=True)
+    Path(name).symlink_to(folder.parent / "precious")
+    assert CliRunner().invoke(main, [*command, "--quiet"]).exit_code == 0
+    assert Path("precious").read_text() == "precious"
+    assert not Path(name).is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("measure", "luck", "measure: 'luck' is none of hw, thw, ttc"),
+        ("time_step", 10**6, "out of order"),
+        ("agent_id", -(2**60), "agent_id: -1152921504606846976 in row 9 is too large"),
+    ],
+)
+def test_a_page_says_that_the_table_of_criticality_is_damaged(folder, column, value, words):
+    assert CliRunner().invoke(main, ["criticality", "run", "--quiet"]).exit_code == 0
+    path = folder / "criticality.parquet"
+    pq.write_table(with_cell(column, value, 9)(pq.read_table(path)), path)
+    [said] = [entry["text"] for entry in run_contents(folder).header["missing"] if entry["what"] == "criticality"]
+    assert "criticality.parquet: " in said
+    assert words in said
+
+
+def test_texts_of_others_stay_texts_in_a_page(folder):
+    hostile = "</script><script>alert(1)</script><!--\x1b[2J\u2028"
+    path = folder / "outcomes.parquet"
+    pq.write_table(with_cell("message", hostile)(pq.read_table(path)), path)
+    edited(folder / "run.json", lambda info: info["notes"].append(hostile))
+    page = write_run_report(folder).read_text(encoding="utf-8")
+    assert page.count("<script") == page.count("</script>") == 3
+    assert "<!--" not in page.partition("<body>")[2].partition("<script>")[0]
+    found = re.search(r'id="header">(.*?)</script>', page, re.DOTALL)
+    assert json.loads(found[1])["info"]["notes"][-1] == hostile
+
+
+def test_a_page_holds_no_nan(folder):
+    path = folder / "outcomes.parquet"
+    pq.write_table(with_cell("impact_speed", float("nan"))(pq.read_table(path)), path)
+    page = write_run_report(folder).read_text(encoding="utf-8")
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    header = json.loads(re.search(r'id="header">(.*?)</script>', page, re.DOTALL)[1], parse_constant=refuse)
+    assert {person.get("impact_speed") for person in header["participants"]} == {None}
 
 
 def test_a_folder_without_row_counts_is_read_as_before(folder):

@@ -323,6 +323,29 @@ def test_a_replaced_file_is_whole_or_as_it_was(tmp_path):
     assert contents(tmp_path) == ["run.png"]
 
 
+def test_a_link_is_replaced_and_what_it_points_to_is_left_alone(tmp_path):
+    (tmp_path / "precious.html").write_text("precious")
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "file").write_text("precious")
+    for link, target in (("page.html", "precious.html"), ("folder", "precious"), ("nowhere", "missing")):
+        (tmp_path / link).symlink_to(tmp_path / target)
+    with replacing(tmp_path / "page.html") as path:
+        path.write_text("page")
+    for name in ("folder", "nowhere"):
+        with replacing(tmp_path / name) as path:
+            path.mkdir()
+            (path / "run").write_text("run")
+    assert (tmp_path / "precious.html").read_text() == "precious"
+    assert contents(tmp_path / "precious") == ["file"]
+    assert not any(path.is_symlink() for path in tmp_path.iterdir())
+    assert contents(tmp_path) == ["folder", "nowhere", "page.html", "precious", "precious.html"]
+
+
+def test_json_has_words_for_infinities_and_null_for_nan():
+    text = results.json_text({"a": [float("inf"), -np.inf, float("nan")], "b": np.array([1.0, np.nan]), "c": np.True_})
+    assert text == '{"a":["inf","-inf",null],"b":[1.0,null],"c":true}'
+
+
 def test_python_does_nothing_for_a_single_plan_that_is_written(run, tmp_path):
     save(run, tmp_path / "warm up")
     few, many = (with_plans(run, 24 * n_steps) for n_steps in (14, 140))

@@ -39,7 +39,13 @@ COLUMNS = (
     Column("agent_id", "integer", "who is judged"),
     Column("time_step", "integer", "when"),
     Column("measure", "label", "one of interdrive.criticality.MEASURES"),
-    Column("value", "number", "in the unit of the measure; inf: no conflict, null: cannot be computed", nullable=True),
+    Column(
+        "value",
+        "number",
+        "in the unit of the measure; inf: no conflict, null: cannot be computed",
+        nullable=True,
+        infinite=True,
+    ),
     Column("partner_id", "integer", "the participant that was decisive", nullable=True),
     Column(
         "path",

@@ -81,6 +81,7 @@ AGENT_COLUMNS = (
             "number",
             f"most critical {measure.label}; inf: no conflict",
             nullable=True,
+            infinite=True,
         )
         for measure in MEASURES
     ),

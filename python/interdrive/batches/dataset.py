@@ -11,15 +11,26 @@ import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
-from interdrive.batches.columns import COLUMNS
+from interdrive.batches.columns import COLUMNS, STATUS
+from interdrive.batches.runs import TRAFFIC
+from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
-from interdrive.results import arrow_table, replacing
+from interdrive.results import arrow_table, check_values, replacing
+from interdrive.run import OUTCOMES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 #: Rows are read and written in portions of about this many.
 _PORTION = 32_768
+
+#: Labels that a column may hold.
+_LABELS = {
+    "status": STATUS,
+    "traffic": TRAFFIC,
+    "outcome": (*OUTCOMES, "running"),
+    "impact_area": IMPACT_AREAS,
+}
 
 #: So many files of single runs are held in memory at once.
 _FILES_AT_ONCE = 256
@@ -49,10 +60,10 @@ def merge(into: Path, parts: Sequence[Path]) -> None:
     with replacing(into) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         waiting: list[pa.Table] = []
         for batch in _opened(into).iter_batches(batch_size=_PORTION) if into.exists() else ():
-            _write(writer, waiting, _chosen(pa.Table.from_batches([batch]), None, keys))
+            _write(writer, waiting, _chosen(_checked(pa.Table.from_batches([batch]), into), None, keys))
         for start in range(0, len(parts), _FILES_AT_ONCE):
             for part in parts[start : start + _FILES_AT_ONCE]:
-                _write(writer, waiting, read(part))
+                _write(writer, waiting, read_run(part))
         _write(writer, waiting, None)
 
 
@@ -80,9 +91,9 @@ def read(
         file = _opened(path)
         wanted = [column.name for column in COLUMNS] if columns is None else list(columns)
         if keys is None and not but:
-            return file.read(columns=wanted).select(wanted)
+            return _checked(file.read(columns=wanted).select(wanted), path)
         found = [
-            _chosen(pa.Table.from_batches([batch]).select(wanted), keys, but or set())
+            _chosen(_checked(pa.Table.from_batches([batch]).select(wanted), path), keys, but or set())
             for batch in file.iter_batches(batch_size=_PORTION, columns=wanted)
         ]
         return joined(found, columns)
@@ -90,6 +101,20 @@ def read(
         if isinstance(cause, FileNotFoundError):
             raise
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
+
+
+def read_run(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
+    """The table in the file of a single run, called `<key>.parquet`, or some of its columns.
+
+    Raises:
+        ResultsError: It is damaged, has other columns, or is about another run.
+        FileNotFoundError: It is not there.
+    """
+    check_key(path.stem, path)
+    table = read(path, columns)
+    if "key" in table.column_names and pc.any(pc.not_equal(table["key"].cast(pa.string()), path.stem)).as_py():
+        raise ResultsError(f"{path}: key: it is that of another run; the file is damaged")
+    return table
 
 
 def n_keys(path: Path) -> int:
@@ -153,9 +178,43 @@ def _opened(path: Path) -> pq.ParquetFile:
         raise
     except (pa.ArrowException, OSError) as cause:
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
-    expected = [column.name for column in COLUMNS]
+    expected = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS}).schema
     names = found.schema_arrow.names
-    if names != expected:
-        other = next(iter(set(names) ^ set(expected)), "their order")
+    if names != expected.names:
+        other = next(iter(set(names) ^ set(expected.names)), "their order")
         raise ResultsError(f"{path}: its columns are not those of this version ({other} differs)")
+    for name in names:
+        if _plain(found.schema_arrow.field(name).type) != _plain(expected.field(name).type):
+            raise ResultsError(f"{path}: {name}: values of type {_plain(found.schema_arrow.field(name).type)}")
     return found
+
+
+def _plain(kind: pa.DataType) -> pa.DataType:
+    """Texts from a short list are texts."""
+    return kind.value_type if pa.types.is_dictionary(kind) else kind
+
+
+def _checked(table: pa.Table, path: Path) -> pa.Table:
+    """The table, if it holds what batches write: keys become names of files, labels are looked up.
+
+    Raises:
+        ResultsError: A value that no batch writes; one line that names file and column.
+    """
+    there = [column for column in COLUMNS if column.name in table.column_names]
+    check_values(table, path, there, _LABELS)
+    if "key" in table.column_names:
+        for key in pc.unique(table["key"].cast(pa.string())).to_pylist():
+            check_key(key, path)
+    if {"under_test", "agent_id", "outcome"} <= set(table.column_names):
+        agents = table.filter(table["under_test"].fill_null(False))
+        for name in ("agent_id", "outcome"):
+            if agents[name].null_count:
+                raise ResultsError(f"{path}: {name}: a value is missing; the file is damaged")
+    return table
+
+
+def check_key(key: str, where: Path) -> None:
+    """Raises ResultsError unless the key of a run is 32 hexadecimal digits."""
+    if len(key) != 32 or not set(key) <= set("0123456789abcdef"):
+        shown = key if len(key) <= 60 else f"{key[:57]}..."
+        raise ResultsError(f"{where}: key: {shown!r} is not 32 hexadecimal digits; the file is damaged")

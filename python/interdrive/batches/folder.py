@@ -15,7 +15,6 @@ stored in.
 from __future__ import annotations
 
 import io
-import json
 import shutil
 import tarfile
 import time
@@ -26,11 +25,11 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
 from interdrive.batches.columns import NOT_ARRIVED
-from interdrive.batches.dataset import in_order, in_portions, joined, merge, n_keys, read
+from interdrive.batches.dataset import check_key, in_order, in_portions, joined, merge, n_keys, read, read_run
 from interdrive.batches.locks import Locks
 from interdrive.batches.runs import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.results import check_folder, one_line, replacing, resolved, write_json
+from interdrive.results import check_folder, one_line, read_json, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -114,15 +113,22 @@ class BatchFolder:
         """
         target = resolved(path)
         try:
-            info = json.loads((target / _MARK).read_bytes())
+            info = read_json(target / _MARK)
         except (FileNotFoundError, NotADirectoryError):
             raise ResultsError(f"{path}: this is not a batch folder, it has no {_MARK}") from None
         except (OSError, ValueError) as cause:
-            raise ResultsError(f"{target / _MARK}: cannot be read: {cause}") from cause
+            raise ResultsError(f"{target / _MARK}: cannot be read: {one_line(cause)}") from cause
+        # Nothing is ever written through a link to somewhere else.
+        for name in (_MARK, _RESULTS, _RUNS, _RECORDINGS, _LOCKS, _STORED):
+            if (target / name).is_symlink():
+                raise ResultsError(
+                    f"{target / name}: this is a symbolic link; put what it links to into the batch folder"
+                )
         found = info.get("format") if isinstance(info, dict) else None
-        if found != FORMAT:
+        if type(found) is not int or found != FORMAT:
+            shown = found if isinstance(found, int) else "unknown"
             raise ResultsError(
-                f"{path}: a batch of format {found}, this version of interdrive reads and writes format {FORMAT}; "
+                f"{path}: a batch of format {shown}, this version of interdrive reads and writes format {FORMAT}; "
                 "choose a new folder"
             )
         return cls(target)
@@ -138,7 +144,10 @@ class BatchFolder:
 
     def unmerged(self) -> list[Path]:
         """Files of single runs that are not merged yet."""
-        return sorted((self.path / _RUNS).glob("[!.]*.parquet"))
+        found = sorted((self.path / _RUNS).glob("[!.]*.parquet"))
+        for part in found:
+            check_key(part.stem, part)
+        return found
 
     def table(self, columns: Sequence[str] | None = None, keys: set[str] | None = None) -> ArrowTable:
         """All rows, or some columns of them, or those of some runs; sorted by scenario, run and agent.
@@ -159,7 +168,7 @@ class BatchFolder:
             parts = self.unmerged()
             wanted = parts if keys is None else [part for part in parts if part.stem in keys]
             try:
-                return joined([read(part, columns) for part in wanted], columns), {part.stem for part in parts}
+                return joined([read_run(part, columns) for part in wanted], columns), {part.stem for part in parts}
             except FileNotFoundError:
                 continue  # another process has just merged them
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
@@ -9,16 +10,28 @@ from typing import TYPE_CHECKING, Any
 from interdrive.batches.columns import RUN_COLUMNS
 from interdrive.batches.dataset import key_table, streamed
 from interdrive.batches.folder import BatchFolder
-from interdrive.errors import InputError, MissingExtraError
+from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from duckdb import DuckDBPyConnection, Statement
+    from duckdb import DuckDBPyConnection, DuckDBPyRelation, Statement
 
 #: Tables that a question can name.
 TABLES = ("results", "runs", "agents")
+
+#: Limits of a question: wall time [s], memory [bytes].
+SECONDS, MEMORY = 60.0, 2.0 * 2**30
+
+#: What to do about them.
+RAISE_SECONDS, RAISE_MEMORY = "--timeout SECONDS gives it more time", "--memory SIZE allows more"
+
+#: DuckDB needs so much for its own sake [bytes].
+_MEMORY_MIN = 50_000_000
+
+#: Rows are read so many at a time; a value of Python takes about so much [bytes].
+_PORTION, _CELL = 1000, 64
 
 
 @dataclass(frozen=True)
@@ -34,35 +47,84 @@ class Answer:
     rows: tuple[tuple[Any, ...], ...]
 
 
-def query(folder: str | Path, text: str) -> Answer:
+def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: float = MEMORY) -> Answer:
     """The answer to a question in SQL, of all runs that have ended when it is asked.
 
     Tables are `results` (everything), `runs` (one row per run) and `agents` (one row per agent under test). The
     question is one SELECT; it sees these tables and no files, and cannot change anything.
 
+    Args:
+        folder: Of the batch.
+        text: The question.
+        seconds: It is given up after so long [s]; a single call of a function of DuckDB is not interrupted.
+        memory: DuckDB may use so much, and the answer about as much again [bytes].
+
     Raises:
         ResultsError: The folder is no batch, or damaged.
-        InputError: The question cannot be answered.
+        InputError: The question cannot be answered, or not within these limits.
         MissingExtraError: DuckDB is not installed.
     """
+    if not seconds > 0 or not memory >= _MEMORY_MIN:
+        raise InputError(f"sql: expected more than 0 s and at least {_MEMORY_MIN} bytes, not {seconds} and {memory}")
     batch = BatchFolder.open(folder)
     try:
         import duckdb  # noqa: PLC0415 - optional
     except ImportError:
         raise MissingExtraError("duckdb is not installed; pip install interdrive[duckdb]") from None
     with duckdb.connect(":memory:") as connection:
+        is_late = threading.Event()
+
+        def stop() -> None:
+            is_late.set()
+            connection.interrupt()
+
+        # Longer waits than this are for ever.
+        alarm = threading.Timer(min(seconds, threading.TIMEOUT_MAX), stop)
+        alarm.daemon = True
         try:
-            _lay_out(connection, batch)
+            _lay_out(connection, batch, memory)
+            alarm.start()
             _check(connection.extract_statements(text))
-            found = connection.sql(text).to_arrow_table()
-        except duckdb.Error as cause:
+            return _answer(connection.sql(text), memory)
+        except InterdriveError:
+            raise
+        except (duckdb.Error, MemoryError, OSError, ValueError) as cause:  # also those of Arrow
+            if is_late.is_set():
+                raise InputError(f"sql: no answer after {seconds:g} s; {RAISE_SECONDS}") from None
+            if isinstance(cause, duckdb.OutOfMemoryException | MemoryError) or "Out of Memory" in str(cause):
+                raise InputError(f"sql: the question needs more memory than {_size(memory)}; {RAISE_MEMORY}") from None
             raise InputError(f"sql: {_in_short(cause)}") from cause
-    columns = [[_plain(value) for value in column.to_pylist()] for column in found.columns]
-    return Answer(tuple(found.column_names), tuple(zip(*columns, strict=True)))
+        finally:
+            alarm.cancel()
 
 
-def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder) -> None:
+def _answer(asked: DuckDBPyRelation, memory: float) -> Answer:
+    """All rows, read in portions."""
+    read = asked.to_arrow_reader if hasattr(asked, "to_arrow_reader") else asked.fetch_arrow_reader  # before 1.4
+    portions = read(_PORTION)
+    rows: list[tuple[Any, ...]] = []
+    held = 0.0
+    for portion in portions:
+        columns = [[_plain(value) for value in column.to_pylist()] for column in portion.columns]
+        rows += zip(*columns, strict=True)
+        held += _CELL * len(columns) * portion.num_rows + portion.nbytes
+        if held > memory:
+            raise InputError(
+                f"sql: the answer has more than {len(rows) - portion.num_rows} rows, which need more memory than "
+                f"{_size(memory)}; ask for fewer (limit 1000), or {RAISE_MEMORY}"
+            )
+    return Answer(tuple(portions.schema.names), tuple(rows))
+
+
+def _size(memory: float) -> str:
+    return f"{memory / 2**20:.0f} MiB"
+
+
+def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder, memory: float) -> None:
     """Makes the tables, and locks everything else away."""
+    connection.execute(f"set memory_limit = '{int(memory)}B'")
+    connection.execute("set temp_directory = ''")
+    connection.execute("set enable_progress_bar = false")
     fresh, keys = batch.fresh()
     connection.register("_fresh", fresh)
     connection.register("_withdrawn", key_table(keys))

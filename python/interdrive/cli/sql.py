@@ -3,29 +3,90 @@
 from __future__ import annotations
 
 import csv
+import io
+import os
+import resource
 import sys
+import threading
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from interdrive.cli.batch import bytes_of
+from interdrive.cli.terminal import say, visible
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from interdrive.batches import Answer
+
+#: What the process may take beyond the limit of a question [bytes], and how long beyond its time [s].
+_MARGIN, _GRACE = 1_000_000_000, 3.0
 
 
 @click.command()
 @click.argument("folder", metavar="DIR")
 @click.argument("question", metavar="SQL")
 @click.option("--csv", "as_csv", is_flag=True, help="Print all rows as CSV.")
-def sql(folder: str, question: str, as_csv: bool) -> None:
+@click.option(
+    "--timeout",
+    metavar="SECONDS",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=60.0,
+    help="Give up after so long (60).",
+)
+@click.option("--memory", metavar="SIZE", default="2G", help="Memory that the question may use (2G).")
+def sql(folder: str, question: str, as_csv: bool, timeout: float, memory: str) -> None:
     """Ask the data set of the batch in DIR a question in SQL; needs the extra duckdb.
 
     Tables are results (a row per run and agent), runs (a row per run) and agents (a row per agent under test):
 
         interdrive sql out/batch "select planner, outcome, count(*) from agents group by all order by all"
     """
+    size = bytes_of(memory)
+
     from interdrive.batches import query  # noqa: PLC0415
     from interdrive.cli.batch_report import print_answer  # noqa: PLC0415 - rich
 
-    answer = query(folder, question)
+    with _limited(timeout, size):
+        answer = query(folder, question, seconds=timeout, memory=size)
     if as_csv:
-        writer = csv.writer(sys.stdout, lineterminator="\n")
-        writer.writerow(answer.columns)
-        writer.writerows(answer.rows)
+        _print_csv(answer)
     else:
         print_answer(answer)
+
+
+def _print_csv(answer: Answer) -> None:
+    """Values as they are for a file or another program, harmless on a terminal."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(answer.columns)
+    writer.writerows(answer.rows)
+    sys.stdout.write(visible(text.getvalue()) if sys.stdout.isatty() else text.getvalue())
+
+
+@contextmanager
+def _limited(seconds: float, memory: float) -> Iterator[None]:
+    """Ends the process where DuckDB keeps no limit itself: within a call of one of its functions."""
+    from interdrive.batches.query import RAISE_SECONDS  # noqa: PLC0415
+
+    def give_up() -> None:
+        say(f"error: sql: no answer after {seconds:g} s; {RAISE_SECONDS}", err=True)
+        os._exit(2)
+
+    watch = threading.Timer(min(seconds + _GRACE, threading.TIMEOUT_MAX), give_up)
+    watch.daemon = True
+    watch.start()
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    with suppress(OSError, ValueError):  # not every system knows or allows it
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        wanted = used + int(memory) + _MARGIN
+        if soft == resource.RLIM_INFINITY or wanted < soft:
+            resource.setrlimit(resource.RLIMIT_AS, (wanted, hard))
+    try:
+        yield
+    finally:
+        watch.cancel()
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

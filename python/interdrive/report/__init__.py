@@ -77,11 +77,14 @@ def write_batch_report(
     """
     target = _target(folder, path)
     batch = BatchFolder.open(folder)
-    kept = batch.table(["key", "kept"]).to_pylist()
+    kept = batch.table().select(["key", "kept"]).to_pylist()  # all of it: damage is found before anything is written
     keys = sorted({row["key"] for row in kept if row["kept"] and (batch.recording(row["key"]) / "run.json").is_file()})
     start, pages, damaged = target.absolute().parent.resolve(), {}, {}
     for done, key in enumerate(keys, start=1):
         own = batch.recording(key) / "report.html"
+        if batch.recording(key).is_symlink():
+            damaged[key] = f"{batch.recording(key)}: this is a symbolic link; nothing is written through it"
+            continue
         try:
             if not own.is_file():
                 write_run_report(batch.recording(key))

@@ -23,7 +23,7 @@ from interdrive.results.tables import (
     views_table,
 )
 from interdrive.results.tabular import Column, arrow_table, labels, read_table, write_parquet, write_table
-from interdrive.results.validation import check_order, check_table
+from interdrive.results.validation import check_order, check_table, check_values
 from interdrive.results.writing import check_folder, json_text, one_line, replacing, resolved, write_json
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ __all__ = [
     "check_order",
     "check_table",
     "check_target",
+    "check_values",
     "holds_run",
     "information",
     "json_text",

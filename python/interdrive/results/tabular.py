@@ -23,12 +23,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and what it says, with unit."""
+    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and what it says, with unit.
+
+    Absent values are null, and only `nullable` columns have them; only `infinite` ones have infinities.
+    """
 
     name: str
     kind: str
     text: str
     nullable: bool = False
+    infinite: bool = False
 
 
 def arrow_table(columns: Sequence[Column], values: Mapping[str, Any]) -> pa.Table:

@@ -42,11 +42,8 @@ ORDER: Mapping[str, Sequence[str]] = {
     "candidates": ("time_step", "agent_id", "candidate", "point"),
 }
 
-#: Absent values are null, and only these may be infinite.
-_INFINITE = ("cost", "value")
-
-#: No finite number of a run is larger, whatever its unit.
-_NUMBER_MAX = 1e12
+#: No finite number of a run is larger, whatever its unit; positions are not [m].
+_NUMBER_MAX, _POSITION_MAX = 1e30, 1e9
 
 #: Arrays of participants and time steps, or of plans and points, may have so many cells, and so many more per row.
 _CELLS, _CELLS_PER_ROW = 10_000_000, 200
@@ -59,16 +56,23 @@ class _Damage(Exception):  # noqa: N818 - never leaves this module
     """What is wrong, without the name of the file."""
 
 
-def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> Columns:
-    """The columns of one table as arrays.
-
-    Raises:
-        ResultsError: A value that no writer writes; the line names file and column.
-    """
+def check_values(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> None:
+    """Raises ResultsError for a value that no writer writes; the line names file and column."""
     try:
-        return {column.name: _checked(table[column.name], column, labels.get(column.name)) for column in columns}
+        for column in columns:
+            _check_column(table[column.name], column, labels.get(column.name))
     except _Damage as cause:
         raise ResultsError(f"{path}: {cause}; the file is damaged") from None
+
+
+def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> Columns:
+    """The columns of one table as arrays, absent integers as -1.
+
+    Raises:
+        ResultsError: As `check_values`.
+    """
+    check_values(table, path, columns, labels)
+    return {column.name: _array(table[column.name], column.kind) for column in columns}
 
 
 def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
@@ -113,30 +117,34 @@ def check_tables(folder: Path, tables: Mapping[str, pa.Table], info: Mapping[str
                 raise ResultsError(f"{folder / f'{name}.parquet'}: {cause}; the folder is damaged") from None
 
 
-def _checked(column: pa.ChunkedArray, about: Column, labels: Sequence[str] | None) -> Any:  # noqa: ANN401 - an array
-    if column.null_count and not about.nullable:
-        raise _Damage(f"{about.name}: a value is missing")
-    if about.kind in ("label", "text"):
-        texts = column.cast("string")
+def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] | None) -> None:
+    if about.kind == "label":
+        texts = column.unique().cast("string")
         if texts.null_count and not about.nullable:
             raise _Damage(f"{about.name}: a value is missing")
-        if labels is not None:
-            unknown = [text for text in texts.unique().to_pylist() if text is not None and text not in labels]
-            if unknown:
-                raise _Damage(f"{about.name}: {unknown[0]!r} is none of {', '.join(labels)}")
-        return texts.to_numpy(zero_copy_only=False)
-    if about.kind == "truth":
-        return column.to_numpy(zero_copy_only=False)
-    if about.kind == "integer":
-        values = column.fill_null(-1).to_numpy()
-        _refuse(about.name, values, np.abs(values) >= _WHOLE_MAX, "is too large")
-        return values
-    numbers = column.to_numpy(zero_copy_only=False)
-    if not about.nullable:
-        _refuse(about.name, numbers, np.isnan(numbers), "is no number")
-    wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
-    _refuse(about.name, numbers, wrong | (np.isinf(numbers) & (about.name not in _INFINITE)), "is too large")
-    return numbers
+        known = texts.to_pylist() if labels is None else [None, *labels]
+        unknown = [text for text in texts.to_pylist() if text not in known]
+        if unknown:
+            raise _Damage(f"{about.name}: {unknown[0]!r} is none of {', '.join(labels or ())}")
+    elif column.null_count and not about.nullable:
+        raise _Damage(f"{about.name}: a value is missing")
+    elif about.kind == "integer":
+        values = _array(column, about.kind)
+        _refuse(about.name, values, (values >= _WHOLE_MAX) | (values <= -_WHOLE_MAX), "is too large")
+    elif about.kind == "number":
+        numbers = _array(column, about.kind)
+        if not about.nullable:
+            _refuse(about.name, numbers, np.isnan(numbers), "is no number")
+        wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
+        if not about.infinite:
+            wrong |= np.isinf(numbers)
+        _refuse(about.name, numbers, wrong, "is too large")
+
+
+def _array(column: pa.ChunkedArray, kind: str) -> Any:  # noqa: ANN401 - an array
+    if kind in ("label", "text"):
+        return column.cast("string").to_numpy(zero_copy_only=False)
+    return (column.fill_null(-1) if kind == "integer" else column).to_numpy(zero_copy_only=False)
 
 
 def _refuse(name: str, values: Any, wrong: Any, why: str) -> None:  # noqa: ANN401 - arrays
@@ -174,6 +182,8 @@ def _check_states(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     steps, ids = states["time_step"], np.unique(states["participant_id"])
     for name in ("length", "width"):
         _refuse(name, states[name], states[name] < 0, "is negative")
+    for name in ("x", "y", "length", "width"):
+        _refuse(name, states[name], np.abs(states[name]) > _POSITION_MAX, "is too large")
     if not len(steps):
         return
     if len(timing["time_step"]):
