@@ -553,6 +553,7 @@ class World:
         grace_factor: float,
         replan_every: int,
         history_steps: int,
+        max_steps: int = 10_000,
         threads: int,
         record_views: bool = False,
     ) -> World: ...

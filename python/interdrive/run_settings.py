@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from interdrive.agents import AgentSettings, GoalSettings
 from interdrive.errors import InputError
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
+
+if TYPE_CHECKING:
+    from interdrive.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,8 @@ class StepSettings:
         grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
         history_steps: Number of past time steps that a scene shows; where they are shorter than 0.1 s, as many as last
             as long as this number of steps of 0.1 s.
+        max_steps: A run ends after so many time steps, whoever still drives then with the outcome time_limit. 0: after
+            5000, or twice as many as are recorded if that is more.
         planner_timeout_s: A planner written in Python may take this long per plan [s]; inf: as long as it likes. With a
             limit, outcomes depend on the speed of the machine.
     """
@@ -47,6 +53,7 @@ class StepSettings:
     replan_every: int = 1
     grace_factor: float = 1.7
     history_steps: int = 30
+    max_steps: int = 0
     planner_timeout_s: float = math.inf
 
     def __post_init__(self) -> None:
@@ -55,8 +62,14 @@ class StepSettings:
             value = getattr(self, name)
             if not 1 <= value <= most:
                 raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
+        if not 0 <= self.max_steps <= 1_000_000:
+            raise InputError(f"step.max_steps must be at least 0 and at most 1000000, not {self.max_steps}")
         if not self.planner_timeout_s > 0:
             raise InputError(f"step.planner_timeout_s must be positive (inf: no limit), not {self.planner_timeout_s}")
+
+    def steps_at_most(self, scenario: Scenario) -> int:
+        """Number of time steps after which a run of the scenario ends."""
+        return self.max_steps or max(5_000, 2 * scenario.obstacles.n_steps)
 
     def history_at(self, dt: float) -> int:
         """Number of past time steps that a scene shows, for steps of `dt` [s]."""

@@ -143,7 +143,7 @@ fn nanoseconds(time: Duration) -> u64 {
 impl PyWorld {
     #[new]
     #[pyo3(signature = (
-        scenario, agents, *, grace_factor, replan_every, history_steps, threads, record_views=false
+        scenario, agents, *, grace_factor, replan_every, history_steps, max_steps=10_000, threads, record_views=false
     ))]
     fn new(
         py: Python<'_>,
@@ -152,11 +152,12 @@ impl PyWorld {
         grace_factor: f64,
         replan_every: usize,
         history_steps: usize,
+        max_steps: usize,
         threads: usize,
         record_views: bool,
     ) -> PyResult<Self> {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
-        let settings = WorldSettings { grace_factor, replan_every, history_steps, threads, record_views };
+        let settings = WorldSettings { grace_factor, replan_every, history_steps, max_steps, threads, record_views };
         let scenario = Arc::clone(&scenario.0);
         let world = detached(py, || World::new(scenario, agents, settings))?;
         Ok(Self(world, AtomicU64::new(0)))

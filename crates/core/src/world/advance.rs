@@ -52,6 +52,7 @@ impl World {
         self.states = next;
         self.time_step += 1;
         self.judge_goals();
+        self.judge_length();
         self.recording.push_plans(plans.clone());
         // The final state of an agent that ends now is recorded; from the next step on it is gone.
         self.enter(self.time_step);
@@ -214,6 +215,18 @@ impl World {
             if let Some(kind) = drive.judge(&state, time_step, grace) {
                 drive.outcome.kind = kind;
             }
+        }
+    }
+
+    /// Ends everybody at the largest number of time steps.
+    fn judge_length(&mut self) {
+        if self.time_step < self.final_time_step() {
+            return;
+        }
+        let max_steps = self.settings.max_steps;
+        for drive in self.drives.iter_mut().filter(|drive| drive.outcome.kind == OutcomeKind::Running) {
+            drive.outcome.kind = OutcomeKind::TimeLimit;
+            drive.outcome.message = format!("the run ended after {max_steps} time steps");
         }
     }
 

@@ -58,6 +58,8 @@ pub struct WorldSettings {
     pub replan_every: usize,
     /// Number of past time steps in a scene.
     pub history_steps: usize,
+    /// After so many time steps the world ends: whoever still drives or is still to come has run out of time.
+    pub max_steps: usize,
     /// Number of threads that plan.
     pub threads: usize,
     /// Record at every step whom each driving agent sees.
@@ -66,7 +68,14 @@ pub struct WorldSettings {
 
 impl Default for WorldSettings {
     fn default() -> Self {
-        Self { grace_factor: 1.7, replan_every: 1, history_steps: 30, threads: 1, record_views: false }
+        Self {
+            grace_factor: 1.7,
+            replan_every: 1,
+            history_steps: 30,
+            max_steps: 10_000,
+            threads: 1,
+            record_views: false,
+        }
     }
 }
 
@@ -134,8 +143,8 @@ impl World {
         if !(settings.grace_factor >= 1.0 && settings.grace_factor.is_finite()) {
             return Err(Error::invalid(format!("grace_factor must be at least 1, not {}", settings.grace_factor)));
         }
-        if settings.replan_every == 0 || settings.threads == 0 {
-            return Err(Error::invalid("replan_every and threads must be at least 1"));
+        if settings.replan_every == 0 || settings.threads == 0 || settings.max_steps == 0 {
+            return Err(Error::invalid("replan_every, threads and max_steps must be at least 1"));
         }
         agents.sort_by_key(|agent| agent.id);
         let first_time_step = scenario.obstacles.states.first_time_step;
@@ -224,9 +233,16 @@ impl World {
         self.entered_in_contact.iter().map(|(a, b)| (ids[*a], ids[*b])).collect()
     }
 
-    /// Latest time step at which the last agent ends; `None` if an agent's goal has no time.
+    /// Latest time step at which the last agent ends; `None` without agents.
     pub fn last_time_step(&self) -> Option<i64> {
-        self.drives.iter().filter_map(|drive| drive.last_time_step(self.settings.grace_factor)).max()
+        let latest = self.drives.iter().filter_map(|drive| drive.last_time_step(self.settings.grace_factor)).max();
+        latest.map(|latest| latest.min(self.final_time_step()))
+    }
+
+    /// Time step after which nothing happens any more.
+    fn final_time_step(&self) -> i64 {
+        let most = i64::try_from(self.settings.max_steps).unwrap_or(i64::MAX);
+        self.scenario.obstacles.states.first_time_step.saturating_add(most)
     }
 
     /// What can be seen now.
