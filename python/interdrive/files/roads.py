@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import re
 import tempfile
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
@@ -15,6 +17,8 @@ import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.files import document
+from interdrive.files.limits import LARGEST_ID
+from interdrive.files.numbers import check_adjacency
 from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet
 
 if TYPE_CHECKING:
@@ -29,6 +33,7 @@ UNKNOWN_LOCATION = (
 #: Of a scenario that has no date of its own; never the clock's, so that equal runs give equal bytes.
 NO_DATE = "1970-01-01"
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,19 @@ def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
     return _header(root), [_text(element) for element in elements], ids
 
 
+def plain_decimal(value: float) -> str:
+    """A number, exactly, in plain decimal notation, which is all that the format allows."""
+    text = f"{Decimal(repr(float(value))):f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return "0" if text == "-0" else text
+
+
+def free_id(taken: set[int]) -> int:
+    """The next id that nothing has: after the largest, or where that is the last one the smallest."""
+    after = max(taken, default=0) + 1
+    return after if after <= LARGEST_ID else next(number for number in itertools.count(1) if number not in taken)
+
+
 def _text(element: Element) -> str:
     """An element without the white space between its children, which would be most of the file."""
     for inner in element.iter():
@@ -89,9 +107,22 @@ def _header(root: Element) -> Header:
         affiliation=root.get("affiliation", ""),
         source=root.get("source", ""),
         date=date if _DATE.fullmatch(date) else NO_DATE,
-        tags=tuple(name for name in names if name != "simulated"),
+        tags=tuple(name for name in names if name != "simulated" and _NAME.fullmatch(name)),
     )
-    return header if location is None else replace(header, location=_text(deepcopy(location)))
+    if location is None or not _is_location(location):
+        return header
+    return replace(header, location=_text(deepcopy(location)))
+
+
+def _is_location(element: Element) -> bool:
+    """It has what 2020a asks for; that of 2018b has other parts."""
+    try:
+        int(element.findtext("geoNameId", ""))
+        float(element.findtext("gpsLatitude", ""))
+        float(element.findtext("gpsLongitude", ""))
+    except ValueError:
+        return False
+    return True
 
 
 def _original(scenario: Scenario) -> Element | None:
@@ -104,9 +135,12 @@ def _original(scenario: Scenario) -> Element | None:
             return None
         if scenario.path.suffix.lower() in PROTOBUF_ENDINGS:
             data = _xml_from_protobuf(scenario.path, data)
-        return document.parse(data, str(scenario.path))
+        root = document.parse(data, str(scenario.path))
+        check_adjacency(root, str(scenario.path))
+        document.drop_dangling_relations(root)
     except (OSError, InputError):
         return None
+    return root
 
 
 def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
@@ -168,15 +202,17 @@ def _from_arrays(scenario: Scenario) -> Element:
 def _add_point(parent: Element, x: float, y: float) -> None:
     point = SubElement(parent, "point")
     for tag, value in (("x", x), ("y", y)):
-        SubElement(point, tag).text = f"{value:.8f}"
+        SubElement(point, tag).text = plain_decimal(value)
 
 
 def _add_speed_signs(root: Element, limits: dict[int, float]) -> None:
     """One sign per limit [m/s]. 274 is Germany's number, which commonroad-io takes for the limit of any country."""
-    used = [int(element.get("id", "0")) for element in root.iter() if element.get("id")]
+    used = {int(element.get("id", "0")) for element in root.iter() if element.get("id")}
     lanelets = {int(lanelet.get("id", "0")): lanelet for lanelet in root.iterfind("lanelet")}
-    for count, limit in enumerate(sorted(set(limits.values())), start=1):
-        sign_id = str(max(used, default=0) + count)
+    for limit in sorted(set(limits.values())):
+        number = free_id(used)
+        used.add(number)
+        sign_id = str(number)
         owners = [lanelets[number] for number in sorted(limits) if limits[number] == limit]
         for lanelet in owners:
             _insert_sign_reference(lanelet, sign_id)

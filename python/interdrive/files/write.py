@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from interdrive.files.roads import road_elements
+from interdrive.files.roads import free_id, plain_decimal, road_elements
 from interdrive.scenario import GoalState, PlanningProblem, Shape
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Decimals of every number; a hundredth of a micrometre.
+#: Decimals of the numbers of states; a hundredth of a micrometre.
 DECIMALS = 8
 #: Corners of the polygon that stands for a circle off its origin.
 CIRCLE_CORNERS = 32
@@ -51,7 +51,7 @@ class _Ids:
     taken: set[int]
 
     def free(self, wanted: int) -> int:
-        number = wanted if wanted > 0 and wanted not in self.taken else max(self.taken, default=0) + 1
+        number = wanted if wanted > 0 and wanted not in self.taken else free_id(self.taken)
         self.taken.add(number)
         return number
 
@@ -71,7 +71,7 @@ def write_scenario(run: Run) -> bytes:
         run: The run, finished or not.
 
     Returns:
-        The document in UTF-8, all numbers with 8 decimals; equal runs give equal bytes.
+        The document in UTF-8, states with 8 decimals, all else exact; equal runs give equal bytes.
     """
     scenario = run.scenario
     header, roads, road_ids = road_elements(scenario)
@@ -90,7 +90,7 @@ def write_scenario(run: Run) -> bytes:
             dynamic.append(_dynamic_obstacle(run.states, row, number, shape))
     problems = [_planning_problem(problem, ids.free(problem.id)) for problem in scenario.planning_problems]
     attributes = {
-        "timeStepSize": _number(scenario.dt),
+        "timeStepSize": plain_decimal(scenario.dt),
         "commonRoadVersion": "2020a",
         "author": header.author,
         "affiliation": header.affiliation,
@@ -113,23 +113,23 @@ def write_scenario(run: Run) -> bytes:
     return "\n".join(parts).encode()
 
 
-def _number(value: float) -> str:
-    """Plain decimal notation, which is all that the format allows."""
+def _rounded(value: float) -> str:
+    """A number of a state in plain decimal notation, which is all that the format allows."""
     text = f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
-def _exact(tag: str, value: float) -> str:
-    return f"<{tag}><exact>{_number(value)}</exact></{tag}>"
+def _exact(tag: str, value: str) -> str:
+    return f"<{tag}><exact>{value}</exact></{tag}>"
 
 
 def _interval(tag: str, values: tuple[float, float]) -> str:
-    first, last = values
-    return f"<{tag}><intervalStart>{_number(first)}</intervalStart><intervalEnd>{_number(last)}</intervalEnd></{tag}>"
+    first, last = map(plain_decimal, values)
+    return f"<{tag}><intervalStart>{first}</intervalStart><intervalEnd>{last}</intervalEnd></{tag}>"
 
 
 def _point(x: float, y: float, tag: str = "point") -> str:
-    return f"<{tag}><x>{_number(x)}</x><y>{_number(y)}</y></{tag}>"
+    return f"<{tag}><x>{plain_decimal(x)}</x><y>{plain_decimal(y)}</y></{tag}>"
 
 
 # Obstacles
@@ -159,11 +159,11 @@ def _dynamic_obstacle(states: States, row: int, number: int, shape: str) -> str:
 
 
 def _state(tag: str, states: States, row: int, column: int, time_step: int, names: tuple[str, ...]) -> str:
-    position = _point(states.x[row, column], states.y[row, column])
-    orientation = _exact("orientation", states.orientation[row, column])
-    values = "".join(_exact(_COLUMNS[name], getattr(states, name)[row, column]) for name in names)
-    time = f"<time><exact>{time_step}</exact></time>"
-    return f"<{tag}><position>{position}</position>{orientation}{time}{values}</{tag}>"
+    x, y = _rounded(states.x[row, column]), _rounded(states.y[row, column])
+    orientation = _exact("orientation", _rounded(states.orientation[row, column]))
+    values = "".join(_exact(_COLUMNS[name], _rounded(getattr(states, name)[row, column])) for name in names)
+    time = _exact("time", str(time_step))
+    return f"<{tag}><position><point><x>{x}</x><y>{y}</y></point></position>{orientation}{time}{values}</{tag}>"
 
 
 def _footprint(shape: Shape) -> str:
@@ -178,11 +178,11 @@ def _area(shape: Shape) -> str:
     off_origin = shape.center != (0.0, 0.0) or shape.orientation != 0.0
     center = _point(*shape.center, tag="center") if off_origin else ""
     if shape.kind == "rectangle":
-        turn = f"<orientation>{_number(shape.orientation)}</orientation>" if off_origin else ""
-        size = f"<length>{_number(shape.length)}</length><width>{_number(shape.width)}</width>"
+        turn = f"<orientation>{plain_decimal(shape.orientation)}</orientation>" if off_origin else ""
+        size = f"<length>{plain_decimal(shape.length)}</length><width>{plain_decimal(shape.width)}</width>"
         return f"<rectangle>{size}{turn}{center}</rectangle>"
     if shape.kind == "circle":
-        return f"<circle><radius>{_number(shape.radius)}</radius>{center}</circle>"
+        return f"<circle><radius>{plain_decimal(shape.radius)}</radius>{center}</circle>"
     if shape.kind == "polygon":
         return f"<polygon>{''.join(_point(x, y) for x, y in shape.vertices.tolist())}</polygon>"
     return "".join(_area(member) for member in shape.members)
@@ -226,12 +226,17 @@ def _hull(points: Floats) -> Floats:
 
 def _planning_problem(problem: PlanningProblem, number: int) -> str:
     start = problem.initial_state
-    yaw_rate = 0.0 if np.isnan(start.yaw_rate) else start.yaw_rate
+    values = {
+        "orientation": start.orientation,
+        "time": start.time_step,
+        "velocity": start.velocity,
+        "acceleration": start.acceleration,
+        "yawRate": 0.0 if np.isnan(start.yaw_rate) else start.yaw_rate,
+        "slipAngle": 0.0,
+    }
     initial = (
-        f"<initialState><position>{_point(start.x, start.y)}</position>{_exact('orientation', start.orientation)}"
-        f"{_exact('time', start.time_step)}{_exact('velocity', start.velocity)}"
-        f"{_exact('acceleration', start.acceleration)}{_exact('yawRate', yaw_rate)}{_exact('slipAngle', 0.0)}"
-        "</initialState>"
+        f"<initialState><position>{_point(start.x, start.y)}</position>"
+        f"{''.join(_exact(tag, plain_decimal(value)) for tag, value in values.items())}</initialState>"
     )
     goals = "\n".join(_goal_state(goal) for goal in problem.goal)
     return f'<planningProblem id="{number}">{initial}\n{goals}</planningProblem>'
