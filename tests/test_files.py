@@ -395,7 +395,7 @@ BAD_DOCUMENTS = {
     "lanelet with nan": (document(lanelets=NAN_LANELET), "lanelet 1 has the value nan in <x>"),
     "obstacle at infinity": (document(INFINITE_CAR), "dynamicObstacle 30 has the value 1e999"),
     "planning problem with nan": (document(planning_problem(60, goal(), start=initial("NaN"))), "planningProblem 60"),
-    "far out": (document(car(30, initial(1e12))), "obstacle 30 has a coordinate"),
+    "far out": (document(car(30, initial(1e12))), "dynamicObstacle 30 has the value 1000000000000.0 in <x>"),
     "same obstacle id twice": (document(car(30, initial(0.0)) * 2), "two obstacles have the id 30"),
     "same lanelet id twice": (document(lanelets=lanelet(1) * 2), "two lanelets have the id 1"),
     "same planning problem id twice": (

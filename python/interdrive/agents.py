@@ -12,6 +12,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.check import candidates
 from interdrive.errors import InputError, NoRouteError
+from interdrive.files.limits import LARGEST_VELOCITY
 from interdrive.handles import core_shape
 from interdrive.scenario import KINDS, GoalState, InitialState, Shape
 
@@ -139,6 +140,7 @@ def select(
     *,
     agent_settings: AgentSettings,
     goal_settings: GoalSettings,
+    max_steps: int,
     seed: int,
 ) -> tuple[list[Agent], list[str]]:
     """Chooses and prepares the agents.
@@ -150,6 +152,7 @@ def select(
             first, then recorded vehicles chosen with the seed), or ids.
         agent_settings: Which vehicles can be agents.
         goal_settings: How goals are derived.
+        max_steps: Number of time steps after which the run ends; who starts later cannot be an agent.
         seed: For the choice of a number.
 
     Returns:
@@ -159,7 +162,7 @@ def select(
         InputError: Unknown id, an id that cannot be an agent, or no agent left.
         NoRouteError: An agent asked for by id has no route.
     """
-    proposals, reasons, notes = _proposals(scenario, road, agent_settings, goal_settings)
+    proposals, reasons, notes = _proposals(scenario, road, agent_settings, goal_settings, max_steps)
     explicit = not isinstance(agents, str | int)
     chosen = _choose(proposals, reasons, agents, seed)
     built: list[Agent] = []
@@ -183,24 +186,32 @@ def select(
     return sorted(built, key=lambda agent: agent.id), notes
 
 
-def refusals(
-    scenario: Scenario, road: _core.RoadNetwork, *, agent_settings: AgentSettings, goal_settings: GoalSettings
-) -> dict[int, str]:
-    """Why planning problems and recorded obstacles cannot be agents, by id; who can is not in it.
+def possible_agents(
+    scenario: Scenario,
+    road: _core.RoadNetwork,
+    *,
+    agent_settings: AgentSettings,
+    goal_settings: GoalSettings,
+    max_steps: int,
+) -> tuple[list[int], dict[int, str]]:
+    """Who can be an agent: their ids, and why the other planning problems and recorded obstacles cannot, by id.
 
     Args:
         scenario: The scenario.
         road: Its road network.
         agent_settings: Which vehicles can be agents.
         goal_settings: How goals are derived.
+        max_steps: Number of time steps after which the run ends.
     """
-    proposals, reasons, _ = _proposals(scenario, road, agent_settings, goal_settings)
+    proposals, reasons, _ = _proposals(scenario, road, agent_settings, goal_settings, max_steps)
+    able = []
     for proposal in proposals:
         try:
             _build(proposal, road)
+            able.append(proposal.id)
         except InputError as error:
             reasons[proposal.id] = str(error).removeprefix(f"agent {proposal.id}: ")
-    return dict(sorted(reasons.items()))
+    return sorted(able), dict(sorted(reasons.items()))
 
 
 def _order(proposals: list[_Proposal], seed: int) -> list[_Proposal]:
@@ -239,7 +250,11 @@ def _choose(
 
 
 def _proposals(
-    scenario: Scenario, road: _core.RoadNetwork, agent_settings: AgentSettings, goal_settings: GoalSettings
+    scenario: Scenario,
+    road: _core.RoadNetwork,
+    agent_settings: AgentSettings,
+    goal_settings: GoalSettings,
+    max_steps: int,
 ) -> tuple[list[_Proposal], dict[int, str], list[str]]:
     notes: list[str] = []
     reasons: dict[int, str] = {}
@@ -266,7 +281,13 @@ def _proposals(
             proposals.append(_from_recording(scenario, road, obstacle_id, goal_settings))
         else:
             reasons[obstacle_id] = reason
-    return proposals, reasons, notes
+    late = [p for p in proposals if p.initial_state.time_step >= max_steps]
+    for proposal in late:
+        reasons[proposal.id] = (
+            f"starts at time step {proposal.initial_state.time_step}, but runs end after {max_steps} (step.max_steps)"
+        )
+        notes.append(f"agent {proposal.id}: {reasons[proposal.id]}; it is left out")
+    return [p for p in proposals if p not in late], reasons, notes
 
 
 def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int]) -> tuple[_Proposal, str]:
@@ -356,18 +377,18 @@ def _goal_areas(
 
 def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
     state = proposal.initial_state
-    goal = _core.Goal(
-        [
-            (
-                [core_shape(area) for area in alternative.areas],
-                alternative.time_step,
-                alternative.velocity,
-                alternative.orientation,
-            )
-            for alternative in proposal.goal
-        ]
-    )
     try:
+        goal = _core.Goal(
+            [
+                (
+                    [core_shape(area) for area in alternative.areas],
+                    alternative.time_step,
+                    alternative.velocity,
+                    alternative.orientation,
+                )
+                for alternative in proposal.goal
+            ]
+        )
         route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal)
     except NoRouteError as error:
         raise NoRouteError(f"agent {proposal.id}: {error}") from None
@@ -376,8 +397,9 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
     length, width = core_shape(proposal.shape).extent
     code = KINDS.index(proposal.kind)
     vehicle = _core.Vehicle(code, length, width)
-    if 1.2 * proposal.velocity_max > vehicle.velocity_max:
-        vehicle = _core.Vehicle(code, length, width, velocity_max=1.2 * proposal.velocity_max)
+    velocity_max = min(1.2 * proposal.velocity_max, LARGEST_VELOCITY)
+    if velocity_max > vehicle.velocity_max:
+        vehicle = _core.Vehicle(code, length, width, velocity_max=velocity_max)
     acceleration = float(np.clip(state.acceleration, -_START_ACCELERATION_MAX, _START_ACCELERATION_MAX))
     yaw_rate = state.yaw_rate
     if not math.isfinite(yaw_rate):

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from interdrive import _core
+from interdrive.errors import InputError
 from interdrive.scenario import KINDS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from interdrive.scenario import Obstacles, Scenario, Shape
+
+
+@contextmanager
+def _naming(scenario: Scenario) -> Iterator[None]:
+    """Puts the file in front of what the core says about an element of it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{scenario.path or scenario.name}: {error}") from None
 
 
 def core_shape(shape: Shape) -> _core.Shape:
@@ -35,38 +48,47 @@ def core_road(scenario: Scenario, gap_tolerance: float, open_end_length: float) 
         InputError: No lanelets, a bound with fewer than two vertices or a value that is not a number.
     """
     lanelets = scenario.lanelets
-    return _core.RoadNetwork(
-        lanelets.ids.tolist(),
-        [np.ascontiguousarray(bound, dtype=np.float64) for bound in lanelets.left],
-        [np.ascontiguousarray(bound, dtype=np.float64) for bound in lanelets.right],
-        [list(ids) for ids in lanelets.predecessors],
-        [list(ids) for ids in lanelets.successors],
-        lanelets.adjacent_left.tolist(),
-        lanelets.adjacent_left_same_direction.tolist(),
-        lanelets.adjacent_right.tolist(),
-        lanelets.adjacent_right_same_direction.tolist(),
-        lanelets.speed_limit.tolist(),
-        gap_tolerance=gap_tolerance,
-        open_end_length=open_end_length,
-    )
+    with _naming(scenario):
+        return _core.RoadNetwork(
+            lanelets.ids.tolist(),
+            [np.ascontiguousarray(bound, dtype=np.float64) for bound in lanelets.left],
+            [np.ascontiguousarray(bound, dtype=np.float64) for bound in lanelets.right],
+            [list(ids) for ids in lanelets.predecessors],
+            [list(ids) for ids in lanelets.successors],
+            lanelets.adjacent_left.tolist(),
+            lanelets.adjacent_left_same_direction.tolist(),
+            lanelets.adjacent_right.tolist(),
+            lanelets.adjacent_right_same_direction.tolist(),
+            lanelets.speed_limit.tolist(),
+            gap_tolerance=gap_tolerance,
+            open_end_length=open_end_length,
+        )
 
 
 def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario:
     """The core's scenario: road and recorded traffic."""
     o: Obstacles = scenario.obstacles
-    return _core.Scenario(
-        scenario.dt,
-        road,
-        o.ids.tolist(),
-        [KINDS.index(kind) for kind in o.kinds],
-        [core_shape(shape) for shape in o.shapes],
-        o.is_static.tolist(),
-        0,
-        np.ascontiguousarray(o.x, dtype=np.float64),
-        np.ascontiguousarray(o.y, dtype=np.float64),
-        np.ascontiguousarray(o.orientation, dtype=np.float64),
-        np.ascontiguousarray(o.velocity, dtype=np.float64),
-        np.ascontiguousarray(o.acceleration, dtype=np.float64),
-        np.ascontiguousarray(o.yaw_rate, dtype=np.float64),
-        np.ascontiguousarray(o.valid),
-    )
+    with _naming(scenario):
+        return _core.Scenario(
+            scenario.dt,
+            road,
+            o.ids.tolist(),
+            [KINDS.index(kind) for kind in o.kinds],
+            [_footprint(number, shape) for number, shape in zip(o.ids.tolist(), o.shapes, strict=True)],
+            o.is_static.tolist(),
+            0,
+            np.ascontiguousarray(o.x, dtype=np.float64),
+            np.ascontiguousarray(o.y, dtype=np.float64),
+            np.ascontiguousarray(o.orientation, dtype=np.float64),
+            np.ascontiguousarray(o.velocity, dtype=np.float64),
+            np.ascontiguousarray(o.acceleration, dtype=np.float64),
+            np.ascontiguousarray(o.yaw_rate, dtype=np.float64),
+            np.ascontiguousarray(o.valid),
+        )
+
+
+def _footprint(number: int, shape: Shape) -> _core.Shape:
+    try:
+        return core_shape(shape)
+    except InputError as error:
+        raise InputError(f"obstacle {number}: {error}") from None

@@ -15,6 +15,7 @@ from interdrive.choices import named, per_agent, stored
 from interdrive.considered import CandidateLog, PredictionLog
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
+from interdrive.files.limits import require_scenario
 from interdrive.handles import core_road, core_scenario, core_shape
 from interdrive.planners import Planner, PlannerSettings, name_of, native_planner
 from interdrive.planners import resolve as resolve_planner
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     from interdrive.planners.calls import Answer
     from interdrive.plugins import Choice
+    from interdrive.run import Outcomes
     from interdrive.run_settings import ViewSettings
 
 #: More threads than any machine has cores; the system would run out of them.
@@ -99,6 +101,7 @@ class Simulation:
             self._agents_wanted,
             agent_settings=self.settings.agents,
             goal_settings=self.settings.goal,
+            max_steps=self.settings.step.steps_at_most(self.scenario),
             seed=seed,
         )
         self._notes = [*self.scenario.notes, *notes]
@@ -143,6 +146,7 @@ class Simulation:
             grace_factor=step.grace_factor,
             replan_every=step.replan_every,
             history_steps=step.history_at(self.scenario.dt),
+            max_steps=step.steps_at_most(self.scenario),
             threads=self.threads,
             record_views=self.settings.record.views,
         )
@@ -278,15 +282,17 @@ class Simulation:
         """What happened so far, as arrays."""
         states = states_of(self.world.states())
         names = {agent.id: name_of(self._choices[agent.id].planner) for agent in self.agents}
+        outcomes = outcomes_of(self.world.outcomes(), names)
         return Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
-            outcomes=outcomes_of(self.world.outcomes(), names),
+            outcomes=outcomes,
             states=states,
             plans=Plans(**self.world.plans()),
             timings=timings_of(self._timings),
             notes=(
+                *self._ended_early(outcomes),
                 *self._notes,
                 *self._planner_notes,
                 *(
@@ -301,6 +307,17 @@ class Simulation:
             predicted=None if self._predicted is None else self._predicted.table(),
             considered=None if self._considered is None else self._considered.table(),
         )
+
+    def _ended_early(self, outcomes: Outcomes) -> list[str]:
+        """One line if the run came to its largest number of time steps before all agents came to an end."""
+        rows = zip(outcomes.agent_id.tolist(), outcomes.outcome, outcomes.message, strict=True)
+        # The core gives a reason for this outcome only if that is the largest number of steps.
+        ended = [str(i) for i, outcome, message in rows if outcome == "time_limit" and message]
+        if not ended:
+            return []
+        shown = ", ".join(ended[:5]) + (f" and {len(ended) - 5} more" if len(ended) > 5 else "")
+        most = self.settings.step.steps_at_most(self.scenario)
+        return [f"the run ended after {most} time steps (step.max_steps) with agents on their way: {shown}"]
 
     def _repeatable_settings(self) -> dict[str, Any]:
         return {
@@ -366,6 +383,7 @@ def _made(choice: Choice, settings: PlannerSettings) -> Planner:
 
 def _scenario(source: object) -> Scenario:
     if isinstance(source, Scenario):
+        require_scenario(source, source.name)
         return source
     if isinstance(source, str | os.PathLike):
         path = Path(source)

@@ -198,6 +198,7 @@ def _able(spec: RunSpec, scenario: Scenario, wanted: str | int) -> list[Agent]:
             agents,
             agent_settings=spec.settings.agents,
             goal_settings=spec.settings.goal,
+            max_steps=spec.settings.step.steps_at_most(scenario),
             seed=spec.seed,
         )[0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from interdrive.cli.terminal import say
-from interdrive.errors import InterdriveError
+from interdrive.errors import InputError, InterdriveError
 
 
 @click.command()
@@ -13,23 +13,33 @@ from interdrive.errors import InterdriveError
 def check(files: tuple[str, ...]) -> int:
     """Print what scenario files hold: size, traffic, and who can become an agent or why not.
 
-    A FILE that cannot be used gets one line on stderr; the others are printed all the same.
+    A FILE that `run` would refuse gets one line on stderr; the others are printed all the same.
     """
-    from interdrive.agents import AgentSettings, GoalSettings, refusals  # noqa: PLC0415
+    from interdrive.agents import possible_agents  # noqa: PLC0415
     from interdrive.check import inspect  # noqa: PLC0415
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
-    from interdrive.handles import core_road  # noqa: PLC0415
-    from interdrive.run_settings import RoadSettings  # noqa: PLC0415
+    from interdrive.handles import core_road, core_scenario  # noqa: PLC0415
+    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
 
     refused = False
+    settings = SimulationSettings()
     for name in files:
         try:
             path = shipped_scenario(name) if name in shipped_scenarios() else name
             scenario = read_scenario(path)
-            road = core_road(scenario, RoadSettings().gap_tolerance, RoadSettings().open_end_length)
-            refused_by_id = refusals(scenario, road, agent_settings=AgentSettings(), goal_settings=GoalSettings())
+            road = core_road(scenario, settings.road.gap_tolerance, settings.road.open_end_length)
+            core_scenario(scenario, road)
+            able, refused_by_id = possible_agents(
+                scenario,
+                road,
+                agent_settings=settings.agents,
+                goal_settings=settings.goal,
+                max_steps=settings.step.steps_at_most(scenario),
+            )
             print_inspection(inspect(scenario), refused_by_id)
+            if not able:
+                raise InputError(f"{path}: no vehicle can become an agent, so there is nothing to run")
         except InterdriveError as error:
             say(f"error: {' '.join(str(error).split())}", err=True)
             refused = True

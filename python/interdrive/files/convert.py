@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.files import limits
 from interdrive.files.document import Facts, polygon
-from interdrive.files.motion import Floats, Track, completed, track, wrapped
+from interdrive.files.motion import Track, completed, track, wrapped
 from interdrive.files.names import readable
 from interdrive.files.shapes import Foreign, middle_of, shape_of
 from interdrive.scenario import GoalState, Incoming, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
@@ -21,14 +22,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-#: Coordinates beyond this [m] are no place on earth in any projection; larger ones would lose millimetres.
-LARGEST_COORDINATE = 1e9
-#: Obstacles times steps of a table; more is a mistyped time step, not a recording.
-LARGEST_TABLE = 5_000_000
-#: Speed limits above this [m/s] are taken for a wrong unit and left out.
-LARGEST_SPEED_LIMIT = 150.0
-LAST_TIME_STEP = 2**31 - 1
 
 _KINDS = {
     "priorityVehicle": "priority_vehicle",
@@ -83,8 +76,7 @@ def converted(
         InputError: Anything that makes it unusable, named.
     """
     dt = float(scenario.dt)
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise InputError(f"{file}: the time step size (dt) is {dt}; it must be a number of seconds above 0")
+    limits.require_dt(dt, file)
     notes = _Notes()
     benchmark_id = facts.benchmark_id or str(scenario.scenario_id)
     lanelets = _lanelets(scenario.lanelet_network, file, notes)
@@ -93,7 +85,7 @@ def converted(
     planning_problems = tuple(
         _planning_problem(table[number], lanelets, file, facts, notes) for number in sorted(table)
     )
-    return Scenario(
+    found = Scenario(
         name=readable(path.stem) if path is not None else benchmark_id,
         benchmark_id=benchmark_id,
         dt=dt,
@@ -105,11 +97,8 @@ def converted(
         notes=notes.lines(),
         incomings=_incomings(scenario.lanelet_network),
     )
-
-
-def _require_finite(values: Floats | tuple[float, ...], what: str, file: str) -> None:
-    if not np.all(np.abs(values) < LARGEST_COORDINATE):
-        raise InputError(f"{file}: {what} has a coordinate or value that is not finite or beyond 1e9; correct it")
+    limits.require_scenario(found, file)
+    return found
 
 
 # Lanelets
@@ -124,7 +113,6 @@ def _lanelets(network: Foreign, file: str, notes: _Notes) -> Lanelets:
     for lanelet in lanelets:
         bounds = [np.array(side, dtype=np.float64) for side in (lanelet.left_vertices, lanelet.right_vertices)]
         for bound in bounds:
-            _require_finite(bound, f"lanelet {lanelet.lanelet_id}", file)
             if bound.ndim != 2 or len(bound) < 2:
                 raise InputError(f"{file}: a bound of lanelet {lanelet.lanelet_id} has fewer than 2 points; add some")
         left.append(np.ascontiguousarray(bounds[0][:, :2]))
@@ -175,7 +163,7 @@ def _incomings(network: Foreign) -> tuple[Incoming, ...]:
 
 def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> float:
     """Lowest limit among the lanelet's signs [m/s]; every country's list of signs names this one MAX_SPEED."""
-    limits = []
+    found = []
     for number in lanelet.traffic_signs or ():
         for element in signs[number].traffic_sign_elements if number in signs else ():
             if element.traffic_sign_element_id.name != "MAX_SPEED":
@@ -184,21 +172,11 @@ def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> floa
                 limit = float(element.additional_values[0])
             except (IndexError, ValueError):
                 limit = np.nan
-            if 0.0 < limit <= LARGEST_SPEED_LIMIT:
-                limits.append(limit)
+            if 0.0 < limit <= limits.LARGEST_SPEED_LIMIT:
+                found.append(limit)
             else:
                 notes.add("speed limits without a sensible value left out, traffic signs", int(number))
-    return min(limits, default=np.nan)
-
-
-def _check_footprint(shape: Shape, what: str, file: str) -> None:
-    sizes = {"rectangle": (shape.length, shape.width), "circle": (shape.radius,)}.get(shape.kind, ())
-    _require_finite((*sizes, *shape.center, shape.orientation), what, file)
-    _require_finite(shape.vertices, what, file)
-    if not all(size > 0.0 for size in sizes) or (shape.kind == "polygon" and len(shape.vertices) < 3):
-        raise InputError(f"{file}: the shape of {what} has no area; give it a size above 0")
-    for member in shape.members:
-        _check_footprint(member, what, file)
+    return min(found, default=np.nan)
 
 
 # States
@@ -261,7 +239,6 @@ def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _No
     for obstacle, number in zip(sources, ids, strict=True):
         tracks.append(_track(obstacle, number in statics, dt, file, facts.stated.get(number), notes))
         shape = facts.footprints.get(number) or shape_of(obstacle.obstacle_shape)
-        _check_footprint(shape, f"obstacle {number}", file)
         shapes.append(shape)
     is_static = np.array([number in statics for number in ids], dtype=np.bool_)
     kinds = tuple(_kind(obstacle) for obstacle in sources)
@@ -288,13 +265,10 @@ def _track(
         step, row, uncertain = _row(state, names, f"obstacle {number}", file)
         if uncertain:
             notes.add("uncertain states replaced by their middle, obstacles", number)
-        if step < 0:
-            raise InputError(f"{file}: obstacle {number} has the time step {step}; time steps start at 0")
+        limits.require_time_step(step, f"obstacle {number}", file)
         rows.append((step, row))
     recorded = track(rows)
-    _require_finite(recorded.values[:, :2], f"obstacle {number}", file)
-    given = recorded.values[:, 2:]
-    _require_finite(given[~np.isnan(given)], f"obstacle {number}", file)
+    limits.require_states(recorded.values, f"obstacle {number}", file)
     if recorded.contradicts:
         notes.add("a time step stated twice at different places, the first counts, obstacles", number)
     if is_static:
@@ -317,9 +291,9 @@ def _tables(
 ) -> Obstacles:
     last = [0 if static else int(one.time_steps[-1]) for one, static in zip(tracks, is_static, strict=True)]
     n_steps = max(last, default=0) + 1
-    if n_steps * max(len(ids), 1) > LARGEST_TABLE:
-        number = ids[int(np.argmax(last))]
-        raise InputError(f"{file}: obstacle {number} has the time step {n_steps - 1}; is that a typing error?")
+    if ids:
+        n_states = sum(len(one.time_steps) for one in tracks)
+        limits.require_table(len(ids), n_steps, n_states, f"obstacle {ids[int(np.argmax(last))]}", file)
     table = np.full((6, len(ids), n_steps), np.nan)
     for row, (one, static) in enumerate(zip(tracks, is_static, strict=True)):
         if static:
@@ -354,7 +328,7 @@ def _planning_problem(problem: Foreign, lanelets: Lanelets, file: str, facts: Fa
     x, y, orientation, velocity, acceleration, yaw_rate = row
     if np.isnan(orientation) or np.isnan(velocity):
         raise InputError(f"{file}: the initial state of {what} lacks orientation or velocity; add it")
-    _require_finite((x, y, orientation, velocity), what, file)
+    limits.require_values((x, y), limits.LARGEST_COORDINATE, what, file, "coordinate")
     initial = InitialState(
         time_step=step,
         x=x,
@@ -386,10 +360,8 @@ def _goal_state(state: Foreign, lanelet_ids: Iterable[int], lanelets: Lanelets, 
     else:
         area = shape_of(values["position"])
         areas = area.members if area.kind == "group" else (area,)
-    for area in areas:
-        _check_footprint(area, f"the goal of {what}", file)
     time_step = values.get("time_step")
-    first, last = _interval(time_step) or (0.0, float(LAST_TIME_STEP))
+    first, last = _interval(time_step) or (0.0, float(limits.LARGEST_GOAL_TIME_STEP))
     return GoalState(
         areas=areas,
         lanelet_ids=ids,

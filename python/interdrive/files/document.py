@@ -7,7 +7,6 @@ parts, and fills values that an initial state lacks with 0. So footprints and th
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement
@@ -15,18 +14,15 @@ from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.files.limits import require_dt
+from interdrive.files.numbers import check_adjacency, check_numbers
 from interdrive.scenario import Shape
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 VERSIONS = ("2018b", "2020a")
-#: commonroad-io takes off one turn at a time, which for larger angles takes for ever.
-LARGEST_ANGLE = 1000.0
 OBSTACLE_TAGS = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
-
-# Texts that float() takes although they are no coordinate: nan, inf, infinity, and exponents that overflow.
-_LARGE_EXPONENT = re.compile(rb"e\+?[0-9]{3}")
 
 
 @dataclass(frozen=True)
@@ -77,24 +73,21 @@ def parse(data: bytes, file: str) -> Element:
     return root
 
 
-def check(root: Element, data: bytes, file: str) -> None:
+def check(root: Element, file: str) -> None:
     """Refuses what cannot become a scenario, and adds elements without meaning that commonroad-io insists on.
 
     Args:
         root: Root element; changed in place.
-        data: The bytes that it came from.
         file: Name for messages.
 
     Raises:
         InputError: Not a CommonRoad document, unsupported version, useless dt, no lanelets, broken bounds, the same id
-            twice, coordinates that are not finite, absurd angles, goal lanelets that do not exist.
+            twice, numbers out of bounds (see `limits`), goal lanelets that do not exist.
     """
     _check_header(root, file)
+    check_numbers(root, file)
     _check_ids(root, file)
-    lowered = data.lower()
-    if b"nan" in lowered or b"inf" in lowered or _LARGE_EXPONENT.search(lowered):
-        _refuse_not_finite(root, file)
-    _check_angles(root, file)
+    check_adjacency(root, file)
     for lanelet in root.iterfind("lanelet"):
         counts = [len(lanelet.findall(f"{side}/point")) for side in ("leftBound", "rightBound")]
         if counts[0] != counts[1] or min(counts) < 2:
@@ -102,6 +95,7 @@ def check(root: Element, data: bytes, file: str) -> None:
                 f"{file}: lanelet {lanelet.get('id')} has {counts[0]} points on its left bound and {counts[1]} on its "
                 "right one; give both the same number, at least 2"
             )
+    drop_dangling_relations(root)
     lanelet_ids = {lanelet.get("id") for lanelet in root.iterfind("lanelet")}
     for problem in root.iterfind("planningProblem"):
         for reference in problem.iterfind("goalState/position/lanelet"):
@@ -110,6 +104,19 @@ def check(root: Element, data: bytes, file: str) -> None:
                     f"{file}: the goal of planning problem {problem.get('id')} is lanelet {reference.get('ref')}, "
                     "which does not exist; correct the reference"
                 )
+
+
+def drop_dangling_relations(root: Element) -> None:
+    """Takes out relations to lanelets that do not exist, as in maps that were cut out of larger ones.
+
+    commonroad-io follows some of them without looking.
+    """
+    known = {int(lanelet.get("id", "-1")) for lanelet in root.iterfind("lanelet")}
+    for lanelet in root.iterfind("lanelet"):
+        for tag in ("predecessor", "successor", "adjacentLeft", "adjacentRight"):
+            for relation in lanelet.findall(tag):
+                if int(relation.get("ref", "-1")) not in known:
+                    lanelet.remove(relation)
 
 
 def _check_header(root: Element, file: str) -> None:
@@ -123,8 +130,7 @@ def _check_header(root: Element, file: str) -> None:
         dt = float(text)
     except ValueError:
         dt = math.nan
-    if not (math.isfinite(dt) and dt > 0.0):
-        raise InputError(f"{file}: the time step size (dt) is {text}; it must be a number of seconds above 0")
+    require_dt(dt, file, text)
     if root.find("lanelet") is None:
         raise InputError(f"{file}: has no lanelets; a scenario needs a road network")
     if not root.get("benchmarkID"):
@@ -155,35 +161,6 @@ def integer_id(element: Element, file: str) -> int:
         return int(text)
     except ValueError:
         raise InputError(f"{file}: a <{element.tag}> has the id '{text}'; it must be a whole number") from None
-
-
-def _refuse_not_finite(root: Element, file: str) -> None:
-    for owner in root:
-        for element in owner.iter():
-            try:
-                finite = math.isfinite(float(element.text or "0"))
-            except ValueError:
-                continue
-            if not finite and element.tag not in ("additionalValue", "gpsLatitude", "gpsLongitude"):
-                where = f"{owner.tag} {owner.get('id')}" if owner.get("id") else owner.tag
-                raise InputError(
-                    f"{file}: {where} has the value {(element.text or '').strip()} in <{element.tag}>; "
-                    "replace it by a finite number"
-                )
-
-
-def _check_angles(root: Element, file: str) -> None:
-    for owner in root:
-        for orientation in owner.iter("orientation"):
-            for element in orientation.iter():
-                try:
-                    angle = float(element.text or "0")
-                except ValueError:
-                    continue
-                if abs(angle) > LARGEST_ANGLE:
-                    raise InputError(
-                        f"{file}: {owner.tag} {owner.get('id')} has the orientation {angle:g}; give it in radians"
-                    )
 
 
 def facts(root: Element, file: str) -> Facts:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from interdrive.files.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, LARGEST_YAW_RATE
+
 Floats = NDArray[np.float64]
 
 #: Below this speed [m/s] the direction of motion says nothing about the heading.
@@ -57,7 +59,8 @@ def completed(recorded: Track, dt: float) -> Track:
 
     Heading from the direction of motion (a vehicle that stands keeps its heading; one that never moves gets 0), speed
     from the motion along the heading, acceleration and yaw rate from their changes; differences are central inside and
-    one-sided at the ends. A single state gets 0 for what is missing. Headings are wrapped to [-pi, pi].
+    one-sided at the ends. A single state gets 0 for what is missing. Headings are wrapped to [-pi, pi]. What is derived
+    keeps within the bounds of what a file may state, however far a recording jumps.
 
     Args:
         recorded: At least one state; positions are complete.
@@ -75,11 +78,13 @@ def completed(recorded: Track, dt: float) -> Track:
             heading = _heading_of_motion(x_dot, y_dot)
             orientation = np.where(missing[:, 2], heading, orientation)
         along = x_dot * np.cos(orientation) + y_dot * np.sin(orientation)
-        velocity = np.where(missing[:, 3], along, velocity)
+        velocity = np.where(missing[:, 3], along.clip(-LARGEST_VELOCITY, LARGEST_VELOCITY), velocity)
     if missing[:, 4].any():
-        acceleration = np.where(missing[:, 4], _rate(velocity, time), acceleration)
+        rate = _rate(velocity, time).clip(-LARGEST_ACCELERATION, LARGEST_ACCELERATION)
+        acceleration = np.where(missing[:, 4], rate, acceleration)
     if missing[:, 5].any():
-        yaw_rate = np.where(missing[:, 5], _rate(np.unwrap(orientation), time), yaw_rate)
+        rate = _rate(np.unwrap(orientation), time).clip(-LARGEST_YAW_RATE, LARGEST_YAW_RATE)
+        yaw_rate = np.where(missing[:, 5], rate, yaw_rate)
     orientation = wrapped(orientation)
     values = np.column_stack((x, y, orientation, velocity, acceleration, yaw_rate))
     derived = tuple(name for column, name in enumerate(COLUMNS) if missing[:, column].any())

@@ -59,7 +59,7 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
             facts = document.Facts()
         else:
             root = document.parse(data, file)
-            document.check(root, data, file)
+            document.check(root, file)
             facts = document.facts(root, file)
             scenario, problems = _open_xml(root, data)
         result = converted(scenario, problems, file=file, path=path, sha256=sha256, facts=facts)

@@ -1,0 +1,280 @@
+"""Every bound on what a scenario may hold, and the check of a converted scenario against them.
+
+The bounds keep time and memory in proportion to the file: a mistyped exponent must not cost gigabytes. They lie far
+beyond real maps and recordings, whose lanelets are up to 10 km long and whose recordings have up to 30,000 steps.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from interdrive.scenario import Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+
+    Floats = NDArray[np.float64]
+
+#: Ids beyond this are not exact in JSON and in the report.
+LARGEST_ID = 2**53 - 1
+#: Time between steps [s].
+SMALLEST_DT, LARGEST_DT = 1e-3, 10.0
+#: Time steps of states and starts.
+LARGEST_TIME_STEP = 100_000
+#: Time steps of goals: "some time" is often written as the largest 32-bit number.
+LARGEST_GOAL_TIME_STEP = 2**31 - 1
+#: Coordinates beyond this [m] are no place on earth in any projection; larger ones would lose millimetres.
+LARGEST_COORDINATE = 1e9
+#: Lanelets end this far [m] before that: what agents drive beyond them must still be a coordinate.
+ROOM_BEYOND_MAP = 1e6
+#: Speeds [m/s], accelerations [m/s²] and yaw rates [rad/s] beyond these are errors of units.
+LARGEST_VELOCITY, LARGEST_ACCELERATION, LARGEST_YAW_RATE = 1e4, 1e7, 1e4
+#: commonroad-io takes off one turn at a time, which for larger angles [rad] takes for ever.
+LARGEST_ANGLE = 1000.0
+#: Size of a footprint [m]: walls and buildings are obstacles, too.
+SMALLEST_SIZE, LARGEST_FOOTPRINT = 1e-6, 1e5
+#: Speed limits above this [m/s] are taken for a wrong unit and left out.
+LARGEST_SPEED_LIMIT = 150.0
+
+#: Length of one lanelet, of all lanelets together, and extent of the map along an axis [m].
+LONGEST_LANELET, LONGEST_ROADS, LARGEST_EXTENT = 1e5, 2e6, 1e6
+MOST_LANELETS, MOST_POINTS_OF_A_LANELET, MOST_POINTS = 20_000, 5_000, 500_000
+MOST_OBSTACLES, MOST_STATES, MOST_PROBLEMS, MOST_GOALS, MOST_VERTICES = 10_000, 1_000_000, 1_000, 1_000, 1_000
+#: Elements of an XML document inside each other.
+DEEPEST = 50
+#: Obstacles times steps of a table; more is a mistyped time step, not a recording.
+LARGEST_TABLE = 5_000_000
+#: So many cells any table may have; larger ones at most `CELLS_PER_STATE` for every recorded state.
+SMALL_TABLE, CELLS_PER_STATE = 500_000, 200
+
+
+def require(fits: bool, file: str, what: str, problem: str) -> None:
+    """Raises `InputError` unless a condition holds: file, element, and what is wrong with it."""
+    if not fits:
+        raise InputError(f"{file}: {what} {problem}")
+
+
+def require_dt(dt: float, file: str, text: str | None = None) -> None:
+    """Refuses a time step size that no simulation can have."""
+    if not SMALLEST_DT <= dt <= LARGEST_DT:
+        shown = f"{dt:g}" if text is None else text[:30]
+        raise InputError(
+            f"{file}: the time step size (dt) is {shown}; it must be between {SMALLEST_DT:g} and {LARGEST_DT:g} seconds"
+        )
+
+
+def require_id(number: int, what: str, file: str) -> None:
+    """Refuses ids that are negative or not exact in every format."""
+    if not 0 <= number <= LARGEST_ID:
+        shown = str(number) if abs(number) < 10**30 else "of more than 30 digits"
+        raise InputError(f"{file}: {what} has the id {shown}; ids must be between 0 and {LARGEST_ID}")
+
+
+def require_values(values: Floats | Iterable[float], most: float, what: str, file: str, name: str) -> None:
+    """Refuses values that are not finite or larger than `most`."""
+    array = np.asarray(values, dtype=np.float64)
+    if not np.all(np.abs(array) <= most):
+        worst = array[~(np.abs(array) <= most)].flat[0]
+        raise InputError(f"{file}: {what} has the {name} {worst:g}, which is not finite or beyond {most:g}; correct it")
+
+
+def require_scenario(scenario: Scenario, file: str) -> None:
+    """Refuses a scenario that breaks any bound, wherever it came from.
+
+    Args:
+        scenario: From a file or built in memory.
+        file: What to call it in messages.
+
+    Raises:
+        InputError: One line that names file and element.
+    """
+    require_dt(scenario.dt, file)
+    _require_lanelets(scenario.lanelets, file)
+    _require_obstacles(scenario.obstacles, file)
+    require(
+        len(scenario.planning_problems) <= MOST_PROBLEMS,
+        file,
+        "the file",
+        f"has more than {MOST_PROBLEMS} planning problems; split it",
+    )
+    for problem in scenario.planning_problems:
+        _require_problem(problem, file)
+
+
+def _require_lanelets(lanelets: Lanelets, file: str) -> None:
+    n = len(lanelets.ids)
+    require(n > 0, file, "the scenario", "has no lanelets; it needs a road network")
+    require(n <= MOST_LANELETS, file, "the map", f"has {n} lanelets; at most {MOST_LANELETS} are possible, cut it")
+    total, low, high = 0.0, np.full(2, np.inf), np.full(2, -np.inf)
+    for number, left, right in zip(lanelets.ids.tolist(), lanelets.left, lanelets.right, strict=True):
+        what = f"lanelet {number}"
+        require_id(number, "a lanelet", file)
+        for bound in (left, right):
+            require(len(bound) >= 2, file, f"a bound of {what}", "has fewer than 2 points; add some")
+            require(
+                len(bound) <= MOST_POINTS_OF_A_LANELET,
+                file,
+                what,
+                f"has {len(bound)} points on a bound; at most "
+                f"{MOST_POINTS_OF_A_LANELET} are possible, thin them out or split it",
+            )
+            require_values(bound, LARGEST_COORDINATE - ROOM_BEYOND_MAP, what, file, "coordinate")
+            low, high = np.minimum(low, bound.min(axis=0)), np.maximum(high, bound.max(axis=0))
+            length = float(np.hypot(*np.diff(bound, axis=0).T).sum())
+            require(
+                length <= LONGEST_LANELET,
+                file,
+                what,
+                f"is {length:.0f} m long; at most {LONGEST_LANELET:.0f} m are possible, correct its points or split it",
+            )
+        width = float(np.hypot(*(left[0] - right[0])))
+        require(width <= LONGEST_LANELET, file, what, f"is {width:.0f} m wide; correct its points")
+        total += length
+    extent = float((high - low).max())
+    require(
+        extent <= LARGEST_EXTENT,
+        file,
+        "the map",
+        f"extends over {extent:.0f} m, from ({low[0]:.0f}, {low[1]:.0f})"
+        f" to ({high[0]:.0f}, {high[1]:.0f}); at most {LARGEST_EXTENT:.0f} m are possible, correct the lanelets",
+    )
+    require(
+        total <= LONGEST_ROADS,
+        file,
+        "the map",
+        f"has lanelets of {total:.0f} m together; at most {LONGEST_ROADS:.0f} m are possible, cut it",
+    )
+    points = sum(len(bound) for bound in itertools.chain(lanelets.left, lanelets.right))
+    require(points <= MOST_POINTS, file, "the map", f"has {points} points; at most {MOST_POINTS} are possible, cut it")
+
+
+def _require_obstacles(obstacles: Obstacles, file: str) -> None:
+    n = len(obstacles.ids)
+    require(n <= MOST_OBSTACLES, file, "the scenario", f"has {n} obstacles; at most {MOST_OBSTACLES} are possible")
+    require(
+        obstacles.n_steps <= LARGEST_TIME_STEP + 1,
+        file,
+        "the recording",
+        f"has {obstacles.n_steps} time steps; at most {LARGEST_TIME_STEP + 1} are possible, cut it",
+    )
+    for row, (number, shape) in enumerate(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True)):
+        what = f"obstacle {number}"
+        require_id(number, "an obstacle", file)
+        require_footprint(shape, what, file)
+        valid = obstacles.valid[row]
+        tables = (
+            obstacles.x,
+            obstacles.y,
+            obstacles.orientation,
+            obstacles.velocity,
+            obstacles.acceleration,
+            obstacles.yaw_rate,
+        )
+        values = np.column_stack([table[row, valid] for table in tables])
+        require(not np.isnan(values).any(), file, what, "has a value that is not a number where it is present")
+        require_states(values, what, file)
+
+
+def require_states(values: Floats, what: str, file: str) -> None:
+    """Refuses states out of bounds: columns as in `motion.COLUMNS`, nan where not stated, shape (states, 6)."""
+    for name, column, most in (
+        ("coordinate", values[:, :2], LARGEST_COORDINATE),
+        ("orientation", values[:, 2], LARGEST_ANGLE),
+        ("velocity", values[:, 3], LARGEST_VELOCITY),
+        ("acceleration", values[:, 4], LARGEST_ACCELERATION),
+        ("yaw rate", values[:, 5], LARGEST_YAW_RATE),
+    ):
+        stated = column if name == "coordinate" else column[~np.isnan(column)]
+        require_values(stated, most, what, file, name)
+
+
+def require_footprint(shape: Shape, what: str, file: str) -> None:
+    """Refuses footprints without area or larger than anything that stands beside a road."""
+    require_shape(shape, what, file, LARGEST_FOOTPRINT)
+
+
+def require_shape(shape: Shape, what: str, file: str, largest: float = LARGEST_COORDINATE) -> None:
+    """Refuses shapes without area, with too many vertices or beyond a size and distance from the origin [m]."""
+    sizes = {"rectangle": (shape.length, shape.width), "circle": (shape.radius,)}.get(shape.kind, ())
+    require_values(shape.center, largest, what, file, "coordinate")
+    require_values((shape.orientation,), LARGEST_ANGLE, what, file, "orientation")
+    require_values(sizes, largest, what, file, "size")
+    require(all(size > 0.0 for size in sizes), file, f"the shape of {what}", "has no area; give it a size above 0")
+    require(
+        all(size >= SMALLEST_SIZE for size in sizes),
+        file,
+        f"the shape of {what}",
+        f"is smaller than {SMALLEST_SIZE:g} m; correct its size",
+    )
+    if shape.kind == "polygon":
+        n = len(shape.vertices)
+        require(n >= 3, file, f"the shape of {what}", "has no area; give it a size above 0")
+        require(
+            n <= 2 * MOST_POINTS_OF_A_LANELET,
+            file,
+            f"the shape of {what}",
+            f"has {n} vertices; at most {2 * MOST_POINTS_OF_A_LANELET} are possible, thin them out",
+        )
+        require_values(shape.vertices, largest, what, file, "coordinate")
+    for member in shape.members:
+        require_shape(member, what, file, largest)
+
+
+def _require_problem(problem: PlanningProblem, file: str) -> None:
+    what = f"planning problem {problem.id}"
+    require_id(problem.id, "a planning problem", file)
+    start = problem.initial_state
+    require_time_step(start.time_step, what, file)
+    near = LARGEST_COORDINATE - ROOM_BEYOND_MAP
+    for name, value, most in (
+        ("coordinate", start.x, near),
+        ("coordinate", start.y, near),
+        ("orientation", start.orientation, LARGEST_ANGLE),
+        ("velocity", start.velocity, LARGEST_VELOCITY),
+        ("acceleration", start.acceleration, LARGEST_ACCELERATION),
+        ("yaw rate", 0.0 if np.isnan(start.yaw_rate) else start.yaw_rate, LARGEST_YAW_RATE),
+    ):
+        require_values((value,), most, what, file, name)
+    require(len(problem.goal) <= MOST_GOALS, file, what, f"has more than {MOST_GOALS} goal states; leave some out")
+    for goal in problem.goal:
+        for area in goal.areas:
+            require_shape(area, f"the goal of {what}", file)
+        for time_step in goal.time_step:
+            require_time_step(time_step, f"the goal of {what}", file, LARGEST_GOAL_TIME_STEP)
+        require_values(goal.orientation or (), LARGEST_ANGLE, f"the goal of {what}", file, "orientation")
+        require_values(goal.velocity or (), LARGEST_COORDINATE, f"the goal of {what}", file, "velocity")
+
+
+def require_time_step(time_step: int, what: str, file: str, last: int = LARGEST_TIME_STEP) -> None:
+    """Refuses time steps that are negative or that no recording reaches."""
+    require(time_step >= 0, file, what, f"has the time step {_shown(time_step)}; time steps start at 0")
+    require(
+        time_step <= last,
+        file,
+        what,
+        f"has the time step {_shown(time_step)}, the largest possible one is {last}; is that a typing error?",
+    )
+
+
+def _shown(number: int) -> str:
+    return str(number) if abs(number) < 10**30 else "of more than 30 digits"
+
+
+def require_table(n_rows: int, n_steps: int, n_states: int, what: str, file: str) -> None:
+    """Refuses a recording whose table would be large only because a time step is far from the others."""
+    n_cells = n_rows * n_steps
+    most = min(LARGEST_TABLE, max(SMALL_TABLE, CELLS_PER_STATE * n_states))
+    require(
+        n_cells <= most,
+        file,
+        what,
+        f"has the time step {n_steps - 1}, with {n_rows} obstacles of {n_states} "
+        "states in all; is that a typing error?",
+    )

@@ -1,0 +1,209 @@
+"""Every number of an XML document within its bounds, before commonroad-io sees it, which bounds none of them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from interdrive.errors import InputError
+from interdrive.files import limits
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+#: Attributes that hold ids.
+_IDS = ("id", "ref", "outgoingId")
+#: Largest absolute value by element; those of `_VALUES` depend on what is around them.
+_BOUNDS = {
+    **dict.fromkeys(("x", "y", "z", "length", "width", "radius", "originXShift"), limits.LARGEST_COORDINATE),
+    **dict.fromkeys(("speedLimit", "duration", "timeOffset", "geoNameId"), limits.LARGEST_COORDINATE),
+    **dict.fromkeys(("xTranslation", "yTranslation", "zRotation", "scaling"), math.inf),
+    "orientation": limits.LARGEST_ANGLE,
+}
+_VALUES = frozenset(("exact", "intervalStart", "intervalEnd"))
+#: The same by the element around a value.
+_VALUE_BOUNDS = {
+    "orientation": limits.LARGEST_ANGLE,
+    "velocity": limits.LARGEST_VELOCITY,
+    "velocityY": limits.LARGEST_VELOCITY,
+    "acceleration": limits.LARGEST_ACCELERATION,
+    "yawRate": limits.LARGEST_YAW_RATE,
+}
+#: All others: the range in which commonroad-io's own arithmetic stays finite.
+_OTHER_VALUES = 1e12
+
+
+def check_numbers(root: Element, file: str) -> None:
+    """Refuses ids, time steps and values out of bounds, and documents that are too deep or too large.
+
+    Text that is no number is left to commonroad-io, which names it.
+
+    Args:
+        root: Root element of the document.
+        file: Its name, for messages.
+
+    Raises:
+        InputError: One line that names file and element.
+    """
+    _check_depth(root, file)
+    _check_counts(root, file)
+    for owner in root:
+        for element in owner.iter():
+            if element.attrib:
+                _check_ids(element, owner, file)
+            if len(element):
+                _check_values(element, owner, file)
+            elif element.tag in _BOUNDS:
+                _check_value(element, _BOUNDS[element.tag], owner, file)
+
+
+def _check_depth(root: Element, file: str) -> None:
+    level, depth = [root], 0
+    while level:
+        depth += 1
+        limits.require(
+            depth <= limits.DEEPEST,
+            file,
+            f"<{level[0].tag}>",
+            f"is one of more than {limits.DEEPEST} elements inside each other; is the file damaged?",
+        )
+        level = [child for element in level for child in element]
+
+
+def _check_counts(root: Element, file: str) -> None:
+    """What would cost much time before the arrays are there."""
+    for tag, most, name in (
+        ("lanelet", limits.MOST_LANELETS, "lanelets"),
+        ("planningProblem", limits.MOST_PROBLEMS, "planning problems"),
+        ("dynamicObstacle", limits.MOST_OBSTACLES, "obstacles"),
+        ("staticObstacle", limits.MOST_OBSTACLES, "obstacles"),
+        ("obstacle", limits.MOST_OBSTACLES, "obstacles"),
+    ):
+        n = len(root.findall(tag))
+        limits.require(n <= most, file, "the file", f"has {n} {name}; at most {most} are possible")
+    n = len(root.findall("*/trajectory/state"))
+    limits.require(
+        n <= limits.MOST_STATES,
+        file,
+        "the file",
+        f"has {n} states; at most {limits.MOST_STATES} are possible, cut the recording",
+    )
+    n = len(root.findall("lanelet/*/point"))
+    limits.require(
+        n <= limits.MOST_POINTS,
+        file,
+        "the file",
+        f"has lanelets of {n} points; at most {limits.MOST_POINTS} are possible, cut the map",
+    )
+    for lanelet in root.iterfind("lanelet"):
+        for bound in ("leftBound", "rightBound"):
+            n = len(lanelet.findall(f"{bound}/point"))
+            limits.require(
+                n <= limits.MOST_POINTS_OF_A_LANELET,
+                file,
+                named(lanelet),
+                f"has {n} points on a bound; "
+                f"at most {limits.MOST_POINTS_OF_A_LANELET} are possible, thin them out or split it",
+            )
+
+
+def named(owner: Element) -> str:
+    """An element for messages: its tag and id."""
+    return f"{owner.tag} {owner.get('id')}" if owner.get("id") else f"<{owner.tag}>"
+
+
+def _check_ids(element: Element, owner: Element, file: str) -> None:
+    for name in _IDS:
+        text = element.get(name)
+        if text is None:
+            continue
+        try:
+            number = int(text)
+        except ValueError:
+            where = f"a <{element.tag}>" if element is owner else f"a <{element.tag}> of {named(owner)}"
+            what = "id" if name == "id" else name
+            raise InputError(f"{file}: {where} has the {what} '{text[:30]}'; it must be a whole number") from None
+        limits.require_id(
+            number, f"a <{element.tag}>" if element is owner else f"<{element.tag}> of {named(owner)}", file
+        )
+
+
+def _check_values(element: Element, owner: Element, file: str) -> None:
+    """The exact value or the interval in an element, if it has one."""
+    for child in element:
+        if child.tag not in _VALUES:
+            continue
+        if element.tag == "time":
+            _check_time(child, owner, file, is_start=owner.find("initialState/time") is element)
+        else:
+            _check_value(child, _VALUE_BOUNDS.get(element.tag, _OTHER_VALUES), owner, file, f"<{element.tag}>")
+
+
+def _check_time(element: Element, owner: Element, file: str, *, is_start: bool) -> None:
+    try:
+        time_step = int(element.text or "0")
+    except ValueError:
+        # Some files write 0.0, which commonroad-io takes for a start.
+        _check_value(element, limits.LARGEST_TIME_STEP, owner, file, "<time>")
+        return
+    is_goal = owner.tag == "planningProblem" and not is_start
+    last = limits.LARGEST_GOAL_TIME_STEP if is_goal else limits.LARGEST_TIME_STEP
+    limits.require_time_step(time_step, named(owner), file, last)
+
+
+def _check_value(element: Element, most: float, owner: Element, file: str, within: str = "") -> None:
+    try:
+        value = float(element.text or "0")
+    except ValueError:
+        return
+    if abs(value) <= most and value - value == 0.0:
+        return
+    text = (element.text or "").strip()[:30]
+    if most == limits.LARGEST_ANGLE and math.isfinite(value):
+        raise InputError(f"{file}: {named(owner)} has the orientation {value:g}; give it in radians")
+    finite = f"between {-most:g} and {most:g}" if math.isfinite(value) else "a finite number"
+    raise InputError(
+        f"{file}: {named(owner)} has the value {text} in {within or f'<{element.tag}>'}; replace it by {finite}"
+    )
+
+
+def check_adjacency(root: Element, file: str) -> None:
+    """Refuses lanelets that are their own neighbours over others, where commonroad-io would go round for ever.
+
+    It looks for the outermost lanelet on one side to place signs and lights that state no position.
+
+    Args:
+        root: Root element of the document.
+        file: Its name, for messages.
+
+    Raises:
+        InputError: One line that names a lanelet of the cycle.
+    """
+    placed = all(
+        element.find("position") is not None
+        for tag in ("trafficSign", "trafficLight")
+        for element in root.iterfind(tag)
+    )
+    if placed:
+        return
+    for side in ("Left", "Right"):
+        beside = {
+            int(lanelet.get("id", "-1")): int(neighbour.get("ref", "-1"))
+            for lanelet in root.iterfind("lanelet")
+            if (neighbour := lanelet.find(f"adjacent{side}")) is not None and neighbour.get("drivingDir") == "same"
+        }
+        done: set[int] = set()
+        for start in beside:
+            way: set[int] = set()
+            at = start
+            while at in beside and at not in done:
+                limits.require(
+                    at not in way,
+                    file,
+                    f"lanelet {at}",
+                    f"is its own neighbour: adjacent{side} leads back "
+                    "to it; correct the neighbours or give signs and lights a position",
+                )
+                way.add(at)
+                at = beside[at]
+            done |= way
