@@ -142,7 +142,7 @@ def scenario(recorded):
             orientation=recorded.orientation,
             velocity=recorded.velocity,
             acceleration=recorded.acceleration,
-            yaw_rate=recorded.yaw_rate,
+            yaw_rate=np.where(recorded.valid, 0.0, np.nan),
             valid=recorded.valid,
         ),
         planning_problems=(),
