@@ -7,6 +7,7 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
@@ -16,6 +17,7 @@ from interdrive.assessment import reopen
 from interdrive.cli import main
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
+from interdrive.report.packing import Packer
 from interdrive.results import load, save
 from interdrive.run_settings import RecordSettings, SimulationSettings
 from interdrive.simulation import Simulation, simulate
@@ -156,3 +158,9 @@ def test_a_path_to_something_without_an_end_is_not_read(folder):
     done = CliRunner().invoke(main, ["verify", "run"])
     assert (done.exit_code, done.stderr) == (2, "error: /dev/zero: the scenario file has changed since the run\n")
     assert CliRunner().invoke(main, ["plot", "run", "--kind", "velocity"]).exit_code == 0
+
+
+def test_numbers_too_large_for_a_resolution_are_packed_all_the_same():
+    packer = Packer()
+    packer.add("x", np.array([[0.0, 1e9, np.nan]]), unit=0.01, steps=True)
+    assert packer.header["x"]["type"] == "f32"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import io
 import json
 import re
+import shutil
 import time
 from pathlib import Path
 
 import pytest
 from PIL import Image, ImageChops
 
-from conftest import opened
+from conftest import interdrive, opened
 
 #: Frame times [ms] of so many frames while the slider is moved by one step per frame.
 SCRUB = """async (frames) => {
@@ -409,3 +410,17 @@ def test_scrubbing_through_sixty_vehicles_is_smooth(page, crowd):
     print(f"frame time: median {times[len(times) // 2]:.1f} ms, 95 % below {times[int(0.95 * len(times))]:.1f} ms")
     # 30 frames per second are the aim and what a quiet machine reaches; a busy one without a GPU may need longer.
     assert rate >= 10.0
+
+
+def test_texts_and_numbers_of_others_are_shown_and_nothing_else(page, demo, tmp_path):
+    """Notes that look like scripts, a setting without bound: the page is neither blank nor obeys."""
+    folder = Path(shutil.copytree(demo.parent, tmp_path / "run"))
+    info = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    info["notes"].append("</script><script>document.title = 'owned'</script><img src=x onerror=alert(1)>")
+    info["settings"]["settings"]["view.sensor_radius"] = "inf"
+    (folder / "run.json").write_text(json.dumps(info), encoding="utf-8")
+    interdrive("report", folder)
+    opened(page, folder / "report.html")
+    assert page.title() == "t_junction - interdrive"
+    assert "<img src=x onerror=alert(1)>" in page.content().replace("&lt;", "<").replace("&gt;", ">")
+    assert page.locator("img").count() == 0
