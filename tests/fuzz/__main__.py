@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import importlib
 import json
 import multiprocessing
 import os
 import re
 import sys
+import tempfile
 import time
 from collections import Counter
 from dataclasses import asdict
@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # tests share s
 from tests.fuzz.isolation import Ending, Limits, isolated
 from tests.fuzz.mutants import mutant
 from tests.fuzz.seeds import documents, further
-from tests.fuzz.trial import FAILED
+from tests.fuzz.trial import ACCEPTED, FAILED, tried
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,12 +38,6 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).resolve().parent
 REGRESSIONS = HERE / "regressions"
-#: What commands import when they need it; imported once, before processes fork, instead of once per mutant.
-_IMPORTED_BEFORE = (
-    *(f"interdrive.{name}" for name in ("agents", "assessment", "check", "criticality", "plots", "report", "results")),
-    *("interdrive.cli.report", "commonroad.common.reader.file_reader_xml", "commonroad.common.file_reader"),
-    *("matplotlib.backends.backend_agg", "scipy.spatial", "pyarrow.parquet"),
-)
 _FRAME = re.compile(r'File "[^"]*?((?:interdrive|commonroad|numpy|pyarrow)/[^"]*)", line \d+, in (\S+)')
 
 
@@ -58,6 +52,7 @@ def main() -> int:
         ending = isolated(one.files, one.main, one.random, limits)
         print(json.dumps(asdict(ending), indent=1).replace("\\n", "\n"))
         return int(ending.verdict == FAILED)
+    _warm_up(seeds[0])
     tally = Tally(options.found)
     for path in _given([REGRESSIONS, *options.files]):
         files = {part.name: part.read_bytes() for part in _beside(path)}
@@ -124,8 +119,6 @@ def _campaign(options: argparse.Namespace, seeds: tuple[bytes, ...], limits: Lim
             index += options.jobs
         queue.put(None)
 
-    for name in _IMPORTED_BEFORE:
-        importlib.import_module(name)
     mutant(options.seed, 0, seeds)
     # Not daemons: they have children of their own.
     workers = [context.Process(target=work, args=(job,)) for job in range(options.jobs)]
@@ -145,6 +138,16 @@ def _campaign(options: argparse.Namespace, seeds: tuple[bytes, ...], limits: Lim
                   f"{len(tally.failures)} kinds of failures", flush=True)  # fmt: skip
     for worker in workers:
         worker.join()
+
+
+def _warm_up(document: bytes) -> None:
+    """One trial in this process, so that children find everything imported and remembered."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "seed.xml")
+        path.write_bytes(document)
+        verdict, text = tried(path, Path(folder), Random(0), lambda _stage: None)
+    if verdict != ACCEPTED:
+        raise SystemExit(f"a document without any change is not accepted: {text}")
 
 
 def _signature(ending: Ending) -> str:

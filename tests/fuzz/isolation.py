@@ -55,7 +55,9 @@ class Ending:
 
 
 def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits) -> Ending:
-    """Tries a file in a child process, which is made by forking; this process must have started no threads.
+    """Tries a file in a child process, which is made by forking.
+
+    Threads do not survive that: those of the core live no longer than a simulation, Arrow starts its own anew.
 
     Args:
         files: Content by file name.
@@ -66,7 +68,8 @@ def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits)
     Returns:
         The ending; a child that was killed or used too much has failed.
     """
-    folder = Path(tempfile.mkdtemp(prefix="interdrive-fuzz-"))
+    memory = Path("/dev/shm")  # where waiting for a disk takes no time
+    folder = Path(tempfile.mkdtemp(prefix="interdrive-fuzz-", dir=memory if memory.is_dir() else None))
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
