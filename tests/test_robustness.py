@@ -189,6 +189,19 @@ def test_a_number_out_of_bounds_is_named(read, text, words):
     assert words in refusal(read, text)
 
 
+def test_an_angle_of_many_turns_in_protobuf_is_refused_before_it_is_turned_back(tmp_path):
+    from commonroad.common.protobuf.dynamic.commonroad_dynamic_pb2 import CommonRoadDynamic
+    from google.protobuf.json_format import ParseDict
+
+    state = {"orientation": {"exact": 1e300}}
+    obstacle = {"dynamicObstacleId": 30, "initialState": state}
+    message = ParseDict({"dynamicObstacles": [obstacle]}, CommonRoadDynamic(), ignore_unknown_fields=True)
+    for name in ("ZAM_Test-1_1_T-1.pb", "ZAM_Test-1.pb"):
+        cr.saved(tmp_path, message.SerializePartialToString() if name.count("_") > 1 else b"", name)
+    with pytest.raises(InputError, match=r"1_1_T-1\.pb: dynamic_obstacle 30 has the orientation 1e"):
+        read_scenario(tmp_path / "ZAM_Test-1_1_T-1.pb")
+
+
 def test_few_states_far_apart_do_not_make_a_large_table(read):
     far = [car(i, initial(0.0), [state(99_999, 9.0, orientation=0.0)]) for i in range(30, 40)]
     assert refusal(read, document("".join(far))).startswith("obstacle 30 has the time step 99999, with 10 obstacles")

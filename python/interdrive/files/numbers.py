@@ -11,6 +11,8 @@ from interdrive.files import limits
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+    from interdrive.files.shapes import Foreign
+
 #: Attributes that hold ids.
 _IDS = ("id", "ref", "outgoingId")
 #: Largest absolute value by element; those of `_VALUES` depend on what is around them.
@@ -165,6 +167,37 @@ def _check_value(element: Element, most: float, owner: Element, file: str, withi
     raise InputError(
         f"{file}: {named(owner)} has the value {text} in {within or f'<{element.tag}>'}; replace it by {finite}"
     )
+
+
+def check_message(message: Foreign, file: str) -> None:
+    """Refuses angles in a protobuf message that commonroad-io would turn back for ever.
+
+    All else is bounded when it has become arrays.
+
+    Args:
+        message: Message of any version of the format.
+        file: Name of the file that it comes from.
+
+    Raises:
+        InputError: One line that names file and field.
+    """
+    waiting: list[tuple[Foreign, str, bool]] = [(message, "", False)]
+    while waiting:
+        owner, name, turns = waiting.pop()
+        for field, value in owner.ListFields():
+            is_angle = turns or "orientation" in field.name or "angle" in field.name
+            is_one = isinstance(value, float | int | str | bytes) or hasattr(value, "ListFields")
+            values = [value] if is_one else value
+            for one in values:
+                if hasattr(one, "ListFields"):
+                    number = getattr(one, f"{field.name.removesuffix('s')}_id", None)
+                    waiting.append(
+                        (one, f"{field.name.removesuffix('s')} {number}" if number is not None else name, is_angle)
+                    )
+                elif is_angle and isinstance(one, float) and abs(one) > limits.LARGEST_ANGLE:
+                    raise InputError(
+                        f"{file}: {name or owner.DESCRIPTOR.name} has the orientation {one:g}; give it in radians"
+                    )
 
 
 def check_adjacency(root: Element, file: str) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import document
 from interdrive.files.convert import converted
+from interdrive.files.numbers import check_message
 from interdrive.files.shapes import Foreign
 
 if TYPE_CHECKING:
@@ -120,7 +121,11 @@ def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
     except ImportError:
         return _open_protobuf_parts(path)
     from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
+    from commonroad.scenario_definition.protobuf_format.generated_scripts.commonroad_pb2 import (  # noqa: PLC0415
+        CommonRoad,
+    )
 
+    _check_angles(CommonRoad(), data, path)
     opened: tuple[Foreign, Foreign] = CommonRoadFileReader(data, file_format=FileFormat.PROTOBUF).open()
     return opened
 
@@ -133,11 +138,24 @@ def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
     for part, meaning in ((traffic, "traffic"), (roads, "map")):
         if not part.is_file():
             raise InputError(f"{path}: the {meaning} file {part.name} is not beside it; put it there or convert to XML")
+    from commonroad.common.protobuf.dynamic.commonroad_dynamic_pb2 import CommonRoadDynamic  # noqa: PLC0415
+    from commonroad.common.protobuf.map.commonroad_map_pb2 import CommonRoadMap  # noqa: PLC0415
+    from commonroad.common.protobuf.scenario.commonroad_scenario_pb2 import CommonRoadScenario  # noqa: PLC0415
+
+    parts = ((traffic, CommonRoadDynamic()), (roads, CommonRoadMap()), (problems, CommonRoadScenario()))
+    for part, message in parts:
+        if part.is_file():
+            _check_angles(message, part.read_bytes(), part)
     reader = CommonRoadFileReader(filename_map=roads, filename_dynamic=traffic, filename_scenario=problems)
     if problems.is_file():
         scenario, problem_set, _cooperative = reader.open_all()
         return scenario, problem_set
     return reader.open_map_dynamic(), None
+
+
+def _check_angles(message: Foreign, data: bytes, path: Path) -> None:
+    message.ParseFromString(data)
+    check_message(message, str(path))
 
 
 def _protobuf_parts(path: Path) -> tuple[Path, Path, Path]:
