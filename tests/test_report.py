@@ -16,13 +16,15 @@ import pyarrow as pa
 import pytest
 from click.testing import CliRunner
 
+from drivers import Straight
 from interdrive.assessment import recorded_run, save_criticality
 from interdrive.cli import main
-from interdrive.criticality import CriticalitySettings, evaluate
+from interdrive.criticality import MEASURES, CriticalitySettings, evaluate
 from interdrive.errors import InputError, ResultsError
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.events import events_of
+from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
 from interdrive.results import candidates_table, holds_run, load, predictions_table, save
 from interdrive.run_settings import RecordSettings, SimulationSettings, StepSettings
@@ -244,14 +246,63 @@ def test_collisions_goals_and_what_planners_gave_up_are_events(tmp_path):
     assert [event["step"] for event in header["events"]] == sorted(event["step"] for event in header["events"])
 
 
-def test_the_most_critical_moment_is_an_event_if_it_is_below_the_threshold(run, folder):
-    found = evaluate(run)
-    ttc = np.where(np.isfinite(found["ttc"]), found["ttc"], np.inf)
-    critical = [event for event in run_contents(folder).header["events"] if "time to collision" in event["text"]]
-    expected = [int(found.ids[row]) for row in range(2) if ttc[row].min() <= 2.0]
-    assert [run_contents(folder).header["participants"][event["rows"][0]]["id"] for event in critical] == expected
-    for event in critical:
-        assert event["value"] == pytest.approx(ttc[:, event["step"]].min())
+def approach(gap):
+    """Agent 100 closes in by 1 m per time step on car 7, which is gone after time step 30; 200 keeps its distance."""
+    problems = [
+        problem(100, 20.0, velocity=20.0, goal=(90.0, 0.0), time_step=(0, 90)),
+        problem(200, 20.0, 3.5, velocity=12.0, goal=(90.0, 3.5), time_step=(0, 90)),
+    ]
+    length = 4.508  # of the agents; that of cars is 4.5 m
+    cars = [Car(7, 20.0 + 0.5 * (length + 4.5) + gap, velocity=10.0, last=30), Car(8, 80.0, 3.5, velocity=12.0)]
+    made = world(straight_road(300.0, lanes=2), cars=cars, problems=problems)
+    return simulate(made, agents=[100, 200], planner=Straight, predictor="constant_velocity", threads=1)
+
+
+def critical(events):
+    return [event for event in events if event["kind"] == "critical"]
+
+
+def test_the_most_critical_moment_is_an_event_if_it_is_below_the_threshold(tmp_path):
+    header = run_contents(save(approach(gap=45.0), tmp_path / "run")).header
+    [event] = [event for event in critical(header["events"]) if "time to collision" in event["text"]]
+    assert event["value"] == pytest.approx(1.5, abs=0.001), "15 m are left at 10 m/s"
+    assert event["step"] == 30
+    assert event["text"] == "100: time to collision 1.50\N{NO-BREAK SPACE}s with 7"
+    assert [header["participants"][row]["id"] for row in event["rows"]] == [100, 7]
+
+
+def test_above_the_threshold_no_moment_is_an_event(tmp_path):
+    header = run_contents(save(approach(gap=50.5), tmp_path / "run")).header
+    found = evaluate(approach(gap=50.5))
+    assert np.nanmin(found["ttc"]) == pytest.approx(2.05, abs=0.001)
+    assert critical(header["events"]) == []
+
+
+@pytest.mark.parametrize(
+    ("measure", "value", "text"),
+    [
+        ("ttc", 2.0, "1: time to collision 2.00\N{NO-BREAK SPACE}s with 22"),
+        ("ttc", 2.001, None),
+        ("pet", 0.25, "1: post-encroachment time 0.25\N{NO-BREAK SPACE}s with 22"),
+        ("pet", 1.001, None),
+        ("btn", 1.0, "1: brake threat number 1.00 with 22"),
+        ("btn", 0.999, None),
+        ("btn", np.inf, None),
+        ("ttc", np.nan, None),
+        ("hw", 0.0, None),
+    ],
+)
+def test_measures_with_a_threshold_are_events_from_it_on(measure, value, text):
+    run = invented_run()
+    names = [one.name for one in MEASURES]
+    shape = len(MEASURES), len(run.outcomes.agent_id)
+    extreme, step, partner = np.full(shape, np.nan), np.zeros(shape, dtype=int), np.full(shape, -1)
+    at = names.index(measure), 0
+    extreme[at], step[at], partner[at] = value, 17, np.searchsorted(run.states.ids, 22)
+    measured = Measured(np.empty((*shape, 0)), np.empty((*shape, 0), dtype=int), extreme, step, partner)
+    no_plans = pa.table({"point": []})
+    found = [event for event in events_of(run, no_plans, measured, 1) if event.kind == "critical"]
+    assert [(event.text, event.step, event.value) for event in found] == ([(text, 17, value)] if text else [])
 
 
 def test_an_emergency_lasts_as_long_as_no_new_plan_is_of_another_kind():
@@ -400,6 +451,14 @@ def test_run_with_report_records_and_writes_the_page(tmp_path):
     header = run_contents(out).header
     assert header["missing"] == []
     assert header["info"]["settings"]["settings"]["record.candidates"] == 30
+
+
+def test_a_planner_that_weighs_no_candidates_has_a_page_without_them(tmp_path):
+    out = tmp_path / "run"
+    options = ["--agents", "1", "--planner", "idm", "--report", "--out", str(out), "--quiet"]
+    done = CliRunner().invoke(main, ["run", "lane_merge", *options])
+    assert (done.exit_code, done.output) == (0, "")
+    assert load(out).candidates.num_rows == 0
 
 
 def test_what_the_user_sets_wins_over_what_a_report_wants(tmp_path):

@@ -251,12 +251,14 @@ def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> Non
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
     """Every row of a prediction or candidate has the same points, and the same values in these columns."""
     steps, points = columns["time_step"], np.unique(columns["point"])
+    if not len(steps):
+        return  # planners that weigh no candidates leave an empty table
     _refuse("time_step", steps, ~_is_recorded(steps, states), "is not in states.parquet")
-    if len(steps) % max(1, len(points)) or np.any(columns["point"].reshape(-1, len(points)) != points):
+    if len(steps) % len(points) or np.any(columns["point"].reshape(-1, len(points)) != points):
         raise _Damage("point: points are missing")
     for name in alike:
-        values = columns[name].reshape(-1, max(1, len(points)))
-        if len(values) and np.any(values != values[:, :1]):
+        values = columns[name].reshape(-1, len(points))
+        if np.any(values != values[:, :1]):
             raise _Damage(f"{name}: it changes from point to point")
 
 
