@@ -93,6 +93,7 @@ def test_links_start_where_the_page_lies(copied, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     page = write_batch_report(copied, tmp_path / "elsewhere" / "page.html")
     pages = [run["page"] for run in header_of(page)["runs"] if run["page"]]
+    assert len(pages) == 4
     assert all(link.startswith("../copy/recordings/") for link in pages)
     assert all((page.parent / link).is_file() for link in pages)
 
@@ -129,6 +130,7 @@ def test_the_command_of_a_run_that_was_not_kept_does_it_again(tmp_path, choices)
     source = Path(shutil.copy(shipped_scenario("lane_merge"), tmp_path / "it's merging.xml"))
     batch([source], tmp_path / "out", workers=1, predictor="constant_velocity", **choices)
     runs = header_of(write_batch_report(tmp_path / "out"))["runs"]
+    assert runs
     digests = set(BatchFolder.open(tmp_path / "out").table(["digest"])["digest"].to_pylist())
     again = set()
     for number, run in enumerate(runs):
@@ -146,15 +148,25 @@ def test_what_the_command_line_cannot_repeat_has_no_command(tmp_path):
     assert [run["command"] for run in header_of(write_batch_report(tmp_path / "out"))["runs"]] == [None]
 
 
-def test_runs_that_did_not_finish_have_no_command(copied):
-    assert all("command" not in run for run in header_of(write_batch_report(copied))["runs"] if run["error"])
+def test_of_runs_without_a_page_those_that_finished_have_a_command(copied):
+    for folder in sorted((copied / "recordings").iterdir())[:2]:
+        shutil.rmtree(folder)
+    runs = header_of(write_batch_report(copied))["runs"]
+    assert sorted((run["status"], run["page"] is not None, "command" in run) for run in runs) == [
+        ("finished", False, True),
+        ("finished", False, True),
+        ("finished", True, False),
+        ("finished", True, False),
+        ("refused", False, False),
+        ("refused", False, False),
+    ]
 
 
 def test_without_kept_runs_the_page_says_how_to_keep_them(copied):
     shutil.rmtree(copied / "recordings")
     header = header_of(write_batch_report(copied))
     assert [entry["what"] for entry in header["missing"]] == ["runs"]
-    assert all(run["page"] is None for run in header["runs"])
+    assert [run["page"] for run in header["runs"]] == [None] * 6
 
 
 def test_without_a_finished_run_the_runs_are_listed_and_the_comparison_is_missing(tmp_path):

@@ -98,20 +98,6 @@ def test_a_run_is_simulated_saved_and_reported(simulated, here):
     assert done.stderr == ""  # no terminal, no progress bar
 
 
-def test_without_choices_everybody_plans_with_the_defaults(simulated, here):
-    assert invoke("run", "bend.xml").exit_code == 0
-    assert simulated.arguments == {
-        "scenario": "bend.xml",
-        "agents": "all",
-        "planner": "frenet",
-        "predictor": "neural",
-        "settings": simulation.SimulationSettings(),
-        "seed": 0,
-        "threads": None,
-        "snapshots_of": None,
-    }
-
-
 @pytest.mark.parametrize(("text", "agents"), [("all", "all"), ("5", 5), ("5,7", (5, 7)), ("5,", (5,))])
 def test_agents_are_all_a_number_or_ids(simulated, here, text, agents):
     assert invoke("run", "bend.xml", "--agents", text).exit_code == 0
@@ -358,6 +344,15 @@ def real(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bend.xml").write_bytes(files.write_scenario(RUN))
     return tmp_path
+
+
+def test_without_choices_the_command_line_does_what_python_does_without(real):
+    assert invoke("run", "bend.xml", "--out", "made", "--quiet").exit_code == 0
+    made, run = load("made"), simulation.simulate(real / "bend.xml")
+    assert made.info["digest"] == run.digest
+    assert made.info["settings"] == json.loads(json.dumps(run.settings))
+    assert made.views is made.predictions is made.candidates is None
+    assert {path.suffix for path in (real / "made").iterdir()} == {".parquet", ".json", ".xml"}
 
 
 def test_a_real_run_is_the_same_again_to_the_last_bit(real):

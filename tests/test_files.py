@@ -487,6 +487,7 @@ def test_recorded_states_are_those_that_commonroad_io_reads(scenarios_folder):
     path = scenarios_folder / "highway" / "USA_US101-23_1_T-1.xml"
     theirs, _problems = XMLFileReader(path).open()
     ours = read_scenario(path)
+    assert len(theirs.dynamic_obstacles) > 20
     for obstacle in theirs.dynamic_obstacles:
         one = driven(ours, obstacle.obstacle_id)
         assert one["valid"].sum() == len(obstacle.prediction.trajectory.state_list) + 1

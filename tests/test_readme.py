@@ -1,5 +1,8 @@
-"""Every example of the README runs."""
+"""The README does what it says: its examples run, one after the other as a reader would, and leave what it promises."""
 
+from __future__ import annotations
+
+import ast
 import re
 import shlex
 import subprocess
@@ -8,28 +11,94 @@ from pathlib import Path
 
 import pytest
 
+import interdrive as idr
+from interdrive.report import is_batch
+from interdrive.results import holds_run
+
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 COMMANDS = [line[2:] for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL) for line in block.splitlines()]
 
 
-def test_the_readme_has_examples():
-    assert len(PYTHON) == 4
-    assert len(COMMANDS) == 14
+def printed(number, folder):
+    """What an example in Python prints."""
+    words = [sys.executable, "-c", PYTHON[number]]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
 
 
-@pytest.mark.parametrize("number", range(len(PYTHON)))
-def test_an_example_in_python_runs(number, tmp_path):
-    command = [sys.executable, "-c", PYTHON[number]]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-def test_the_commands_run_one_after_the_other(tmp_path):
+@pytest.fixture(scope="module")
+def console(tmp_path_factory):
+    """The folder in which all commands ran, and what each of them printed."""
+    folder, said = tmp_path_factory.mktemp("readme"), {}
     for command in COMMANDS:
         program, *arguments = shlex.split(command)
         assert program == "interdrive"
         words = [sys.executable, "-m", "interdrive", *arguments]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{command}: {done.stderr}"
-    assert (tmp_path / "out" / "t_junction" / "outcomes.parquet").exists()
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, ""), command
+        said[command] = done.stdout
+    return folder, said
+
+
+def test_a_run_from_python_gives_outcomes_and_states(tmp_path):
+    *outcomes, shape = printed(0, tmp_path).splitlines()
+    run = idr.simulate("t_junction", agents="all")
+    assert outcomes == [
+        f"{agent} {end}" for agent, end in zip(run.outcomes.agent_id, run.outcomes.outcome, strict=True)
+    ]
+    assert shape == str(run.states.x.shape)
+
+
+def test_a_run_step_by_step_is_saved(tmp_path):
+    assert printed(1, tmp_path) == ""
+    found = idr.load(tmp_path / "out" / "lane_merge")
+    assert found.outcomes.num_rows == 3
+    assert found.info["settings"]["predictor"] == "constant_velocity"
+
+
+def test_every_agent_gets_its_planner(tmp_path):
+    planners = ast.literal_eval(printed(2, tmp_path))
+    assert planners.pop(1001) == "idm"
+    assert set(planners.values()) == {"frenet"}
+    assert len(planners) > 2
+
+
+def test_the_planner_of_the_reader_keeps_the_contract(tmp_path):
+    assert PYTHON[3:] == PYTHON[3:4], "an example that no test looks at"
+    ends = ast.literal_eval(printed(3, tmp_path))
+    assert ends["an empty road"] == "goal_reached"
+    assert len(ends) == 4
+    assert "planner_error" not in ends.values()
+
+
+def test_every_command_leaves_what_it_is_told_to_make(console):
+    folder, said = console
+    made = {Path(words[words.index("--out") + 1]) for words in map(shlex.split, COMMANDS) if "--out" in words}
+    runs = {path for path in made if holds_run(folder / path)}
+    assert runs == {Path("out/t_junction"), Path("out/mixed"), Path("out/views")}
+    assert {path for path in made if is_batch(folder / path)} == {Path("out/batch")}
+    assert (folder / "out" / "velocity.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "out" / "predictions" / "measures.parquet").is_file()
+    assert made - runs == {Path("out/batch"), Path("out/velocity.pdf"), Path("out/predictions")}
+    assert [text[:6] for command, text in said.items() if command.startswith("interdrive verify")] == ["equal:"] * 2
+
+
+def test_a_run_folder_holds_the_files_of_the_table(console):
+    folder, _ = console
+    rows = re.findall(r"^\| (`[^|]*) \| (.*) \|$", README.split("## What comes out")[1], re.MULTILINE)
+    described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
+    found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
+    others = {"run.png", "run.gif", "criticality_extremes.parquet"}  # asked for, or part of what is described
+    assert described - {"predictions.parquet", "candidates.parquet"} == found - others
+
+
+def test_settings_of_an_agent_reach_its_run(console):
+    folder, _ = console
+    mixed, views = (idr.load(folder / "out" / name) for name in ("mixed", "views"))
+    chosen = dict(zip(mixed.outcomes["agent_id"].to_pylist(), mixed.outcomes["planner"].to_pylist(), strict=True))
+    assert (chosen[1001], chosen[1002]) == ("idm", "frenet")
+    assert mixed.info["settings"]["planner"]["1002"] == {"planner": "frenet", "level": 1}
+    assert views.info["settings"]["views"]["2001"]["occlusion"] is True
+    assert views.views.num_rows > 0

@@ -328,11 +328,11 @@ def test_reactive_vehicles_start_exactly_at_their_recorded_initial_state(scenari
     simulation.step()
     simulation.step()
     run = simulation.record()
-    for agent in agents:
-        row, recorded = int(np.searchsorted(run.states.ids, agent)), int(np.searchsorted(scenario.obstacles.ids, agent))
-        first = int(np.argmax(scenario.obstacles.valid[recorded]))
-        if first > 0:
-            continue
+    row_of = {agent: int(np.searchsorted(scenario.obstacles.ids, agent)) for agent in agents}
+    from_the_start = [agent for agent, row in row_of.items() if scenario.obstacles.valid[row, 0]]
+    assert from_the_start
+    for agent in from_the_start:
+        row, recorded = int(np.searchsorted(run.states.ids, agent)), row_of[agent]
         for field in ("x", "y", "orientation", "velocity"):
             assert getattr(run.states, field)[row, 0] == getattr(scenario.obstacles, field)[recorded, 0], (agent, field)
         # No jump afterwards: the first two steps are as long as the speeds say.

@@ -309,7 +309,9 @@ def test_larger_text_leaves_values_whole_and_the_map_in_sight(page, demo, size):
     page.keyboard.press("A")
     page.locator(".scrub").fill("60")
     ready(page)
-    for value in page.locator(".profile .value").all():
+    values = page.locator(".profile .value").all()
+    assert len(values) > 2
+    for value in values:
         assert value.evaluate("(v) => v.scrollWidth <= v.clientWidth"), value.inner_text()
     assert page.locator(".side").bounding_box()["width"] <= 0.35 * size["width"]
     assert page.locator(".map").bounding_box()["height"] >= 0.25 * size["height"]
@@ -392,7 +394,9 @@ def test_a_run_that_was_not_kept_shows_its_command_and_errors_leave_names_whole(
     page.locator("table.runs summary").click()
     assert page.locator("table.runs code").inner_text() == said
     line = page.evaluate("() => parseFloat(getComputedStyle(document.body).lineHeight)")
-    for name in page.locator("table.runs td:nth-child(3)").all():
+    names = page.locator("table.runs td:nth-child(3)").all()
+    assert len(names) > 1
+    for name in names:
         height = name.evaluate(HEIGHT)
         assert height <= 1.5 * line
 
