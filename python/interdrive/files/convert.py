@@ -237,7 +237,7 @@ def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _No
             raise InputError(f"{file}: two obstacles have the id {first}; give each its own")
     tracks, shapes = [], []
     for obstacle, number in zip(sources, ids, strict=True):
-        tracks.append(_track(obstacle, number in statics, dt, file, facts.stated.get(number), notes))
+        tracks.append(_track(obstacle, number in statics, dt, file, facts, notes))
         shape = facts.footprints.get(number) or shape_of(obstacle.obstacle_shape)
         shapes.append(shape)
     is_static = np.array([number in statics for number in ids], dtype=np.bool_)
@@ -250,15 +250,13 @@ def _kind(obstacle: Foreign) -> str:
     return value if value in _PLAIN_KINDS else _KINDS.get(value, "unknown")
 
 
-def _track(
-    obstacle: Foreign, is_static: bool, dt: float, file: str, stated: frozenset[str] | None, notes: _Notes
-) -> Track:
+def _track(obstacle: Foreign, is_static: bool, dt: float, file: str, facts: Facts, notes: _Notes) -> Track:
     number = int(obstacle.obstacle_id)
     prediction = None if is_static else obstacle.prediction
     trajectory = getattr(prediction, "trajectory", None)
     if prediction is not None and trajectory is None:
         notes.add("set-based predictions left out, the obstacle is there at its initial time step only", number)
-    states = [(obstacle.initial_state, stated)]
+    states = [(obstacle.initial_state, facts.stated.get(number))]
     states += [(state, None) for state in trajectory.state_list] if trajectory is not None else []
     rows = []
     for state, names in states:
@@ -267,6 +265,7 @@ def _track(
             notes.add("uncertain states replaced by their middle, obstacles", number)
         limits.require_time_step(step, f"obstacle {number}", file)
         rows.append((step, row))
+    rows += [] if is_static else facts.trajectories.get(number, [])
     recorded = track(rows)
     limits.require_states(recorded.values, f"obstacle {number}", file)
     if recorded.contradicts:
