@@ -45,14 +45,14 @@ def main() -> int:
     """The command."""
     options = _options()
     limits = Limits(memory=options.memory_mb * 10**6, cpu_seconds=options.cpu_seconds)
-    seeds = documents() + tuple(data for folder in options.seeds for data in further(folder))
+    seeds = documents(), tuple(data for folder in options.seeds for data in further(folder))
     if options.only is not None:
-        one = mutant(options.seed, options.only, seeds)
+        one = mutant(options.seed, options.only, *seeds)
         _keep(options.found, "only", one.files, {})
         ending = isolated(one.files, one.main, one.random, limits)
         print(json.dumps(asdict(ending), indent=1).replace("\\n", "\n"))
         return int(ending.verdict == FAILED)
-    _warm_up(seeds[0])
+    _warm_up(seeds[0][0])
     tally = Tally(options.found)
     for path in _given([REGRESSIONS, *options.files]):
         files = {part.name: part.read_bytes() for part in _beside(path)}
@@ -105,7 +105,9 @@ class Tally:
         return "\n".join(lines)
 
 
-def _campaign(options: argparse.Namespace, seeds: tuple[bytes, ...], limits: Limits, tally: Tally) -> None:
+def _campaign(
+    options: argparse.Namespace, seeds: tuple[tuple[bytes, ...], tuple[bytes, ...]], limits: Limits, tally: Tally
+) -> None:
     """Mutants in several processes, each of which forks a child per mutant."""
     context = multiprocessing.get_context("fork")
     queue: Queue[tuple[int, str, dict[str, bytes], Ending] | None] = context.Queue(maxsize=100)
@@ -114,12 +116,12 @@ def _campaign(options: argparse.Namespace, seeds: tuple[bytes, ...], limits: Lim
     def work(job: int) -> None:
         index = options.first + job
         while time.monotonic() < until:
-            one = mutant(options.seed, index, seeds)
+            one = mutant(options.seed, index, *seeds)
             queue.put((index, one.kind, one.files, isolated(one.files, one.main, one.random, limits)))
             index += options.jobs
         queue.put(None)
 
-    mutant(options.seed, 0, seeds)
+    mutant(options.seed, 0, *seeds)
     # Not daemons: they have children of their own.
     workers = [context.Process(target=work, args=(job,)) for job in range(options.jobs)]
     for worker in workers:

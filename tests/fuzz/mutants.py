@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Share of mutants that are protobuf messages.
 PROTOBUF_SHARE = 0.25
+#: Share of XML mutants that come from further documents.
+OTHERS_SHARE = 0.25
 _NAME = "ZAM_Merge-1_1_T-1"
 
 
@@ -39,13 +41,14 @@ class Mutant:
     random: Random
 
 
-def mutant(seed: int, index: int, documents: tuple[bytes, ...]) -> Mutant:
+def mutant(seed: int, index: int, documents: tuple[bytes, ...], others: tuple[bytes, ...] = ()) -> Mutant:
     """The mutant; the same for the same seed, index and documents.
 
     Args:
         seed: Of the whole campaign.
         index: Of the mutant in it.
-        documents: Well-formed XML documents.
+        documents: Well-formed XML documents that are accepted.
+        others: Further well-formed ones, many of which may be refused; less often changed therefore.
     """
     random = Random(f"{seed}:{index}")
     if random.random() < PROTOBUF_SHARE:
@@ -59,7 +62,8 @@ def mutant(seed: int, index: int, documents: tuple[bytes, ...]) -> Mutant:
             cut = random.randrange(len(parts[name]))
             parts[name] = parts[name][:cut] + bytes([random.randrange(256)]) + parts[name][cut + 1 :]
         return Mutant("protobuf", f"{_NAME}.pb", parts, random)
-    data = document.mutated(random.choice(documents), random, documents)
+    chosen = random.choice(others if others and random.random() < OTHERS_SHARE else documents)
+    data = document.mutated(chosen, random, documents + others)
     return Mutant("xml", "mutant.xml", {"mutant.xml": data}, random)
 
 
