@@ -89,3 +89,33 @@ class Stuck(Straight):
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
             ctypes.CDLL(None).sleep(60)
         return super().plan(view, predictions)
+
+
+class MuteError(Exception):
+    def __str__(self):
+        raise RuntimeError("no comment")
+
+
+class Own(BaseException):
+    pass
+
+
+class Unprintable(Straight):
+    parallel = True
+
+    def plan(self, view, predictions):
+        raise MuteError
+
+
+class EndingItself(Straight):
+    parallel = True
+
+    def plan(self, view, predictions):
+        raise Own
+
+
+class Interrupting(Straight):
+    parallel = True
+
+    def plan(self, view, predictions):
+        raise KeyboardInterrupt

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
+from interdrive.foreign import failure, text_of
 from interdrive.settings import bind, constructed, description, dotted
 
 
@@ -85,10 +86,10 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
         module_name, _, attribute = name.partition(":")
         try:
             found: Any = importlib.import_module(module_name)
-        except InterdriveError:
+        except (InterdriveError, KeyboardInterrupt):
             raise
-        except (Exception, SystemExit) as error:
-            raise InputError(f"{what} {name}: module {module_name} does not import ({error})") from error
+        except BaseException as error:
+            raise InputError(f"{what} {name}: module {module_name} does not import ({_why(error)})") from error
         for part in attribute.split("."):
             if not hasattr(found, part):
                 raise InputError(f"{what} {name}: module {module_name} has no {attribute}")
@@ -104,6 +105,11 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}, or module:object"
     raise InputError(f"unknown {what} {name!r}: {hint}")
+
+
+def _why(error: BaseException) -> str:
+    """The text of an exception that says enough by itself, as those of imports do."""
+    return text_of(error) if isinstance(error, ImportError) else failure(error)
 
 
 def versions(name: str, what: str) -> dict[str, str]:
@@ -178,13 +184,13 @@ def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # no
     name = entry_point.name
     try:
         return entry_point.load()
-    except InterdriveError:
+    except (InterdriveError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         lacking = _missing_extra(entry_point)
         if lacking and isinstance(error, ImportError):
             raise MissingExtraError(f"{what} {name} {lacking}") from error
-        raise InputError(f"{what} {name}: its entry point does not load ({type(error).__name__}: {error})") from error
+        raise InputError(f"{what} {name}: its entry point does not load ({failure(error)})") from error
 
 
 def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
@@ -239,12 +245,12 @@ def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | N
             return found
         if is_dataclass(found) and not isinstance(found, type):
             return bind(found, settings)
-    except InterdriveError:
+    except (InterdriveError, KeyboardInterrupt):
         raise
-    except Exception as error:
+    except BaseException as error:
         kind = choice if hasattr(choice, "__qualname__") else type(choice)
         name = f"{kind.__module__}:{kind.__qualname__}"
-        raise InputError(f"{what} {name} cannot be made ({type(error).__name__}: {error})") from error
+        raise InputError(f"{what} {name} cannot be made ({failure(error)})") from error
     raise InputError(f"{next(iter(settings))}: it has no settings; only those that are dataclasses have")
 
 

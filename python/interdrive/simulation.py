@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +17,7 @@ from interdrive.considered import CandidateLog, PredictionLog
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
 from interdrive.files.limits import require_scenario
+from interdrive.foreign import same_folder
 from interdrive.handles import core_road, core_scenario, core_shape
 from interdrive.planners import Planner, PlannerSettings, name_of, native_planner
 from interdrive.planners import resolve as resolve_planner
@@ -247,10 +249,12 @@ class Simulation:
             wanted = {i: view.ego.s for i, view in views.items() if i not in self._python_planners}
             answers = self._workers.ask(scene, predictions, wanted)
         timeout_s = self.settings.step.planner_timeout_s
+        with same_folder() if self._python_planners else nullcontext():
+            for agent_id, view in views.items():
+                planner = self._python_planners.get(agent_id)
+                if planner is not None:
+                    answers[agent_id] = ask(planner, view, predictions.seen_by(view), timeout_s)
         for agent_id, view in views.items():
-            planner = self._python_planners.get(agent_id)
-            if planner is not None:
-                answers[agent_id] = ask(planner, view, predictions.seen_by(view), timeout_s)
             answer = answers[agent_id]
             try:
                 if not isinstance(answer, str):

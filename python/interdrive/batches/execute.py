@@ -17,6 +17,7 @@ from interdrive.batches.dataset import encoded
 from interdrive.batches.runs import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import read_scenario, scenario_parts
+from interdrive.foreign import failure
 from interdrive.handles import core_road
 from interdrive.results import arrow_table, save
 from interdrive.simulation import simulate
@@ -78,7 +79,9 @@ def execute(job: Job, attempts: int) -> Finished:
         return failed(spec, *spec.problem, attempts)
     try:
         return _finished(job, attempts)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a run that fails is a row, not the end
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 - a run that fails is a row, not the end
         return failed(spec, *_problem(error), attempts)
 
 
@@ -86,7 +89,7 @@ def _problem(error: BaseException) -> Problem:
     """Why something cannot be done, and what that is called."""
     if isinstance(error, InterdriveError):
         return Problem("refused" if isinstance(error, InputError) else "failed", str(error))
-    return Problem("failed", f"{type(error).__name__}: {error}")
+    return Problem("failed", failure(error))
 
 
 def failed(spec: RunSpec, status: str, error: str, attempts: int) -> Finished:
@@ -106,7 +109,9 @@ def agents_of(job: Job, _attempts: int) -> tuple[int, ...] | Problem:
         return spec.problem
     try:
         return _ids(spec, _read(job)[0])
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - likewise
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 - likewise
         return _problem(error)
 
 

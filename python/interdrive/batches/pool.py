@@ -13,12 +13,12 @@ import threading
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from interdrive.errors import InterdriveError
+from interdrive.planners.workers import uninterrupted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -157,7 +157,7 @@ class Pool:
         while len(self._workers) < self._n:
             ours, theirs = self._context.Pipe()
             process = self._context.Process(target=_work, args=(theirs,), daemon=True, name="interdrive-batch")
-            with _STARTING, _one_thread(), _no_interrupt():
+            with _STARTING, _one_thread(), uninterrupted():
                 process.start()
                 theirs.close()
                 self._workers.append(_Worker(process, ours))
@@ -276,19 +276,6 @@ def _one_thread() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-@contextmanager
-def _no_interrupt() -> Iterator[None]:
-    """Processes that start now are not told of Ctrl-C before they can ignore it; this thread is told a moment later."""
-    resource_tracker.ensure_running()  # it would lift the block when it starts
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    try:
-        # It may raise because of a Ctrl-C just before, with the signal blocked already.
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _work(connection: Connection) -> None:

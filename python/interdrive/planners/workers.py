@@ -13,14 +13,17 @@ import multiprocessing
 import pickle
 import signal
 import weakref
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any, cast
 
 from interdrive.errors import InputError
-from interdrive.planners.calls import ask, failure
+from interdrive.foreign import failure
+from interdrive.planners.calls import ask
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from multiprocessing.connection import Connection
     from multiprocessing.process import BaseProcess
 
@@ -74,7 +77,8 @@ class Workers:
             ours, theirs = context.Pipe()
             arguments = (theirs, stage, {i: make[i] for i in agents}, timeout_s)
             process = context.Process(target=_work, args=arguments, daemon=True, name=f"interdrive-planners-{k}")
-            process.start()
+            with uninterrupted():
+                process.start()
             theirs.close()
             self._workers.append(_Worker(process, ours, agents))
         for worker in self._workers:
@@ -136,6 +140,19 @@ class Workers:
         self._close()
 
 
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Processes that start now are not told of Ctrl-C before they can ignore it; this thread is told a moment later."""
+    resource_tracker.ensure_running()  # it would lift the block when it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    try:
+        # It may raise because of a Ctrl-C just before, with the signal blocked already.
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def can_be_sent(thing: object) -> bool:
     """It can be sent to another process."""
     try:
@@ -163,9 +180,10 @@ def _work(
 ) -> None:
     """Runs in the worker process until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     try:
         world, planners = stage(), {i: factory() for i, factory in make.items()}
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - reported to the parent
+    except BaseException as error:  # noqa: BLE001 - reported to the parent
         connection.send(failure(error))
         return
     connection.send("")
@@ -179,4 +197,8 @@ def _work(
         scene = world.scene_from(scene_parts)
         for i, s in wanted:
             view = world.view(scene, i, s)
-            connection.send(ask(planners[i], view, predictions.seen_by(view), timeout_s))
+            try:
+                answer = ask(planners[i], view, predictions.seen_by(view), timeout_s)
+            except KeyboardInterrupt as error:  # not from the terminal, which is ignored here
+                answer = failure(error)
+            connection.send(answer)

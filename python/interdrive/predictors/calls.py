@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 from interdrive._core import Predictions
-from interdrive.errors import InterdriveError, PredictorError
+from interdrive.errors import PredictorError
+from interdrive.foreign import failure, same_folder, undisturbed
 from interdrive.plugins import Choice, read_choice
 from interdrive.predictors import Predictor, PredictorSettings, native, native_name, resolve
 
@@ -57,9 +58,12 @@ class Called:
             return world.predict(self.native, scene, n_steps)
         where = f"predictor {self.name}, time step {scene.time_step}"
         try:
-            answer = cast("Predictor", self.predictor).predict(scene)
-        except (Exception, SystemExit) as error:
-            raise PredictorError(f"{where}: {failure(error)}") from error
+            with same_folder():
+                answer = undisturbed(cast("Predictor", self.predictor).predict, scene)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise PredictorError(f"{where}: {failure(error, 'scene')}") from error
         if not isinstance(answer, Predictions):
             raise PredictorError(f"{where}: it returned {type(answer).__name__}, interdrive.Predictions expected")
         if answer.time_step != scene.time_step:
@@ -80,14 +84,3 @@ def called(choice: Choice | object, settings: PredictorSettings, recorded: _core
     """
     predictor = resolve(choice, settings)
     return Called(name_of(choice), predictor, native(predictor, settings, recorded))
-
-
-def failure(error: BaseException) -> str:
-    """One line for whatever a predictor raised."""
-    # The notes say which argument was of a wrong type.
-    text = " ".join(" ".join([str(error), *getattr(error, "__notes__", ())]).split())
-    if isinstance(error, InterdriveError):
-        return text
-    if isinstance(error, ValueError) and "read-only" in text:
-        return f"it writes into its scene, which is read-only ({text})"
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__

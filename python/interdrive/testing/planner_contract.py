@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.planners.calls import failure
+from interdrive.foreign import failure
 from interdrive.planners.contract import stated
 from interdrive.planners.workers import can_be_sent
 from interdrive.simulation import simulate
@@ -69,7 +69,7 @@ class _Watched:
         try:
             plan: Trajectory = self._first.plan(view, predictions)
         except Exception as error:  # noqa: BLE001 - whatever it raises is the finding
-            fail(f"plan: {failure(error)}")
+            fail(f"plan: {failure(error, 'view')}")
         seconds = time.perf_counter() - start
         try:
             view.check_plan(*stated(plan))
