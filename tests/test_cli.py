@@ -284,7 +284,7 @@ def test_verify_repeats_the_run_as_it_was(simulated, here):
     info = json.loads((here / "made" / "run.json").read_text())
     info["settings"] = settings | {"settings": {"planner.frenet.horizon": 2.0}}
     (here / "made" / "run.json").write_text(json.dumps(info))
-    done = invoke("verify", "made", "--threads", "1")
+    done = invoke("verify", "made", "--threads", "1", "--trust")
     assert done.exit_code == 0, done.output
     assert done.stdout.startswith("equal: digest 000")
     given = simulated.arguments
@@ -399,7 +399,20 @@ def test_a_real_run_with_a_planner_per_agent_is_the_same_again(real):
         "4": {"planner": "frenet", "level": 1},
     }
     assert made.info["settings"]["views"]["3"]["sensor_radius"] == 30.0
-    again = python("-m", "interdrive", "verify", "made")
+    untrusted = python("-m", "interdrive", "verify", "made", stdin=subprocess.DEVNULL)
+    assert (untrusted.returncode, untrusted.stdout) == (2, "")
+    assert untrusted.stderr == (
+        "error: made: run.json names code outside interdrive (mine:Straight), which would be imported and run; "
+        "add --trust if you trust this folder\n"
+    )
+    ours, theirs = os.openpty()
+    for answer, code in (("n", 2), ("y", 0)):
+        os.write(ours, f"{answer}\n".encode())
+        asked = python("-m", "interdrive", "verify", "made", stdin=theirs)
+        assert (asked.returncode, "names code outside interdrive: mine:Straight" in asked.stderr) == (code, True)
+    os.close(ours)
+    os.close(theirs)
+    again = python("-m", "interdrive", "verify", "made", "--trust")
     assert (again.returncode, again.stdout[:6]) == (0, "equal:"), again.stderr
 
 

@@ -135,6 +135,18 @@ def stored(chosen: Mapping[int, AgentChoice], predictor: Choice, settings: Simul
     }
 
 
+def modules_named(planner: object, predictor: object) -> tuple[str, ...]:
+    """Which of these choices name code in a module, as `module:object`; resolving them would import and run it.
+
+    Args:
+        planner: One choice for all agents, or a mapping from agents to choices.
+        predictor: One choice.
+    """
+    choices = list(planner.values()) if isinstance(planner, Mapping) and _is_per_agent(planner) else [planner]
+    read = [*(read_choice(choice, "planner") for choice in choices), read_choice(predictor, "predictor")]
+    return tuple(sorted({str(one.chosen) for one in read if isinstance(one.chosen, str) and ":" in one.chosen}))
+
+
 def _is_per_agent(planner: object) -> bool:
     """A mapping from agents to choices, rather than a choice that is a table."""
     return isinstance(planner, Mapping) and all(

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from interdrive.cli.terminal import say, visible
 from interdrive.errors import InputError
 from interdrive.settings import bind
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
 
 @click.command()
 @click.argument("folder", metavar="RUN")
 @click.option("--scenario", metavar="FILE", help="Where the scenario file is now, if it was moved.")
 @click.option("--threads", metavar="N", type=click.IntRange(min=1), help="Threads that plan (all cores).")
-def verify(folder: str, scenario: str | None, threads: int | None) -> int:
+@click.option("--trust", is_flag=True, help="Import planners and predictors that run.json names as module:object.")
+def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) -> int:
     """Repeat the run in folder RUN and compare the digest of all states.
 
-    Exit code 0: equal to the last bit. Exit code 1: different.
+    Exit code 0: equal to the last bit. Exit code 1: different. A planner or predictor that run.json names as
+    module:object is code that would run with your rights: you are asked first, or say --trust.
     """
+    from interdrive.choices import modules_named  # noqa: PLC0415
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
     from interdrive.results import information, load  # noqa: PLC0415
     from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
@@ -47,6 +52,8 @@ def verify(folder: str, scenario: str | None, threads: int | None) -> int:
         }
     except (KeyError, TypeError, ValueError) as cause:
         raise InputError(f"{folder}: run.json does not say how to repeat the run ({cause!r})") from None
+    if not trust:
+        _ask(folder, modules_named(wanted["planner"], wanted["predictor"]))
     with progress(quiet=False) as report:
         report.say("repeating the run")
         again = simulate(path, threads=threads, on_step=report.step, **arguments)
@@ -55,6 +62,26 @@ def verify(folder: str, scenario: str | None, threads: int | None) -> int:
     equal = again.digest == info["digest"]
     print_verdict(info, information(again), equal=equal)
     return 0 if equal else 1
+
+
+def _ask(folder: str, modules: Sequence[str]) -> None:
+    """Asks before code is run that a folder names, which may come from anybody.
+
+    Raises:
+        InputError: The answer is no, or there is nobody to ask.
+    """
+    if not modules:
+        return
+    names = visible(", ".join(modules))
+    if sys.stdin is not None and sys.stdin.isatty():
+        say(f"run.json names code outside interdrive: {names}. It will be imported and run with your rights.", err=True)
+        if click.confirm("Go on?", err=True):
+            return
+        raise InputError(f"{folder}: not repeated")
+    raise InputError(
+        f"{folder}: run.json names code outside interdrive ({names}), which would be imported and run; "
+        "add --trust if you trust this folder"
+    )
 
 
 def _scenario_file(folder: str, info: Mapping[str, Any], given: str | None) -> Path:
