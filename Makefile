@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle versions fuzz fuzz-smoke format clean
+.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke format clean
 
 $(VENV)/.tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -63,6 +63,8 @@ instructions: ## instructions of the hot paths against stored figures; benchmark
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
+
+environments: $(VENV)/.installed .venv-oracles/.installed .venv-oldest/.installed .venv-third/.installed .venv-ray/.installed .venv-browser/.tools ## all that CI needs
 
 # Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
 FUZZ_SEED ?= 1
