@@ -10,15 +10,44 @@ export MPLBACKEND := Agg
 
 .PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke format clean
 
-$(VENV)/.tools: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*p['dependencies'], *p['optional-dependencies']['dev'], sep='\n')" > $(VENV)/requirements.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r $(VENV)/requirements.txt
+# Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
+ENVIRONMENTS := $(VENV) .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-training
+$(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
+.venv-oracles/.tools: WANTED = p['dependencies'] + o['oracles']
+# Black boxes whose own requirements have no wheels; what is called of them needs none of those.
+.venv-oracles/.tools: ALONE = commonroad-crime==0.4.5 commonroad-clcs==2025.2.0
+# Of every dependency exactly the lower bound.
+.venv-oldest/.tools: WANTED = [re.sub(r'>=([^,]+).*', r'==\1', one) for one in p['dependencies']] + ['pytest>=8']
+# Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
+.venv-third/.tools: WANTED = p['dependencies'] + o['frenetix'] + o['reactive'] + ['pytest>=8']
+# Ray and commonroad-io agree on protobuf 3.20.2, which holds Ray back; no other environment should be held back with it.
+.venv-ray/.tools: WANTED = p['dependencies'] + o['ray'] + ['pytest>=8']
+.venv-browser/.tools: WANTED = ['playwright>=1.49', 'pillow>=10', 'pytest>=8']
+.venv-training/.tools: WANTED = p['dependencies'] + o['training']
+# The index of torch without CUDA keeps the download small.
+.venv-training/.tools: INDEX = --extra-index-url https://download.pytorch.org/whl/cpu
+
+$(ENVIRONMENTS:%=%/.tools): pyproject.toml
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+	$(@D)/bin/python -c "import re, tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; o = p['optional-dependencies']; print(*$(WANTED), sep='\n')" > $(@D)/requirements.txt
+	$(@D)/bin/python -m pip install --quiet --disable-pip-version-check $(INDEX) -r $(@D)/requirements.txt
+	$(if $(ALONE),$(@D)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps $(ALONE))
 	touch $@
 
 $(VENV)/.installed: $(VENV)/.tools $(RUST)
 	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --quiet
+	touch $@
+
+# The compiled core is the same for every version of Python and lies beside the sources, so the others point to it.
+.venv-%/.installed: .venv-%/.tools $(VENV)/.installed
+	cp -r $(VENV)/lib/python3*/site-packages/interdrive* .venv-$*/lib/python3*/site-packages/
+	touch $@
+
+# Needs apt-get and root only where there is no Chromium yet.
+.venv-browser/.chromium: .venv-browser/.tools
+	command -v chromium || command -v chromium-browser || command -v google-chrome || timeout 300 sh -c \
+	  "apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium" > /dev/null 2>&1 || echo "no Chromium"
 	touch $@
 
 demo: $(VENV)/.installed ## the T-junction: every car plans for itself
@@ -64,7 +93,7 @@ instructions: ## instructions of the hot paths against stored figures; benchmark
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
 
-environments: $(VENV)/.installed .venv-oracles/.installed .venv-oldest/.installed .venv-third/.installed .venv-ray/.installed .venv-browser/.tools ## all that CI needs
+environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-training,$(ENVIRONMENTS))) .venv-browser/.chromium ## all that CI needs
 
 # Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
 FUZZ_SEED ?= 1
@@ -80,94 +109,25 @@ third_party: .venv-third/.installed ## drives planners of others; see docs/plann
 
 # Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
 planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/batch.md
-	-.venv-third/bin/interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners
-	-.venv-third/bin/interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
-	.venv-third/bin/interdrive compare out/planners
+	-.venv-third/bin/python -m interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners
+	-.venv-third/bin/python -m interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
+	.venv-third/bin/python -m interdrive compare out/planners
 
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
 	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster
 
-# Ray and commonroad-io agree on protobuf 3.20.2, which holds Ray back; nobody else should be held back with it.
-.venv-ray/.tools: pyproject.toml
-	$(PYTHON) -m venv .venv-ray
-	.venv-ray/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	.venv-ray/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['ray'], *p['build-system']['requires'], 'pytest>=8', sep='\n')" > .venv-ray/requirements.txt
-	.venv-ray/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-ray/requirements.txt
-	touch $@
-
-.venv-ray/.installed: .venv-ray/.tools $(RUST)
-	VIRTUAL_ENV=$(CURDIR)/.venv-ray .venv-ray/bin/maturin develop --release --quiet
-	touch $@
-
-browser: $(VENV)/.installed .venv-browser/.tools ## opens reports in Chromium; skipped where there is none, which is a failure in CI
+browser: $(VENV)/.installed .venv-browser/.chromium ## opens reports in Chromium; skipped where there is none, which is a failure in CI
 	.venv-browser/bin/python -m pytest -q -s --confcutdir=tests/browser tests/browser
-
-# Needs apt-get and root only where there is no Chromium yet; without one the tests are skipped.
-.venv-browser/.tools: pyproject.toml
-	$(PYTHON) -m venv .venv-browser
-	.venv-browser/bin/python -m pip install --quiet --disable-pip-version-check "playwright>=1.49" "pillow>=10" "pytest>=8"
-	command -v chromium || command -v chromium-browser || command -v google-chrome || timeout 300 sh -c \
-	  "apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium" > /dev/null 2>&1 || echo "no Chromium"
-	touch $@
 
 report_bundle: ## builds the front end of reports (needs node and npm); says whether what is committed was current
 	cd frontend && npm ci --no-audit --no-fund --silent && npm run --silent check && npm run --silent build
 	git diff --exit-code --stat -- python/interdrive/report/bundle
 
-# Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
-.venv-third/.tools: pyproject.toml
-	$(PYTHON) -m venv .venv-third
-	.venv-third/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	.venv-third/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; e = o['optional-dependencies']; print(*o['dependencies'], *e['frenetix'], *e['reactive'], *p['build-system']['requires'], 'pytest>=8', sep='\n')" > .venv-third/requirements.txt
-	.venv-third/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-third/requirements.txt
-	touch $@
-
-.venv-third/.installed: .venv-third/.tools $(RUST)
-	VIRTUAL_ENV=$(CURDIR)/.venv-third .venv-third/bin/maturin develop --release --quiet
-	touch $@
-
 versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with the oldest libraries that pyproject.toml allows
 	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/test_versions.py
 
-# Of every dependency exactly the lower bound.
-.venv-oldest/.tools: pyproject.toml
-	$(PYTHON) -m venv .venv-oldest
-	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	.venv-oldest/bin/python -c "import re, tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = [re.sub(r'>=([^,]+).*', r'==\1', d) for d in p['project']['dependencies']]; print(*o, *p['build-system']['requires'], 'pytest>=8', sep='\n')" > .venv-oldest/requirements.txt
-	.venv-oldest/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-oldest/requirements.txt
-	touch $@
-
-.venv-oldest/.installed: .venv-oldest/.tools $(RUST)
-	VIRTUAL_ENV=$(CURDIR)/.venv-oldest .venv-oldest/bin/maturin develop --release --quiet
-	touch $@
-
-.venv-oracles/.tools: pyproject.toml
-	$(PYTHON) -m venv .venv-oracles
-	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	.venv-oracles/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['oracles'], *p['build-system']['requires'], sep='\n')" > .venv-oracles/requirements.txt
-	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check -r .venv-oracles/requirements.txt
-	# Black boxes whose own requirements have no wheels; what is called of them needs none of those.
-	.venv-oracles/bin/python -m pip install --quiet --disable-pip-version-check --no-deps commonroad-crime==0.4.5 commonroad-clcs==2025.2.0
-	touch $@
-
-.venv-oracles/.installed: .venv-oracles/.tools $(RUST)
-	VIRTUAL_ENV=$(CURDIR)/.venv-oracles .venv-oracles/bin/maturin develop --release --quiet
-	touch $@
-
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training
-
-# The index of torch without CUDA keeps the download small.
-.venv-training/.tools: pyproject.toml
-	$(PYTHON) -m venv .venv-training
-	.venv-training/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	.venv-training/bin/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); o = p['project']; print(*o['dependencies'], *o['optional-dependencies']['training'], *p['build-system']['requires'], sep='\n')" > .venv-training/requirements.txt
-	.venv-training/bin/python -m pip install --quiet --disable-pip-version-check --extra-index-url https://download.pytorch.org/whl/cpu -r .venv-training/requirements.txt
-	touch $@
-
-.venv-training/.installed: .venv-training/.tools $(RUST)
-	VIRTUAL_ENV=$(CURDIR)/.venv-training .venv-training/bin/maturin develop --release --quiet
-	touch $@
 
 format: $(VENV)/.tools ## writes what `make check` wants to see
 	cargo fmt --all
@@ -175,4 +135,4 @@ format: $(VENV)/.tools ## writes what `make check` wants to see
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-oldest .venv-oracles .venv-third .venv-ray .venv-browser .venv-training frontend/node_modules target demo out
+	rm -rf $(ENVIRONMENTS) frontend/node_modules target demo out

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import interdrive as idr
 from interdrive.cli import main
+from interdrive.handles import core_road, core_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,9 +78,14 @@ def _tried(path: Path, folder: Path, random: Random, on_stage: Callable[[str], N
     target = folder / "run"
     idr.save(run, target)
     on_stage("read again")
-    again = _command("check", target / "scenario.xml")
-    if again:
-        raise Broken(f"accepted and saved, but refused when read again: {again}")
+    try:
+        again = idr.read_scenario(target / "scenario.xml")
+        core_scenario(again, core_road(again, simulation.settings.road.gap_tolerance, 0.0))
+    except idr.InterdriveError as error:
+        raise Broken(f"accepted and saved, but refused when read again: {error}") from error
+    there, found = int(run.states.valid.any(axis=1).sum()), len(again.obstacles.ids)
+    if there != found:
+        raise Broken(f"{there} participants were there, {found} are in the saved scenario")
     on_stage("criticality")
     _must("criticality", target, "--threads", "1", "--quiet")
     if random.random() < 0.2:
