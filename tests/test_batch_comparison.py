@@ -50,7 +50,7 @@ def invented(folder, runs):
                 for column in AGENT_COLUMNS
             }
             usual |= {"under_test": True, "off_road": False, "outcome": "goal_reached", "agent_planner": planner}
-            usual |= {"harm": None, "partner_id": None}
+            usual |= {"harm": None, "partner_id": None, "impact_area": None}
             rows = [{**run, **usual, "agent_id": agent, **own} for agent, own in agents.items()]
         values = {column.name: [row[column.name] for row in rows] for column in COLUMNS}
         for column in COLUMNS:

@@ -11,7 +11,14 @@ from click.testing import CliRunner
 
 import interdrive
 from interdrive import _core
-from interdrive.assessment import criticality_extremes_table, criticality_table, recorded_run, reopen
+from interdrive.assessment import (
+    criticality_extremes_table,
+    criticality_table,
+    recorded_run,
+    reopen,
+    save_criticality,
+    stored_criticality,
+)
 from interdrive.cli import main
 from interdrive.criticality import (
     MEASURES,
@@ -26,7 +33,8 @@ from interdrive.criticality import (
     time_headway,
     time_to_collision,
 )
-from interdrive.errors import InputError
+from interdrive.errors import InputError, ResultsError
+from interdrive.files import write_scenario
 from interdrive.results import save
 from interdrive.scenario import Incoming, Shape
 from interdrive.simulation import simulate
@@ -65,6 +73,9 @@ def test_formulas_are_those_of_the_specification():
     np.testing.assert_allclose(
         required_lateral_acceleration(3.0, [0.0, 0.8, -0.8, 2.5], 2.0), [4 / 9, 0.8 / 3, 0.8 / 3, 0]
     )
+    # 1 m on the left or 2 m on the right are wanted; it is 0.4 m to the left, so 1.4 m or 1.6 m are missing.
+    assert required_lateral_acceleration(2.0, 0.4, 1.0, 2.0) == pytest.approx(2 * 1.4 / 2.0**2)
+    assert required_lateral_acceleration(2.0, 0.4, 2.0, 1.0) == pytest.approx(2 * 0.6 / 2.0**2)
     assert minimal_stopping_distance(20.0) == pytest.approx(17.391304)
     assert proportion_of_stopping_distance(30.0, minimal_stopping_distance(10.0)) == pytest.approx(6.9)
     assert exposure(3.005 - 0.1 * np.arange(26)) == pytest.approx((1.5, 1.1925))
@@ -81,6 +92,8 @@ def test_formulas_refuse_what_they_have_no_answer_for():
         exposure([1.0], dt=-0.1)
     with pytest.raises(InputError, match=r"exposure: threshold must be positive, not 0\.0"):
         exposure([1.0], threshold=0.0)
+    with pytest.raises(InputError, match=r"exposure: threshold must be positive, not inf"):
+        exposure([1.0], threshold=np.inf)
 
 
 def test_formulas_tell_nobody_ahead_from_what_is_not_known():
@@ -308,6 +321,27 @@ def test_a_run_folder_is_judged_like_the_run(run, tmp_path):
     save(run, folder, overwrite=True)
 
 
+def test_a_run_folder_is_judged_on_the_road_that_was_simulated_even_if_the_file_has_changed(tmp_path):
+    def drive(road):
+        (tmp_path / "drive.xml").write_bytes(write_scenario(recorded_run(road)))
+        return simulate(tmp_path / "drive.xml", agents=1, predictor="constant_velocity", threads=1)
+
+    folder = save(drive(following()), tmp_path / "run")
+    found = criticality_table(reopen(folder).criticality())
+    drive(replace(following(), lanelets=straight_road(700.0)))  # the same file, another road
+    assert len(reopen(folder).scenario.lanelets.left[0]) == len(following().lanelets.left[0])
+    assert criticality_table(reopen(folder).criticality()).num_rows == found.num_rows
+
+
+@pytest.mark.parametrize("name", ["criticality.parquet", "criticality_extremes.parquet"])
+def test_one_table_of_criticality_without_the_other_is_refused(run, tmp_path, name):
+    folder = save(run, tmp_path / "run")
+    save_criticality(run.criticality(), folder)
+    (folder / name).unlink()
+    with pytest.raises(ResultsError, match=f"{name}: .* is missing"):
+        stored_criticality(folder)
+
+
 # Tables
 
 
@@ -328,6 +362,8 @@ def test_the_table_has_a_row_per_vehicle_time_step_and_measure():
     }
     assert rows[4 * len(NAMES) + 2]["value"] == float("inf")
     assert rows[4 * len(NAMES) + 2]["partner_id"] is None
+    later = criticality_table(replace(found, first_time_step=40))
+    assert later["time_step"].to_pylist() == [40 + row["time_step"] for row in rows]
     off_road = replace(found, series={**found.series, "hw": replace(found.series["hw"], value=np.full((2, 4), np.nan))})
     assert criticality_table(off_road)["value"].to_pylist()[0] is None
 

@@ -153,6 +153,22 @@ def test_a_run_is_replaced_only_on_request(run, tmp_path):
     assert contents(tmp_path) == ["run"]
 
 
+def test_the_old_run_is_back_when_the_new_one_cannot_take_its_place(run, tmp_path, monkeypatch):
+    folder = save(run, tmp_path / "run")
+    rename = Path.rename
+
+    def refuse(path, target):
+        if ".partial" in path.name:
+            raise OSError(errno.EACCES, os.strerror(errno.EACCES))
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    with pytest.raises(ResultsError, match="run: cannot be written: Permission denied"):
+        save(replace(run, digest="1" * 64), folder, overwrite=True)
+    assert load(folder).info["digest"] == run.digest
+    assert contents(tmp_path) == ["run"]
+
+
 @pytest.mark.parametrize("names", [["thesis.tex"], ["run.json", "thesis.tex"], ["run.png"]])
 def test_a_folder_with_other_things_is_never_touched(run, tmp_path, names):
     for name in names:
