@@ -56,6 +56,7 @@ def _tried(path: Path, folder: Path, random: Random, on_stage: Callable[[str], N
         if not refusal:
             raise Broken(f"check accepts what read_scenario refuses: {error}") from error
         _judge_line(f"error: {error}", path)
+        _judge_cause(error)
         return REFUSED, refusal
     on_stage("run")
     planner = random.choice(_PLANNERS if scenario.planning_problems else _WITH_RECORDING)
@@ -136,3 +137,14 @@ def _judge_line(said: str, path: object) -> None:
         raise Broken(f"a refusal is not one line: {said[:2000]!r}")
     if name not in line and name.partition(".")[0].partition("_T-1")[0] not in line:
         raise Broken(f"a refusal does not name {name}: {line}")
+
+
+def _judge_cause(error: BaseException) -> None:
+    """An exception that reading takes for damage must come from commonroad-io: in interdrive's own code it is a bug."""
+    cause = error.__cause__
+    if cause is None or "cannot be read" not in str(error):
+        return
+    owners = [frame.filename.rpartition("site-packages/")[2] for frame in traceback.extract_tb(cause.__traceback__)]
+    known = [name for name in owners if name.startswith("commonroad/") or "/interdrive/" in name]
+    if known and not known[-1].startswith("commonroad/"):
+        raise Broken(f"interdrive's own code fails: {error}") from cause

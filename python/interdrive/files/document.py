@@ -6,10 +6,12 @@ parts, and fills values that an initial state lacks with 0. So footprints and th
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement
+from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement, fromstring
+from xml.parsers import expat
 
 import numpy as np
 
@@ -61,22 +63,45 @@ def parse(data: bytes, file: str) -> Element:
     Raises:
         InputError: Not XML, broken off, or with a document type declaration (entities, XML bombs).
     """
-    import defusedxml  # noqa: PLC0415 - paid for only by those who read files
-    from defusedxml.ElementTree import fromstring  # noqa: PLC0415
-
     if not data.strip():
         raise InputError(f"{file}: the file is empty; give a CommonRoad file")
     try:
-        root: Element = fromstring(data, forbid_dtd=True)
-    except defusedxml.DefusedXmlException as error:
-        raise InputError(
-            f"{file}: has a document type declaration or entities, refused for safety; remove the <!DOCTYPE ...>"
-        ) from error
-    except (ParseError, ValueError, LookupError) as error:
+        if _has_document_type(data):
+            raise InputError(
+                f"{file}: has a document type declaration or entities, refused for safety; remove the <!DOCTYPE ...>"
+            )
+        root = fromstring(data)
+    except (ParseError, expat.ExpatError, ValueError, LookupError) as error:
         if data.lstrip()[:1] != b"<" and not data.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
             raise InputError(f"{file}: not an XML file; give a CommonRoad .xml or .pb file") from error
         raise InputError(f"{file}: broken XML ({error}); is the file complete?") from error
     return root
+
+
+class _PrologueRead(Exception):  # noqa: N818 - the parser is left by raising
+    """Whether there was a document type declaration is known."""
+
+
+def _has_document_type(data: bytes) -> bool:
+    """Whether there is one, the only place where entities can be declared; nothing behind it is read.
+
+    Raises:
+        xml.parsers.expat.ExpatError: Not XML as far as it was read.
+    """
+    found = []
+
+    def declared(*_: str | int | None) -> None:
+        found.append(True)
+        raise _PrologueRead
+
+    def begun(*_: str | dict[str, str]) -> None:
+        raise _PrologueRead
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler, parser.StartElementHandler = declared, begun
+    with contextlib.suppress(_PrologueRead):
+        parser.Parse(data, True)
+    return bool(found)
 
 
 def check(root: Element, file: str) -> None:

@@ -254,13 +254,11 @@ def _require_problem(problem: PlanningProblem, file: str) -> None:
 
 def require_time_step(time_step: int, what: str, file: str, last: int = LARGEST_TIME_STEP) -> None:
     """Refuses time steps that are negative or that no recording reaches."""
+    if 0 <= time_step <= last:
+        return  # asked for every state
     require(time_step >= 0, file, what, f"has the time step {_shown(time_step)}; time steps start at 0")
-    require(
-        time_step <= last,
-        file,
-        what,
-        f"has the time step {_shown(time_step)}, the largest possible one is {last}; is that a typing error?",
-    )
+    shown = f"has the time step {_shown(time_step)}, the largest possible one is {last}; is that a typing error?"
+    raise InputError(f"{file}: {what} {shown}")
 
 
 def _shown(number: int) -> str:

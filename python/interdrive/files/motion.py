@@ -41,6 +41,9 @@ def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
     Where a time step comes twice (an initial state repeated in the trajectory), the first row counts, and values that
     it lacks are taken from the later one.
     """
+    ordered = np.array([time_step for time_step, _ in rows], dtype=np.int64)
+    if np.all(np.diff(ordered) > 0):  # nearly every recording
+        return Track(ordered, np.array([values for _, values in rows], dtype=np.float64))
     by_step: dict[int, list[float]] = {}
     contradicts = False
     for time_step, values in rows:

@@ -50,11 +50,14 @@ def check_numbers(root: Element, file: str) -> None:
     _check_depth(root, file)
     _check_counts(root, file)
     for owner in root:
+        start = owner.find("initialState/time")
         for element in owner.iter():
             if element.attrib:
                 _check_ids(element, owner, file)
             if len(element):
-                _check_values(element, owner, file)
+                for child in element:
+                    if child.tag in _VALUES:
+                        _check_exact_or_interval(child, element, owner, file, is_start=element is start)
             elif element.tag in _BOUNDS:
                 _check_value(element, _BOUNDS[element.tag], owner, file)
 
@@ -130,15 +133,12 @@ def _check_ids(element: Element, owner: Element, file: str) -> None:
         )
 
 
-def _check_values(element: Element, owner: Element, file: str) -> None:
-    """The exact value or the interval in an element, if it has one."""
-    for child in element:
-        if child.tag not in _VALUES:
-            continue
-        if element.tag == "time":
-            _check_time(child, owner, file, is_start=owner.find("initialState/time") is element)
-        else:
-            _check_value(child, _VALUE_BOUNDS.get(element.tag, _OTHER_VALUES), owner, file, f"<{element.tag}>")
+def _check_exact_or_interval(value: Element, around: Element, owner: Element, file: str, *, is_start: bool) -> None:
+    """The exact value or an end of the interval in an element."""
+    if around.tag == "time":
+        _check_time(value, owner, file, is_start=is_start)
+    else:
+        _check_value(value, _VALUE_BOUNDS.get(around.tag, _OTHER_VALUES), owner, file, around.tag)
 
 
 def _check_time(element: Element, owner: Element, file: str, *, is_start: bool) -> None:
@@ -146,11 +146,12 @@ def _check_time(element: Element, owner: Element, file: str, *, is_start: bool) 
         time_step = int(element.text or "0")
     except ValueError:
         # Some files write 0.0, which commonroad-io takes for a start.
-        _check_value(element, limits.LARGEST_TIME_STEP, owner, file, "<time>")
+        _check_value(element, limits.LARGEST_TIME_STEP, owner, file, "time")
         return
     is_goal = owner.tag == "planningProblem" and not is_start
     last = limits.LARGEST_GOAL_TIME_STEP if is_goal else limits.LARGEST_TIME_STEP
-    limits.require_time_step(time_step, named(owner), file, last)
+    if not 0 <= time_step <= last:
+        limits.require_time_step(time_step, named(owner), file, last)
 
 
 def _check_value(element: Element, most: float, owner: Element, file: str, within: str = "") -> None:
@@ -165,7 +166,7 @@ def _check_value(element: Element, most: float, owner: Element, file: str, withi
         raise InputError(f"{file}: {named(owner)} has the orientation {value:g}; give it in radians")
     finite = f"between {-most:g} and {most:g}" if math.isfinite(value) else "a finite number"
     raise InputError(
-        f"{file}: {named(owner)} has the value {text} in {within or f'<{element.tag}>'}; replace it by {finite}"
+        f"{file}: {named(owner)} has the value {text} in <{within or element.tag}>; replace it by {finite}"
     )
 
 
