@@ -16,9 +16,10 @@ import interdrive as idr
 from interdrive.batches import BatchFolder, conduct
 from interdrive.batches import pool as pool_module
 from interdrive.batches.execute import Job, agents_of, execute
-from interdrive.batches.pool import _LATE, End, Pool, Task, _no_interrupt, _Worker
+from interdrive.batches.pool import _LATE, End, Pool, Task, _Worker
 from interdrive.batches.runs import planned
 from interdrive.files import shipped_scenario
+from interdrive.planners.workers import uninterrupted
 from interdrive.run_settings import SimulationSettings
 
 HERE = Path(__file__).parent
@@ -189,7 +190,7 @@ def test_workers_that_never_get_ready_are_replaced_and_end_the_batch_when_none_d
 
 def test_ctrl_c_while_a_worker_starts_is_told_afterwards_and_not_blocked_for_good():
     told = False
-    with pytest.raises(KeyboardInterrupt), _no_interrupt():
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
         signal.raise_signal(signal.SIGINT)
         told = True
     assert told
