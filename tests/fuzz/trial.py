@@ -23,6 +23,8 @@ _PLANNERS = ("frenet", "frenet", "frenet", "idm", "idm_mobil")
 _WITH_RECORDING = (*_PLANNERS, "recorded", "velocity_adjusting")
 _PREDICTORS = ("neural", "neural", "lane_following", "constant_velocity", "ground_truth")
 
+_OF_WRONG_CODE = (AssertionError, AttributeError, LookupError, NameError, TypeError, ZeroDivisionError)
+
 
 class Broken(Exception):  # noqa: N818 - not an error of a program but a verdict
     """Something that must hold does not; the text says what."""
@@ -140,9 +142,9 @@ def _judge_line(said: str, path: object) -> None:
 
 
 def _judge_cause(error: BaseException) -> None:
-    """An exception that reading takes for damage must come from commonroad-io: in interdrive's own code it is a bug."""
+    """Reading takes any exception for damage; in interdrive's own code those of wrong code are bugs."""
     cause = error.__cause__
-    if cause is None or "cannot be read" not in str(error):
+    if not isinstance(cause, _OF_WRONG_CODE) or f"({type(cause).__name__}:" not in str(error):
         return
     owners = [frame.filename.rpartition("site-packages/")[2] for frame in traceback.extract_tb(cause.__traceback__)]
     known = [name for name in owners if name.startswith("commonroad/") or "/interdrive/" in name]
