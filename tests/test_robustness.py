@@ -296,3 +296,15 @@ def test_every_recorded_scenario_is_written_such_that_it_is_read(recorded_scenar
         if not isinstance(scenario, InputError):
             after = written(run_of(scenario), tmp_path)
             assert after.obstacles.ids.size == scenario.obstacles.ids.size, scenario.name
+
+
+@pytest.mark.parametrize(("n", "accepted"), [(1000, True), (1001, False)])
+def test_a_footprint_has_at_most_1000_vertices(read, n, accepted):
+    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    corners = "".join(cr.point(2.0 * np.cos(a), np.sin(a)) for a in angle.tolist())
+    text = cr.document(cr.car(30, cr.initial(5.0), shape=f"<polygon>{corners}</polygon>"))
+    if accepted:
+        assert len(read(text).obstacles.shapes[0].vertices) == n
+    else:
+        with pytest.raises(InputError, match=r"test\.xml: the shape of obstacle 30 has 1001 vertices; at most 1000"):
+            read(text)

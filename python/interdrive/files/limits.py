@@ -46,7 +46,9 @@ LARGEST_SPEED_LIMIT = 150.0
 #: Length of one lanelet, of all lanelets together, and extent of the map along an axis [m].
 LONGEST_LANELET, LONGEST_ROADS, LARGEST_EXTENT = 1e5, 2e6, 1e6
 MOST_LANELETS, MOST_POINTS_OF_A_LANELET, MOST_POINTS = 20_000, 5_000, 500_000
-MOST_OBSTACLES, MOST_STATES, MOST_PROBLEMS, MOST_GOALS, MOST_VERTICES = 10_000, 1_000_000, 1_000, 1_000, 1_000
+MOST_OBSTACLES, MOST_STATES, MOST_PROBLEMS, MOST_GOALS = 10_000, 1_000_000, 1_000, 1_000
+#: Vertices of a footprint and of an area; lanelets are areas, too.
+MOST_VERTICES_OF_A_FOOTPRINT, MOST_VERTICES = 1_000, 2 * MOST_POINTS_OF_A_LANELET
 #: Elements of an XML document inside each other.
 DEEPEST = 50
 #: Obstacles times steps of a table; more is a mistyped time step, not a recording.
@@ -216,11 +218,9 @@ def require_shape(shape: Shape, what: str, file: str, largest: float = LARGEST_C
     if shape.kind == "polygon":
         n = len(shape.vertices)
         require(n >= 3, file, f"the shape of {what}", "has no area; give it a size above 0")
+        most = MOST_VERTICES_OF_A_FOOTPRINT if largest == LARGEST_FOOTPRINT else MOST_VERTICES
         require(
-            n <= 2 * MOST_POINTS_OF_A_LANELET,
-            file,
-            f"the shape of {what}",
-            f"has {n} vertices; at most {2 * MOST_POINTS_OF_A_LANELET} are possible, thin them out",
+            n <= most, file, f"the shape of {what}", f"has {n} vertices; at most {most} are possible, thin them out"
         )
         require_values(shape.vertices, largest, what, file, "coordinate")
     for member in shape.members:
