@@ -91,7 +91,7 @@ instructions: ## instructions of the hot paths against stored figures; benchmark
 	$(PYTHON) benchmarks/instructions.py
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
-	.venv-oracles/bin/python -m pytest -q --durations=12 tests/oracles
+	.venv-oracles/bin/python -m pytest -q --durations=12 -n auto --dist loadfile tests/oracles
 
 environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-training,$(ENVIRONMENTS))) .venv-browser/.chromium ## all that CI needs
 

@@ -38,25 +38,20 @@ class Comparison:
         return f"{self.what:<72} {self.count:>9} {numbers} {self.remark}".rstrip()
 
 
-_measured = pytest.StashKey[list[Comparison]]()
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.stash[_measured] = []
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(__file__.rsplit("/", 1)[0]):
             item.add_marker(pytest.mark.oracle)
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    if config.stash[_measured]:
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    reports = [report for outcome in ("passed", "failed") for report in terminalreporter.stats.get(outcome, [])]
+    lines = [line for report in reports for name, line in report.user_properties if name == "comparison"]
+    if lines:
         terminalreporter.section("comparisons")
         terminalreporter.write_line(f"{'':<72} {'count':>9} {'largest':>10} {'allowed':>10}")
-        for comparison in config.stash[_measured]:
-            terminalreporter.write_line(comparison.line())
+        for line in lines:
+            terminalreporter.write_line(line)
 
 
 @pytest.fixture
@@ -75,7 +70,9 @@ def measured(request: pytest.FixtureRequest):
         remark: str = "",
         cases: Iterable[object] = (),
     ) -> None:
-        request.config.stash[_measured].append(Comparison(what, count, float(largest), tolerance, unit, remark))
+        # Properties of a test travel with its report, also from another process.
+        comparison = Comparison(what, count, float(largest), tolerance, unit, remark)
+        request.node.user_properties.append(("comparison", comparison.line()))
         assert count > 0, f"{what}: nothing was compared"
         listed = "\n".join(str(one) for one in itertools.islice(cases, 30))
         assert largest <= tolerance, f"{what}: {largest} {unit}, allowed are {tolerance} {unit}\n{listed}"

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 RADIUS, OPPOSITE, ALONG, EROSION, OVERLAP_MIN, STANDING = 100.0, 0.75 * np.pi, 0.25 * np.pi, 0.3, 0.1, 1e-3
 LEAD_IN, SAME_VERTEX, LEADS_BACK = 10.0, 0.05, 3.0
+#: The direction of a lanelet is that of its centre line over twice this [m]. The core smooths it across joints, too, so
+#: who drives nearly across a lanelet may be along or against it [rad].
+DIRECTION_REACH, NEARLY_ACROSS = 2.0, 0.05
 #: Joints of lanelets that are farther apart [m] are errors of the map and no joints.
 JOINT_GAP_MAX = 10.0
 
@@ -130,7 +133,8 @@ class Definitions:
         x, y, heading = self.pose(row, k)
         line = shapely.LineString(self.centers[lanelet])
         s = line.project(shapely.Point(x, y))
-        ends = [line.interpolate(min(max(s + way, 0.0), line.length)).coords[0] for way in (-1.0, 1.0)]
+        near = (min(max(s + way, 0.0), line.length) for way in (-DIRECTION_REACH, DIRECTION_REACH))
+        ends = [line.interpolate(at).coords[0] for at in near]
         return wrapped(heading - angle_of(np.subtract(ends[1], ends[0]))), s
 
     def chains(self, start: int, *, reverse: bool) -> list[tuple[int, ...]]:
@@ -221,14 +225,17 @@ class Definitions:
         return max(0.0, float(apart) - one.radius - two.radius)
 
     def moment(self, row: int, k: int) -> Moment | None:
-        """None where the definitions leave open which lanelet before or behind a corridor directs it there."""
+        """None where the definitions leave open which lanelet before or behind a corridor directs it there.
+
+        Likewise where a lanelet is driven nearly across.
+        """
         o = self.obstacles
         x, y, heading = self.pose(row, k)
         places = {i: self.place(i, row, k) for i in self.here(row, k)}
         along = [i for i, (turn, _) in places.items() if abs(turn) <= 0.5 * np.pi]
         reverse = not along
         own: list[tuple[tuple[int, ...], Path, Foot]] = []
-        ambiguous = False
+        ambiguous = any(abs(abs(turn) - 0.5 * np.pi) < NEARLY_ACROSS for turn, _ in places.values())
         for i in places if reverse else along:
             s = places[i][1]
             for chain in self.chains(i, reverse=reverse):
