@@ -3,6 +3,8 @@
 
 mod advance;
 mod planning;
+#[cfg(test)]
+mod tests;
 mod threads;
 
 use std::collections::BTreeSet;
