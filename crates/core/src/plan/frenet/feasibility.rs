@@ -207,3 +207,211 @@ impl Turning {
         Self { axis: point.axis, curvature: point.curvature, velocity: point.velocity }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::Drive;
+    use super::*;
+    use crate::trajectory::State;
+
+    /// A vehicle of round numbers: 0.2 /m of curvature, 8 m/s² up to 10 m/s, then less; 6 m/s² to the side.
+    fn vehicle() -> Vehicle {
+        Vehicle {
+            wheelbase: 2.5,
+            steering_angle_max: 0.5_f64.atan(),
+            steering_rate_max: 0.4,
+            acceleration_max: 8.0,
+            velocity_switch: 10.0,
+            lateral_acceleration_max: 6.0,
+            ..Vehicle::BMW_320I
+        }
+    }
+
+    /// Its limits for 31 points, 0.1 s apart, from a start with a speed, an acceleration and a curvature.
+    fn limits_from(vehicle: &Vehicle, velocity: f64, acceleration: f64, curvature: f64, slack: f64) -> Limits {
+        Drive::on_three_lanes(50.0, velocity).with_request(|request| {
+            let state = State { velocity, acceleration, ..State::default() };
+            Limits::new(&PlanRequest { vehicle, state, ..*request }, 31, curvature, slack)
+        })
+    }
+
+    fn limits() -> Limits {
+        limits_from(&vehicle(), 5.0, 0.0, 0.0, 1.0)
+    }
+
+    fn point(velocity: f64, acceleration: f64, curvature: f64, heading: f64) -> Waypoint {
+        Waypoint { velocity, acceleration, curvature, axis: Point::from_angle(heading), ..Waypoint::default() }
+    }
+
+    #[test]
+    fn acceleration_is_limited_by_the_engine_above_the_switching_velocity_and_deceleration_is_not() {
+        for (velocity, acceleration, expected) in [
+            (5.0, 8.0 + 5e-7, Rejection::Admissible),
+            (5.0, 8.0 + 2e-6, Rejection::Acceleration),
+            (5.0, -8.0 - 5e-7, Rejection::Admissible),
+            (5.0, -8.0 - 2e-6, Rejection::Acceleration),
+            // 8 * 10 / 20
+            (20.0, 4.0 + 5e-7, Rejection::Admissible),
+            (20.0, 4.0 + 2e-6, Rejection::Acceleration),
+            (20.0, -8.0, Rejection::Admissible),
+        ] {
+            let now = point(velocity, acceleration, 0.0, 0.0);
+            assert_eq!(limits().check(&now, &now, 1), expected, "{acceleration} m/s² at {velocity} m/s");
+        }
+    }
+
+    #[test]
+    fn curvature_and_lateral_acceleration_are_limited_to_both_sides() {
+        for side in [1.0, -1.0] {
+            for (velocity, curvature, expected) in [
+                (1.0, 0.2009, Rejection::Admissible),
+                (1.0, 0.2011, Rejection::Curvature),
+                // 10² * 0.06 = 6
+                (10.0, 0.06, Rejection::Admissible),
+                (10.0, 0.060001, Rejection::LateralAcceleration),
+            ] {
+                let now = point(velocity, 0.0, side * curvature, 0.0);
+                assert_eq!(limits().check(&now, &now, 1), expected, "{curvature} /m at {velocity} m/s");
+            }
+        }
+    }
+
+    #[test]
+    fn the_steering_angle_changes_by_at_most_its_rate() {
+        // atan(2.5 k) by 0.04 rad: from straight ahead to tan(0.04) / 2.5 = 0.016009 and 0.001 of rounding; from 0.1
+        // the change d holds 2.5 (d - 0.001) = tan(0.04) (1 + 6.25 * 0.1 (0.1 + d)).
+        for side in [1.0, -1.0] {
+            for (before, now, expected) in [
+                (0.0, 0.01700, Rejection::Admissible),
+                (0.0, 0.01702, Rejection::SteeringRate),
+                (0.01700, 0.0, Rejection::Admissible),
+                (0.01702, 0.0, Rejection::SteeringRate),
+                (0.1, 0.11818, Rejection::Admissible),
+                (0.1, 0.11820, Rejection::SteeringRate),
+                (-0.0085, 0.0085, Rejection::Admissible),
+            ] {
+                let at = |curvature: f64| point(1.0, 0.0, side * curvature, 0.0);
+                assert_eq!(limits().check(&at(before), &at(now), 1), expected, "{before} to {now}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_heading_changes_no_faster_than_full_steering_allows_at_the_higher_speed() {
+        // Sine of the turn: 0.201 /m * 2 m/s * 0.1 s + 0.0001 = 0.0403.
+        for (before, now) in [(2.0, 1.0), (1.0, 2.0)] {
+            for (sine, expected) in
+                [(0.0402, Rejection::Admissible), (0.0404, Rejection::YawRate), (-0.0404, Rejection::YawRate)]
+            {
+                let turned = point(now, 0.0, 0.0, f64::asin(sine));
+                assert_eq!(limits().check(&point(before, 0.0, 0.0, 0.0), &turned, 1), expected, "{sine}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_reason_counts() {
+        let now = point(10.0, 9.0, 0.3, 0.0);
+        assert_eq!(limits().check(&now, &now, 1), Rejection::Acceleration);
+        for (first, second, expected) in [
+            (Rejection::Admissible, Rejection::YawRate, Rejection::YawRate),
+            (Rejection::Curvature, Rejection::YawRate, Rejection::Curvature),
+            (Rejection::Curvature, Rejection::Admissible, Rejection::Curvature),
+        ] {
+            assert_eq!(first.or(second), expected);
+        }
+    }
+
+    #[test]
+    fn a_start_beyond_a_limit_gets_its_excess_and_a_tenth_more_which_is_gone_after_1500_ms() {
+        // 2 m/s² too much: 2.2 at the start, 2.2 * (1 - 0.5 / 1.5) at point 5, nothing from point 15 on.
+        let driving = limits_from(&vehicle(), 5.0, 10.0, 0.0, 1.0);
+        let braking = limits_from(&vehicle(), 20.0, -10.0, 0.0, 1.0);
+        let cornering = limits_from(&vehicle(), 10.0, 0.0, -0.08, 1.0);
+        for (number, more) in [(0, 2.2), (5, 4.4 / 3.0), (15, 0.0), (30, 0.0)] {
+            for (limits, expected) in
+                [(&driving, [0.0, more, 0.0]), (&braking, [more, 0.0, 0.0]), (&cornering, [0.0, 0.0, more])]
+            {
+                let found = limits.recovery(number);
+                assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{number}: {found:?}");
+            }
+            for (beyond, expected) in [(-1e-4, Rejection::Admissible), (1e-4, Rejection::Acceleration)] {
+                let faster = point(5.0, 8.0 + more + beyond, 0.0, 0.0);
+                assert_eq!(driving.check(&faster, &faster, number), expected, "{number}");
+                let slower = point(5.0, -8.0 - more - beyond, 0.0, 0.0);
+                assert_eq!(braking.check(&slower, &slower, number), expected, "{number}");
+                let bent = point(10.0, 0.0, 0.01 * (6.0 + more + beyond), 0.0);
+                let is_lateral = cornering.check(&bent, &bent, number) == Rejection::LateralAcceleration;
+                assert_eq!(is_lateral, beyond > 0.0, "{number}");
+                // Along the path a quarter more is allowed.
+                assert_eq!(driving.check_along_path(5.0, 1.25 * (8.0 + more + beyond), number), expected);
+                assert_eq!(braking.check_along_path(20.0, -1.25 * (8.0 + more + beyond), number), expected);
+            }
+        }
+        // The engine's limit at 20 m/s is 4 m/s².
+        assert!((limits_from(&vehicle(), 20.0, 5.0, 0.0, 1.0).recovery(0)[1] - 1.1).abs() < 1e-12);
+        assert_eq!(limits_from(&vehicle(), 5.0, 8.0, 0.2, 1.0).recovery(0), [0.0; 3], "at the limits, not beyond");
+    }
+
+    #[test]
+    fn slack_widens_steering_and_lateral_acceleration_only() {
+        let wide = limits_from(&vehicle(), 5.0, 0.0, 0.0, 1.5);
+        // tan(0.06) / 2.5 + 0.001 = 0.025029 /m; 9 m/s² to the side.
+        for (from, to, velocity, expected) in [
+            (0.0, 0.02502, 1.0, Rejection::Admissible),
+            (0.0, 0.02504, 1.0, Rejection::SteeringRate),
+            (0.09, 0.09, 10.0, Rejection::Admissible),
+            (0.0901, 0.0901, 10.0, Rejection::LateralAcceleration),
+        ] {
+            let found = wide.check(&point(velocity, 0.0, from, 0.0), &point(velocity, 0.0, to, 0.0), 1);
+            assert_eq!(found, expected, "{from} to {to}");
+        }
+        assert_eq!(wide.acceleration_max, 8.0);
+        // Steering that goes from side to side within a step has no limit, and none of the wrong sign.
+        let swift = Vehicle { steering_rate_max: 20.0, ..vehicle() };
+        let free = limits_from(&swift, 5.0, 0.0, 0.0, 1.0);
+        assert_eq!(free.check(&point(1.0, 0.0, -0.2, 0.0), &point(1.0, 0.0, 0.2, 0.0), 1), Rejection::Admissible);
+        assert!((free.horizon() - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn along_the_path_a_quarter_more_is_allowed_as_on_the_inside_of_a_bend() {
+        for (s_dot, s_ddot, expected) in [
+            (5.0, 9.999, Rejection::Admissible),
+            (5.0, 10.001, Rejection::Acceleration),
+            (5.0, -9.999, Rejection::Admissible),
+            (5.0, -10.001, Rejection::Acceleration),
+            // 25 / 1.25 = 20 m/s, where the engine gives 4 m/s².
+            (25.0, 4.999, Rejection::Admissible),
+            (25.0, 5.001, Rejection::Acceleration),
+            (25.0, -9.999, Rejection::Admissible),
+            (25.0, 0.0, Rejection::Admissible),
+        ] {
+            assert_eq!(limits().check_along_path(s_dot, s_ddot, 3), expected, "{s_ddot} m/s² at {s_dot} m/s");
+        }
+    }
+
+    #[test]
+    fn the_quick_form_along_the_path_never_admits_more_than_the_exact_one() {
+        let quick = limits().along_path(0.01, 2.5);
+        assert_eq!(quick.low_velocity, 2.5);
+        for (s_dot, s_ddot, expected) in [
+            (-0.004, 0.0, true),
+            (-0.006, 0.0, false),
+            // 0.999 * 10 m/s²
+            (1.0, 9.98, true),
+            (1.0, 9.995, false),
+            (1.0, -9.98, true),
+            (1.0, -9.995, false),
+            // 0.999 * 10 * 1.25 * 10 = 124.875 m²/s³
+            (24.9, 5.0, true),
+            (24.98, 5.0, false),
+            (24.98, -5.0, true),
+        ] {
+            assert_eq!(quick.surely_holds(s_dot, s_ddot), expected, "{s_ddot} m/s² at {s_dot} m/s");
+            if expected {
+                assert_eq!(limits().check_along_path(s_dot.into(), s_ddot.into(), 3), Rejection::Admissible);
+            }
+        }
+    }
+}
