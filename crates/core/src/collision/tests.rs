@@ -214,3 +214,67 @@ fn a_car_departs_when_its_footprint_crosses_the_border_even_if_it_comes_back() {
     assert!(departs_road(&road, &Shape::rectangle(4.6, 1.0), ahead, at(100.0, 0.0, PI)).is_some());
     assert_eq!(departs_road(&road, &car(), at(100.0, 3.0, 0.0), ahead), Some(0.0));
 }
+
+#[test]
+fn a_gap_in_the_road_is_found_where_the_footprint_first_reaches_into_it() {
+    // Lanes of 4 m from x = 0 to 50 and from 52 to 100; the front of the car is 2 m ahead of its centre.
+    let border = |from: f64, to: f64, y: f64| vec![Point::new(from, y), Point::new(to, y)];
+    let lanelet = |id, from, to| LaneletInput {
+        id,
+        left: border(from, to, 2.0),
+        right: border(from, to, -2.0),
+        predecessors: Vec::new(),
+        successors: Vec::new(),
+        adjacent_left: None,
+        adjacent_right: None,
+        speed_limit: f64::NAN,
+    };
+    let road = crate::road::testing::closed(vec![lanelet(1, 0.0, 50.0), lanelet(2, 52.0, 100.0)]);
+    // Looked at every 0.25 m of 50 m; the map may be wrong by 0.1 m.
+    let found = departs_road(&road, &car(), at(30.0, 0.0, 0.0), at(80.0, 0.0, 0.0)).expect("it drives over the gap");
+    assert!((0.36..=0.3675).contains(&found), "{found}");
+    assert_eq!(departs_road(&road, &car(), at(30.0, 0.0, 0.0), at(47.9, 0.0, 0.0)), None);
+    let found = departs_road(&road, &car(), at(30.0, 0.0, 0.0), at(48.5, 0.0, 0.0)).expect("its front is in the gap");
+    assert!(found > 0.97, "{found}");
+}
+
+#[test]
+fn a_swept_box_per_interval_holds_the_footprint_at_both_ends() {
+    let poses = [at(0.0, 0.0, 0.0), at(10.0, 0.0, 0.0), at(18.0, 3.0, 0.6)];
+    let boxes = swept_boxes(&poses, 4.0, 2.0);
+    assert_eq!(boxes.len(), 2);
+    for (swept, pair) in boxes.iter().zip(poses.windows(2)) {
+        for corner in pair.iter().flat_map(|pose| OrientedBox::new(*pose, 4.0, 2.0).corners()) {
+            let away = corner - swept.center;
+            assert!(away.dot(swept.axis).abs() <= swept.half_length + 1e-9, "{corner:?} in {swept:?}");
+            assert!(away.dot(swept.axis.left()).abs() <= swept.half_width + 1e-9, "{corner:?} in {swept:?}");
+        }
+    }
+    assert!((boxes[0].half_length - 7.0).abs() < 1e-9 && (boxes[0].half_width - 1.0).abs() < 1e-9, "{:?}", boxes[0]);
+}
+
+#[test]
+fn a_long_body_that_turns_in_place_is_found_by_the_broad_phase() {
+    // At both ends of half a turn it lies along x; in the middle it reaches the pole 9 m away.
+    let (bar, pole) = (Shape::rectangle(20.0, 0.2), Shape::circle(0.1));
+    let turning = Mover { shape: &bar, from: at(0.0, 0.0, 0.0), to: at(0.0, 0.0, 3.0) };
+    let standing = |y: f64| Mover { shape: &pole, from: at(0.0, y, 0.0), to: at(0.0, y, 0.0) };
+    // Half the width before the bar stands upright: (pi / 2 - asin(0.2 / 9)) / 3 of the turn.
+    let found = contacts(&[standing(9.0), turning], |_, _| true);
+    let [(0, 1, fraction)] = found[..] else { panic!("{found:?}") };
+    assert!((fraction - (0.5 * PI - (0.2_f64 / 9.0).asin()) / 3.0).abs() < 1e-4, "{fraction}");
+    assert_eq!(contacts(&[standing(10.2), turning], |_, _| true), []);
+}
+
+#[test]
+fn a_body_off_its_origin_is_met_where_it_is_and_not_where_its_origin_is() {
+    let remote = Shape::rectangle_at(2.0, 2.0, Point::new(0.0, 10.0), 0.0);
+    let (pole, still) = (Shape::circle(0.5), at(0.0, 0.0, 0.0));
+    // The pole passes the origin: nothing. It passes y = 10: contact at x = -1.5 of -10 to 10.
+    assert_eq!(contact(&remote, still, still, &pole, at(-10.0, 0.0, 0.0), at(10.0, 0.0, 0.0)), None);
+    let found = contact(&remote, still, still, &pole, at(-10.0, 10.0, 0.0), at(10.0, 10.0, 0.0));
+    assert!((found.expect("it passes through") - 8.5 / 20.0).abs() < 1e-4);
+    // Quarter of a turn swings it over (-10, 0).
+    let swung = contact(&remote, still, at(0.0, 0.0, FRAC_PI_2), &pole, at(-10.0, 0.0, 0.0), at(-10.0, 0.0, 0.0));
+    assert!((0.8..1.0).contains(&swung.expect("it swings over the pole")));
+}

@@ -184,4 +184,90 @@ mod tests {
         let (middle, half) = circle(1.0).directions();
         assert!((middle - (0.5 * std::f64::consts::PI + 1.0)).abs() < 0.02 && (half - 1.0).abs() < 0.02);
     }
+
+    fn through(vertices: &[(f64, f64)]) -> Curve {
+        Curve::new(vertices.iter().map(|(x, y)| Point::new(*x, *y))).expect("a curve")
+    }
+
+    #[test]
+    fn at_the_foot_the_tangent_is_at_right_angles_to_the_way_to_the_point() {
+        let vertices = [(0.0, 0.0), (10.0, 0.0), (18.0, 6.0), (30.0, 6.0), (30.0, 20.0)];
+        let curve = through(&vertices);
+        let lengths = [10.0, 10.0, 12.0, 14.0];
+        let mut random = crate::geometry::shape::Lcg::new(4);
+        let mut sides = [0, 0];
+        for _ in 0..2000 {
+            let point = Point::new(random.within(0.0, 32.0), random.within(-4.0, 18.0));
+            let Some(foot) = curve.project(point, 5.0) else { continue };
+            let (mut rest, mut i) = (foot.s, 0);
+            while i < 3 && rest > lengths[i] {
+                (rest, i) = (rest - lengths[i], i + 1);
+            }
+            let on_curve = curve.points[i].lerp(curve.points[i + 1], rest / lengths[i]);
+            let away = point - on_curve;
+            assert!((foot.tangent.norm() - 1.0).abs() < 1e-12 && away.dot(foot.tangent).abs() < 1e-6, "{point:?}");
+            assert!((foot.d.abs() - away.norm()).abs() < 1e-6 && foot.d.abs() <= 5.0, "{point:?}");
+            assert!(foot.d * foot.tangent.cross(away) >= 0.0, "{point:?}: left is positive");
+            sides[usize::from(foot.d > 0.0)] += 1;
+        }
+        assert!(sides.iter().all(|n| *n > 200), "{sides:?}");
+    }
+
+    #[test]
+    fn tangents_at_vertices_are_bisectors() {
+        let curve = through(&[(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (10.0, 4.0)]);
+        let half = 0.5_f64.sqrt();
+        let expected = [(1.0, 0.0), (half, half), (0.0, -1.0), (0.0, -1.0)];
+        for (found, (x, y)) in curve.tangents.iter().zip(expected) {
+            assert!(found.distance(Point::new(x, y)) < 1e-12, "{found:?}: back on itself the side behind counts");
+        }
+        assert_eq!(curve.arc_lengths, [0.0, 10.0, 20.0, 26.0]);
+    }
+
+    #[test]
+    fn of_several_feet_the_nearest_counts_and_both_ends_have_one() {
+        // There and back, 6 m apart.
+        let curve = through(&[(0.0, 0.0), (20.0, 0.0), (20.0, 6.0), (0.0, 6.0)]);
+        for (x, y, s, d) in
+            [(2.0, 1.0, 2.0, 1.0), (2.0, 5.0, 44.0, 1.0), (2.0, 8.0, 44.0, -2.0), (0.0, -5.0, 0.0, -5.0)]
+        {
+            let foot = curve.project(Point::new(x, y), 5.0).expect("beside");
+            assert!((foot.s - s).abs() < 0.5 && (foot.d - d).abs() < 0.5, "{foot:?} instead of {s} {d}");
+        }
+        let line = through(&[(0.0, 0.0), (10.0, 0.0)]);
+        for (x, y) in [(0.0, 3.0), (10.0, -3.0), (4.0, 3.0)] {
+            let foot = line.project(Point::new(x, y), 3.0).expect("exactly beside, exactly within reach");
+            assert_eq!((foot.s, foot.d), (x, y));
+        }
+    }
+
+    #[test]
+    fn a_vertex_that_leads_back_a_little_is_left_out_and_one_that_leads_aside_or_far_back_is_not() {
+        for (vertices, length) in [
+            (vec![(0.0, 0.0), (10.0, 0.0), (7.5, 0.0), (20.0, 0.0)], 20.0),
+            (vec![(0.0, 0.0), (10.0, 0.0), (7.0, 0.0), (20.0, 0.0)], 20.0),
+            (vec![(0.0, 0.0), (10.0, 0.0), (6.0, 0.0), (6.0, 10.0)], 24.0),
+            (vec![(0.0, 0.0), (10.0, 0.0), (10.0, 2.0), (20.0, 2.0)], 22.0),
+            (vec![(0.0, 0.0), (10.0, 0.0), (10.04, 0.0), (20.0, 0.0)], 20.0),
+        ] {
+            let curve = through(&vertices);
+            assert_eq!(curve.arc_lengths.last(), Some(&length), "{vertices:?}");
+        }
+        assert_eq!(through(&[(0.0, 0.0), (10.0, 0.0), (10.0, 0.04), (20.0, 0.0)]).points.len(), 3, "one vertex, twice");
+    }
+
+    #[test]
+    fn directions_are_the_middle_and_half_width_of_what_the_tangents_take() {
+        // Sides at 0.2, 1.2, 0.8 rad: tangents at 0.2, 0.7, 1.0, 0.8. Mirrored about 0.2: 0.2, -0.3, -0.6, -0.4.
+        for (angles, middle, half) in [([0.2, 1.2, 0.8], 0.6, 0.4), ([0.2, -0.8, -0.4], -0.2, 0.4)] {
+            let mut at = Point::new(3.0, 4.0);
+            let mut vertices = vec![at];
+            for angle in angles {
+                at = at + Point::from_angle(angle) * 10.0;
+                vertices.push(at);
+            }
+            let found = Curve::new(vertices).expect("a curve").directions();
+            assert!((found.0 - middle).abs() < 1e-9 && (found.1 - half).abs() < 1e-9, "{found:?}");
+        }
+    }
 }

@@ -296,4 +296,98 @@ mod tests {
             assert_eq!(ImpactArea::of(f64::to_radians(degrees)), area, "{degrees}");
         }
     }
+
+    #[test]
+    fn every_kind_has_its_mass_and_its_protection() {
+        use ParticipantKind::*;
+        let of_car = 526.9 * 8.0_f64.powf(0.8) - 1333.5;
+        for (kind, expected, protected) in [
+            (Unknown, 300.0, false),
+            (Car, of_car, true),
+            (Truck, 25_000.0, true),
+            (Bus, 13_000.0, true),
+            (Motorcycle, 250.0, false),
+            (Bicycle, 90.0, false),
+            (Pedestrian, 75.0, false),
+            (PriorityVehicle, of_car, true),
+            (Train, 118_800.0, true),
+            (Taxi, of_car, true),
+            (ParkedVehicle, of_car, true),
+            (ConstructionZone, f64::INFINITY, false),
+            (Structure, f64::INFINITY, false),
+        ] {
+            assert_eq!(mass(kind, 4.0, 2.0), expected, "{kind:?}");
+            assert_eq!(is_protected(kind), protected, "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn the_impact_area_changes_the_odds_by_its_coefficient() {
+        let odds = |probability: f64| (probability / (1.0 - probability)).ln();
+        for (sides, line, of_area) in [
+            (Sides::Symmetric, (-4.457, 0.177), [0.0, 0.244, 0.244, -0.431]),
+            (Sides::Asymmetric, (-4.476, 0.179), [0.0, 0.250, 0.259, -0.445]),
+        ] {
+            for (area, coefficient) in ImpactArea::ALL.into_iter().zip(of_area) {
+                let expected = line.0 + line.1 * 12.0 + coefficient;
+                assert!((odds(in_vehicle(12.0, area, sides)) - expected).abs() < 1e-9, "{area:?} {sides:?}");
+            }
+        }
+        assert!((odds(boundary_harm(ParticipantKind::Truck, -12.0)) - (-4.591 + 0.185 * 12.0)).abs() < 1e-9);
+        assert!((odds(boundary_harm(ParticipantKind::Bicycle, 12.0)) - (-3.164 + 0.288 * 12.0)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn who_hits_whom_decides_on_the_model() {
+        use ParticipantKind::{Bicycle, Car, Structure};
+        // Both 10 m/s, head-on: 20 m/s, shared by equal masses, all of it against what does not give way.
+        let against = |own, other| {
+            let mass = |kind| if kind == Structure { f64::INFINITY } else { 500.0 };
+            let first = body(own, mass(own), 0.0, 0.0, 0.0, 10.0);
+            collision_harm(&first, &body(other, mass(other), 3.0, 0.0, PI, 10.0), Sides::Symmetric)[0]
+        };
+        for (own, other, speed_change, line) in [
+            (Car, Car, 10.0, (-4.457, 0.177)),
+            (Car, Bicycle, 10.0, (-4.591, 0.185)),
+            (Car, Structure, 20.0, (-4.591, 0.185)),
+            (Bicycle, Car, 10.0, (-3.164, 0.288)),
+            (Bicycle, Structure, 20.0, (-3.164, 0.288)),
+        ] {
+            let expected = 1.0 / (1.0 + (-(line.0 + line.1 * speed_change) as f64).exp());
+            let found = against(own, other);
+            assert!((found.speed_change - speed_change).abs() < 1e-9, "{own:?} {other:?}: {found:?}");
+            assert!((found.probability - expected).abs() < 1e-12, "{own:?} {other:?}: {found:?}");
+        }
+        let thing = against(Structure, Car);
+        assert!(thing.probability.is_nan() && thing.speed_change == 0.0);
+        assert!(is_thing(ParticipantKind::ConstructionZone) && !is_thing(Car));
+    }
+
+    #[test]
+    fn the_relative_speed_is_the_length_of_the_difference_of_the_velocities() {
+        let moving = |orientation: f64, velocity: f64| State { orientation, velocity, ..State::default() };
+        for (first, second, expected) in [
+            (moving(0.3, 12.0), moving(0.3, 5.0), 7.0),
+            (moving(0.0, 12.0), moving(PI, 5.0), 17.0),
+            (moving(1.0, 12.0), moving(1.0 + 0.5 * PI, 5.0), 13.0),
+            (moving(0.0, 3.0), moving(PI / 3.0, 3.0), 3.0),
+            (moving(2.0, 4.0), moving(2.0, 4.0), 0.0),
+        ] {
+            assert!((relative_speed(&first, &second) - expected).abs() < 1e-6, "{first:?} {second:?}");
+        }
+    }
+
+    #[test]
+    fn the_borders_of_areas_belong_to_the_sides_and_to_the_rear() {
+        for (angle, area) in [
+            (FRAC_PI_4, ImpactArea::Left),
+            (-FRAC_PI_4, ImpactArea::Right),
+            (3.0 * FRAC_PI_4, ImpactArea::Rear),
+            (-3.0 * FRAC_PI_4, ImpactArea::Rear),
+            (3.0 * FRAC_PI_4 - 1e-9, ImpactArea::Left),
+            (-3.0 * FRAC_PI_4 + 1e-9, ImpactArea::Right),
+        ] {
+            assert_eq!(ImpactArea::of(angle), area, "{angle}");
+        }
+    }
 }

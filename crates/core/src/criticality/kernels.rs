@@ -342,4 +342,58 @@ mod tests {
         near(integral, 1.043);
         assert_eq!(exposure(&[f64::NAN, INF], 2.0, 0.1), (0.0, 0.0));
     }
+
+    #[test]
+    fn limits_between_cases_belong_to_the_side_that_is_stated() {
+        for (headway, velocity, expected) in
+            [(-1.0, 10.0, 0.0), (-1.0, 0.0, 0.0), (10.0, STANDING, INF), (10.0, 2.0 * STANDING, 5000.0)]
+        {
+            assert_eq!(time_headway(headway, velocity), expected, "{headway} m, {velocity} m/s");
+        }
+        for (headway, velocity, acceleration, expected) in [
+            (-1.0, -10.0, 0.0, 0.0),
+            // Just so: 25 - 10 t + t² is 0 at t = 5 and never negative.
+            (25.0, -10.0, 2.0, 5.0),
+            // Denominators of exactly and of twice the smallest approach.
+            (30.0, -0.5 * NO_APPROACH, 0.0, INF),
+            (30.0, -NO_APPROACH, 0.0, 60.0 / (2.0 * NO_APPROACH)),
+        ] {
+            assert_eq!(
+                time_to_collision(headway, velocity, acceleration),
+                expected,
+                "{headway} {velocity} {acceleration}"
+            );
+        }
+        // The leader speeds up by more than what closes: 100 / 60 = 1.67 m/s².
+        assert_eq!(required_acceleration(30.0, -10.0, 3.0), 0.0);
+        near(required_acceleration(30.0, -10.0, 1.0), 1.0 - 100.0 / 60.0);
+        for (follower, leader, braking, expected) in [
+            // It stands: 10² / (2 * 30).
+            (10.0, 0.0, -5.0, -100.0 / 60.0),
+            // It reverses, or does not brake: as without an end.
+            (10.0, -2.0, -5.0, -5.0 - 144.0 / 60.0),
+            (10.0, 5.0, 0.0, -25.0 / 60.0),
+            // Rests after 5 / 5 = 1 s and 2.5 m, before 60 / 5 = 12 s: 10² / (2 * 32.5).
+            (10.0, 5.0, -5.0, -100.0 / 65.0),
+            // As fast as the leader: 10² / (2 * (30 + 10)).
+            (10.0, 10.0, -5.0, -100.0 / 80.0),
+            // Rests after 20 s, touched after 60 / 10 = 6 s.
+            (30.0, 20.0, -1.0, -1.0 - 100.0 / 60.0),
+            (0.0, 5.0, -5.0, 0.0),
+            (-3.0, 5.0, -5.0, 0.0),
+        ] {
+            near(required_acceleration_stopping(30.0, follower, leader, braking), expected);
+        }
+        for (time, offset, left, right, expected) in [
+            (2.0, -1.0, 1.0, 3.0, 0.0),
+            (2.0, 3.0, 1.0, 3.0, 0.0),
+            (2.0, 0.0, 1.0, 3.0, 0.5),
+            (2.0, 2.0, 1.0, 3.0, 0.5),
+            (-1.0, 0.0, 1.0, 3.0, 0.0),
+        ] {
+            near(required_lateral_acceleration(time, offset, left, right), expected);
+        }
+        assert_eq!(proportion_of_stopping_distance(-1.0, 4.0), 0.0);
+        assert_eq!(exposure(&[2.0, 2.5, 1.0], 2.0, 0.5), (1.0, 0.5), "the threshold itself is exposed");
+    }
 }

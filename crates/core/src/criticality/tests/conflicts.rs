@@ -161,3 +161,27 @@ fn of_the_connectors_behind_one_lane_the_followed_one_counts() {
         assert_eq!(extreme(&found, Measure::Et).is_finite(), expected);
     }
 }
+
+/// Lanelet and incoming of every connector that is found in a road without intersections.
+fn found_connectors(road: &RoadNetwork) -> Vec<(usize, i64)> {
+    let overlaps = crate::criticality::overlap::Overlaps::new(road, 0.3, 0.1);
+    let connectors = crate::criticality::conflict::crossing_connectors(road, &overlaps);
+    connectors.into_iter().map(|connector| (connector.lanelet, connector.incoming)).collect()
+}
+
+#[test]
+fn connectors_are_lanelets_that_cross_or_join_one_per_lane_that_leads_in() {
+    use crate::road::testing::{crossing, fork, merge};
+    let (road, _) = right_angles();
+    let index = |id| road.index_of(id).expect("a lanelet");
+    let expected = [(index(2), index(1) as i64), (index(12), index(11) as i64)];
+    assert_eq!(found_connectors(&road), expected);
+    // Where nothing leads in, a lanelet is an incoming of its own, with a number that no lanelet has.
+    assert_eq!(found_connectors(&crossing()), [(0, -1), (1, -2)]);
+    assert_eq!(found_connectors(&merge()), [(0, -1), (1, -2)]);
+    // Lanelets that part overlap, and so does a lanelet with its own successor on a map that is not exact.
+    assert_eq!(found_connectors(&fork()), []);
+    let lane = |id, from, to, next: &[i64]| with_successors(tapered_lane(id, &straight(from, to), 4.0, 4.0), next);
+    let overlapping = open(vec![lane(1, (0.0, 0.0), (50.0, 0.0), &[2]), lane(2, (45.0, 0.0), (90.0, 0.0), &[])]);
+    assert_eq!(found_connectors(&overlapping), []);
+}
