@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke format clean
+.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-training
@@ -89,6 +89,10 @@ performance: $(VENV)/.installed .venv-third/.installed ## measures all of docs/p
 
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py
+
+mutants: ## breaks formulas, contacts, outcomes and limits on purpose: which changes do the unit tests not notice?
+	cargo mutants --version > /dev/null 2>&1 || cargo install cargo-mutants --locked
+	$(PYTHON) benchmarks/mutants.py
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 -n auto --dist loadfile tests/oracles
