@@ -134,6 +134,13 @@ mod tests {
             (PI - 0.05, (-PI - 0.1, -PI + 0.1), true),
             (0.0, (PI - 0.1, PI + 0.1), false),
             (2.0, (-PI, PI), true),
+            (1.2, (0.5, 1.5), true),
+            (-1.2, (0.5, 1.5), false),
+            // Both ends belong to it.
+            (0.5, (0.5, 1.5), true),
+            (1.5, (0.5, 1.5), true),
+            (0.49, (0.5, 1.5), false),
+            (1.51, (0.5, 1.5), false),
         ] {
             assert_eq!(orientation_within(orientation, interval), expected, "{orientation} in {interval:?}");
         }

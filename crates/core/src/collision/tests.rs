@@ -264,6 +264,12 @@ fn a_long_body_that_turns_in_place_is_found_by_the_broad_phase() {
     let [(0, 1, fraction)] = found[..] else { panic!("{found:?}") };
     assert!((fraction - (0.5 * PI - (0.2_f64 / 9.0).asin()) / 3.0).abs() < 1e-4, "{fraction}");
     assert_eq!(contacts(&[standing(10.2), turning], |_, _| true), []);
+    // The same from almost upright to almost upright, through the pole on the x axis.
+    let turning = Mover { shape: &bar, from: at(0.0, 0.0, -1.5), to: at(0.0, 0.0, 1.5) };
+    let beside = Mover { shape: &pole, from: at(9.0, 0.0, 0.0), to: at(9.0, 0.0, 0.0) };
+    let found = contacts(&[turning, beside], |_, _| true);
+    let [(0, 1, fraction)] = found[..] else { panic!("{found:?}") };
+    assert!((fraction - (1.5 - (0.2_f64 / 9.0).asin()) / 3.0).abs() < 1e-4, "{fraction}");
 }
 
 #[test]

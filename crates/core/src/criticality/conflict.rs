@@ -282,3 +282,6 @@ fn connectors_of(traffic: &Traffic, track: &Track, row: usize, incomings: &BTree
     chosen.sort_unstable();
     chosen
 }
+
+#[cfg(test)]
+mod tests;

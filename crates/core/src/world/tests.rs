@@ -5,8 +5,8 @@ mod goals;
 mod plans;
 
 use super::*;
+use crate::geometry::Pose;
 use crate::geometry::shape::PlacedShape;
-use crate::geometry::{Point, Pose};
 use crate::road::testing::{open, parallel_lanes};
 use crate::route::{RouteSettings, find_route};
 use crate::scenario::{GoalState, Obstacles};

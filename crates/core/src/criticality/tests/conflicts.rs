@@ -55,6 +55,11 @@ fn who_is_there_at_the_same_time_has_no_post_encroachment_time() {
     assert_eq!(extreme(&crashed, Measure::Pet), 0.0);
     assert!(extreme(&crashed, Measure::Et).is_nan(), "entered, never left");
     assert!(at(&crashed, Measure::Et, 0).is_nan() && at(&crashed, Measure::Et, 32).is_nan());
+    assert_eq!(at(&crashed, Measure::Psd, 32), 0.0, "inside to the end");
+    // Out again at the last step, 40.
+    let just_out = crossing_scene(-34.55, 41, None);
+    near(at(&just_out, Measure::Et, 39), 0.1, 1e-9);
+    assert_eq!(at(&just_out, Measure::Psd, 39), 0.0);
 }
 
 #[test]
@@ -120,9 +125,9 @@ fn crossing_lanelets_are_found_where_no_intersection_is_stated() {
     assert_eq!(extreme(&found, Measure::Et), INF);
 }
 
-#[test]
-fn of_the_connectors_behind_one_lane_the_followed_one_counts() {
-    // Straight on and a turn to the left start in the same lane; the crossing road cuts only the straight one.
+/// Straight on (lanelet 2) and a turn to the left (4) start in the same lane; the crossing road (12) cuts only the
+/// straight one.
+pub(in crate::criticality) fn fork_before_a_crossing() -> (RoadNetwork, Vec<Connector>) {
     let lane = |id, points: &[Point], next: &[i64]| with_successors(tapered_lane(id, points, 4.0, 4.0), next);
     let turn: Vec<Point> = (0..=16)
         .map(|i| {
@@ -142,23 +147,47 @@ fn of_the_connectors_behind_one_lane_the_followed_one_counts() {
     ]);
     let connector = |id, incoming| Connector { lanelet: road.index_of(id).expect("a lanelet"), incoming };
     let connectors = vec![connector(2, 0), connector(4, 0), connector(12, 1)];
+    (road, connectors)
+}
+
+pub(in crate::criticality) fn straight_on(id: i64) -> Actor {
+    Actor::car(id, (0..100).map(|k| state(-50.0 + f64::from(k), 0.0, 0.0, 10.0)))
+}
+
+/// Turns to the left after so many steps.
+pub(in crate::criticality) fn turning(id: i64, after: f64) -> Actor {
+    let at = |k: u32| {
+        let s = f64::from(k) - after;
+        let angle = (s / 10.0).clamp(0.0, std::f64::consts::FRAC_PI_2);
+        let p = Point::new(-10.0, 10.0) + Point::from_angle(angle - std::f64::consts::FRAC_PI_2) * 10.0;
+        let rest = if s < 0.0 { Point::new(s, 0.0) } else { Point::new(0.0, (s - 15.707963).max(0.0)) };
+        state(p.x + rest.x, p.y + rest.y, angle, 10.0)
+    };
+    Actor::car(id, (0..95).map(at))
+}
+
+#[test]
+fn of_the_connectors_behind_one_lane_the_followed_one_counts() {
+    let (road, connectors) = fork_before_a_crossing();
     let other = Actor::car(2, (0..100).map(|k| state(20.0, -50.0 + f64::from(k), std::f64::consts::FRAC_PI_2, 10.0)));
-    let straight_on = Actor::car(1, (0..100).map(|k| state(-50.0 + f64::from(k), 0.0, 0.0, 10.0)));
-    let turning = Actor::car(
-        1,
-        (0..95).map(|k| {
-            let s = f64::from(k) - 40.0;
-            let angle = (s / 10.0).clamp(0.0, std::f64::consts::FRAC_PI_2);
-            let p = Point::new(-10.0, 10.0) + Point::from_angle(angle - std::f64::consts::FRAC_PI_2) * 10.0;
-            let rest = if s < 0.0 { Point::new(s, 0.0) } else { Point::new(0.0, (s - 15.707963).max(0.0)) };
-            state(p.x + rest.x, p.y + rest.y, angle, 10.0)
-        }),
-    );
-    for (own, expected) in [(straight_on, true), (turning, false)] {
+    for (own, expected) in [(straight_on(1), true), (turning(1, 40.0), false)] {
         let mut wanted = request(&[1]);
         wanted.conflict_areas = ConflictAreas::Stated(connectors.clone());
         let found = evaluate(&traffic(road.clone(), &[own, other.clone()]), &wanted).expect("valid");
         assert_eq!(extreme(&found, Measure::Et).is_finite(), expected);
+    }
+}
+
+#[test]
+fn connectors_from_the_same_incoming_have_no_conflict_area() {
+    let (road, mut connectors) = fork_before_a_crossing();
+    let both = traffic(road, &[straight_on(1), turning(2, 60.0)]);
+    for (incoming, is_conflict) in [(0, false), (7, true)] {
+        connectors[1].incoming = incoming;
+        let mut wanted = request(&[1]);
+        wanted.conflict_areas = ConflictAreas::Stated(connectors.clone());
+        let found = evaluate(&both, &wanted).expect("valid");
+        assert_eq!(extreme(&found, Measure::Et).is_finite(), is_conflict, "{incoming}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Measures on hand-built roads, with numbers worked out by hand (docs/criticality.md, "Examples").
 
-mod conflicts;
+pub(super) mod conflicts;
 mod encounters;
 mod following;
 mod invariance;

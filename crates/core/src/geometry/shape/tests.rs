@@ -106,7 +106,9 @@ fn bounds_of_an_offset_rectangle() {
     let aabb = shape.aabb(pose);
     assert!(aabb.min.distance(Point::new(7.0, 2.0)) < 1e-12 && aabb.max.distance(Point::new(11.0, 4.0)) < 1e-12);
     assert!(PlacedShape { shape: shape.clone(), pose }.center().distance(Point::new(9.0, 3.0)) < 1e-12);
-    assert!(shape.oriented_box(pose).center.distance(Point::new(9.0, 3.0)) < 1e-12);
+    let around = shape.oriented_box(pose);
+    assert!(around.center.distance(Point::new(9.0, 3.0)) < 1e-12);
+    assert!((around.half_length - 1.0).abs() < 1e-12 && (around.half_width - 2.0).abs() < 1e-12);
 }
 
 #[test]
@@ -115,6 +117,10 @@ fn the_centre_of_an_l_and_of_a_ring_given_far_away_is_its_centre_of_area() {
     let expected = Point::new((4.0 * 2.0 + 3.0 * 0.5) / 7.0, (4.0 * 0.5 + 3.0 * 2.5) / 7.0);
     assert!(PlacedShape { shape: l_shape(), pose: ORIGIN }.center().distance(expected) < 1e-12);
     assert!(Shape::circle_at(2.0, Point::new(1.0, 5.0)).centroid().distance(Point::new(1.0, 5.0)) < 1e-12);
+    // A disc of 9 pi m² at the origin and a rectangle of 9 m² at (pi + 1, 0).
+    let ahead = Shape::rectangle_at(4.5, 2.0, Point::new(PI + 1.0, 0.0), 0.0);
+    let both = Shape::group(vec![Shape::circle(3.0), ahead]).centroid();
+    assert!(both.distance(Point::new(1.0, 0.0)) < 1e-12, "{both:?}");
 }
 
 #[test]
@@ -123,11 +129,15 @@ fn outlines_for_pictures_keep_the_polygon_and_approximate_circles() {
     let outline = group.outline();
     assert_eq!(outline.iter().map(Vec::len).collect::<Vec<_>>(), [6, 32]);
     assert!(outline[1].iter().all(|p| (p.norm() - 2.0).abs() < 1e-12));
+    let circle = &Shape::circle_at(2.0, Point::new(1.0, 5.0)).outline()[0];
+    for (corner, x, y) in [(0, 3.0, 5.0), (8, 1.0, 7.0), (16, -1.0, 5.0), (24, 1.0, 3.0)] {
+        assert!(circle[corner].distance(Point::new(x, y)) < 1e-12, "corner {corner}: {:?}", circle[corner]);
+    }
 }
 
 #[test]
 fn impossible_sizes_are_found_by_the_check() {
-    assert!(Shape::rectangle(4.0, 0.0).check().is_ok());
+    assert!(Shape::rectangle(4.0, 0.0).check().is_ok() && Shape::circle(1.0).check().is_ok());
     for shape in [
         Shape::rectangle(f64::NAN, 2.0),
         Shape::rectangle(-4.0, 2.0),

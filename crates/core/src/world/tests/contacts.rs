@@ -47,8 +47,9 @@ fn the_impact_speed_is_that_of_both_at_the_moment_of_contact() {
             &[Recorded::moving(7, [Some(first), Some(second)])],
         );
         move_to(&mut world, &[(1, at(21.0, 0.0, own_next))]);
-        let found = outcome(&world, 1).impact_speed;
-        assert!((found - expected).abs() < 1e-3, "{found}, not {expected} m/s");
+        let found = outcome(&world, 1);
+        assert!((found.impact_speed - expected).abs() < 1e-3, "{found:?}, not {expected} m/s");
+        assert!(found.message.contains("at 50 % of the step"), "{found:?}");
     }
 }
 
@@ -119,8 +120,10 @@ fn who_starts_in_contact_collides_once_they_have_separated() {
 
 #[test]
 fn who_appears_on_top_of_an_agent_is_noted_and_does_not_end_it() {
-    let (before, after) =
-        (Recorded::moving(0, [None, Some(at(21.0, 0.5, 0.0))]), Recorded::moving(7, [None, Some(at(19.0, -0.5, 0.0))]));
+    let (before, after) = (
+        Recorded::moving(0, [None, Some(at(21.0, 0.5, 0.0)), Some(at(21.0, 0.5, 0.0))]),
+        Recorded::moving(7, [None, Some(at(19.0, -0.5, 0.0))]),
+    );
     let mut world = world(vec![agent(3, at(20.0, 0.0, 0.0), vec![far()])], &[before, after]);
     assert_eq!(world.entered_in_contact(), []);
     move_to(&mut world, &[]);
