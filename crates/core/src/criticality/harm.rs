@@ -353,7 +353,8 @@ mod tests {
             (Bicycle, Car, 10.0, (-3.164, 0.288)),
             (Bicycle, Structure, 20.0, (-3.164, 0.288)),
         ] {
-            let expected = 1.0 / (1.0 + (-(line.0 + line.1 * speed_change) as f64).exp());
+            let (constant, slope): Line = line;
+            let expected = 1.0 / (1.0 + (-(constant + slope * speed_change)).exp());
             let found = against(own, other);
             assert!((found.speed_change - speed_change).abs() < 1e-9, "{own:?} {other:?}: {found:?}");
             assert!((found.probability - expected).abs() < 1e-12, "{own:?} {other:?}: {found:?}");

@@ -111,3 +111,19 @@ fn progress_is_the_way_along_the_reference_path() {
         assert!((found - expected).abs() < 0.01, "{found}, not {expected}");
     }
 }
+
+#[test]
+fn the_largest_number_of_steps_ends_everybody_who_drives_or_is_still_to_come() {
+    let settings = WorldSettings { max_steps: 3, ..WorldSettings::default() };
+    let late = Agent { start_time_step: 8, ..agent(2, at(80.0, 0.0, 10.0), vec![far()]) };
+    let mut world = world_with(vec![agent(1, at(20.0, 0.0, 10.0), vec![far()]), late], &[], settings);
+    for time_step in 1..=3 {
+        move_to(&mut world, &[]);
+        for found in world.outcomes() {
+            let expected = if time_step < 3 { OutcomeKind::Running } else { OutcomeKind::TimeLimit };
+            assert_eq!(found.kind, expected, "{time_step}");
+            assert_eq!(found.message.contains("after 3 time steps"), time_step == 3);
+        }
+    }
+    assert!(world.is_done() && world.last_time_step() == Some(3));
+}
