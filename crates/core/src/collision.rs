@@ -12,6 +12,8 @@ const CONTACT: f64 = 1e-4;
 const ADVANCES_MAX: usize = 2000;
 /// Between two looks at the road no point of a footprint moves farther than this [m].
 const ROAD_CHECK_SPACING: f64 = 0.25;
+/// Most looks at one step: 2.5 km, which no vehicle drives in one.
+const ROAD_CHECKS_MAX: f64 = 10_000.0;
 
 /// A body and its poses at the start and the end of a step.
 #[derive(Debug, Clone, Copy)]
@@ -161,7 +163,7 @@ fn swept_box(mover: &Mover<'_>) -> Aabb {
 pub fn departs_road(road: &RoadNetwork, shape: &Shape, from: Pose, to: Pose) -> Option<f64> {
     let motion = Motion::new(from, to);
     let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
-    let looks = (travel / ROAD_CHECK_SPACING).ceil().max(1.0) as usize;
+    let looks = (travel / ROAD_CHECK_SPACING).ceil().clamp(1.0, ROAD_CHECKS_MAX) as usize;
     (0..=looks).map(|look| look as f64 / looks as f64).find(|fraction| !road.covers(shape, motion.pose_at(*fraction)))
 }
 

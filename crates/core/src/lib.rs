@@ -3,6 +3,7 @@
 
 pub mod wide;
 pub mod error;
+pub mod limits;
 pub mod geometry;
 pub mod trajectory;
 pub mod vehicle;

@@ -18,9 +18,13 @@ pub use lanelet::Lanelet;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Point, Pose, wrap_angle};
+use crate::limits::LANELET_LENGTH_MAX;
 use coverage::DrivableArea;
 use follow::LaneCurve;
 use surface::{Surface, strip};
+
+/// Wider gaps [m] are no errors of a map.
+const GAP_TOLERANCE_MAX: f64 = 10.0;
 
 /// A lanelet as a file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,12 +107,17 @@ impl RoadNetwork {
     ///
     /// # Errors
     /// `InvalidInput` naming the lanelet: no lanelet at all, an id used twice, a bound with fewer than two vertices, a
-    /// coordinate that is not a number, a centre line without length; or naming the setting that is negative.
+    /// coordinate that is not a number or beyond [`crate::limits`], a centre line without length or too long; or naming
+    /// the setting that is negative or too large.
     pub fn new(inputs: Vec<LaneletInput>, settings: RoadSettings) -> Result<Self> {
-        for (name, value) in [("gap_tolerance", settings.gap_tolerance), ("open_end_length", settings.open_end_length)]
-        {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::invalid(format!("road setting {name} must be a length, not {value}")));
+        for (name, value, most) in [
+            ("gap_tolerance", settings.gap_tolerance, GAP_TOLERANCE_MAX),
+            ("open_end_length", settings.open_end_length, LANELET_LENGTH_MAX),
+        ] {
+            if !(value >= 0.0 && value <= most) {
+                return Err(Error::invalid(format!(
+                    "road setting {name} must be a length up to {most} m, not {value}"
+                )));
             }
         }
         let lanelets = lanelet::linked(inputs)?;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::wrap_angle;
+use crate::limits::NUMBER_MAX;
 use crate::road::RoadNetwork;
 use crate::trajectory::{State, States};
 use crate::vehicle::ParticipantKind;
@@ -91,8 +92,8 @@ impl Scenario {
     /// Checks and keeps the parts.
     ///
     /// # Errors
-    /// `InvalidInput` naming the field: dt not positive, tables of different lengths, ids not ascending, NaN in a
-    /// valid state.
+    /// `InvalidInput` naming the field: dt not positive, tables of different lengths, ids not ascending, a
+    /// number in a valid state that is none or beyond [`crate::limits`].
     pub fn new(dt: f64, road: Arc<RoadNetwork>, obstacles: Obstacles) -> Result<Self> {
         if !(1e-3..=10.0).contains(&dt) {
             return Err(Error::invalid(format!("the time step size must be between 0.001 and 10 seconds, not {dt}")));
@@ -103,15 +104,16 @@ impl Scenario {
                 "{n} obstacle ids, but kinds, shapes or static flags of another length"
             )));
         }
-        if !obstacles.states.ids.is_sorted_by(|a, b| a < b) {
-            return Err(Error::invalid("obstacle ids must be unique and ascending"));
+        obstacles.states.check("obstacle")?;
+        for (id, shape) in obstacles.states.ids.iter().zip(&obstacles.shape) {
+            shape.check_numbers().map_err(|error| Error::invalid(format!("obstacle {id}: {error}")))?;
         }
         for (row, id) in obstacles.states.ids.iter().enumerate() {
             for step in 0..obstacles.states.n_steps {
                 let time_step = obstacles.states.first_time_step + step as i64;
-                if obstacles.states.get(row, time_step).is_some_and(|state| !state.is_finite()) {
+                if obstacles.states.get(row, time_step).is_some_and(|state| !state.is_possible()) {
                     return Err(Error::invalid(format!(
-                        "obstacle {id} has a state that is not a number at time step {time_step}"
+                        "obstacle {id} has a state that is not a number up to {NUMBER_MAX:e} at time step {time_step}"
                     )));
                 }
             }

@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
+use crate::limits::{NUMBER_MAX, TIME_STEP_MAX, check_time_step, is_possible};
 
 /// State of one participant at one time step. The position is the centre of the footprint.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -34,6 +35,13 @@ impl State {
             .iter()
             .all(|v| v.is_finite())
     }
+
+    /// Every field is a number that a participant can have (see [`crate::limits`]).
+    pub fn is_possible(&self) -> bool {
+        [self.x, self.y, self.orientation, self.velocity, self.acceleration, self.yaw_rate]
+            .iter()
+            .all(|v| is_possible(*v))
+    }
 }
 
 /// States of many participants over consecutive time steps: every field has shape (participants, time steps),
@@ -63,6 +71,26 @@ pub struct States {
 }
 
 impl States {
+    /// The fields have as many entries as ids and steps say, ids are unique and ascending, time steps possible.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the field; `whose` is what the ids are of.
+    pub fn check(&self, whose: &str) -> Result<()> {
+        check_time_step("time step", self.first_time_step)?;
+        if self.n_steps as u64 > TIME_STEP_MAX as u64 {
+            return Err(Error::invalid(format!("a table of {} time steps is too long", self.n_steps)));
+        }
+        let n = self.ids.len() * self.n_steps;
+        let fields = [&self.x, &self.y, &self.orientation, &self.velocity, &self.acceleration, &self.yaw_rate];
+        if fields.iter().any(|field| field.len() != n) || self.valid.len() != n {
+            return Err(Error::invalid(format!("a field of the states has not {n} entries")));
+        }
+        if !self.ids.is_sorted_by(|a, b| a < b) {
+            return Err(Error::invalid(format!("{whose} ids must be unique and ascending")));
+        }
+        Ok(())
+    }
+
     /// A table in which everybody is absent.
     pub fn absent(ids: Vec<i64>, first_time_step: i64, n_steps: usize) -> Self {
         let n = ids.len() * n_steps;
@@ -88,7 +116,8 @@ impl States {
 
     /// State of a row at a time step; `None` where absent or outside the table.
     pub fn get(&self, row: usize, time_step: i64) -> Option<State> {
-        let column = usize::try_from(time_step - self.first_time_step).ok().filter(|c| *c < self.n_steps)?;
+        let column =
+            usize::try_from(time_step.wrapping_sub(self.first_time_step)).ok().filter(|c| *c < self.n_steps)?;
         let i = row * self.n_steps + column;
         self.valid[i].then(|| State {
             x: self.x[i],
@@ -279,10 +308,10 @@ impl Predictions {
                 let (xx, xy, yy) = (self.covariance_xx[i], self.covariance_xy[i], self.covariance_yy[i]);
                 if ![self.x[i], self.y[i], self.orientation[i], self.velocity[i], xx, xy, yy]
                     .iter()
-                    .all(|v| v.is_finite())
+                    .all(|v| is_possible(*v))
                 {
                     return Err(Error::invalid(format!(
-                        "predictions: participant {id} has a valid step that is not a number"
+                        "predictions: participant {id} has a valid step that is not a number up to {NUMBER_MAX:e}"
                     )));
                 }
                 if !(xx > 0.0 && yy > 0.0 && xx * yy - xy * xy > 0.0) {

@@ -22,6 +22,7 @@ pub use settings::{LeadMembership, Settings, ThwMode};
 pub use traffic::Traffic;
 
 use crate::error::{Error, Result};
+use crate::limits::check_threads;
 use crate::road::RoadNetwork;
 use conflict::{Conflicts, crossing_connectors};
 use moment::{Context, Decisive, Following, Moment, Via};
@@ -197,9 +198,7 @@ pub struct Criticality {
 /// `InvalidInput` or `UnknownId` naming the participant or the setting that cannot be used.
 pub fn evaluate(traffic: &Traffic, request: &Request) -> Result<Criticality> {
     request.settings.validate()?;
-    if request.threads == 0 {
-        return Err(Error::invalid("threads must be at least 1"));
-    }
+    check_threads(request.threads)?;
     let judged = judged(traffic, request)?;
     let contacts = contacts(traffic, &request.contacts)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -254,7 +253,7 @@ fn contacts(traffic: &Traffic, given: &[(i64, i64, i64)]) -> Result<Vec<(u32, u3
     let mut found = Vec::with_capacity(given.len());
     for &(a, b, time_step) in given {
         let (a, b) = (row(a)? as u32, row(b)? as u32);
-        let column = usize::try_from(time_step - traffic.states.first_time_step)
+        let column = usize::try_from(time_step.wrapping_sub(traffic.states.first_time_step))
             .ok()
             .filter(|column| *column < traffic.states.n_steps)
             .ok_or_else(|| Error::invalid(format!("a contact at time step {time_step} is outside the recording")))?;

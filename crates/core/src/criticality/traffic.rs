@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose, wrap_angle};
+use crate::limits::{NUMBER_MAX, is_possible};
 use crate::road::RoadNetwork;
 use crate::trajectory::States;
 
@@ -49,8 +50,9 @@ impl Traffic {
                 is_static.len()
             )));
         }
-        if !states.ids.is_sorted_by(|a, b| a < b) {
-            return Err(Error::invalid("participant ids must be unique and ascending"));
+        states.check("participant")?;
+        for (id, shape) in states.ids.iter().zip(&shape) {
+            shape.check_numbers().map_err(|error| Error::invalid(format!("participant {id}: {error}")))?;
         }
         let mut traffic = Self { dt, road, states, shape, is_static };
         for row in 0..n {
@@ -70,10 +72,10 @@ impl Traffic {
             if self.is_static[row] {
                 (table.velocity[i], table.acceleration[i]) = (0.0, 0.0);
             }
-            if ![table.x[i], table.y[i], table.orientation[i], table.velocity[i]].iter().all(|v| v.is_finite()) {
+            if ![table.x[i], table.y[i], table.orientation[i], table.velocity[i]].iter().all(|v| is_possible(*v)) {
                 let time_step = table.first_time_step + column as i64;
                 return Err(Error::invalid(format!(
-                    "participant {} has a state that is not a number at time step {time_step}",
+                    "participant {} has a state that is not a number up to {NUMBER_MAX:e} at time step {time_step}",
                     table.ids[row]
                 )));
             }

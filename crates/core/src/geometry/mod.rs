@@ -8,6 +8,8 @@ pub mod shape;
 use std::f64::consts::{PI, TAU};
 use std::ops::{Add, Mul, Neg, Sub};
 
+use crate::limits::is_possible;
+
 /// A point or a vector in the plane [m].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Point {
@@ -83,6 +85,12 @@ impl Point {
     #[inline(always)]
     pub fn is_finite(self) -> bool {
         self.x.is_finite() && self.y.is_finite()
+    }
+
+    /// Both coordinates are numbers that a place can have (see [`crate::limits`]).
+    #[inline(always)]
+    pub fn is_possible(self) -> bool {
+        is_possible(self.x) && is_possible(self.y)
     }
 }
 

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::geometry::Point;
+use crate::limits::NUMBER_MAX;
 
 /// Consecutive vertices closer than this [m] count as one.
 const DUPLICATE_DISTANCE: f64 = 1e-6;
@@ -35,10 +36,10 @@ impl Polyline {
     /// From its vertices; those closer than 1e-6 m to the one before are dropped.
     ///
     /// # Errors
-    /// `InvalidInput` if a coordinate is not a number or fewer than two vertices are left.
+    /// `InvalidInput` if a coordinate is not a number or beyond [`NUMBER_MAX`], or fewer than two vertices are left.
     pub fn new(points: &[Point]) -> Result<Self> {
-        if let Some(index) = points.iter().position(|point| !point.is_finite()) {
-            return Err(Error::invalid(format!("vertex {index} of a polyline is not a number")));
+        if let Some(index) = points.iter().position(|point| !point.is_possible()) {
+            return Err(Error::invalid(format!("vertex {index} of a polyline is not a number up to {NUMBER_MAX:e}")));
         }
         let mut kept: Vec<Point> = Vec::with_capacity(points.len());
         for &point in points {

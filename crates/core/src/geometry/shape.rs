@@ -11,6 +11,7 @@ pub use oriented_box::OrientedBox;
 
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Point, Pose};
+use crate::limits::{NUMBER_MAX, is_possible};
 
 /// Bodies nearer than this touch [m]; it absorbs the rounding of exact contacts.
 const TOUCHING: f64 = 1e-9;
@@ -87,20 +88,31 @@ impl Shape {
     /// The shape is one that a body can have; for shapes made of numbers from outside.
     ///
     /// # Errors
-    /// `InvalidInput` if there is no part, a number is not finite, or a length or radius is negative.
+    /// `InvalidInput` if there is no part, a number is not finite or too large, or a length or radius is negative.
     pub fn check(&self) -> Result<()> {
         if self.parts.is_empty() {
             return Err(Error::invalid("a shape needs at least one part"));
         }
+        self.check_numbers()?;
         for part in &self.parts {
-            if !(part.radius.is_finite() && part.vertices.iter().all(|vertex| vertex.is_finite())) {
-                return Err(Error::invalid("a shape has a size or position that is not a finite number"));
-            }
             if part.radius < 0.0 || (part.vertices.len() > 1 && part.doubled_area() <= 0.0) {
                 return Err(Error::invalid("a shape has a negative length, width or radius"));
             }
         }
         Ok(())
+    }
+
+    /// All sizes and positions are numbers that a body can have.
+    ///
+    /// # Errors
+    /// `InvalidInput` if one is not finite or beyond [`NUMBER_MAX`].
+    pub fn check_numbers(&self) -> Result<()> {
+        let are_possible =
+            |part: &ConvexPart| is_possible(part.radius) && part.vertices.iter().all(|vertex| vertex.is_possible());
+        if self.parts.iter().all(are_possible) {
+            return Ok(());
+        }
+        Err(Error::invalid(format!("a shape has a size or position that is not a finite number up to {NUMBER_MAX:e}")))
     }
 
     /// Convex parts in the body frame; together they are the shape.

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::wrap_angle;
+use crate::limits::NUMBER_MAX;
 use crate::trajectory::State;
 use crate::vehicle::Vehicle;
 
@@ -99,6 +100,9 @@ pub fn check_plan(points: &[State], now: &State, vehicle: &Vehicle, dt: f64) -> 
     let change = first.velocity - now.velocity;
     if change.abs() > START_VELOCITY_MAX {
         return Err(Error::invalid(format!("the plan starts {change:.2} m/s off the agent's speed")));
+    }
+    if let Some(i) = points.iter().position(|point| !point.is_possible()) {
+        return Err(Error::invalid(format!("the plan has a value beyond {NUMBER_MAX:e} at point {i}")));
     }
     let reach = VELOCITY_SHARE * vehicle.velocity_max * dt + STEP_MARGIN;
     for (i, pair) in points.windows(2).enumerate() {

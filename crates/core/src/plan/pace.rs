@@ -57,7 +57,7 @@ impl Pace {
     ) {
         self.from = s;
         self.values.clear();
-        let n = (reach / SPACING).ceil() as usize + 2;
+        let n = path.steps_from(s, SPACING, (reach / SPACING).ceil()) + 2;
         for i in 0..n {
             let at = s + i as f64 * SPACING;
             let curve = (lateral_acceleration / path.curvature_at(at).abs().max(1e-9)).sqrt();
@@ -96,6 +96,15 @@ mod tests {
         assert!((pace.at(75.0) - bend).abs() < 0.2, "{}", pace.at(75.0));
         // 40 m before the bend: sqrt(40 + 2 * 1.5 * 40)
         assert!((pace.at(20.0) - 160_f64.sqrt()).abs() < 0.6, "{}", pace.at(20.0));
+    }
+
+    #[test]
+    fn whoever_is_too_fast_for_any_road_looks_no_further_than_its_end() {
+        let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(100.0, 0.0)]).expect("a path");
+        let mut pace = Pace::default();
+        pace.fill(&path, &SpeedLimits { values: vec![8.0] }, (0.0, 1e12), 2.0, 1.5);
+        assert!(pace.values.len() < 60);
+        assert_eq!(pace.at(1e9), 8.0);
     }
 
     #[test]

@@ -121,7 +121,7 @@ pub(super) fn trajectory_on_road(
 /// The path does not bend more than any lane leaves room for.
 fn is_straight(path: &ReferencePath, s: f64, motions: &[Motion]) -> bool {
     let end = motions.last().map_or(s, |motion| motion.s) + 5.0;
-    let n = ((end - s) / STRAIGHT_STEP).ceil() as usize;
+    let n = path.steps_from(s, STRAIGHT_STEP, ((end - s) / STRAIGHT_STEP).ceil());
     (0..=n).all(|i| path.curvature_at(s + i as f64 * STRAIGHT_STEP).abs() < STRAIGHT_CURVATURE)
 }
 

@@ -13,6 +13,8 @@ const KNOT_SPACING: f64 = 1.0;
 const HEADING_REACH: f64 = 2.0;
 /// The curvature is the change of heading this far [m] to both sides.
 const CURVATURE_REACH: f64 = 3.0;
+/// ... and at most so many knots: lanelets of less than a millimetre must not cost more than others.
+const REACH_KNOTS_MAX: f64 = 3000.0;
 /// How straight a branch is shows after this length [m].
 const BRANCH_LENGTH: f64 = 20.0;
 /// Longest chain of lanelets: a bound for maps with lanelets of no length that lead into each other.
@@ -35,7 +37,7 @@ impl LaneCurve {
         let positions = center.resampled(KNOT_SPACING);
         let spacing = center.length() / (positions.len() - 1) as f64;
         // Chord headings at uniform arc lengths from before the start to beyond the end.
-        let extra = (CURVATURE_REACH / spacing).ceil().max(1.0) as usize;
+        let extra = (CURVATURE_REACH / spacing).ceil().clamp(1.0, REACH_KNOTS_MAX) as usize;
         let n = positions.len() + 2 * extra;
         let mut headings: Vec<f64> = Vec::with_capacity(n);
         for k in 0..n {

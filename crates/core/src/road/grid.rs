@@ -29,10 +29,19 @@ impl Grid {
     pub(super) fn over(aabb: &Aabb) -> Self {
         let extent = aabb.max - aabb.min;
         let mut size = CELL_SIZE_MIN;
-        let count = |length: f64, size: f64| (length / size).floor() + 1.0;
         while count(extent.x, size) * count(extent.y, size) > CELLS_MAX {
             size *= 1.25;
         }
+        Self::with_cells_of(size, aabb)
+    }
+
+    /// Cells of twice the size over the same box.
+    pub(super) fn coarser(&self, aabb: &Aabb) -> Self {
+        Self::with_cells_of(2.0 * self.size, aabb)
+    }
+
+    fn with_cells_of(size: f64, aabb: &Aabb) -> Self {
+        let extent = aabb.max - aabb.min;
         Self {
             origin: aabb.min,
             size,
@@ -107,6 +116,11 @@ impl Grid {
     }
 }
 
+/// Number of cells of a size along a length.
+fn count(length: f64, size: f64) -> f64 {
+    (length / size).floor() + 1.0
+}
+
 /// x at both ends of the part of a segment between two heights.
 fn x_within(a: Point, b: Point, bottom: f64, top: f64) -> Option<(f64, f64)> {
     if a.y.max(b.y) < bottom || a.y.min(b.y) > top {
@@ -130,9 +144,26 @@ pub(super) struct Buckets {
 impl Buckets {
     /// Fills the cells: `visit(item, add)` calls `add(cell)` for every cell of an item. Items are ascending in a cell.
     pub(super) fn fill(n_cells: usize, n_items: usize, visit: impl Fn(usize, &mut dyn FnMut(usize))) -> Self {
+        Self::fill_at_most(usize::MAX, n_cells, n_items, visit).expect("there is no limit")
+    }
+
+    /// The same; `None` if there would be more than `most` entries in all cells.
+    pub(super) fn fill_at_most(
+        most: usize,
+        n_cells: usize,
+        n_items: usize,
+        visit: impl Fn(usize, &mut dyn FnMut(usize)),
+    ) -> Option<Self> {
         let mut starts = vec![0_u32; n_cells + 1];
+        let mut n_entries = 0_usize;
         for item in 0..n_items {
-            visit(item, &mut |cell| starts[cell + 1] += 1);
+            visit(item, &mut |cell| {
+                starts[cell + 1] += 1;
+                n_entries += 1;
+            });
+            if n_entries > most {
+                return None;
+            }
         }
         for cell in 0..n_cells {
             starts[cell + 1] += starts[cell];
@@ -145,7 +176,7 @@ impl Buckets {
                 next[cell] += 1;
             });
         }
-        Self { starts, items }
+        Some(Self { starts, items })
     }
 
     #[inline]
@@ -190,5 +221,16 @@ mod tests {
     fn a_huge_map_gets_larger_cells_not_more() {
         let map = Aabb { min: Point::new(0.0, 0.0), max: Point::new(30_000.0, 20_000.0) };
         assert!(Grid::over(&map).n_cells() <= CELLS_MAX as usize);
+    }
+
+    #[test]
+    fn things_that_are_everywhere_are_too_many_entries_until_the_cells_are_larger() {
+        let map = Aabb { min: Point::new(0.0, 0.0), max: Point::new(100.0, 100.0) };
+        let entries = |grid: &Grid| {
+            Buckets::fill_at_most(5000, grid.n_cells(), 10, |_, add| (0..grid.n_cells()).for_each(&mut *add))
+        };
+        let fine = Grid::over(&map);
+        assert!(entries(&fine).is_none());
+        assert_eq!(entries(&fine.coarser(&map)).expect("fewer cells").of(0).len(), 10);
     }
 }

@@ -4,6 +4,7 @@ use super::LaneletInput;
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
+use crate::limits::{LANELET_LENGTH_MAX, NUMBER_MAX, ROADS_LENGTH_MAX};
 
 /// Neighbours share a bound if it is within this distance [m] all along.
 const SHARED_BOUND_DISTANCE: f64 = 0.1;
@@ -50,14 +51,22 @@ impl Lanelet {
                     bound.len()
                 )));
             }
-            if let Some(i) = bound.iter().position(|point| !point.is_finite()) {
-                return Err(Error::invalid(format!("lanelet {id}: vertex {i} of its {side} bound is not a number")));
+            if let Some(i) = bound.iter().position(|point| !point.is_possible()) {
+                return Err(Error::invalid(format!(
+                    "lanelet {id}: vertex {i} of its {side} bound is not a number up to {NUMBER_MAX:e}"
+                )));
             }
         }
         let (left, right) = paired(&input.left, &input.right);
         let middle: Vec<Point> = left.iter().zip(&right).map(|(l, r)| l.lerp(*r, 0.5)).collect();
         let center = Polyline::new(&middle)
             .map_err(|_| Error::invalid(format!("lanelet {id}: its centre line has no length")))?;
+        if center.length() > LANELET_LENGTH_MAX {
+            let length = center.length();
+            return Err(Error::invalid(format!(
+                "lanelet {id}: its centre line of {length:.0} m is longer than {LANELET_LENGTH_MAX:.0} m"
+            )));
+        }
         // The polyline drops near duplicates, the bounds keep them: both are walked together.
         let mut at = 0;
         let pair_s = middle
@@ -156,6 +165,12 @@ pub(super) fn linked(mut inputs: Vec<LaneletInput>) -> Result<Vec<Lanelet>> {
         return Err(Error::invalid(format!("lanelet {}: the id is used twice", pair[0].id)));
     }
     let mut lanelets = inputs.iter().map(Lanelet::from_input).collect::<Result<Vec<_>>>()?;
+    let total: f64 = lanelets.iter().map(|lanelet| lanelet.length).sum();
+    if total > ROADS_LENGTH_MAX {
+        return Err(Error::invalid(format!(
+            "all lanelets together are {total:.0} m long, at most {ROADS_LENGTH_MAX:.0} m are possible"
+        )));
+    }
     let index = |id: i64| inputs.binary_search_by_key(&id, |input| input.id).ok();
     for (i, input) in inputs.iter().enumerate() {
         for j in input.successors.iter().filter_map(|id| index(*id)) {

@@ -8,6 +8,10 @@ use crate::geometry::{Aabb, Point};
 const SEAM_TOLERANCE: f64 = 1e-7;
 /// Triangles smaller than this [m²] cover nothing.
 const AREA_MIN: f64 = 1e-9;
+/// Triangles may be in so many cells altogether, those of real maps are in far fewer: one that covers the whole of a large
+/// map must not cost a megabyte.
+const ENTRIES_MAX: usize = 1 << 22;
+const ENTRIES_PER_TRIANGLE: usize = 256;
 
 /// Counter-clockwise triangle.
 #[derive(Debug, Clone, Copy)]
@@ -73,10 +77,17 @@ impl Surface {
     /// Triangles enter all cells within `tolerance` [m].
     pub(super) fn new(triangles: Vec<Triangle>, tolerance: f64) -> Self {
         let around = Aabb::around(triangles.iter().flat_map(|triangle| triangle.corners)).grown(1.0 + tolerance);
-        let grid = Grid::over(&around);
-        let buckets = Buckets::fill(grid.n_cells(), triangles.len(), |i, add| {
-            grid.visit_convex(&triangles[i].corners, tolerance, &mut *add);
-        });
+        let most = ENTRIES_MAX + ENTRIES_PER_TRIANGLE * triangles.len();
+        let mut grid = Grid::over(&around);
+        let buckets = loop {
+            let buckets = Buckets::fill_at_most(most, grid.n_cells(), triangles.len(), |i, add| {
+                grid.visit_convex(&triangles[i].corners, tolerance, &mut *add);
+            });
+            match buckets {
+                Some(buckets) => break buckets,
+                None => grid = grid.coarser(&around),
+            }
+        };
         Self { grid, triangles, buckets, tolerance }
     }
 

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
+use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
 use crate::plan::{Planner, Prepared, Scratch};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
@@ -110,7 +111,8 @@ impl Drive {
     /// Last time step of the grace period.
     fn last_time_step(&self, grace_factor: f64) -> Option<i64> {
         let start = self.agent.start_time_step;
-        self.agent.goal.latest_time_step().map(|end| start + (grace_factor * (end - start) as f64).floor() as i64)
+        let late = |end: i64| start.saturating_add((grace_factor * (end - start) as f64).floor() as i64);
+        self.agent.goal.latest_time_step().map(late)
     }
 }
 
@@ -145,8 +147,13 @@ impl World {
         if !(settings.grace_factor >= 1.0 && settings.grace_factor.is_finite()) {
             return Err(Error::invalid(format!("grace_factor must be at least 1, not {}", settings.grace_factor)));
         }
-        if settings.replan_every == 0 || settings.threads == 0 || settings.max_steps == 0 {
-            return Err(Error::invalid("replan_every, threads and max_steps must be at least 1"));
+        check_threads(settings.threads)?;
+        if settings.replan_every == 0 || settings.max_steps == 0 {
+            return Err(Error::invalid("replan_every and max_steps must be at least 1"));
+        }
+        if settings.history_steps > HISTORY_STEPS_MAX {
+            let n = settings.history_steps;
+            return Err(Error::invalid(format!("history_steps must be at most {HISTORY_STEPS_MAX}, not {n}")));
         }
         agents.sort_by_key(|agent| agent.id);
         let first_time_step = scenario.obstacles.states.first_time_step;
@@ -331,8 +338,16 @@ fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
     }
     for agent in agents {
         let id = agent.id;
-        if !agent.initial_state.is_finite() {
-            return Err(Error::invalid(format!("agent {id} starts with a state that is not a number")));
+        if !agent.initial_state.is_possible() {
+            return Err(Error::invalid(format!(
+                "agent {id} starts with a state that is not a number up to {NUMBER_MAX:e}"
+            )));
+        }
+        agent.shape.check_numbers().map_err(|error| Error::invalid(format!("agent {id}: {error}")))?;
+        check_time_step(&format!("agent {id}: its start"), agent.start_time_step)?;
+        for goal in &agent.goal.states {
+            check_time_step(&format!("agent {id}: the begin of its goal"), goal.time_step.0)?;
+            check_time_step(&format!("agent {id}: the end of its goal"), goal.time_step.1)?;
         }
         if agent.start_time_step < first_time_step {
             let start = agent.start_time_step;

@@ -5,8 +5,9 @@
 //! small correction towards them, like a driver's, so that integration does not drift away.
 
 use super::smoothing::smoothed;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::{Point, wrap_angle};
+use crate::limits::PATH_LENGTH_MAX;
 use crate::wide::for_wide_machines;
 
 /// Distance of the knots [m]; adjusted a little so that it divides the length.
@@ -84,8 +85,13 @@ impl ReferencePath {
     /// 0.3 m, by more only at kinks of over 25 degrees and in bends tighter than 4 m.
     ///
     /// # Errors
-    /// `InvalidInput` if a coordinate is not a number or fewer than two different points are given.
+    /// `InvalidInput` if a coordinate is not a number or beyond the limits, fewer than two different points are given, or
+    /// they are further apart than [`PATH_LENGTH_MAX`] altogether.
     pub fn through(points: &[Point]) -> Result<Self> {
+        let length: f64 = points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+        if length > PATH_LENGTH_MAX {
+            return Err(Error::invalid(format!("a path of {length:.0} m is longer than {PATH_LENGTH_MAX:.0} m")));
+        }
         let origin = points.first().copied().filter(|point| point.is_finite()).unwrap_or_default();
         let local: Vec<Point> = points.iter().map(|point| *point - origin).collect();
         let target = Target::new(smoothed(&local)?);
@@ -108,6 +114,12 @@ impl ReferencePath {
     #[inline]
     pub fn length(&self) -> f64 {
         self.spacing * (self.knots.len() - 1) as f64
+    }
+
+    /// At most `n` steps of a length [m] from an arc length on, and no more than one beyond the end: behind it nothing
+    /// changes any more.
+    pub(crate) fn steps_from(&self, s: f64, step: f64, n: f64) -> usize {
+        n.min(((self.length() - s) / step).ceil().max(0.0) + 1.0) as usize
     }
 
     /// Arc length between knots [m], about 0.5.
@@ -189,6 +201,9 @@ impl ReferencePath {
     /// nearer. Arc length and offset [m] of the foot, and what the path is there.
     pub fn project_from(&self, point: Point, s_hint: f64, window: f64) -> Option<(f64, f64, PathPoint)> {
         let (p, (from, to)) = (point - self.origin, self.knots_within(s_hint, window));
+        if from >= to {
+            return None;
+        }
         let hint = (s_hint * self.inverse_spacing).round().clamp(from as f64, to as f64) as usize;
         let (s, d, mut at) = self.foot_in(p, from, to, self.nearest_knot_from(p, hint, (from, to)))?;
         at.position = self.origin + at.position;

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Point};
+use crate::limits::NUMBER_MAX;
 
 /// Consecutive vertices nearer than this are one [m].
 const SAME_VERTEX: f64 = 1e-6;
@@ -21,8 +22,10 @@ pub(super) fn doubled_area(ring: &[Point]) -> f64 {
 /// `InvalidInput` if a coordinate is not a number, fewer than three corners are left, or the outline crosses, touches
 /// or folds back onto itself.
 pub(super) fn simple_ring(points: &[Point]) -> Result<Vec<Point>> {
-    if let Some(i) = points.iter().position(|p| !p.is_finite()) {
-        return Err(Error::invalid(format!("vertex {i} of a polygon is not a pair of finite numbers")));
+    if let Some(i) = points.iter().position(|p| !p.is_possible()) {
+        return Err(Error::invalid(format!(
+            "vertex {i} of a polygon is not a pair of finite numbers up to {NUMBER_MAX:e}"
+        )));
     }
     let mut ring: Vec<Point> = Vec::with_capacity(points.len());
     for point in points {

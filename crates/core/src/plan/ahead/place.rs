@@ -136,7 +136,7 @@ pub(super) struct Region {
 impl Region {
     pub(super) fn new(ego: &Ego) -> Self {
         const SPACING: f64 = 5.0;
-        let n = (ego.reach / SPACING).ceil() as usize;
+        let n = ego.path.steps_from(ego.s, SPACING, (ego.reach / SPACING).ceil());
         let here = ego.path.at(ego.s);
         let (origin, axis) = (here.position, here.tangent());
         let (mut aabb, mut nearest, mut turn) = (Aabb::EMPTY, f64::INFINITY, 0.0_f64);
@@ -324,7 +324,8 @@ pub(super) fn is_box(shape: &Shape) -> bool {
 
 /// Where the footprint, driven along the path, would first touch a structure.
 pub(super) fn structure(request: &PlanRequest, other: &Other, ego: &Ego) -> Option<Place> {
-    let n = (ego.reach.min(100.0 + ego.velocity * 2.0) / STRUCTURE_STEP) as usize;
+    let reach = ego.reach.min(100.0 + ego.velocity * 2.0);
+    let n = ego.path.steps_from(ego.s, STRUCTURE_STEP, reach / STRUCTURE_STEP);
     let touches = |i: usize| {
         let at = ego.path.at(ego.s + i as f64 * STRUCTURE_STEP);
         let position = at.position + at.tangent() * request.vehicle.rear_axle_to_center;

@@ -201,6 +201,7 @@ fn a_foot_found_from_the_last_one_is_the_nearest_one_along_a_drive() {
         }
         assert_eq!(path.project_from(path.at(5.0).offset(25.0), 5.0, WINDOW), None, "farther than 20 m");
         assert_eq!(path.project_from(Point::new(f64::NAN, 0.0), 5.0, WINDOW), None);
+        assert_eq!(path.project_from(path.at(5.0).position, 5.0, -1.0), None, "a window with nothing in it");
     }
 }
 
