@@ -8,7 +8,7 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke mutants format clean
+.PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-training
@@ -107,6 +107,14 @@ fuzz: $(VENV)/.installed ## mutated files through everything; see docs/robustnes
 
 fuzz-smoke: $(VENV)/.installed ## regressions and one minute of mutants, the same ones every time
 	$(BIN)/python -m tests.fuzz --seconds 60
+
+# Needs a nightly Rust. What is found lies in fuzz/artifacts.
+FUZZ_MINUTES ?= 5
+fuzz-core: ## new paths through the core, FUZZ_MINUTES for each target; see fuzz/README.md
+	cargo fuzz --version > /dev/null 2>&1 || cargo install --quiet --locked cargo-fuzz
+	for target in road_network curves drives criticality; do cargo +nightly fuzz run --sanitizer none $$target -- \
+	  -max_total_time=$$((60 * $(FUZZ_MINUTES))) -timeout=25 -rss_limit_mb=2048 -malloc_limit_mb=512 -max_len=2000 \
+	  -len_control=0 || exit 1; done
 
 third_party: .venv-third/.installed ## drives planners of others; see docs/planners_third_party.md
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party

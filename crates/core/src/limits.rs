@@ -47,5 +47,21 @@ pub fn check_threads(threads: usize) -> Result<()> {
     if (1..=THREADS_MAX).contains(&threads) {
         return Ok(());
     }
-    Err(Error::invalid(format!("threads must be between 1 and {THREADS_MAX}, not {threads}")))
+    Err(Error::invalid(format!("threads must be at least 1 and at most {THREADS_MAX}, not {threads}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limits_themselves_are_possible_and_what_lies_beyond_is_not() {
+        assert!(is_possible(-NUMBER_MAX) && !is_possible(1.01 * NUMBER_MAX) && !is_possible(f64::NAN));
+        assert!(check_time_step("time step", -TIME_STEP_MAX).is_ok());
+        for time_step in [i64::MIN, TIME_STEP_MAX + 1] {
+            let error = check_time_step("agent 3: its start", time_step).expect_err("refused").to_string();
+            assert_eq!(error, format!("agent 3: its start {time_step} is beyond {TIME_STEP_MAX}"));
+        }
+        assert!(check_threads(THREADS_MAX).is_ok() && check_threads(0).is_err() && check_threads(usize::MAX).is_err());
+    }
 }

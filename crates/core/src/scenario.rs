@@ -113,7 +113,7 @@ impl Scenario {
                 let time_step = obstacles.states.first_time_step + step as i64;
                 if obstacles.states.get(row, time_step).is_some_and(|state| !state.is_possible()) {
                     return Err(Error::invalid(format!(
-                        "obstacle {id} has a state that is not a number up to {NUMBER_MAX:e} at time step {time_step}"
+                        "obstacle {id} has a state that is not a number at time step {time_step}, or beyond {NUMBER_MAX:e}"
                     )));
                 }
             }
@@ -124,8 +124,23 @@ impl Scenario {
 
 #[cfg(test)]
 mod tests {
-    use super::orientation_within;
+    use super::*;
+    use crate::road::testing::straight_road;
     use std::f64::consts::PI;
+
+    #[test]
+    fn numbers_beyond_the_limits_are_refused_with_obstacle_and_time_step() {
+        let scenario = |x: f64, first_time_step: i64| {
+            let mut states = States::absent(vec![7], first_time_step, 2);
+            states.set(0, 1, &State { x, ..State::default() });
+            let (kind, shape) = (vec![ParticipantKind::Car], vec![Shape::rectangle(4.5, 1.8)]);
+            Scenario::new(0.1, Arc::new(straight_road(1)), Obstacles { kind, shape, is_static: vec![false], states })
+        };
+        assert!(scenario(1e9, 0).is_ok());
+        let refused = |x: f64, first: i64| scenario(x, first).expect_err("refused").to_string();
+        assert_eq!(refused(1.1e9, 3), "obstacle 7 has a state that is not a number at time step 4, or beyond 1e9");
+        assert!(refused(0.0, i64::MAX).starts_with("time step 9223372036854775807 is beyond"));
+    }
 
     #[test]
     fn orientation_intervals_hold_across_the_cut_at_pi() {

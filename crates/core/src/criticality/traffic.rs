@@ -75,7 +75,7 @@ impl Traffic {
             if ![table.x[i], table.y[i], table.orientation[i], table.velocity[i]].iter().all(|v| is_possible(*v)) {
                 let time_step = table.first_time_step + column as i64;
                 return Err(Error::invalid(format!(
-                    "participant {} has a state that is not a number up to {NUMBER_MAX:e} at time step {time_step}",
+                    "participant {} has a state that is not a number at time step {time_step}, or beyond {NUMBER_MAX:e}",
                     table.ids[row]
                 )));
             }

@@ -392,3 +392,20 @@ fn near_duplicate_vertices_and_very_short_lanelets_are_harmless() {
         pose.position.distance(Point::new(30.1, 0.0)) < 1e-6 && pose.orientation.abs() < 1e-9 && curvature.abs() < 1e-9
     );
 }
+
+#[test]
+fn lanelets_beyond_the_limits_are_refused_by_name() {
+    for (x, reason) in [(2e5, "is longer than 100000 m"), (1.1e9, "is not a number up to 1e9")] {
+        let mut lanelet = lane(7, &straight((0.0, 0.0), (50.0, 0.0)));
+        lanelet.left[0].x = -x;
+        lanelet.right[0].x = -x;
+        let error = RoadNetwork::new(vec![lanelet], RoadSettings::default()).expect_err("refused").to_string();
+        assert!(error.starts_with("lanelet 7: ") && error.ends_with(reason), "{error}");
+    }
+}
+
+#[test]
+fn a_lanelet_of_micrometres_has_the_heading_of_its_chord() {
+    let road = closed(vec![lane(1, &[Point::new(0.0, 0.0), Point::new(0.0, 2e-6)])]);
+    assert!((road.heading_at(0, 1e-6) - FRAC_PI_2).abs() < 1e-9);
+}

@@ -54,9 +54,11 @@ fn law(source: &mut Source) -> CarFollowing {
     if changed.validate().is_ok() { changed } else { default }
 }
 
-fn planner(source: &mut Source) -> Planner {
+/// Who has no recording mostly gets a planner that needs none: otherwise there is no world.
+fn planner(source: &mut Source, is_recorded: bool) -> Planner {
     let idm = |source: &mut Source| IdmSettings { law: law(source), ..IdmSettings::default() };
-    match source.byte() % 8 {
+    let kind = source.byte() % 8;
+    match if (3..=4).contains(&kind) && !is_recorded && !source.is_odd() { 6 } else { kind } {
         0..=2 => Planner::Frenet(Box::new(frenet(source))),
         3 => Planner::Recorded,
         4 => Planner::VelocityAdjusting(law(source)),
@@ -128,6 +130,7 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
     let start_time_step = if source.is_odd() { late } else { first.saturating_add(late) };
     let stand_in = stand_in.and_then(|row| Some((recorded.ids[row], recorded.get(row, start_time_step)?)));
     let pose = roads::pose(source, &scenario.road);
+    let is_recorded = stand_in.is_some();
     let (id, state) = stand_in.unwrap_or((id, traffic::state(source, pose)));
     let kind = traffic::kind(source);
     let shape = if source.is_odd() { shapes::shape(source) } else { Shape::rectangle(4.5, 1.8) };
@@ -153,7 +156,7 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
         start_time_step,
         goal,
         route: Arc::new(route),
-        planner: planner(source),
+        planner: planner(source, is_recorded),
         view: ViewLimits { sensor_radius: source.any(10.0, 100.0), occlusion: source.chance(100) },
     })
 }
@@ -238,11 +241,16 @@ fn drive(mut source: Source, threads: usize) -> Option<Driven> {
     let source = &mut source;
     let scenario = Arc::new(traffic::scenario(source)?);
     let n_agents = 1 + source.below(4);
-    let agents = (0..n_agents).filter_map(|i| agent(source, &scenario, i as i64)).collect();
+    let mut agents: Vec<Agent> = (0..n_agents).filter_map(|i| agent(source, &scenario, i as i64)).collect();
+    if !source.is_odd() {
+        agents.sort_by_key(|agent| agent.id);
+        agents.dedup_by_key(|agent| agent.id);
+    }
     let settings = WorldSettings {
         grace_factor: if source.is_odd() { source.any(1.0, 3.0) } else { 1.7 },
         replan_every: 1 + source.below(3),
         history_steps: source.below(31),
+        max_steps: if source.is_odd() { 1 + source.below(8) } else { 10_000 },
         threads,
         record_views: source.chance(60),
     };

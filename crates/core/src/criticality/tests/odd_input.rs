@@ -72,7 +72,7 @@ fn states_that_are_no_numbers_are_refused_with_participant_and_time_step() {
     let mut bad = state(20.0, 0.0, 0.0, 10.0);
     bad.orientation = f64::NAN;
     let error = try_traffic(straight_road(1), &[Actor::car(7, [state(0.0, 0.0, 0.0, 0.0), bad])]).expect_err("refused");
-    assert_eq!(error.to_string(), "participant 7 has a state that is not a number at time step 1");
+    assert_eq!(error.to_string(), "participant 7 has a state that is not a number at time step 1, or beyond 1e9");
 }
 
 #[test]
@@ -91,7 +91,7 @@ fn impossible_requests_are_refused_with_a_reason() {
     assert_eq!(refused(&|r| r.ids = vec![2]), "participant 2 is static: there is nothing to judge");
     assert_eq!(refused(&|r| r.ids = vec![3]), "participant 3 is never there: there is nothing to judge");
     assert_eq!(refused(&|r| r.ids = vec![1, 1]), "participant 1 is asked for twice");
-    assert_eq!(refused(&|r| r.threads = 0), "threads must be at least 1");
+    assert_eq!(refused(&|r| r.threads = 0), "threads must be at least 1 and at most 1024, not 0");
     assert!(refused(&|r| r.settings.radius = -1.0).contains("radius must be positive"));
     assert!(refused(&|r| r.settings.opposite_angle = 3.2).contains("opposite_angle must be at most pi"));
     assert!(refused(&|r| r.settings.erosion = f64::NAN).contains("erosion"));
