@@ -308,3 +308,9 @@ def test_a_footprint_has_at_most_1000_vertices(read, n, accepted):
     else:
         with pytest.raises(InputError, match=r"test\.xml: the shape of obstacle 30 has 1001 vertices; at most 1000"):
             read(text)
+
+
+def test_the_number_of_a_place_may_be_any_that_protobuf_holds(read):
+    place = "<location><geoNameId>2147483647</geoNameId><gpsLatitude>0</gpsLatitude><gpsLongitude>0</gpsLongitude>"
+    text = document(car(30, initial(5.0)), lanelets=f"{place}</location>{lanelet(1)}")
+    assert read(text).obstacles.ids.tolist() == [30]

@@ -18,7 +18,8 @@ _IDS = ("id", "ref", "outgoingId")
 #: Largest absolute value by element; those of `_VALUES` depend on what is around them.
 _BOUNDS = {
     **dict.fromkeys(("x", "y", "z", "length", "width", "radius", "originXShift"), limits.LARGEST_COORDINATE),
-    **dict.fromkeys(("speedLimit", "duration", "timeOffset", "geoNameId"), limits.LARGEST_COORDINATE),
+    **dict.fromkeys(("speedLimit", "duration", "timeOffset"), limits.LARGEST_COORDINATE),
+    "geoNameId": limits.LARGEST_ID,
     **dict.fromkeys(("xTranslation", "yTranslation", "zRotation", "scaling"), math.inf),
     "orientation": limits.LARGEST_ANGLE,
 }
@@ -164,9 +165,9 @@ def _check_value(element: Element, most: float, owner: Element, file: str, withi
     text = (element.text or "").strip()[:30]
     if most == limits.LARGEST_ANGLE and math.isfinite(value):
         raise InputError(f"{file}: {named(owner)} has the orientation {value:g}; give it in radians")
-    finite = f"between {-most:g} and {most:g}" if math.isfinite(value) else "a finite number"
+    wanted = f"between {-most:g} and {most:g}" if math.isfinite(value) else "a finite number"
     raise InputError(
-        f"{file}: {named(owner)} has the value {text} in <{within or element.tag}>; replace it by {finite}"
+        f"{file}: {named(owner)} has the value {text} in <{within or element.tag}>; it must be {wanted}"
     )
 
 
