@@ -21,7 +21,7 @@ from interdrive import files, simulation
 from interdrive.cli import main
 from interdrive.errors import InputError
 from interdrive.plugins import Choice
-from interdrive.results import load
+from interdrive.results import load, save
 from invented_run import invented_run
 
 RUN = invented_run()
@@ -348,9 +348,10 @@ def real(tmp_path, monkeypatch):
 
 def test_without_choices_the_command_line_does_what_python_does_without(real):
     assert invoke("run", "bend.xml", "--out", "made", "--quiet").exit_code == 0
-    made, run = load("made"), simulation.simulate(real / "bend.xml")
-    assert made.info["digest"] == run.digest
-    assert made.info["settings"] == json.loads(json.dumps(run.settings))
+    save(simulation.simulate(real / "bend.xml"), "by_python")
+    made, by_python = load("made"), load("by_python")
+    assert made.info["digest"] == by_python.info["digest"]
+    assert made.info["settings"] == by_python.info["settings"]
     assert made.views is made.predictions is made.candidates is None
     assert {path.suffix for path in (real / "made").iterdir()} == {".parquet", ".json", ".xml"}
 

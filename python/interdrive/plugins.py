@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
-from interdrive.foreign import failure, text_of
 from interdrive.settings import bind, constructed, description, dotted
 
 
@@ -109,7 +108,9 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
 
 def _why(error: BaseException) -> str:
     """The text of an exception that says enough by itself, as those of imports do."""
-    return text_of(error) if isinstance(error, ImportError) else failure(error)
+    from interdrive.foreign import text_of  # noqa: PLC0415 - numpy, which the help of the command line does not need
+
+    return text_of(error) if isinstance(error, ImportError) else _failure(error)
 
 
 def versions(name: str, what: str) -> dict[str, str]:
@@ -190,7 +191,7 @@ def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # no
         lacking = _missing_extra(entry_point)
         if lacking and isinstance(error, ImportError):
             raise MissingExtraError(f"{what} {name} {lacking}") from error
-        raise InputError(f"{what} {name}: its entry point does not load ({failure(error)})") from error
+        raise InputError(f"{what} {name}: its entry point does not load ({_failure(error)})") from error
 
 
 def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
@@ -250,7 +251,7 @@ def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | N
     except BaseException as error:
         kind = choice if hasattr(choice, "__qualname__") else type(choice)
         name = f"{kind.__module__}:{kind.__qualname__}"
-        raise InputError(f"{what} {name} cannot be made ({failure(error)})") from error
+        raise InputError(f"{what} {name} cannot be made ({_failure(error)})") from error
     raise InputError(f"{next(iter(settings))}: it has no settings; only those that are dataclasses have")
 
 
@@ -262,3 +263,9 @@ def named_error(error: InputError, name: str) -> InputError:
         if text.removeprefix("unknown ").startswith(name.split(maxsplit=1)[0] + " ")
         else InputError(f"{name}: {text}")
     )
+
+
+def _failure(error: BaseException) -> str:
+    from interdrive.foreign import failure  # noqa: PLC0415 - numpy
+
+    return failure(error)
