@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # tests share s
 from tests.fuzz.isolation import Ending, Limits, isolated
 from tests.fuzz.mutants import mutant
 from tests.fuzz.seeds import documents, further
-from tests.fuzz.trial import ACCEPTED, FAILED, tried
+from tests.fuzz.trial import ACCEPTED, FAILED, REFUSED, tried
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -63,6 +63,9 @@ def main() -> int:
     if not options.files:
         _campaign(options, seeds, limits, tally)
     print(tally.table())
+    if not options.files and not tally.is_telling:
+        print("not one mutant of each kind was accepted and one refused: this says nothing; take more time")
+        return 1
     return int(bool(tally.failures))
 
 
@@ -88,9 +91,14 @@ class Tally:
         signature = _signature(ending)
         self.failures[signature] += 1
         if self.failures[signature] == 1:
-            said = {"trial": name, "signature": signature, **asdict(ending)}
+            said = {"trial": name, "arguments": sys.argv[1:], "signature": signature, **asdict(ending)}
             folder = _keep(self.found, hashlib.sha256(signature.encode()).hexdigest()[:10], files, said)
             print(f"FAILED {name}: {signature}\n       kept in {folder}", flush=True)
+
+    @property
+    def is_telling(self) -> bool:
+        """Whether mutants of each kind were accepted, and others refused."""
+        return all(self.counts[kind, verdict] for kind in ("xml", "protobuf") for verdict in (ACCEPTED, REFUSED))
 
     def table(self) -> str:
         """Counts, as the end of a campaign says them."""
@@ -115,11 +123,13 @@ def _campaign(
 
     def work(job: int) -> None:
         index = options.first + job
-        while time.monotonic() < until:
-            one = mutant(options.seed, index, *seeds)
-            queue.put((index, one.kind, one.files, isolated(one.files, one.main, one.random, limits)))
-            index += options.jobs
-        queue.put(None)
+        try:
+            while time.monotonic() < until:
+                one = mutant(options.seed, index, *seeds)
+                queue.put((index, one.kind, one.files, isolated(one.files, one.main, one.random, limits)))
+                index += options.jobs
+        finally:
+            queue.put(None)
 
     mutant(options.seed, 0, *seeds)
     # Not daemons: they have children of their own.
@@ -140,6 +150,8 @@ def _campaign(
                   f"{len(tally.failures)} kinds of failures", flush=True)  # fmt: skip
     for worker in workers:
         worker.join()
+        if worker.exitcode:
+            raise SystemExit(f"the fuzzer itself failed (exit code {worker.exitcode}); its traceback stands above")
 
 
 def _warm_up(document: bytes) -> None:
@@ -174,7 +186,9 @@ def _keep(found: Path, name: str, files: dict[str, bytes], said: dict[str, objec
 
 def _given(paths: list[Path]) -> Iterator[Path]:
     for path in paths:
-        for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if not path.exists():
+            raise SystemExit(f"{path}: no such file")
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
             if file.suffix in (".xml", ".pb") and not file.stem.endswith("-SC"):
                 yield file
 

@@ -90,7 +90,7 @@ def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits)
         return Ending(FAILED, stage, f"hangs: not ended after {limits.wall_seconds:g} s", seconds, memory)
     if os.WIFSIGNALED(status):
         name = signal.Signals(os.WTERMSIG(status)).name
-        what = f"takes more than {limits.cpu_seconds} s" if name in ("SIGXCPU", "SIGKILL") else f"killed by {name}"
+        what = f"takes more than {limits.cpu_seconds} s" if seconds >= limits.cpu_seconds else f"killed by {name}"
         return Ending(FAILED, stage, what, seconds, memory)
     if not endings:
         return Ending(FAILED, stage, "the process ended without a verdict", seconds, memory)

@@ -10,8 +10,8 @@ from random import Random
 from typing import TYPE_CHECKING
 
 from tests.fuzz import document, protobuf
+from tests.fuzz.seeds import to_be_protobuf
 
-from interdrive.files import shipped_scenario
 from interdrive.files.read import quiet
 
 if TYPE_CHECKING:
@@ -52,30 +52,34 @@ def mutant(seed: int, index: int, documents: tuple[bytes, ...], others: tuple[by
     """
     random = Random(f"{seed}:{index}")
     if random.random() < PROTOBUF_SHARE:
-        parts = dict(_protobuf_parts())
+        parts = dict(_protobuf_parts(random.choice(to_be_protobuf())))
         messages = _parsed(parts)
         for name in random.sample(sorted(messages), random.choice((1, 1, 2))):
             protobuf.mutated(messages[name], random)
             parts[name] = messages[name].SerializePartialToString()
         if random.random() < 1 / 12:
             name = random.choice(sorted(parts))
-            cut = random.randrange(len(parts[name]))
+            cut = random.randrange(len(parts[name]) + 1)
             parts[name] = parts[name][:cut] + bytes([random.randrange(256)]) + parts[name][cut + 1 :]
         return Mutant("protobuf", f"{_NAME}.pb", parts, random)
-    chosen = random.choice(others if others and random.random() < OTHERS_SHARE else documents)
-    data = document.mutated(chosen, random, documents + others)
+    # Drawn apart, so that all other mutants are the same with these documents and without.
+    apart = Random(f"{seed}:{index}:others")
+    chosen = random.choice(documents)
+    if others and apart.random() < OTHERS_SHARE:
+        chosen = apart.choice(others)
+    data = document.mutated(chosen, random, documents)
     return Mutant("xml", "mutant.xml", {"mutant.xml": data}, random)
 
 
 @cache
-def _protobuf_parts() -> dict[str, bytes]:
-    """A shipped scenario as commonroad-io writes it in protobuf: traffic, planning problems and map."""
+def _protobuf_parts(xml: bytes) -> dict[str, bytes]:
+    """A document as commonroad-io writes it in protobuf: traffic, planning problems and map."""
     from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile
     from commonroad.common.reader.file_reader_xml import XMLFileReader
     from commonroad.common.util import FileFormat
 
     with quiet("seed"), tempfile.TemporaryDirectory() as folder:
-        scenario, problems = XMLFileReader(shipped_scenario("lane_merge")).open()
+        scenario, problems = XMLFileReader(xml).open()
         writer = CommonRoadFileWriter(scenario, problems, "a", "b", "c", set(), file_format=FileFormat.PROTOBUF)
         always = OverwriteExistingFile.ALWAYS
         writer.write_map_to_file(str(Path(folder, "ZAM_Merge-1.pb")), always)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from google.protobuf.descriptor import FieldDescriptor
 from tests.fuzz import numbers
 
 if TYPE_CHECKING:
     from random import Random
 
-    from google.protobuf.descriptor import FieldDescriptor
     from google.protobuf.message import Message
 
 #: Largest whole numbers of the kinds of fields.
 _BITS = {"int32": 31, "sint32": 31, "sfixed32": 31, "int64": 63, "sint64": 63, "sfixed64": 63}
 _UNSIGNED = {"uint32": 32, "fixed32": 32, "uint64": 64, "fixed64": 64}
+#: What an empty list of texts is filled from; numbers from 0.
+_FIRST = {FieldDescriptor.CPPTYPE_STRING: "x"}
 
 
 def mutated(message: Message, random: Random) -> None:
@@ -61,11 +63,24 @@ def _change(owner: Message, random: Random) -> None:
 
 
 def _fill(owner: Message, random: Random) -> None:
-    """A field that was not set is set, which may clear another one of the same group."""
-    unset = [field for field in owner.DESCRIPTOR.fields if not _is_repeated(field) and not owner.HasField(field.name)]
-    unset = [field for field in unset if field.type != field.TYPE_MESSAGE]
-    if unset:
-        field = random.choice(unset)
+    """A field that was not set is set, which may clear another one of the same group; a message stays empty."""
+    unset = [
+        f
+        for f in owner.DESCRIPTOR.fields
+        if (not getattr(owner, f.name) if _is_repeated(f) else not owner.HasField(f.name))
+    ]
+    if not unset:
+        return
+    field = random.choice(unset)
+    if _is_repeated(field):
+        values = getattr(owner, field.name)
+        if field.type == field.TYPE_MESSAGE:
+            values.add()
+        else:
+            values.append(_value(field, _FIRST.get(field.cpp_type, 0), random))
+    elif field.type == field.TYPE_MESSAGE:
+        getattr(owner, field.name).SetInParent()
+    else:
         setattr(owner, field.name, _value(field, field.default_value, random))
 
 

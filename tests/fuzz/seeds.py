@@ -73,7 +73,7 @@ def _lanelets() -> str:
     )
 
 
-def _obstacles() -> str:
+def _obstacles(*, with_sets: bool = True) -> str:
     drive = [cr.state(k, 5.0 + k, 0.0, orientation=0.0, velocity=10.0, acceleration=0.0) for k in range(1, 41)]
     oncoming = [cr.state(k, 48.0 - 0.8 * k, 4.0, orientation=3.14159, velocity=8.0) for k in range(1, 41)]
     walk = [cr.state(k, 40.0, -5.0 + 0.1 * k) for k in range(1, 30)]
@@ -84,7 +84,8 @@ def _obstacles() -> str:
     box = "<occupancySet><occupancy><shape><circle><radius>1.0</radius></circle></shape>"
     occupied = f"{box}<time><exact>1</exact></time></occupancy></occupancySet>"
     uncertain = cr.state(1, 0, position=cr.rectangle_at(31, -4, length=1, width=1), velocity=(3.0, 5.0))
-    return "".join(
+    by_set = cr.car(75, cr.initial(45.0, -4.0, velocity=0.0), prediction=occupied) if with_sets else ""
+    return by_set + "".join(
         (
             f'<staticObstacle id="70"><type>parkedVehicle</type>{parked}</staticObstacle>',
             cr.car(71, cr.initial(5.0), drive),
@@ -93,7 +94,6 @@ def _obstacles() -> str:
             ),
             cr.car(73, cr.initial(40.0, -5.0, velocity=1.0, orientation=1.57), walk, shape=circle, kind="pedestrian"),
             cr.car(74, cr.initial(30.0, -4.0, velocity=4.0), (uncertain,), shape=triangle, kind="bicycle"),
-            cr.car(75, cr.initial(45.0, -4.0, velocity=0.0), prediction=occupied),
         )
     )
 
@@ -112,10 +112,20 @@ def _problems() -> str:
     )
 
 
+def _rich(obstacles: str) -> str:
+    return cr.document(_SIGN + _LIGHT + _INTERSECTION + obstacles + _problems(), lanelets=_LOCATION + _lanelets())
+
+
+@cache
+def to_be_protobuf() -> tuple[bytes, ...]:
+    """Documents that commonroad-io can write as protobuf, so without set-based predictions."""
+    return (_rich(_obstacles(with_sets=False)).encode(), shipped_scenario("lane_merge").read_bytes())
+
+
 @cache
 def documents() -> tuple[bytes, ...]:
     """Well-formed documents in a fixed order, all of which are accepted."""
-    rich = cr.document(_SIGN + _LIGHT + _INTERSECTION + _obstacles() + _problems(), lanelets=_LOCATION + _lanelets())
+    rich = _rich(_obstacles())
     limit = cr.lanelet(1, more="<speedLimit>13.9</speedLimit>")
     drive = [cr.state(k, 5.0 + k, 0.0, orientation=0.0, velocity=10.0) for k in range(1, 30)]
     goal = cr.planning_problem(80, cr.goal(position='<lanelet ref="1"/>', velocity=(0.0, 20.0)))

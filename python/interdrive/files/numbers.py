@@ -166,9 +166,7 @@ def _check_value(element: Element, most: float, owner: Element, file: str, withi
     if most == limits.LARGEST_ANGLE and math.isfinite(value):
         raise InputError(f"{file}: {named(owner)} has the orientation {value:g}; give it in radians")
     wanted = f"between {-most:g} and {most:g}" if math.isfinite(value) else "a finite number"
-    raise InputError(
-        f"{file}: {named(owner)} has the value {text} in <{within or element.tag}>; it must be {wanted}"
-    )
+    raise InputError(f"{file}: {named(owner)} has the value {text} in <{within or element.tag}>; it must be {wanted}")
 
 
 def check_message(message: Foreign, file: str) -> None:

@@ -19,7 +19,7 @@ from interdrive.errors import InputError
 from interdrive.files import document
 from interdrive.files.limits import LARGEST_ID
 from interdrive.files.numbers import check_adjacency
-from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet
+from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet, read_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -144,6 +144,11 @@ def _original(scenario: Scenario) -> Element | None:
 
 
 def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
+    """The roads of a protobuf file as XML.
+
+    Raises:
+        InputError: commonroad-io cannot read what it writes, for instance a traffic light without a cycle.
+    """
     from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile  # noqa: PLC0415
     from commonroad.common.util import FileFormat  # noqa: PLC0415
     from commonroad.planning.planning_problem import PlanningProblemSet  # noqa: PLC0415
@@ -155,6 +160,7 @@ def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
             scenario, PlanningProblemSet(), "", "", "", set(), decimal_precision=8, file_format=FileFormat.XML
         )
         writer.write_to_file(str(target), OverwriteExistingFile.SKIP)
+        read_scenario(target)
         return target.read_bytes()
 
 
