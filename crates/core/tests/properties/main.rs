@@ -64,8 +64,11 @@ fn alone(check: impl FnOnce()) {
     assert!(start.elapsed() <= TIME_MAX, "{:?}", start.elapsed());
 }
 
+/// A check of what some bytes make.
+type Check = fn(&[u8]);
+
 /// The checks that the fuzzer makes, too, by the names of its targets.
-const CHECKS: [(&str, fn(&[u8])); 4] = [
+const CHECKS: [(&str, Check); 4] = [
     ("road_network", |bytes| roads::check(&mut Source::new(bytes))),
     ("curves", |bytes| {
         curves::check(&mut Source::new(bytes));

@@ -72,7 +72,7 @@ pub fn check(source: &mut Source) {
     let mut pose = || Pose::new(source.finite(-10.0, 10.0), source.finite(-10.0, 10.0), source.finite(-PI, PI));
     let (at, other_at) = (pose(), pose());
     let distance = a.distance(at, &b, other_at);
-    assert!(!(distance < 0.0), "{distance}");
+    assert!(distance >= 0.0, "{distance}");
     a.overlaps(at, &b, other_at);
     a.contains(at, other_at.position);
     a.oriented_box(at);

@@ -39,12 +39,12 @@ fn obstacles(source: &mut Source, road: &RoadNetwork, dt: f64) -> Obstacles {
     let mut states = States::absent(ids, source.whole(0, 10), n_steps);
     let n = states.ids.len();
     let is_static: Vec<bool> = (0..n).map(|_| source.chance(40)).collect();
-    for row in 0..n {
+    for (row, &is_static) in is_static.iter().enumerate() {
         let pose = roads::pose(source, road);
         let mut state = state(source, pose);
         let (first, last) = if source.chance(100) { (source.below(30), source.below(31)) } else { (0, n_steps) };
         for column in 0..n_steps {
-            let is_there = is_static[row] || (first..last).contains(&column) && !source.is_odd();
+            let is_there = is_static || (first..last).contains(&column) && !source.is_odd();
             if is_there {
                 if source.is_odd() {
                     state.x += source.any(-30.0, 30.0);
@@ -53,7 +53,7 @@ fn obstacles(source: &mut Source, road: &RoadNetwork, dt: f64) -> Obstacles {
                 }
                 states.set(row, column, &state);
             }
-            if !is_static[row] {
+            if !is_static {
                 let moved = Point::from_angle(state.orientation) * (state.velocity * dt);
                 (state.x, state.y) = (state.x + moved.x, state.y + moved.y);
                 state.orientation += state.yaw_rate * dt;
