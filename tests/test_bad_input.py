@@ -1,5 +1,6 @@
 """What cannot be used ends the command with exit code 2 and one line on stderr; nothing half-written stays behind."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -30,14 +31,14 @@ def here(tmp_path, monkeypatch):
 
 def refusal(capfd, *arguments):
     """The one line with which a command refuses to work."""
-    before = {path: path.stat().st_mtime_ns for path in Path().rglob("*")}
+    before = {path: path.lstat().st_mtime_ns for path in Path().rglob("*")}
     done = CliRunner().invoke(main, arguments)
     assert done.exit_code == 2, done.output
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1, done.stderr
     assert done.stderr.startswith("error: ")
     assert capfd.readouterr() == ("", "")  # what does not go through Python's streams
-    assert {path: path.stat().st_mtime_ns for path in Path().rglob("*")} == before
+    assert {path: path.lstat().st_mtime_ns for path in Path().rglob("*")} == before
     return done.stderr
 
 
@@ -138,6 +139,41 @@ def limits_files_to_20_kilobytes():
     import resource
 
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+
+@pytest.mark.parametrize("target", ["real", "missing"])
+@pytest.mark.parametrize(
+    "command", [("run", "t_junction", "--overwrite"), ("criticality", "t_junction"), ("batch", "t_junction")]
+)
+def test_a_link_as_the_folder_to_write_to(here, capfd, command, target):
+    Path("real").mkdir()
+    Path("link").symlink_to(target)
+    assert refusal(capfd, *command, "--out", "link").startswith("error: link: this is a symbolic link; name the folder")
+
+
+def pipes_and_devices():
+    os.mkfifo("pipe.xml")
+    os.mkfifo("pipe.toml")
+    Path("folder").mkdir()
+    os.mkfifo("folder/pipe.xml")
+    Path("zero.xml").symlink_to("/dev/zero")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("check", "pipe.xml"),
+        ("check", "zero.xml"),
+        ("run", "pipe.xml", "--out", "made"),
+        ("run", "t_junction", "--config", "pipe.toml", "--out", "made"),
+        ("batch", "folder", "--out", "made"),
+        ("batch", "pipe.xml", "--out", "made"),
+        ("predict-eval", "t_junction", "--split", "pipe.toml", "--out", "made"),
+    ],
+)
+def test_a_pipe_or_device_is_not_waited_for(here, capfd, arguments):
+    pipes_and_devices()
+    assert "it is a pipe or a device, not a file" in refusal(capfd, *arguments)
 
 
 def test_a_writer_that_fails_half_way(here):

@@ -134,15 +134,26 @@ def test_a_batch_folder_with_a_link_in_it_is_refused(folder, name):
         assert f"batch/{name}: this is a symbolic link" in line
 
 
-def test_a_run_folder_that_is_a_link_gets_no_page(folder):
+def test_a_batch_folder_with_a_link_for_a_recording_is_refused(folder):
     kept = sorted((folder / "recordings").iterdir())[0]
     shutil.rmtree(kept)
     kept.symlink_to(folder.parent / "foreign")
-    before = content(folder.parent / "foreign")
-    done = CliRunner().invoke(main, ["report", "batch", "--quiet"])
-    assert (done.exit_code, done.output) == (0, "")
-    assert content(folder.parent / "foreign") == before
-    assert "this is a symbolic link" in (folder / "report.html").read_text()
+    for line in refusals(folder):
+        assert f"batch/recordings/{kept.name}: this is a symbolic link" in line
+
+
+def test_a_batch_folder_with_a_link_for_a_run_is_refused(folder):
+    (folder / "runs").mkdir(exist_ok=True)
+    run = folder / "runs" / f"{32 * '0'}.parquet"
+    run.symlink_to(folder / "results.parquet")
+    for line in refusals(folder):
+        assert f"batch/runs/{run.name}: this is a symbolic link" in line
+
+
+def test_a_batch_is_not_written_through_a_link_to_its_folder(folder):
+    Path("link").symlink_to(folder)
+    for line in refusals(folder, ("batch", "lane_merge", "--planner", "idm", "--out", "link", "--quiet")):
+        assert line.startswith("error: link: this is a symbolic link; ")
 
 
 def test_a_file_of_a_run_with_another_name_or_key_is_refused(folder):

@@ -156,7 +156,8 @@ def test_a_run_that_was_stopped_before_an_agent_had_started_is_sound(tmp_path):
 def test_a_path_to_something_without_an_end_is_not_read(folder):
     edited(folder / "run.json", lambda info: info["scenario"].update(path="/dev/zero", sha256="0" * 64))
     done = CliRunner().invoke(main, ["verify", "run"])
-    assert (done.exit_code, done.stderr) == (2, "error: /dev/zero: the scenario file has changed since the run\n")
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: /dev/zero: the scenario of the run cannot be read (it is a pipe or a device")
     assert CliRunner().invoke(main, ["plot", "run", "--kind", "velocity"]).exit_code == 0
 
 

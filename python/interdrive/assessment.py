@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive.criticality import MEASURES
-from interdrive.files import read_scenario
+from interdrive.files import content_of_file, read_scenario
 from interdrive.results import (
     Column,
     arrow_table,
@@ -213,8 +212,7 @@ def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
     if stored["path"] is not None:
         path = Path(stored["path"])
         try:
-            # Devices and pipes have no end.
-            if os.path.isfile(path) and hashlib.sha256(path.read_bytes()).hexdigest() == stored["sha256"]:  # noqa: PTH113
+            if hashlib.sha256(content_of_file(path)).hexdigest() == stored["sha256"]:
                 return read_scenario(path)
         except OSError:
             pass  # moved away; the folder has a copy of the road

@@ -16,7 +16,7 @@ from interdrive.batches.columns import COLUMNS, NOT_ARRIVED, failure_row, finish
 from interdrive.batches.dataset import encoded
 from interdrive.batches.runs import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
-from interdrive.files import read_scenario, scenario_parts
+from interdrive.files import content_of_file, read_scenario, scenario_parts
 from interdrive.foreign import failure
 from interdrive.handles import core_road
 from interdrive.results import arrow_table, save
@@ -236,7 +236,7 @@ def content_of(spec: RunSpec) -> dict[str, bytes]:
     """
     path = Path(spec.path)
     try:
-        content = {part.name: part.read_bytes() for part in (path, *scenario_parts(path))}
+        content = {part.name: content_of_file(part) for part in (path, *scenario_parts(path))}
     except OSError as cause:
         raise InterdriveError(f"{spec.path}: cannot be read: {cause.strerror or cause}") from cause
     own, *others = content.values()

@@ -15,6 +15,7 @@ stored in.
 from __future__ import annotations
 
 import io
+import os
 import shutil
 import tarfile
 import time
@@ -29,7 +30,7 @@ from interdrive.batches.dataset import check_key, in_order, in_portions, joined,
 from interdrive.batches.locks import Locks
 from interdrive.batches.runs import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.results import check_folder, one_line, read_json, replacing, resolved, write_json
+from interdrive.results import check_folder, not_a_link, one_line, read_json, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -84,9 +85,9 @@ class BatchFolder:
         """The folder, made if it is new.
 
         Raises:
-            ResultsError: Something else is there, or it cannot be written.
+            ResultsError: Something else is there, a symbolic link among it, or it cannot be written.
         """
-        target = resolved(path)
+        target = not_a_link(path)
         # Another batch may be making the same folder at this moment, also while it is looked at.
         for is_last in (False, True):
             inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()
@@ -119,11 +120,9 @@ class BatchFolder:
         except (OSError, ValueError) as cause:
             raise ResultsError(f"{target / _MARK}: cannot be read: {one_line(cause)}") from cause
         # Nothing is ever written through a link to somewhere else.
-        for name in (_MARK, _RESULTS, _RUNS, _RECORDINGS, _LOCKS, _STORED):
-            if (target / name).is_symlink():
-                raise ResultsError(
-                    f"{target / name}: this is a symbolic link; put what it links to into the batch folder"
-                )
+        for entry in _entries(target):
+            if entry.is_symlink():
+                raise ResultsError(f"{entry.path}: this is a symbolic link; put what it links to into the batch folder")
         found = info.get("format") if isinstance(info, dict) else None
         if type(found) is not int or found != FORMAT:
             shown = found if isinstance(found, int) else "unknown"
@@ -313,6 +312,22 @@ class BatchFolder:
         if self._locks is not None:
             self._locks.close()
             self._locks = None
+
+
+def _entries(folder: Path) -> Iterator[os.DirEntry[str]]:
+    """Everything that a batch writes to: the parts of its folder, and what lies in those of single runs.
+
+    Raises:
+        ResultsError: A folder cannot be listed.
+    """
+    for place in (folder, folder / _RUNS, folder / _RECORDINGS):
+        try:
+            with os.scandir(place) as entries:
+                yield from entries
+        except (FileNotFoundError, NotADirectoryError):
+            continue  # there are none yet, or other checks say what is wrong
+        except OSError as cause:
+            raise ResultsError(f"{place}: cannot be listed: {one_line(cause)}") from cause
 
 
 def _version(path: Path) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from interdrive import _core
 from interdrive.choices import AgentChoice, named, stored
 from interdrive.errors import InputError
-from interdrive.files import scenario_parts, shipped_scenario, shipped_scenarios
+from interdrive.files import content_of_input, scenario_parts, shipped_scenario, shipped_scenarios
 from interdrive.files.names import readable
 from interdrive.planners import name_of
 from interdrive.planners.workers import can_be_sent
@@ -229,7 +229,7 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
                 _file(file, str(file.parent.relative_to(path)) if file.parent != path else path.resolve().name)
                 for file in inside
             ]
-        elif path.is_file():
+        elif path.exists():
             found.append(_file(path, path.resolve().parent.name))
         else:
             raise InputError(f"{given}: no such file or folder, and no shipped scenario has that name")
@@ -264,11 +264,8 @@ def _is_part(path: Path) -> bool:
 
 
 def _file(path: Path, category: str) -> ScenarioFile:
-    try:
-        content = path.read_bytes()
-        parts = [part.read_bytes() for part in scenario_parts(path)]
-    except OSError as cause:
-        raise InputError(f"{path}: cannot be read ({cause.strerror}); check its permissions") from cause
+    content = content_of_input(path)
+    parts = [content_of_input(part) for part in scenario_parts(path)]
     return ScenarioFile(
         path=str(path.resolve()),
         name=readable(path.stem),
@@ -402,7 +399,4 @@ def _names_a_file(value: object) -> bool:
 
 
 def _hash(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as cause:
-        raise InputError(f"{path}: cannot be read ({cause.strerror}); check its permissions") from cause
+    return hashlib.sha256(content_of_input(path)).hexdigest()

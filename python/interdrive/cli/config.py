@@ -108,12 +108,11 @@ def read_config(
     Raises:
         InputError: No such file, not TOML, or an entry that does not exist (with the nearest one).
     """
+    from interdrive.files import content_of_input  # noqa: PLC0415 - numpy
+
+    content = content_of_input(path)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as cause:
-        raise InputError(f"{path}: cannot be read: {cause.strerror or cause}") from cause
+        document = tomllib.loads(content.decode())
     except (ValueError, RecursionError) as cause:
         why = "its brackets are nested too deeply" if isinstance(cause, RecursionError) else cause
         raise InputError(f"{path}: not a configuration file: {why}") from cause

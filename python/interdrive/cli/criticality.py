@@ -79,11 +79,11 @@ def _opened(what: str, out: str | None) -> tuple[Run, Path]:
     """What to judge, and the folder for the tables."""
     from interdrive.assessment import recorded_run, reopen  # noqa: PLC0415
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
-    from interdrive.results import resolved  # noqa: PLC0415
+    from interdrive.results import not_a_link, resolved  # noqa: PLC0415
 
     if Path(what).is_dir():
-        return reopen(what), resolved(out or what)
-    name, target = scenario_named(what), resolved(out) if out else None
+        return reopen(what), not_a_link(out) if out else resolved(what)
+    name, target = scenario_named(what), not_a_link(out) if out else None
     path = shipped_scenario(name) if name in shipped_scenarios() and not Path(name).exists() else name
     run = recorded_run(read_scenario(path))
     return run, target or resolved(new_folder(f"{Path(what).stem}-criticality"))

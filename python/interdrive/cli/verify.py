@@ -90,13 +90,14 @@ def _scenario_file(folder: str, info: Mapping[str, Any], given: str | None) -> P
     Raises:
         InputError: It was never a file, is gone, or has changed.
     """
+    from interdrive.files import content_of_file  # noqa: PLC0415 - numpy
+
     stored = info["scenario"]
     if given is None and stored["path"] is None:
         raise InputError(f"{folder}: the scenario came from memory, not from a file; repeat the run in Python")
     path = Path(given or stored["path"])
     try:
-        # Devices and pipes have no end.
-        content = path.read_bytes() if path.is_file() or not path.exists() else b""
+        content = content_of_file(path)
     except (OSError, ValueError) as cause:
         reason = getattr(cause, "strerror", None) or cause
         raise InputError(

@@ -16,6 +16,7 @@ import numpy as np
 
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import document
+from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.convert import converted
 from interdrive.files.numbers import check_message
 from interdrive.files.shapes import Foreign
@@ -93,12 +94,7 @@ def scenario_from_commonroad(scenario: Foreign, planning_problem_set: Foreign = 
 def _bytes(path: Path) -> bytes:
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give a CommonRoad file in it")
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
+    return content_of_input(path)
 
 
 def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
@@ -145,7 +141,7 @@ def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
     parts = ((traffic, CommonRoadDynamic()), (roads, CommonRoadMap()), (problems, CommonRoadScenario()))
     for part, message in parts:
         if part.is_file():
-            _check_angles(message, part.read_bytes(), part)
+            _check_angles(message, content_of_file(part), part)
     reader = CommonRoadFileReader(filename_map=roads, filename_dynamic=traffic, filename_scenario=problems)
     if problems.is_file():
         scenario, problem_set, _cooperative = reader.open_all()

@@ -17,6 +17,7 @@ import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.files import document
+from interdrive.files.content import content_of_file
 from interdrive.files.limits import LARGEST_ID
 from interdrive.files.numbers import check_adjacency
 from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet, read_scenario
@@ -130,7 +131,7 @@ def _original(scenario: Scenario) -> Element | None:
     if scenario.path is None:
         return None
     try:
-        data = scenario.path.read_bytes()
+        data = content_of_file(scenario.path)
         if hashlib.sha256(data).hexdigest() != scenario.sha256:
             return None
         if scenario.path.suffix.lower() in PROTOBUF_ENDINGS:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from interdrive.errors import InputError
+from interdrive.files import content_of_input
 
 #: Where traffic comes from: cameras; a simulation (SUMO); somebody made it up, by hand or by synthesis; it is not said.
 UNKNOWN = "unknown"
@@ -71,11 +72,10 @@ def read_split(path: str | Path) -> Split:
         InputError: It cannot be read, or a place lacks something; one line with path and place.
     """
     path = Path(path)
+    content = content_of_input(path)
     try:
-        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
+        table: dict[str, Any] = tomllib.loads(content.decode())
+    except ValueError as error:
         raise InputError(f"{path}: cannot be read as TOML ({error})") from None
     places = table.get("place")
     if not isinstance(places, list) or not places:

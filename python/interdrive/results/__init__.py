@@ -24,7 +24,7 @@ from interdrive.results.tables import (
 )
 from interdrive.results.tabular import Column, arrow_table, labels, read_table, write_parquet, write_table
 from interdrive.results.validation import check_order, check_table, check_values
-from interdrive.results.writing import check_folder, json_text, one_line, replacing, resolved, write_json
+from interdrive.results.writing import check_folder, json_text, not_a_link, one_line, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from interdrive.results.tabular import ArrowTable
@@ -47,6 +47,7 @@ __all__ = [
     "json_text",
     "labels",
     "load",
+    "not_a_link",
     "one_line",
     "outcome_table",
     "plans_table",

@@ -48,6 +48,18 @@ def resolved(path: str | Path, *, follow: bool = True) -> Path:
     return target
 
 
+def not_a_link(folder: str | Path) -> Path:
+    """A folder to write to as an absolute path, unless it is a symbolic link: you may not expect what it points to.
+
+    Raises:
+        ResultsError: It is one, or a path that cannot be.
+    """
+    target = resolved(folder)
+    if resolved(folder, follow=False).is_symlink():
+        raise ResultsError(f"{folder}: this is a symbolic link; name the folder that it points to, or remove the link")
+    return target
+
+
 def _check_arrow() -> None:
     """Tells before a simulation rather than after it that no table can be written."""
     try:
@@ -70,9 +82,9 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
         overwrite: It may be replaced.
 
     Raises:
-        ResultsError: if something is there that must not be replaced, or pyarrow does not work.
+        ResultsError: if it is a symbolic link, something is there that must not be replaced, or pyarrow does not work.
     """
-    target = resolved(folder)
+    target = not_a_link(folder)
     _check_arrow()
     try:
         if not target.exists():
