@@ -189,7 +189,8 @@ def _given(paths: list[Path]) -> Iterator[Path]:
         if not path.exists():
             raise SystemExit(f"{path}: no such file")
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.suffix in (".xml", ".pb") and not file.stem.endswith("-SC"):
+            # Of the three files of a protobuf scenario the one with the traffic is opened.
+            if file.suffix == ".xml" or (file.suffix == ".pb" and file.with_name(f"{file.stem}-SC.pb").exists()):
                 yield file
 
 
