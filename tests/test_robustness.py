@@ -25,27 +25,42 @@ SCENARIOS = Path(os.environ.get("INTERDRIVE_SCENARIOS", ROOT.parent / "shared" /
 HOSTILE = sorted((SCENARIOS.parent / "robustness").glob("*.xml"))
 #: What every command may take: time of the processor [s], memory [MB].
 TIME, MEMORY = 2.0, 500
-#: Check, run, criticality and report of a file, one after the other in a process that has imported everything.
+#: Check, run, criticality and report of a file and what Python says of it, in a process that has imported everything.
 COMMANDS = """
 import json, resource, sys, time
 from click.testing import CliRunner
-import matplotlib.figure, interdrive.report, interdrive.criticality, interdrive.results, interdrive.simulation
+import interdrive, interdrive.criticality, interdrive.report, interdrive.simulation, matplotlib.figure
 import commonroad.common.reader.file_reader_xml
 from interdrive.cli import main
 from interdrive.files import shipped_scenario
-file, folder = sys.argv[1:]
+def by_command(*words):
+    done = CliRunner().invoke(main, words)
+    return done.exit_code, done.stderr
+def by_python(file):
+    try:
+        interdrive.simulate(file, threads=1)
+    except interdrive.InterdriveError as error:
+        return 2, f"error: {error}\\n"
+    return 0, ""
 def done_with(file, folder):
-    for words in (["check", file], ["run", file, "--out", folder], ["criticality", folder], ["report", folder]):
-        if words[0] == "run" and folder == sys.argv[2] and results[0][1] == 0:
+    steps = {
+        "check": lambda: by_command("check", file),
+        "run": lambda: by_command("run", file, "--out", folder),
+        "criticality of the recording": lambda: by_command("criticality", file, "--out", folder + "-recorded"),
+        "python": lambda: by_python(file),
+        "criticality": lambda: by_command("criticality", folder),
+        "report": lambda: by_command("report", folder),
+    }
+    codes = {}
+    for name, step in steps.items():
+        if name == "run" and folder == sys.argv[2] and codes["check"] == 0:
             list(done_with(str(shipped_scenario("t_junction")), folder + "-before"))  # fonts, weights: paid for once
+        if name in ("criticality", "report") and codes["run"] not in (0, 1):
+            continue
         start = time.process_time()
-        done = CliRunner().invoke(main, words)
-        yield words[0], done.exit_code, done.stderr, time.process_time() - start
-        if words[0] == "run" and done.exit_code not in (0, 1):
-            return
-results = []
-for result in done_with(file, folder):
-    results.append(result)
+        codes[name], stderr = step()
+        yield name, codes[name], stderr, time.process_time() - start
+results = list(done_with(*sys.argv[1:]))
 print(json.dumps([results, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
 """
 AN_ELEMENT = re.compile(r"(lanelet|obstacle|planning ?problem|traffic ?light|traffic ?sign|time step size|agent)", re.I)
@@ -75,7 +90,7 @@ def test_a_hostile_file_ends_in_a_result_or_one_line(path, tmp_path):
         assert code == 0 or (code == 2 and stderr.startswith(f"error: {path}: ")), (command, stderr)
         assert stderr.count("\n") == (1 if code else 0), stderr
         assert code == 0 or AN_ELEMENT.search(stderr.split(f"{path}: ")[1]), stderr
-    assert codes["run"] == codes["check"]
+    assert codes["run"] == codes["check"] == codes["python"]
     assert folder.exists() == (codes["run"] == 0)
     if codes["run"] == 0:
         assert set(codes.values()) == {0}
