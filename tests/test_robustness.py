@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commonroad.scenario.scenario import Scenario as CommonRoadScenario
 
 import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
-from interdrive import InputError, Simulation, read_scenario, simulate
+from interdrive import InputError, Simulation, read_scenario, scenario_from_commonroad, simulate
 from interdrive.files import limits
 from interdrive.handles import core_road, core_scenario
 from interdrive.run_settings import SimulationSettings, StepSettings
+from interdrive.scenario import Shape
 from interdrive.testing import straight_road, world
 from test_written_runs import run_of, written
 
@@ -167,6 +169,23 @@ def test_a_lanelet_of_too_many_points_is_refused(read):
     assert refusal(read, document(lanelets=road)).startswith("lanelet 3 has 5001 points on a bound; at most 5000")
 
 
+def test_the_longer_bounds_count_towards_the_length_of_all_lanelets(monkeypatch):
+    monkeypatch.setattr(limits, "LONGEST_ROADS", 500.0)
+    far = np.linspace(0.0, 100.0, 11)
+    zigzag = np.column_stack((far, 2.0 + 100.0 * (np.arange(11) % 2)))  # 1005 m, its right bound 100 m
+    plain = np.column_stack((far, np.full(11, -2.0)))
+    for left, right in ((zigzag, plain), (plain, zigzag)):
+        with pytest.raises(InputError, match="the map has lanelets of 1005 m together; at most 500 m"):
+            limits.require_scenario(world(replace(straight_road(), left=(left,), right=(right,))), "zigzag")
+
+
+def test_a_commonroad_scenario_without_roads_or_dt_is_refused_in_the_same_words():
+    with pytest.raises(InputError, match="has no lanelets; a scenario needs a road network"):
+        scenario_from_commonroad(CommonRoadScenario(0.1))
+    with pytest.raises(InputError, match=r"the time step size \(dt\) is 0; it must be between"):
+        scenario_from_commonroad(CommonRoadScenario(0.0))
+
+
 # Numbers
 
 
@@ -195,7 +214,10 @@ HUGE = 2**63
         ),
         (document(car(30, initial(0.0, velocity=1e9))), "dynamicObstacle 30 has the value 1000000000.0 in <velocity>"),
         (document(car(30, initial(0.0, orientation=1e12))), "dynamicObstacle 30 has the orientation 1e+12"),
-        (document(car(30, initial(0.0), shape=cr.RECTANGLE.replace("4.5", "1e8"))), "obstacle 30 has the size 1e+08"),
+        (
+            document(car(30, initial(0.0), shape=cr.RECTANGLE.replace("4.5", "1e8"))),
+            "obstacle 30 has the size 1e+08, which is larger than 100000 m; correct it",
+        ),
         (document(car(30, initial(0.0), shape=cr.RECTANGLE.replace("4.5", "1e-9"))), "smaller than 1e-06 m"),
         (document("<a>" * 60 + "</a>" * 60), "elements inside each other"),
     ],
@@ -323,6 +345,14 @@ def test_a_footprint_has_at_most_1000_vertices(read, n, accepted):
     else:
         with pytest.raises(InputError, match=r"test\.xml: the shape of obstacle 30 has 1001 vertices; at most 1000"):
             read(text)
+
+
+def test_the_parts_of_a_footprint_have_at_most_1000_vertices_together():
+    angle = np.linspace(0.0, 2.0 * np.pi, 501, endpoint=False)
+    part = Shape("polygon", vertices=np.column_stack((2.0 * np.cos(angle), np.sin(angle))))
+    limits.require_footprint(Shape("group", members=(part,)), "obstacle 30", "two parts")
+    with pytest.raises(InputError, match=r"two parts: the shape of obstacle 30 has 1002 vertices; at most 1000"):
+        limits.require_footprint(Shape("group", members=(part, part)), "obstacle 30", "two parts")
 
 
 def test_the_number_of_a_place_may_be_any_that_protobuf_holds(read):

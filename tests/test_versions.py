@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from interdrive import SimulationSettings, load, save, simulate
+from interdrive import SimulationSettings, load, read_batch, save, simulate
 from interdrive.plots import animate_run
 from interdrive.report import write_run_report
 from interdrive.run_settings import RecordSettings
@@ -64,4 +64,6 @@ def test_a_batch_is_compared(folder):
     out = folder.parent / "batch"
     command("batch", "lane_merge", "--agents", "1", "--planner", "idm,frenet", "--workers", "1", "--out", out)
     assert "frenet" in command("compare", out)
-    assert "2" in command("batch", "lane_merge", "--agents", "1", "--planner", "idm", "--out", out)
+    command("batch", "lane_merge", "--agents", "1", "--planner", "idm", "--out", out)
+    runs = read_batch(out, ["key", "planner"]).to_pylist()
+    assert sorted(run["planner"] for run in {run["key"]: run for run in runs}.values()) == ["frenet", "idm"]

@@ -16,7 +16,7 @@ from xml.parsers import expat
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files.limits import require_dt
+from interdrive.files.limits import require_dt, require_roads
 from interdrive.files.numbers import check_adjacency, check_numbers
 from interdrive.scenario import Shape
 
@@ -162,8 +162,7 @@ def _check_header(root: Element, file: str) -> None:
     except ValueError:
         dt = math.nan
     require_dt(dt, file, text)
-    if root.find("lanelet") is None:
-        raise InputError(f"{file}: has no lanelets; a scenario needs a road network")
+    require_roads(len(root.findall("lanelet")), file)
     if not root.get("benchmarkID"):
         root.set("benchmarkID", "ZAM_Unnamed-1_1_T-1")
     if root.get("tags") is None:

@@ -47,6 +47,14 @@ LARGEST_SPEED_LIMIT = 150.0
 LONGEST_LANELET, LONGEST_ROADS, LARGEST_EXTENT = 1e5, 2e6, 1e6
 MOST_LANELETS, MOST_POINTS_OF_A_LANELET, MOST_POINTS = 20_000, 5_000, 500_000
 MOST_OBSTACLES, MOST_STATES, MOST_PROBLEMS, MOST_GOALS = 10_000, 1_000_000, 1_000, 1_000
+#: What is counted, and what to do about too many of it.
+LANELETS, POINTS = ("lanelets", "cut it"), ("points", "cut it")
+POINTS_OF_A_LANELET = ("points on a bound", "thin them out or split it")
+OBSTACLES, STATES, PROBLEMS = ("obstacles", "cut it"), ("states", "cut it"), ("planning problems", "split it")
+_UNITS = {
+    **{"coordinate": "m", "size": "m", "orientation": "rad"},
+    **{"velocity": "m/s", "acceleration": "m/s²", "yaw rate": "rad/s"},
+}
 #: Vertices of a footprint and of an area; lanelets are areas, too.
 MOST_VERTICES_OF_A_FOOTPRINT, MOST_VERTICES = 1_000, 2 * MOST_POINTS_OF_A_LANELET
 #: Elements of an XML document inside each other.
@@ -63,6 +71,12 @@ def require(fits: bool, file: str, what: str, problem: str) -> None:
         raise InputError(f"{file}: {what} {problem}")
 
 
+def require_count(n: int, most: int, counted: tuple[str, str], what: str, file: str) -> None:
+    """Refuses too many of something: its name and what to do about it, as in `LANELETS`."""
+    name, advice = counted
+    require(n <= most, file, what, f"has {n} {name}; at most {most} are possible, {advice}")
+
+
 def require_dt(dt: float, file: str, text: str | None = None) -> None:
     """Refuses a time step size that no simulation can have."""
     if not SMALLEST_DT <= dt <= LARGEST_DT:
@@ -70,6 +84,12 @@ def require_dt(dt: float, file: str, text: str | None = None) -> None:
         raise InputError(
             f"{file}: the time step size (dt) is {shown}; it must be between {SMALLEST_DT:g} and {LARGEST_DT:g} seconds"
         )
+
+
+def require_roads(n_lanelets: int, file: str) -> None:
+    """Refuses a scenario without lanelets."""
+    if not n_lanelets:
+        raise InputError(f"{file}: has no lanelets; a scenario needs a road network")
 
 
 def require_id(number: int, what: str, file: str) -> None:
@@ -84,7 +104,9 @@ def require_values(values: Floats | Iterable[float], most: float, what: str, fil
     array = np.asarray(values, dtype=np.float64)
     if not np.all(np.abs(array) <= most):
         worst = array[~(np.abs(array) <= most)].flat[0]
-        raise InputError(f"{file}: {what} has the {name} {worst:g}, which is not finite or beyond {most:g}; correct it")
+        beyond = f"larger than {most:g}" if worst > 0.0 else f"smaller than {-most:g}"
+        why = f"{beyond} {_UNITS[name]}" if np.isfinite(worst) else "not a finite number"
+        raise InputError(f"{file}: {what} has the {name} {worst:g}, which is {why}; correct it")
 
 
 def require_scenario(scenario: Scenario, file: str) -> None:
@@ -100,36 +122,27 @@ def require_scenario(scenario: Scenario, file: str) -> None:
     require_dt(scenario.dt, file)
     _require_lanelets(scenario.lanelets, file)
     _require_obstacles(scenario.obstacles, file)
-    require(
-        len(scenario.planning_problems) <= MOST_PROBLEMS,
-        file,
-        "the file",
-        f"has more than {MOST_PROBLEMS} planning problems; split it",
-    )
+    require_count(len(scenario.planning_problems), MOST_PROBLEMS, PROBLEMS, "the scenario", file)
     for problem in scenario.planning_problems:
         _require_problem(problem, file)
 
 
 def _require_lanelets(lanelets: Lanelets, file: str) -> None:
     n = len(lanelets.ids)
-    require(n > 0, file, "the scenario", "has no lanelets; it needs a road network")
-    require(n <= MOST_LANELETS, file, "the map", f"has {n} lanelets; at most {MOST_LANELETS} are possible, cut it")
+    require_roads(n, file)
+    require_count(n, MOST_LANELETS, LANELETS, "the map", file)
     total, low, high = 0.0, np.full(2, np.inf), np.full(2, -np.inf)
     for number, left, right in zip(lanelets.ids.tolist(), lanelets.left, lanelets.right, strict=True):
         what = f"lanelet {number}"
         require_id(number, "a lanelet", file)
+        lengths = []
         for bound in (left, right):
             require(len(bound) >= 2, file, f"a bound of {what}", "has fewer than 2 points; add some")
-            require(
-                len(bound) <= MOST_POINTS_OF_A_LANELET,
-                file,
-                what,
-                f"has {len(bound)} points on a bound; at most "
-                f"{MOST_POINTS_OF_A_LANELET} are possible, thin them out or split it",
-            )
+            require_count(len(bound), MOST_POINTS_OF_A_LANELET, POINTS_OF_A_LANELET, what, file)
             require_values(bound, LARGEST_COORDINATE - ROOM_BEYOND_MAP, what, file, "coordinate")
             low, high = np.minimum(low, bound.min(axis=0)), np.maximum(high, bound.max(axis=0))
             length = float(np.hypot(*np.diff(bound, axis=0).T).sum())
+            lengths.append(length)
             require(
                 length <= LONGEST_LANELET,
                 file,
@@ -138,7 +151,7 @@ def _require_lanelets(lanelets: Lanelets, file: str) -> None:
             )
         width = float(np.hypot(*(left[0] - right[0])))
         require(width <= LONGEST_LANELET, file, what, f"is {width:.0f} m wide; correct its points")
-        total += length
+        total += max(lengths)
     extent = float((high - low).max())
     require(
         extent <= LARGEST_EXTENT,
@@ -154,18 +167,12 @@ def _require_lanelets(lanelets: Lanelets, file: str) -> None:
         f"has lanelets of {total:.0f} m together; at most {LONGEST_ROADS:.0f} m are possible, cut it",
     )
     points = sum(len(bound) for bound in itertools.chain(lanelets.left, lanelets.right))
-    require(points <= MOST_POINTS, file, "the map", f"has {points} points; at most {MOST_POINTS} are possible, cut it")
+    require_count(points, MOST_POINTS, POINTS, "the map", file)
 
 
 def _require_obstacles(obstacles: Obstacles, file: str) -> None:
-    n = len(obstacles.ids)
-    require(n <= MOST_OBSTACLES, file, "the scenario", f"has {n} obstacles; at most {MOST_OBSTACLES} are possible")
-    require(
-        obstacles.n_steps <= LARGEST_TIME_STEP + 1,
-        file,
-        "the recording",
-        f"has {obstacles.n_steps} time steps; at most {LARGEST_TIME_STEP + 1} are possible, cut it",
-    )
+    require_count(len(obstacles.ids), MOST_OBSTACLES, OBSTACLES, "the scenario", file)
+    require_count(obstacles.n_steps, LARGEST_TIME_STEP + 1, ("time steps", "cut it"), "the recording", file)
     for row, (number, shape) in enumerate(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True)):
         what = f"obstacle {number}"
         require_id(number, "an obstacle", file)
@@ -199,11 +206,28 @@ def require_states(values: Floats, what: str, file: str) -> None:
 
 def require_footprint(shape: Shape, what: str, file: str) -> None:
     """Refuses footprints without area or larger than anything that stands beside a road."""
-    require_shape(shape, what, file, LARGEST_FOOTPRINT)
+    require_shape(shape, what, file, LARGEST_FOOTPRINT, MOST_VERTICES_OF_A_FOOTPRINT)
 
 
-def require_shape(shape: Shape, what: str, file: str, largest: float = LARGEST_COORDINATE) -> None:
-    """Refuses shapes without area, with too many vertices or beyond a size and distance from the origin [m]."""
+def require_shape(
+    shape: Shape, what: str, file: str, largest: float = LARGEST_COORDINATE, most_vertices: int = MOST_VERTICES
+) -> None:
+    """Refuses shapes without area, with too many vertices or beyond a size and distance from the origin [m].
+
+    The vertices of all parts of a group are counted together.
+    """
+    require_count(_n_vertices(shape), most_vertices, ("vertices", "thin them out"), f"the shape of {what}", file)
+    _require_measures(shape, what, file, largest)
+
+
+def _n_vertices(shape: Shape) -> int:
+    """Of all parts together; circles and rectangles count as much as a polygon of four vertices."""
+    if shape.members:
+        return sum(map(_n_vertices, shape.members))
+    return len(shape.vertices) if shape.kind == "polygon" else 4
+
+
+def _require_measures(shape: Shape, what: str, file: str, largest: float) -> None:
     sizes = {"rectangle": (shape.length, shape.width), "circle": (shape.radius,)}.get(shape.kind, ())
     require_values(shape.center, largest, what, file, "coordinate")
     require_values((shape.orientation,), LARGEST_ANGLE, what, file, "orientation")
@@ -216,15 +240,10 @@ def require_shape(shape: Shape, what: str, file: str, largest: float = LARGEST_C
         f"is smaller than {SMALLEST_SIZE:g} m; correct its size",
     )
     if shape.kind == "polygon":
-        n = len(shape.vertices)
-        require(n >= 3, file, f"the shape of {what}", "has no area; give it a size above 0")
-        most = MOST_VERTICES_OF_A_FOOTPRINT if largest == LARGEST_FOOTPRINT else MOST_VERTICES
-        require(
-            n <= most, file, f"the shape of {what}", f"has {n} vertices; at most {most} are possible, thin them out"
-        )
+        require(len(shape.vertices) >= 3, file, f"the shape of {what}", "has no area; give it a size above 0")
         require_values(shape.vertices, largest, what, file, "coordinate")
     for member in shape.members:
-        require_shape(member, what, file, largest)
+        _require_measures(member, what, file, largest)
 
 
 def _require_problem(problem: PlanningProblem, file: str) -> None:

@@ -78,39 +78,20 @@ def _check_depth(root: Element, file: str) -> None:
 
 def _check_counts(root: Element, file: str) -> None:
     """What would cost much time before the arrays are there."""
-    for tag, most, name in (
-        ("lanelet", limits.MOST_LANELETS, "lanelets"),
-        ("planningProblem", limits.MOST_PROBLEMS, "planning problems"),
-        ("dynamicObstacle", limits.MOST_OBSTACLES, "obstacles"),
-        ("staticObstacle", limits.MOST_OBSTACLES, "obstacles"),
-        ("obstacle", limits.MOST_OBSTACLES, "obstacles"),
+    for path, most, counted, what in (
+        ("lanelet", limits.MOST_LANELETS, limits.LANELETS, "the map"),
+        ("lanelet/*/point", limits.MOST_POINTS, limits.POINTS, "the map"),
+        ("planningProblem", limits.MOST_PROBLEMS, limits.PROBLEMS, "the scenario"),
+        ("dynamicObstacle", limits.MOST_OBSTACLES, limits.OBSTACLES, "the scenario"),
+        ("staticObstacle", limits.MOST_OBSTACLES, limits.OBSTACLES, "the scenario"),
+        ("obstacle", limits.MOST_OBSTACLES, limits.OBSTACLES, "the scenario"),
+        ("*/trajectory/state", limits.MOST_STATES, limits.STATES, "the recording"),
     ):
-        n = len(root.findall(tag))
-        limits.require(n <= most, file, "the file", f"has {n} {name}; at most {most} are possible")
-    n = len(root.findall("*/trajectory/state"))
-    limits.require(
-        n <= limits.MOST_STATES,
-        file,
-        "the file",
-        f"has {n} states; at most {limits.MOST_STATES} are possible, cut the recording",
-    )
-    n = len(root.findall("lanelet/*/point"))
-    limits.require(
-        n <= limits.MOST_POINTS,
-        file,
-        "the file",
-        f"has lanelets of {n} points; at most {limits.MOST_POINTS} are possible, cut the map",
-    )
+        limits.require_count(len(root.findall(path)), most, counted, what, file)
     for lanelet in root.iterfind("lanelet"):
         for bound in ("leftBound", "rightBound"):
-            n = len(lanelet.findall(f"{bound}/point"))
-            limits.require(
-                n <= limits.MOST_POINTS_OF_A_LANELET,
-                file,
-                named(lanelet),
-                f"has {n} points on a bound; "
-                f"at most {limits.MOST_POINTS_OF_A_LANELET} are possible, thin them out or split it",
-            )
+            n, most = len(lanelet.findall(f"{bound}/point")), limits.MOST_POINTS_OF_A_LANELET
+            limits.require_count(n, most, limits.POINTS_OF_A_LANELET, named(lanelet), file)
 
 
 def named(owner: Element) -> str:

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from interdrive.errors import InputError, ResultsError
+from interdrive.files.limits import LARGEST_ID
 from interdrive.run_settings import SimulationSettings, ViewSettings
 from interdrive.settings import bind, flatten
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
-
-#: Whole numbers beyond this are no longer exact everywhere.
-_WHOLE_MAX = 2**53
 
 
 class _Expected(Protocol):
@@ -128,7 +126,7 @@ def _is_number(value: object) -> bool:
 
 
 def _is_whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < _WHOLE_MAX
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST_ID
 
 
 _TEXT = _Plain("a text", lambda value: isinstance(value, str))

@@ -8,6 +8,7 @@ import numpy as np
 
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
+from interdrive.files import limits
 from interdrive.results.columns import COLUMNS
 from interdrive.run import OUTCOMES, PLAN_STATUS
 from interdrive.scenario import KINDS
@@ -43,13 +44,10 @@ ORDER: Mapping[str, Sequence[str]] = {
 }
 
 #: No finite number of a run is larger, whatever its unit; positions are not [m].
-_NUMBER_MAX, _POSITION_MAX = 1e30, 1e9
+_NUMBER_MAX, _POSITION_MAX = 1e30, limits.LARGEST_COORDINATE
 
 #: Arrays of participants and time steps, or of plans and points, may have so many cells, and so many more per row.
-_CELLS, _CELLS_PER_ROW = 10_000_000, 200
-
-#: Time steps and ids are whole numbers below this.
-_WHOLE_MAX = 2**53
+_CELLS, _CELLS_PER_ROW = 10_000_000, limits.CELLS_PER_STATE
 
 
 class _Damage(Exception):  # noqa: N818 - never leaves this module
@@ -130,7 +128,7 @@ def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] 
         raise _Damage(f"{about.name}: a value is missing")
     elif about.kind == "integer":
         values = _array(column, about.kind)
-        _refuse(about.name, values, (values >= _WHOLE_MAX) | (values <= -_WHOLE_MAX), "is too large")
+        _refuse(about.name, values, (values > limits.LARGEST_ID) | (values < -limits.LARGEST_ID), "is too large")
     elif about.kind == "number":
         numbers = _array(column, about.kind)
         if not about.nullable:
