@@ -13,13 +13,16 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from click.testing import CliRunner
 
 import interdrive.batches.folder as folder_module
 from interdrive.batches import BatchFolder, query
 from interdrive.batches.conduct import _conduct, _Queue
 from interdrive.batches.execute import failed, no_rows
 from interdrive.batches.pool import End
+from interdrive.batches.query import MEMORY, SECONDS
 from interdrive.batches.runs import planned
+from interdrive.cli import main
 from interdrive.errors import InputError
 from interdrive.run_settings import SimulationSettings
 
@@ -87,6 +90,12 @@ def test_a_question_changes_nothing_and_sees_no_files(folder, specs, question, l
     assert "\n" not in str(refused.value)
     assert "LINE" not in str(refused.value)
     assert folder.results.read_bytes() == before
+
+
+def test_the_help_of_sql_states_the_limits_of_a_question():
+    shown = " ".join(CliRunner().invoke(main, ["sql", "--help"]).output.split())
+    assert f"Give up after so long ({SECONDS:g})." in shown
+    assert f"Memory that the question may use ({MEMORY / 2**30:g}G)." in shown
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ def ended(prepared, *arguments, **environment):
     [
         ("raise ZeroDivisionError('1 / 0')", 70, "this is a bug, please report it: ZeroDivisionError: 1 / 0 ("),
         ("broken()", 70, "this is a bug, please report it: RecursionError: maximum recursion depth"),
-        ("raise MemoryError", 71, "out of memory"),
+        ("raise MemoryError", 71, "out of memory; a smaller scenario or fewer agents need less"),
         ("raise GeneratorExit", 70, "this is a bug, please report it: GeneratorExit ("),
         (r"raise ValueError('\x1b[2J\nand so on')", 70, r"ValueError: \x1b[2J and so on"),
     ],

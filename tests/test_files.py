@@ -12,6 +12,7 @@ import commonroad_documents as cr
 from commonroad_documents import car, document, driven, exact, goal, initial, lanelet, planning_problem, point, state
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad
+from interdrive.files.read import quiet
 from interdrive.files.shapes import shape_of
 
 # Roads
@@ -426,7 +427,7 @@ BAD_DOCUMENTS = {
     ),
     "half a state": (
         document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0).replace("<x>1.0</x>", "")])),
-        "cannot be read at <point> of dynamicObstacle 30",
+        "cannot be read at <point> of dynamicObstacle 30 .*; correct that element$",
     ),
     "time step far off": (
         document(car(30, initial(0.0), [state(99999999, 1.0, orientation=0.0)])),
@@ -434,6 +435,12 @@ BAD_DOCUMENTS = {
     ),
     "unreadable protobuf": (b"\x00\xff garbage", "cannot be read|is not beside it"),
 }
+
+
+def test_a_reason_of_commonroad_io_comes_without_the_names_of_its_classes():
+    with pytest.raises(InputError) as refused, quiet("test.xml"):
+        raise AssertionError("<CommonRoadFileReader/create>: the element has no length")
+    assert str(refused.value) == "test.xml: cannot be read (the element has no length); correct the file"
 
 
 @pytest.mark.parametrize("name", BAD_DOCUMENTS)

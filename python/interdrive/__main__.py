@@ -72,7 +72,7 @@ def last_resort(error: BaseException) -> int:
     if _Interrupts.came or isinstance(error, KeyboardInterrupt):
         return _say("interrupted", INTERRUPTED)
     if isinstance(error, MemoryError):
-        return _say("error: out of memory; take fewer agents, a shorter horizon or a smaller scenario", OUT_OF_MEMORY)
+        return _say("error: out of memory; a smaller scenario or fewer agents need less", OUT_OF_MEMORY)
     if isinstance(error, ImportError) and not str(error.name).startswith("interdrive"):
         return _say(
             f"error: the installation does not work: {_described(error)}; "

@@ -152,7 +152,7 @@ def select(
             first, then recorded vehicles chosen with the seed), or ids.
         agent_settings: Which vehicles can be agents.
         goal_settings: How goals are derived.
-        max_steps: Number of time steps after which the run ends; who starts later cannot be an agent.
+        max_steps: Number of time steps after which the run ends; vehicles that start later cannot be agents.
         seed: For the choice of a number.
 
     Returns:

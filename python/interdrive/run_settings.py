@@ -44,7 +44,7 @@ class StepSettings:
         grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
         history_steps: Number of past time steps that a scene shows; where they are shorter than 0.1 s, as many as last
             as long as this number of steps of 0.1 s.
-        max_steps: A run ends after so many time steps, whoever still drives then with the outcome time_limit. 0: after
+        max_steps: A run ends after so many time steps; agents that still drive then end with time_limit. 0: after
             5000, or twice as many as are recorded if that is more.
         planner_timeout_s: A planner written in Python may take this long per plan [s]; inf: as long as it likes. With a
             limit, outcomes depend on the speed of the machine.
@@ -103,7 +103,7 @@ class RecordSettings:
     """What a run keeps besides states and plans.
 
     Attributes:
-        views: Who saw whom at which time steps (`Run.views`, views.parquet).
+        views: Which agent saw which vehicle at which time steps (`Run.views`, views.parquet).
         predictions: What agents planned against, every half second ahead (`Run.predicted`, predictions.parquet).
         candidates: How many sampled candidates of a plan to keep (`Run.considered`, candidates.parquet), the chosen one
             and from the cheapest to the dearest; 0: none. They are all evaluated for it, which takes long.

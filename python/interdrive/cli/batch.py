@@ -31,7 +31,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     help="Planners under test (frenet); each is run on every scenario.",
 )
 @click.option("--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (neural), likewise.")
-@click.option("--agents", metavar="all|N", help="Who is under test: all (default), or at most N vehicles per scenario.")
+@click.option("--agents", metavar="all|N", help="Vehicles under test: all (default), or at most N per scenario.")
 @click.option(
     "--traffic",
     metavar="recorded|velocity_adjusting|same",
@@ -48,7 +48,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 @click.option("--run-timeout", metavar="S", help="A run may take this long; then its process is replaced.")
 @click.option("--memory", metavar="SIZE", help="A process may grow to this size, for instance 2G.")
 @click.option(
-    "--keep", metavar="none|failed|all", help="Run folders to keep: none, those where somebody did not arrive, or all."
+    "--keep", metavar="none|failed|all", help="Run folders to keep: none, those where an agent did not arrive, or all."
 )
 @click.option("--retry", is_flag=True, default=None, help="Do runs again that did not finish.")
 @click.option(

@@ -11,7 +11,7 @@ from interdrive.errors import InputError, InterdriveError
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 def check(files: tuple[str, ...]) -> int:
-    """Print what scenario files hold: size, traffic, and who can become an agent or why not.
+    """Print what scenario files hold: size, traffic, and which vehicles can become agents or why not.
 
     A FILE that `run` would refuse gets one line on stderr; the others are printed all the same.
     """

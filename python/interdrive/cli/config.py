@@ -61,7 +61,7 @@ class BatchChoices:
         paths: CommonRoad files, folders of them, names of shipped scenarios.
         planner: Planners under test, with settings if wanted.
         predictor: Predictors, with settings if wanted.
-        agents: Who is under test: "all" or a number.
+        agents: Vehicles under test: "all" or a number.
         traffic: What vehicles do that are not under test; none: replay, if there are any.
         alone: Every agent under test gets a run of its own.
         seeds: So many seeds.

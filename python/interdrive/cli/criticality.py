@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("what", metavar="FILE|RUN")
-@click.option("--ids", metavar="ID,ID", help="Who is judged (all agents of a run, all vehicles of a file).")
+@click.option("--ids", metavar="ID,ID", help="Vehicles to judge (all agents of a run, all vehicles of a file).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting, such as radius=50; see the manual."
 )
@@ -62,7 +62,7 @@ def criticality(
     if not quiet:
         print_criticality(found, run.scenario.name, shown(folder))
         if png and found.most_critical_moment() is None:
-            say("nothing is drawn: nobody met anybody")
+            say("nothing is drawn: no two vehicles were in conflict")
     return 0
 
 

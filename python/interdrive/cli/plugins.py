@@ -1,4 +1,4 @@
-"""`interdrive planners` and `interdrive predictors`: who can be chosen, and with which settings."""
+"""`interdrive planners` and `interdrive predictors`: what can be chosen, and with which settings."""
 
 from __future__ import annotations
 

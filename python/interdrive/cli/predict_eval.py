@@ -18,7 +18,7 @@ from interdrive.settings import bind
     "--predictors",
     metavar="all|NAME[,SETTING=VALUE...],NAME",
     default="all",
-    help="Who predicts: all native ones (without ground_truth), names, module:object; settings of each behind it.",
+    help="Predictors: all native ones (without ground_truth), names, module:object; settings of each behind it.",
 )
 @click.option("--every", metavar="N", type=click.IntRange(min=1), default=5, help="Ask at every N-th time step (5).")
 @click.option("--split", metavar="TOML", help="File that says which recordings are for what (training/split.toml).")
@@ -49,7 +49,7 @@ def predict_eval(
     """Compare predictions with what recorded vehicles did next.
 
     FILE is a CommonRoad file or the name of a shipped scenario; of a FOLDER all files are taken. Recordings are
-    replayed, nobody plans. Distances, likelihood, calibration, standing vehicles, points off the road and time per
+    replayed, no vehicle plans. Distances, likelihood, calibration, standing vehicles, points off the road and time per
     call, by category (the name of a file's folder: highway, intersection, urban, junction ...) and overall, as tables,
     Parquet files and figures. With --split, recorded, simulated and invented traffic are also told apart. A drive that
     several files show counts once.

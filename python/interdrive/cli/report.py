@@ -261,7 +261,7 @@ def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
 
 
 def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
-    """Who cannot become an agent and why; vehicles with the same reason share a row."""
+    """Which vehicles cannot become agents and why; those with the same reason share a row."""
     groups: dict[str, list[str]] = {}
     for number, reason in refusals.items():
         groups.setdefault(reason, []).append(str(number))

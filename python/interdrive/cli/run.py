@@ -30,12 +30,12 @@ _RECORDED_FOR_REPORT = {"record.views": True, "record.predictions": True, "recor
 @click.command()
 @click.argument("file", required=False)
 @click.option(
-    "--agents", metavar="all|N|ID,ID", help="Who plans: all, a number chosen with the seed, or ids ('7,' is id 7)."
+    "--agents", metavar="all|N|ID,ID", help="Agents: all, a number chosen with the seed, or ids ('7,' is id 7)."
 )
 @click.option(
     "--planner",
     metavar="PLANNER[,NAME=VALUE...]",
-    help="Who plans for the agents: frenet (default), another one that `interdrive planners` lists, or module:object.",
+    help="Planner of the agents: frenet (default), another one that `interdrive planners` lists, or module:object.",
 )
 @click.option(
     "--agent",
@@ -47,7 +47,7 @@ _RECORDED_FOR_REPORT = {"record.views": True, "record.predictions": True, "recor
 @click.option(
     "--predictor",
     metavar="PREDICTOR[,NAME=VALUE...]",
-    help="Who predicts: neural (default), another one that `interdrive predictors` lists, or module:object.",
+    help="Predictor: neural (default), another one that `interdrive predictors` lists, or module:object.",
 )
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."

@@ -34,24 +34,24 @@ _MARGIN, _GRACE = 1_000_000_000, 3.0
     "--timeout",
     metavar="SECONDS",
     type=click.FloatRange(min=0.0, min_open=True),
-    default=60.0,
     help="Give up after so long (60).",
 )
-@click.option("--memory", metavar="SIZE", default="2G", help="Memory that the question may use (2G).")
-def sql(folder: str, question: str, as_csv: bool, timeout: float, memory: str) -> None:
+@click.option("--memory", metavar="SIZE", help="Memory that the question may use (2G).")
+def sql(folder: str, question: str, as_csv: bool, timeout: float | None, memory: str | None) -> None:
     """Ask the data set of the batch in DIR a question in SQL; needs the extra duckdb.
 
     Tables are results (a row per run and agent), runs (a row per run) and agents (a row per agent under test):
 
         interdrive sql out/batch "select planner, outcome, count(*) from agents group by all order by all"
     """
-    size = bytes_of(memory)
+    given = None if memory is None else bytes_of(memory)
 
-    from interdrive.batches import query  # noqa: PLC0415
+    from interdrive.batches.query import MEMORY, SECONDS, query  # noqa: PLC0415
     from interdrive.cli.batch_report import print_answer  # noqa: PLC0415 - rich
 
-    with _limited(timeout, size):
-        answer = query(folder, question, seconds=timeout, memory=size)
+    seconds, size = SECONDS if timeout is None else timeout, MEMORY if given is None else given
+    with _limited(seconds, size):
+        answer = query(folder, question, seconds=seconds, memory=size)
     if as_csv:
         _print_csv(answer)
     else:

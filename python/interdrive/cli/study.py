@@ -58,7 +58,7 @@ def study(
     """Let one vehicle meet another that reacts more and more: a table, figures, and the runs.
 
     The agent always plans. The other vehicle replays its recording (deterministic), adjusts its speed on its recorded
-    path (semi-deterministic), or drives with the agent's planner (interactive). Nobody else plans.
+    path (semi-deterministic), or drives with the agent's planner (interactive). No other vehicle plans.
 
     merge and t_junction are the case studies of the paper, on the recorded scenarios below $INTERDRIVE_SCENARIOS and on
     a shipped one. Any other FILE, or name of a shipped scenario, needs --agent and --other.

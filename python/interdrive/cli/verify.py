@@ -68,7 +68,7 @@ def _ask(folder: str, modules: Sequence[str]) -> None:
     """Asks before code is run that a folder names, which may come from anybody.
 
     Raises:
-        InputError: The answer is no, or there is nobody to ask.
+        InputError: The answer is no, or no answer can be asked for.
     """
     if not modules:
         return

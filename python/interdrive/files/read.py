@@ -194,14 +194,20 @@ def quiet(file: str) -> Iterator[list[str]]:
     except InterdriveError:
         raise
     except Exception as error:
-        text = " ".join(str(error).split())[:200]
-        raise InputError(
-            f"{file}: cannot be read{_place(error)} ({type(error).__name__}: {text or 'no reason given'}); "
-            "correct it there or ask who made it"
-        ) from error
+        place = _place(error)
+        advice = "correct that element" if place else "correct the file"
+        raise InputError(f"{file}: cannot be read{place} ({_reason(error)}); {advice}") from error
     finally:
         logger.removeHandler(collector)
         logger.propagate = propagate
+
+
+def _reason(error: Exception) -> str:
+    """What commonroad-io says, without the names of its own classes and functions."""
+    text = re.sub(r"^<[^<>]*>:? *", "", " ".join(str(error).split()))[:200]
+    if text and isinstance(error, AssertionError):
+        return text
+    return f"{type(error).__name__}: {text or 'no reason given'}"
 
 
 def _place(error: Exception) -> str:

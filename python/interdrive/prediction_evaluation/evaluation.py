@@ -126,7 +126,7 @@ def evaluate_predictors(
         Samples with all measures; `interdrive.prediction_evaluation.tables` sums them up.
 
     Raises:
-        InputError: A file that was named itself, or a predictor, cannot be used; nobody can be judged.
+        InputError: A file that was named itself, or a predictor, cannot be used; no vehicle can be judged.
         PredictorError: A predictor raised or returned garbage; one line with its name, time step and file.
     """
     if every < 1:
@@ -156,7 +156,7 @@ def evaluate_predictors(
         gathered.add(path, labels[path], recording, asked, every)
     notes += gathered.note()
     if not gathered.files:
-        raise InputError("nobody can be judged: no vehicle in these files is recorded for a second")
+        raise InputError("no vehicle can be judged: none in these files is recorded for a second")
     timings = measured_timings(choices, settings, on_step) if with_timing else ()
     return PredictionEvaluation(
         tuple(gathered.files),
