@@ -32,7 +32,7 @@ use source::Source;
 static COUNTING: memory::Counting = memory::Counting;
 
 /// Worlds of this size need no more memory [bytes], whatever their numbers are.
-const MEMORY_MAX: usize = 256 << 20;
+const MEMORY_MAX: usize = 128 << 20;
 /// Nor more time; a hundred times what they take alone on a machine.
 const TIME_MAX: Duration = Duration::from_secs(20);
 
