@@ -411,7 +411,7 @@ def test_memory_of_merging_does_not_depend_on_the_number_of_rows(place):
     done = idr.batch("lane_merge", place / "out", planner="idm", workers=1)
     rows, path = done.table, place / "large.parquet"
     other = rows.set_column(
-        0, rows.schema.field("key"), pa.array(["other"] * rows.num_rows, rows.schema.field("key").type)
+        0, rows.schema.field("key"), pa.array(["0" * 32] * rows.num_rows, rows.schema.field("key").type)
     )
     portion = pa.concat_tables([other] * 1500).combine_chunks()
     with pq.ParquetWriter(path, rows.schema) as writer:
