@@ -235,7 +235,7 @@ def test_an_angle_of_many_turns_in_protobuf_is_refused_before_it_is_turned_back(
     message = ParseDict({"dynamicObstacles": [obstacle]}, CommonRoadDynamic(), ignore_unknown_fields=True)
     for name in ("ZAM_Test-1_1_T-1.pb", "ZAM_Test-1.pb"):
         cr.saved(tmp_path, message.SerializePartialToString() if name.count("_") > 1 else b"", name)
-    with pytest.raises(InputError, match=r"1_1_T-1\.pb: dynamic_obstacle 30 has the orientation 1e"):
+    with pytest.raises(InputError, match=r"1_1_T-1\.pb: dynamic obstacle 30 has the orientation 1e"):
         read_scenario(tmp_path / "ZAM_Test-1_1_T-1.pb")
 
 
@@ -359,3 +359,9 @@ def test_the_number_of_a_place_may_be_any_that_protobuf_holds(read):
     place = "<location><geoNameId>2147483647</geoNameId><gpsLatitude>0</gpsLatitude><gpsLongitude>0</gpsLongitude>"
     text = document(car(30, initial(5.0)), lanelets=f"{place}</location>{lanelet(1)}")
     assert read(text).obstacles.ids.tolist() == [30]
+
+
+def test_a_refusal_is_one_line_whatever_the_document_says(read):
+    text = document(CAR).replace('<lanelet id="1">', '<lanelet id="&#9;&#10;">')
+    with pytest.raises(InputError, match=r"a <lanelet> has the id '\\t\\n'; it must be a whole number$"):
+        read(text)

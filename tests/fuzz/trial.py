@@ -27,8 +27,8 @@ _PREDICTORS = ("neural", "neural", "lane_following", "constant_velocity", "groun
 
 #: A refusal names one of these, or an element in angle brackets.
 _AN_ELEMENT = re.compile(
-    r"<\w+>|lanelet|obstacle|planning ?problem|traffic ?(light|sign)|intersection|location|map|agent|vehicle|"
-    r"participant|time step size|root element|document type|CommonRoad version|XML|protobuf|"
+    r"<\w+>|\w+ -?\d+ has |lanelet|obstacle|planning ?problem|traffic ?(light|sign)|intersection|location|map|"
+    r"agent|vehicle|participant|time step size|root element|document type|CommonRoad version|XML|protobuf|"
     r"cannot be read|the file|file is empty",
     re.IGNORECASE,
 )

@@ -171,10 +171,10 @@ def check_message(message: Foreign, file: str) -> None:
             values = [value] if is_one else value
             for one in values:
                 if hasattr(one, "ListFields"):
-                    number = getattr(one, f"{field.name.removesuffix('s')}_id", None)
-                    waiting.append(
-                        (one, f"{field.name.removesuffix('s')} {number}" if number is not None else name, is_angle)
-                    )
+                    kind = field.name.removesuffix("s")
+                    number = getattr(one, f"{kind}_id", None)
+                    inner = name if number is None else f"{kind.replace('_', ' ')} {number}"
+                    waiting.append((one, inner, is_angle))
                 elif is_angle and isinstance(one, float) and abs(one) > limits.LARGEST_ANGLE:
                     raise InputError(
                         f"{file}: {name or owner.DESCRIPTOR.name} has the orientation {one:g}; give it in radians"

@@ -191,8 +191,11 @@ def quiet(file: str) -> Iterator[list[str]]:
             warnings.simplefilter("always")
             yield remarks
         remarks += [str(one.message) for one in caught if not issubclass(one.category, DeprecationWarning)]
-    except InterdriveError:
-        raise
+    except InterdriveError as error:
+        if str(error).isprintable():
+            raise
+        # Texts of the document are quoted, and may hold anything.
+        raise type(error)("".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in str(error))) from None
     except Exception as error:
         place = _place(error)
         advice = "correct that element" if place else "correct the file"
