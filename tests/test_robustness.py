@@ -365,3 +365,12 @@ def test_a_refusal_is_one_line_whatever_the_document_says(read):
     text = document(CAR).replace('<lanelet id="1">', '<lanelet id="&#9;&#10;">')
     with pytest.raises(InputError, match=r"a <lanelet> has the id '\\t\\n'; it must be a whole number$"):
         read(text)
+
+
+def test_an_area_without_any_shape_is_refused():
+    from types import SimpleNamespace
+
+    from interdrive.files.convert import _area
+
+    with pytest.raises(InputError, match="mutant: obstacle 7 has a state whose position is an area without any shape"):
+        _area(SimpleNamespace(occupancies=[]), "obstacle 7 has a state whose position is", "mutant")

@@ -185,6 +185,18 @@ def _scalar(value: Foreign) -> float:
     return float(value)
 
 
+def _area(source: Foreign, what: str, file: str) -> Shape:
+    """An area that has a middle."""
+    area = shape_of(source)
+    parts = [area]
+    while parts:
+        part = parts.pop()
+        parts += part.members
+        if (part.kind == "group" and not part.members) or (part.kind == "polygon" and len(part.vertices) < 3):
+            raise InputError(f"{file}: {what} an area without any shape; give it one")
+    return area
+
+
 def _first_step(value: Foreign) -> int:
     return int(value.start) if hasattr(value, "start") else int(value)
 
@@ -197,7 +209,7 @@ def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) ->
     if position is None or time_step is None:
         raise InputError(f"{file}: {what} has a state without position or time; add it")
     exact = isinstance(position, (np.ndarray, list, tuple))
-    x, y = position[:2] if exact else middle_of(shape_of(position))
+    x, y = position[:2] if exact else middle_of(_area(position, f"{what} has a state whose position is", file))
     numbers = [values.get(name) for name in ("orientation", "velocity", "acceleration", "yaw_rate")]
     if stated is not None:
         numbers = [number if tag in stated else None for number, tag in zip(numbers, _ELEMENTS, strict=True)]
@@ -351,7 +363,7 @@ def _goal_state(state: Foreign, lanelet_ids: Iterable[int], lanelets: Lanelets, 
     elif isinstance(values["position"], np.ndarray):
         raise InputError(f"{file}: the goal of {what} is a point, which nothing can reach; give an area")
     else:
-        area = shape_of(values["position"])
+        area = _area(values["position"], f"the goal of {what} is", file)
         areas = area.members if area.kind == "group" else (area,)
     time_step = values.get("time_step")
     first, last = _interval(time_step) or (0.0, float(limits.LARGEST_GOAL_TIME_STEP))
