@@ -106,8 +106,8 @@ FUZZ_SECONDS ?= 3600
 fuzz: $(VENV)/.installed ## mutated files through everything; see docs/robustness.md
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS)/format_edge_cases $(SCENARIOS)/../robustness)
 
-fuzz-smoke: $(VENV)/.installed ## regressions and one minute of mutants, the same ones every time
-	$(BIN)/python -m tests.fuzz --seconds 60
+fuzz-smoke: $(VENV)/.installed ## regressions and 300 mutants, the same ones every time, for a minute at most
+	$(BIN)/python -m tests.fuzz --seconds 60 --mutants 300
 
 # Needs a nightly Rust. What is found lies in fuzz/artifacts.
 FUZZ_MINUTES ?= 5

@@ -124,7 +124,7 @@ def _campaign(
     def work(job: int) -> None:
         index = options.first + job
         try:
-            while time.monotonic() < until:
+            while time.monotonic() < until and index < options.first + options.mutants:
                 one = mutant(options.seed, index, *seeds)
                 queue.put((index, one.kind, one.files, isolated(one.files, one.main, one.random, limits)))
                 index += options.jobs
@@ -202,6 +202,7 @@ def _beside(path: Path) -> list[Path]:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=60.0, help="when no new mutant is begun")
+    parser.add_argument("--mutants", type=int, default=10**9, help="largest number of mutants")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="mutants that are tried at a time")
     parser.add_argument("--seed", type=int, default=1, help="of the campaign; its mutants are numbered from 0")
     parser.add_argument("--first", type=int, default=0, help="number of the first mutant")
