@@ -5,8 +5,8 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
-use interdrive_core::plan::frenet::{FrenetSettings, Scratch, plan};
-use interdrive_core::plan::{Other, Outlook, PlanRequest};
+use interdrive_core::plan::frenet::{FrenetMemory, FrenetSettings, plan};
+use interdrive_core::plan::{Other, PlanRequest, PredictionIndex};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::scenario::{Goal, GoalState};
@@ -41,7 +41,7 @@ struct Bench {
     goal: Goal,
     poses: Vec<(Pose, f64)>,
     predictions: Predictions,
-    outlook: Outlook,
+    prediction_index: PredictionIndex,
     shape: Shape,
 }
 
@@ -71,11 +71,11 @@ impl Bench {
         let shape = Shape::rectangle(4.5, 1.8);
         let predictions = predictions(&poses);
         let positions: Vec<Point> = poses.iter().map(|(pose, _)| pose.position).collect();
-        let outlook = Outlook::of(&predictions, &positions);
-        Self { predictions, outlook, road, route, state, goal, poses, shape }
+        let prediction_index = PredictionIndex::of(&predictions, &positions);
+        Self { predictions, prediction_index, road, route, state, goal, poses, shape }
     }
 
-    fn run(&self, settings: &FrenetSettings, scratch: &mut Scratch) -> f64 {
+    fn run(&self, settings: &FrenetSettings, memory: &mut FrenetMemory) -> f64 {
         let vehicle = Vehicle::BMW_320I;
         let others: Vec<Other> = self
             .poses
@@ -101,11 +101,11 @@ impl Bench {
             road: &self.road,
             others: &others,
             predictions: &self.predictions,
-            outlook: &self.outlook,
+            prediction_index: &self.prediction_index,
             previous: None,
             previous_age: 0,
         };
-        plan(black_box(&request), settings, scratch).cost
+        plan(black_box(&request), settings, memory).cost
     }
 }
 
@@ -149,14 +149,14 @@ fn benches(c: &mut Criterion) {
         ("crowd of 60", 10.0, &crowd),
     ] {
         let bench = Bench::new(velocity, cars);
-        let mut scratch = Scratch::default();
+        let mut memory = FrenetMemory::default();
         let settings = FrenetSettings::default();
-        group.bench_function(name, |b| b.iter(|| bench.run(&settings, &mut scratch)));
+        group.bench_function(name, |b| b.iter(|| bench.run(&settings, &mut memory)));
     }
     let bench = Bench::new(12.0, &three);
-    let mut scratch = Scratch::default();
+    let mut memory = FrenetMemory::default();
     let settings = FrenetSettings { lazy: false, ..FrenetSettings::default() };
-    group.bench_function("three in reach, full evaluation", |b| b.iter(|| bench.run(&settings, &mut scratch)));
+    group.bench_function("three in reach, full evaluation", |b| b.iter(|| bench.run(&settings, &mut memory)));
     group.finish();
 }
 

@@ -1,7 +1,7 @@
 //! Multi-agent driving simulation without input, output or Python. Modules in layer order, bottom first: each may use
 //! those above it in this list.
 
-pub mod wide;
+pub mod simd;
 pub mod error;
 pub mod limits;
 pub mod geometry;

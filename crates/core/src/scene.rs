@@ -2,7 +2,7 @@
 //! anybody's plan is here.
 
 mod contact;
-pub mod sight;
+pub mod line_of_sight;
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ pub struct Participants {
 pub struct ViewLimits {
     /// Who is further away [m] is not seen: centre to centre, to the nearest point of a circle around static obstacles.
     pub sensor_radius: f64,
-    /// Who is hidden behind others is not seen; see [`sight::seen_from`]. The eye is the centre of the own footprint.
+    /// Who is hidden behind others is not seen; see [`line_of_sight::seen_from`]. The eye is the centre of the own footprint.
     /// Everything hides but pedestrians, bicycles and motorcycles, past which one can look.
     pub occlusion: bool,
 }
@@ -155,11 +155,11 @@ impl Scene {
             return;
         }
         visible.extend(others);
-        let bodies: Vec<sight::Body<'_>> = visible
+        let bodies: Vec<line_of_sight::Body<'_>> = visible
             .iter()
             .map(|place| {
                 let other = self.present[*place];
-                sight::Body {
+                line_of_sight::Body {
                     shape: &participants.shape[other],
                     pose: self.state(other).pose(),
                     hides: participants.is_static[other] || participants.kind[other].blocks_sight(),
@@ -167,7 +167,7 @@ impl Scene {
                 }
             })
             .collect();
-        let mut seen = sight::seen_from(eye, &bodies).into_iter();
+        let mut seen = line_of_sight::seen_from(eye, &bodies).into_iter();
         visible.retain(|_| seen.next() == Some(true));
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use interdrive_core::collision::swept_boxes;
 use interdrive_core::geometry::shape::OrientedBox;
 use interdrive_core::geometry::{Point, Pose};
-use interdrive_core::plan::outside::{StatedPlan, check_plan};
+use interdrive_core::plan::external_plan::{StatedPlan, check_plan};
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::State;

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::moment::{Decisive, Via};
+use super::evaluation_step::{Decisive, Via};
 use super::overlap::{Area, Overlaps};
 use super::traffic::{ALONG, Track, Traffic};
 use crate::geometry::shape::Shape;

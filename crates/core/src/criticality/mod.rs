@@ -5,7 +5,7 @@ mod conflict;
 mod curve;
 pub mod harm;
 pub mod kernels;
-mod moment;
+mod evaluation_step;
 mod overlap;
 mod paths;
 mod settings;
@@ -25,7 +25,7 @@ use crate::error::{Error, Result};
 use crate::limits::check_threads;
 use crate::road::RoadNetwork;
 use conflict::{Conflicts, crossing_connectors};
-use moment::{Context, Decisive, Following, Moment, Via};
+use evaluation_step::{Context, Decisive, Following, Moment, Via};
 use overlap::Overlaps;
 use paths::{PathSystems, starts};
 

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 use super::Point;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Writes the unit vector of every angle [rad], its x and its y (cosine and sine, error below 3e-16); (0, 0) for what is not
 /// `valid`. All slices are of one length.
@@ -47,7 +47,7 @@ const fn series(first: usize) -> [f64; 8] {
     out
 }
 
-for_wide_machines! {
+multiversion! {
     fn directions = directions_at, (angles: &[f64], x: &mut [f64], y: &mut [f64])
 }
 

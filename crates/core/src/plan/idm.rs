@@ -1,11 +1,11 @@
 //! Driving the route's reference path with the Intelligent Driver Model.
 
-use super::ahead::Ego;
 use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited, positive};
+use super::conflicts::Ego;
 use super::frame::Start;
-use super::pace::SpeedLimits;
-use super::{PlanRequest, PlanResult, Scratch, path_motion, planned, refused};
+use super::speed_profile::SpeedLimits;
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
 use crate::error::Result;
 
 /// An offset from the path is given up in this time [s].
@@ -54,33 +54,33 @@ pub(super) fn plan(
     request: &PlanRequest,
     settings: &IdmSettings,
     limits: &SpeedLimits,
-    scratch: &mut Scratch,
+    memory: &mut PlanningMemory,
 ) -> PlanResult {
     let path = &request.route.path;
     // Recorded initial yaw rates are noisy; all later ones come from a plan.
     let start = match Start::new(request, request.previous.is_some()) {
         Ok(start) => start,
-        Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
     };
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.law;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
-    let Scratch { ahead, pace, motions, free, road, .. } = scratch;
-    ahead.collect(request, &ego, n_points);
-    pace.fill(path, limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
+    let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
+    conflicts.collect(request, &ego, n_points);
+    speed_profile.fill(path, limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
     let wish = settings.goal_velocity(request, &start);
-    let drive = |ahead: &super::ahead::Ahead, point: usize, s: f64, velocity: f64| {
-        let free = law.free(velocity, wish.min(pace.at(s)));
+    let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
+        let free = law.free(velocity, wish.min(speed_profile.at(s)));
         // The model adds both parts; `allowed` holds the acceleration of a free road.
-        let taken = ahead.allowed(point, &ego, s, velocity, law) - law.acceleration;
+        let taken = conflicts.allowed(point, &ego, s, velocity, law) - law.acceleration;
         limited(free + taken.min(0.0), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
-    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
-    ahead.decide(request, &ego, free);
-    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
+    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
+    conflicts.decide(request, &ego, free);
+    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory_on_road(request, path, &start, motions, RETURN_TIME, road) {
         Some(trajectory) => planned(trajectory),
-        None => refused(request, scratch, "its path bends too tightly where it is"),
+        None => refused(request, memory, "its path bends too tightly where it is"),
     }
 }

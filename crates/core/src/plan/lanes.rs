@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use super::pace::SpeedLimits;
+use super::speed_profile::SpeedLimits;
 use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};

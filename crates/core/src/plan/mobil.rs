@@ -8,12 +8,12 @@
 
 mod neighbours;
 
-use super::ahead::{Ahead, Ego};
 use super::car_following::{CarFollowing, integrate, limited, positive};
+use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::{IdmSettings, RETURN_TIME};
 use super::lanes::{Lane, Lanes, Need};
-use super::{PlanRequest, PlanResult, Scratch, path_motion, planned, refused};
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
 use neighbours::{Neighbours, Next};
@@ -119,7 +119,7 @@ pub(super) fn plan(
     request: &PlanRequest,
     settings: &IdmMobilSettings,
     lanes: &Lanes,
-    scratch: &mut Scratch,
+    memory: &mut PlanningMemory,
 ) -> PlanResult {
     let trusted = request.previous.is_some();
     let wish = match Start::new(request, trusted) {
@@ -127,27 +127,27 @@ pub(super) fn plan(
         Err(_) => request.state.velocity.max(0.0).min(settings.idm.desired_velocity_max),
     };
     let Some(aim) = aim(request, lanes) else {
-        return refused(request, scratch, "the agent is on none of its lanes");
+        return refused(request, memory, "the agent is on none of its lanes");
     };
     let chosen = choose(request, settings, lanes, aim, wish);
     let yields_to = leader_beside(request, settings, lanes, chosen);
     let lane = &lanes.lanes[chosen.lane];
     let start = match Start::on(&lane.path, chosen.s, &request.state, request.vehicle, trusted) {
         Ok(start) => start,
-        Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
     };
     let time = time_left(request, settings, lane, &start);
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
     let ego = Ego::new(request, &lane.path, (start.s, start.velocity, start.d), time);
-    let Scratch { ahead, pace, motions, free, road, .. } = scratch;
-    ahead.collect(request, &ego, n_points);
+    let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
+    conflicts.collect(request, &ego, n_points);
     let comfort = settings.idm.lateral_acceleration;
-    pace.fill(&lane.path, &lane.limits, (start.s, ego.reach), comfort, law.deceleration);
+    speed_profile.fill(&lane.path, &lane.limits, (start.s, ego.reach), comfort, law.deceleration);
     let need = lane.need(start.s);
-    let drive = |ahead: &Ahead, point: usize, s: f64, velocity: f64| {
-        let free = law.free(velocity, wish.min(pace.at(s)).min(end_velocity(law, need, s + ego.to_front)));
-        let taken = (ahead.allowed(point, &ego, s, velocity, law) - law.acceleration).min(0.0);
+    let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
+        let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
+        let taken = (conflicts.allowed(point, &ego, s, velocity, law) - law.acceleration).min(0.0);
         let wanted = free + taken;
         let beside = yields_to.map_or(f64::INFINITY, |leader| {
             let gap = leader.gap + leader.velocity * point as f64 * request.dt - (s - start.s);
@@ -156,12 +156,12 @@ pub(super) fn plan(
         limited(wanted.min(beside), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
-    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
-    ahead.decide(request, &ego, free);
-    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
+    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
+    conflicts.decide(request, &ego, free);
+    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory_on_road(request, &lane.path, &start, motions, time, road) {
         Some(trajectory) => planned(trajectory),
-        None => refused(request, scratch, "its lane bends too tightly where it is"),
+        None => refused(request, memory, "its lane bends too tightly where it is"),
     }
 }
 

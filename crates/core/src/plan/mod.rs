@@ -1,6 +1,6 @@
 //! Native planners: a closed set, one call for all agents.
 
-mod ahead;
+mod conflicts;
 mod arrival;
 mod car_following;
 mod frame;
@@ -8,19 +8,19 @@ pub mod frenet;
 mod idm;
 mod lanes;
 mod mobil;
-mod outlook;
-pub mod outside;
-mod pace;
+mod prediction_index;
+pub mod external_plan;
+mod speed_profile;
 mod path_motion;
 mod polynomial;
 mod recorded;
-mod track;
+mod recorded_path;
 mod velocity_adjusting;
 
 pub use car_following::CarFollowing;
 pub use idm::IdmSettings;
 pub use mobil::IdmMobilSettings;
-pub use outlook::Outlook;
+pub use prediction_index::PredictionIndex;
 
 use crate::error::Result;
 use crate::geometry::Pose;
@@ -31,8 +31,8 @@ use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
 use lanes::Lanes;
-use pace::SpeedLimits;
-use track::Track;
+use recorded_path::RecordedPath;
+use speed_profile::SpeedLimits;
 
 /// Who plans for an agent.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,7 +92,7 @@ pub struct PlanRequest<'a> {
     /// Expectations for everybody; only the rows of `others` may be looked at.
     pub predictions: &'a Predictions,
     /// What all plans share about them.
-    pub outlook: &'a Outlook,
+    pub prediction_index: &'a PredictionIndex,
     /// The plan of the step before, still starting at its own time; `None` at first.
     pub previous: Option<&'a Trajectory>,
     /// How many steps ago `previous` was made.
@@ -118,7 +118,7 @@ pub enum Prepared {
     /// Nothing.
     Nothing,
     /// The agent's recording.
-    Track(Box<Track>),
+    RecordedPath(Box<RecordedPath>),
     /// Speed limits along the reference path.
     SpeedLimits(SpeedLimits),
     /// The lanes that lead to the goal.
@@ -138,11 +138,12 @@ impl Prepared {
         (route, goal): (&Route, &Goal),
         scenario: &Scenario,
     ) -> Result<Self> {
-        let track = |name| Ok(Self::Track(Box::new(Track::new(scenario, id, first_time_step, vehicle, name)?)));
+        let recorded_path =
+            |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
             Planner::Frenet(_) | Planner::External => Ok(Self::Nothing),
-            Planner::Recorded => track("recorded"),
-            Planner::VelocityAdjusting(_) => track("velocity_adjusting"),
+            Planner::Recorded => recorded_path("recorded"),
+            Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::IdmMobil(_) => Ok(Self::Lanes(Lanes::along(route, goal, &scenario.road)?)),
             Planner::Idm(_) => Ok(Self::SpeedLimits(SpeedLimits::along(&route.path, &route.lanelets, &scenario.road))),
         }
@@ -152,14 +153,14 @@ impl Prepared {
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
 /// not depend on what was planned before with the same memory.
 #[derive(Debug, Clone, Default)]
-pub struct Scratch {
+pub struct PlanningMemory {
     /// Whom the agent sees, as places among those who are present.
     pub(crate) visible: Vec<usize>,
     /// Always empty between plans.
     pub(crate) others: Vec<Other<'static>>,
-    frenet: frenet::Scratch,
-    ahead: ahead::Ahead,
-    pace: pace::Pace,
+    frenet: frenet::FrenetMemory,
+    conflicts: conflicts::Conflicts,
+    speed_profile: speed_profile::SpeedProfile,
     /// Motions of the plan, and of a plan for which those who come later do not count.
     motions: Vec<car_following::Motion>,
     free: Vec<car_following::Motion>,
@@ -167,7 +168,7 @@ pub struct Scratch {
     effort: usize,
 }
 
-impl Scratch {
+impl PlanningMemory {
     /// Roughly how much work the last plan was, to compare plans with: 0 where it was little.
     pub(crate) fn effort(&self) -> usize {
         self.effort
@@ -182,25 +183,25 @@ pub fn plan(
     planner: &Planner,
     prepared: &Prepared,
     request: &PlanRequest,
-    scratch: &mut Scratch,
+    memory: &mut PlanningMemory,
 ) -> Option<PlanResult> {
-    scratch.effort = 0;
+    memory.effort = 0;
     if !request.state.is_finite() && !matches!(planner, Planner::External) {
-        return Some(refused(request, scratch, "the present state is not a number"));
+        return Some(refused(request, memory, "the present state is not a number"));
     }
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
         (Planner::Frenet(settings), _) => {
-            let found = frenet::plan(request, settings, &mut scratch.frenet);
-            scratch.effort = scratch.frenet.effort();
+            let found = frenet::plan(request, settings, &mut memory.frenet);
+            memory.effort = memory.frenet.effort();
             found
         }
-        (Planner::Recorded, Prepared::Track(track)) => recorded::plan(request, track, scratch),
-        (Planner::VelocityAdjusting(law), Prepared::Track(track)) => {
-            velocity_adjusting::plan(request, law, track, scratch)
+        (Planner::Recorded, Prepared::RecordedPath(recorded_path)) => recorded::plan(request, recorded_path, memory),
+        (Planner::VelocityAdjusting(law), Prepared::RecordedPath(recorded_path)) => {
+            velocity_adjusting::plan(request, law, recorded_path, memory)
         }
-        (Planner::Idm(settings), Prepared::SpeedLimits(limits)) => idm::plan(request, settings, limits, scratch),
-        (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, scratch),
+        (Planner::Idm(settings), Prepared::SpeedLimits(limits)) => idm::plan(request, settings, limits, memory),
+        (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         _ => unreachable!("prepared for another planner"),
     })
 }
@@ -210,6 +211,6 @@ fn planned(trajectory: Trajectory) -> PlanResult {
 }
 
 /// What an agent does that its planner cannot help: it stays if it stands, and otherwise brakes as hard as it can.
-fn refused(request: &PlanRequest, scratch: &mut Scratch, reason: &str) -> PlanResult {
-    frenet::without_plan(request, request.predictions.n_steps + 1, &mut scratch.frenet, reason)
+fn refused(request: &PlanRequest, memory: &mut PlanningMemory, reason: &str) -> PlanResult {
+    frenet::without_plan(request, request.predictions.n_steps + 1, &mut memory.frenet, reason)
 }

@@ -93,7 +93,7 @@ pub(super) fn trajectory_on_road(
     start: &Start,
     motions: &[Motion],
     time: f64,
-    scratch: &mut Vec<u32>,
+    memory: &mut Vec<u32>,
 ) -> Option<Trajectory> {
     let mut points = Vec::with_capacity(motions.len());
     shifted(request, path, start, motions, (0.0, time), &mut points)?;
@@ -101,14 +101,14 @@ pub(super) fn trajectory_on_road(
     if is_harmless {
         return Some(Trajectory { points });
     }
-    let mut longest = stays_on_road(request, &points, scratch);
+    let mut longest = stays_on_road(request, &points, memory);
     let mut best = points.clone();
     for (end, time) in BESIDE.iter().map(|end| (*end, time.min(BESIDE_TIME))) {
         if longest >= points.len() {
             break;
         }
         if shifted(request, path, start, motions, (end, time), &mut points).is_some() {
-            let stays = stays_on_road(request, &points, scratch);
+            let stays = stays_on_road(request, &points, memory);
             if stays > longest {
                 longest = stays;
                 best.clone_from(&points);
@@ -126,11 +126,11 @@ fn is_straight(path: &ReferencePath, s: f64, motions: &[Motion]) -> bool {
 }
 
 /// Number of points up to which the footprint stays on the road once it is fully on it.
-fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>) -> usize {
+fn stays_on_road(request: &PlanRequest, points: &[State], memory: &mut Vec<u32>) -> usize {
     let (length, width) = (request.vehicle.length, request.vehicle.width);
     let mut was_on_road = false;
     let leaves = points.iter().position(|point| {
-        let covered = request.road.box_is_covered(&OrientedBox::new(point.pose(), length, width), scratch);
+        let covered = request.road.box_is_covered(&OrientedBox::new(point.pose(), length, width), memory);
         was_on_road |= covered;
         was_on_road && !covered
     });

@@ -1,12 +1,12 @@
 //! Keeping the recorded path and, where nobody is in the way, the recorded speed.
 
-use super::ahead::{Ahead, Ego};
 use super::car_following::{CarFollowing, integrate, limited};
+use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::RETURN_TIME;
-use super::pace::SpeedLimits;
-use super::track::Track;
-use super::{PlanRequest, PlanResult, Scratch, path_motion, planned, refused};
+use super::recorded_path::RecordedPath;
+use super::speed_profile::SpeedLimits;
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
 
 /// A vehicle this near to its recorded place is on schedule [m] and corrects the rest; a later one is late and does not
 /// catch up.
@@ -27,20 +27,20 @@ const STANDING: f64 = 0.1;
 
 /// Acceleration if nobody is in the way [m/s²].
 fn undisturbed(
-    track: &Track,
+    recorded_path: &RecordedPath,
     law: &CarFollowing,
     clock_now: f64,
     (s, velocity): (f64, f64),
-    pace: f64,
+    speed_limit: f64,
     dt: f64,
 ) -> f64 {
-    let last = track.clock(track.last_time_step());
-    let latest = track.latest_clock(s + SAME_PLACE);
-    let behind = track.s_at(clock_now, dt) - s;
+    let last = recorded_path.clock(recorded_path.last_time_step());
+    let latest = recorded_path.latest_clock(s + SAME_PLACE);
+    let behind = recorded_path.s_at(clock_now, dt) - s;
     let on_schedule = behind.abs() < ON_SCHEDULE || latest > clock_now;
     let clock = if on_schedule { clock_now } else { latest };
     if clock >= last {
-        let wish = track.last_velocity().min(pace);
+        let wish = recorded_path.last_velocity().min(speed_limit);
         let wish = if wish < STANDING { 0.0 } else { wish };
         return if velocity < wish || velocity > wish + SLOW {
             law.free(velocity, wish)
@@ -48,15 +48,15 @@ fn undisturbed(
             (wish - velocity) / dt
         };
     }
-    let recorded = track.velocity_at(clock);
-    let change = (track.velocity_at(clock + 1.0) - recorded) / dt;
+    let recorded = recorded_path.velocity_at(clock);
+    let change = (recorded_path.velocity_at(clock + 1.0) - recorded) / dt;
     if on_schedule {
         let place = if behind.abs() < ON_SCHEDULE { behind } else { behind.signum() * ON_SCHEDULE };
         return change + (recorded - velocity) / VELOCITY_TIME + place / (PLACE_TIME * PLACE_TIME);
     }
     // Where it stood, and drove on since, it does not stand again.
     let (recorded, change) =
-        if recorded < PASSING && track.drives_on(clock) { (PASSING, 0.0) } else { (recorded, change) };
+        if recorded < PASSING && recorded_path.drives_on(clock) { (PASSING, 0.0) } else { (recorded, change) };
     if velocity < recorded - SLOW {
         return law.free(velocity, recorded).max(change);
     }
@@ -64,32 +64,37 @@ fn undisturbed(
 }
 
 /// The plan for a request.
-pub(super) fn plan(request: &PlanRequest, law: &CarFollowing, track: &Track, scratch: &mut Scratch) -> PlanResult {
-    let path = track.path();
-    let hint = track.s_at(track.clock(request.time_step), request.dt);
+pub(super) fn plan(
+    request: &PlanRequest,
+    law: &CarFollowing,
+    recorded_path: &RecordedPath,
+    memory: &mut PlanningMemory,
+) -> PlanResult {
+    let path = recorded_path.path();
+    let hint = recorded_path.s_at(recorded_path.clock(request.time_step), request.dt);
     let near = path.project_near(request.vehicle.rear_axle_from_center(request.state.pose()), hint, 2.0).is_some();
     let hint = if near { hint } else { f64::NAN };
     let start = match Start::on(path, hint, &request.state, request.vehicle, request.previous.is_some()) {
         Ok(start) => start,
-        Err(reason) => return refused(request, scratch, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
     };
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
-    let Scratch { ahead, pace, motions, free, .. } = scratch;
-    ahead.collect(request, &ego, n_points);
-    pace.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
-    let clock = track.clock(request.time_step);
-    let drive = |ahead: &Ahead, point: usize, s: f64, velocity: f64| {
+    let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
+    conflicts.collect(request, &ego, n_points);
+    speed_profile.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
+    let clock = recorded_path.clock(request.time_step);
+    let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let now = clock + point as f64;
-        let wish = undisturbed(track, law, now, (s, velocity), pace.at(s), request.dt);
-        limited(wish.min(ahead.allowed(point, &ego, s, velocity, law)), velocity, request.vehicle)
+        let wish = undisturbed(recorded_path, law, now, (s, velocity), speed_profile.at(s), request.dt);
+        limited(wish.min(conflicts.allowed(point, &ego, s, velocity, law)), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
-    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(ahead, point, s, velocity));
-    ahead.decide(request, &ego, free);
-    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(ahead, point, s, velocity));
+    integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
+    conflicts.decide(request, &ego, free);
+    integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory(request, path, &start, motions, RETURN_TIME) {
         Some(trajectory) => planned(trajectory),
-        None => refused(request, scratch, "its path bends too tightly where it is"),
+        None => refused(request, memory, "its path bends too tightly where it is"),
     }
 }

@@ -1,7 +1,7 @@
 //! Matrix products in single precision, for all networks. Every sum is taken in the order of the columns, whatever the
 //! machine and however rows are grouped, so results are the same bits everywhere.
 
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Columns that are computed together.
 const PANEL: usize = 16;
@@ -35,12 +35,12 @@ impl Matrix {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// `left` (any number of rows, `right.rows()` columns) times `right` into `out` (`right.columns()` columns).
     pub(super) fn multiply = multiply_from_zero, (left: &[f32], right: &Matrix, out: &mut [f32])
 }
 
-for_wide_machines! {
+multiversion! {
     /// Adds the product of `right` with `n_rows` rows of `left`, which begin `stride` apart, to `out`.
     pub(super) fn add_product = product::<true>, (left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32])
 }

@@ -6,7 +6,7 @@ use super::{Drive, World};
 use crate::collision::{Mover, contacts, departs_road};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
-use crate::plan::outside::check_plan;
+use crate::plan::external_plan::check_plan;
 use crate::recording::{Outcome, OutcomeKind};
 use crate::scenario::GoalState;
 use crate::trajectory::{PlanStatus, Plans, State};

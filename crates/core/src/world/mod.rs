@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex};
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
-use crate::plan::{Planner, Prepared, Scratch};
+use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
@@ -133,7 +133,7 @@ pub struct World {
     recording: Recording,
     threads: Threads,
     /// Memory of the planners, one per thread.
-    scratches: Vec<Mutex<Scratch>>,
+    memories: Vec<Mutex<PlanningMemory>>,
     prediction_memory: predict::Memory,
 }
 
@@ -188,7 +188,7 @@ impl World {
             scenario,
             settings,
             threads,
-            scratches: (0..settings.threads).map(|_| Mutex::default()).collect(),
+            memories: (0..settings.threads).map(|_| Mutex::default()).collect(),
             prediction_memory: predict::Memory::default(),
         };
         world.enter(first_time_step);

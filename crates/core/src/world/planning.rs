@@ -8,7 +8,7 @@ use super::{Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::plan::frenet::{self, Candidates};
-use crate::plan::{self, Other, Outlook, PlanRequest, PlanResult, Planner, Scratch};
+use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, Trajectory};
@@ -26,14 +26,14 @@ impl World {
         self.check_time_step("predictions", predictions.time_step)?;
         let predictions = completed(predictions, scene);
         let crowd = Crowd::of(scene);
-        let outlook = Outlook::of(&predictions, &crowd.positions);
-        let expected = (&*predictions, &outlook);
+        let prediction_index = PredictionIndex::of(&predictions, &crowd.positions);
+        let expected = (&*predictions, &prediction_index);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
         let order = self.longest_first(&drives);
         self.threads.each(order.len(), |thread, i| {
             let row = order[i];
-            let plan = self.plan_one(drives[row], (scene, &crowd), expected, &mut self.scratch(thread));
+            let plan = self.plan_one(drives[row], (scene, &crowd), expected, &mut self.memory(thread));
             if let Some(plan) = plan {
                 results[row].set(plan).expect("every agent plans once");
             }
@@ -68,8 +68,8 @@ impl World {
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         let crowd = Crowd::of(scene);
         crowd.see(drive, scene, &mut visible, &mut others);
-        let outlook = Outlook::of(&predictions, &crowd.positions);
-        Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &outlook)), settings)))
+        let prediction_index = PredictionIndex::of(&predictions, &crowd.positions);
+        Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &prediction_index)), settings)))
     }
 
     /// Rows of the agents, those whose last plans took most work first: what begins last should not take longest. Nothing
@@ -83,17 +83,17 @@ impl World {
     }
 
     /// The memory of a thread. Nobody else uses it meanwhile, so nobody waits for it.
-    fn scratch(&self, thread: usize) -> MutexGuard<'_, Scratch> {
+    fn memory(&self, thread: usize) -> MutexGuard<'_, PlanningMemory> {
         // Plans do not depend on what is left in it, so a panic in between spoils nothing.
-        self.scratches[thread].lock().unwrap_or_else(PoisonError::into_inner)
+        self.memories[thread].lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn plan_one(
         &self,
         drive: &Drive,
         (scene, crowd): (&Scene, &Crowd<'_>),
-        expected: (&Predictions, &Outlook),
-        scratch: &mut Scratch,
+        expected: (&Predictions, &PredictionIndex),
+        memory: &mut PlanningMemory,
     ) -> Option<PlanResult> {
         if let Some(kept) = self.kept_plan(drive) {
             drive.effort.store(0, Ordering::Relaxed);
@@ -102,14 +102,14 @@ impl World {
         if drive.agent.planner == Planner::External {
             return None;
         }
-        let mut others: Vec<Other<'_>> = std::mem::take(&mut scratch.others);
-        crowd.see(drive, scene, &mut scratch.visible, &mut others);
+        let mut others: Vec<Other<'_>> = std::mem::take(&mut memory.others);
+        crowd.see(drive, scene, &mut memory.visible, &mut others);
         let request = self.request(drive, &others, expected);
-        let plan = plan::plan(&drive.agent.planner, &drive.prepared, &request, scratch);
-        drive.effort.store(scratch.effort(), Ordering::Relaxed);
+        let plan = plan::plan(&drive.agent.planner, &drive.prepared, &request, memory);
+        drive.effort.store(memory.effort(), Ordering::Relaxed);
         others.clear();
         // An empty list is handed on as memory: collecting in place allocates nothing.
-        scratch.others = others.into_iter().map(|_| unreachable!("it is empty")).collect();
+        memory.others = others.into_iter().map(|_| unreachable!("it is empty")).collect();
         plan
     }
 
@@ -132,7 +132,7 @@ impl World {
         &'a self,
         drive: &'a Drive,
         others: &'a [Other<'a>],
-        (predictions, outlook): (&'a Predictions, &'a Outlook),
+        (predictions, prediction_index): (&'a Predictions, &'a PredictionIndex),
     ) -> PlanRequest<'a> {
         PlanRequest {
             time_step: self.time_step,
@@ -146,7 +146,7 @@ impl World {
             road: &self.scenario.road,
             others,
             predictions,
-            outlook,
+            prediction_index,
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
         }

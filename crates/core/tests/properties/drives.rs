@@ -6,8 +6,8 @@ use std::sync::{Arc, OnceLock};
 
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::plan::external_plan::StatedPlan;
 use interdrive_core::plan::frenet::FrenetSettings;
-use interdrive_core::plan::outside::StatedPlan;
 use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, Planner};
 use interdrive_core::predict::neural::{Network, Neural};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};

@@ -8,7 +8,7 @@ use super::smoothing::smoothed;
 use crate::error::{Error, Result};
 use crate::geometry::{Point, wrap_angle};
 use crate::limits::PATH_LENGTH_MAX;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Distance of the knots [m]; adjusted a little so that it divides the length.
 const KNOT_SPACING: f64 = 0.5;
@@ -331,7 +331,7 @@ impl ReferencePath {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn write_points = points_at, (path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7])
 }
 

@@ -1,8 +1,8 @@
 //! All samples of one plan with everything that can be said about them, for pictures and studies.
 
-use super::choose::Search;
-use super::evaluate::Evaluation;
+use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
+use super::search::SearchSpace;
 use super::settings::N_TERMS;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
@@ -51,9 +51,9 @@ impl Candidates {
     pub(super) fn of(evaluation: &mut Evaluation, desired_velocity: f64) -> Self {
         let n_points = evaluation.problem.limits.n_points;
         let mut out = Self { n_points, desired_velocity, ..Self::default() };
-        for row in 0..evaluation.tables.samples.rows.len() {
-            if evaluation.tables.samples.rows[row].rejection == Rejection::Admissible {
-                evaluation.open(row).for_each(drop);
+        for profile in 0..evaluation.tables.samples.profiles.len() {
+            if evaluation.tables.samples.profiles[profile].rejection == Rejection::Admissible {
+                evaluation.open(profile).for_each(drop);
             }
         }
         for sample in 0..evaluation.len() {
@@ -95,10 +95,10 @@ impl Candidates {
         self.x.extend(evaluation.points().iter().map(|point| point.center.x));
         self.y.extend(evaluation.points().iter().map(|point| point.center.y));
         let last = evaluation.points()[self.n_points - 1];
-        let (end_time, end_velocity, end_offset) = match evaluation.place(sample) {
-            Some((row, lane)) => {
-                let row = &evaluation.tables.samples.rows[row];
-                (row.end_time, row.end_velocity, evaluation.tables.samples.lanes[lane])
+        let (end_time, end_velocity, end_offset) = match evaluation.cell(sample) {
+            Some((profile, end_offset)) => {
+                let profile = &evaluation.tables.samples.profiles[profile];
+                (profile.end_time, profile.end_velocity, evaluation.tables.samples.end_offsets[end_offset])
             }
             None => (evaluation.problem.limits.horizon(), last.velocity, last.d),
         };

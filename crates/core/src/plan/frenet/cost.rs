@@ -4,28 +4,28 @@
 
 use super::super::PlanRequest;
 use super::super::frame::Waypoint;
-use super::bounds::{FirstBounds, largest, smallest};
+use super::cost_bounds::{FirstBounds, largest, smallest};
+use super::grid::{ProfilePoint, SampleGrid};
 use super::lateral::LateralPoints;
 use super::obstacles::Obstacles;
-use super::sample::{Motion, Samples};
 use super::settings::{CostWeights, N_TERMS};
 use crate::geometry::polyline::ReferencePath;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
-/// Terms that follow from the tables. Of all rows there is a lower bound at first; a better one and then the samples of
-/// a row are worked out when somebody asks for them.
+/// Terms that follow from the tables. Of all profiles there is a lower bound at first; a better one and then the samples of
+/// a profile are worked out when somebody asks for them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TableCosts {
-    /// One entry per sample, of this plan once `compute_row` has seen its row.
+    /// One entry per sample, of this plan once `compute_profile` has seen its profile.
     pub(super) velocity_offset: Vec<f64>,
     /// Weighted sum of the terms from the tables, likewise.
     pub(super) total: Vec<f64>,
-    /// No sample of the row has a smaller total; infinite for rejected rows.
+    /// No sample of the profile has a smaller total; infinite for rejected profiles.
     pub(super) bounds: Vec<f64>,
     /// The bound is as good as it gets.
     is_tight: Vec<bool>,
     desired_velocity: f64,
-    speeds: LaneSpeeds,
+    speeds: ProfileSpeeds,
     /// The smallest weighted sum of the lateral terms, by lateral table of time.
     lateral: Vec<f64>,
     first: FirstBounds,
@@ -34,79 +34,79 @@ pub(super) struct TableCosts {
 }
 
 /// Lanes that are worked on at once.
-const LANES: usize = 4;
+const WIDTH: usize = 4;
 /// Bounds are lowered by this fraction: the sums that they bound are rounded.
 const ROUNDING: f64 = 1e-9;
 
-/// Both components of the velocity of a row's samples at all points, along the path and sideways; they are linear in the
-/// lane.
+/// Both components of the velocity of a profile's samples at all points, along the path and sideways; they are linear in the
+/// end offset.
 #[derive(Debug, Clone, Default)]
-struct LaneSpeeds {
-    row: Option<usize>,
+struct ProfileSpeeds {
+    profile: Option<usize>,
     n_points: usize,
     curvature: Vec<f64>,
     along: Vec<f64>,
-    along_by_lane: Vec<f64>,
+    along_by_offset: Vec<f64>,
     sideways: Vec<f64>,
-    sideways_by_lane: Vec<f64>,
+    sideways_by_offset: Vec<f64>,
 }
 
-impl LaneSpeeds {
-    /// Speeds of the samples of a row.
-    fn find(&mut self, samples: &Samples, index: usize, path: &ReferencePath) {
-        if self.row.replace(index) == Some(index) {
+impl ProfileSpeeds {
+    /// Speeds of the samples of a profile.
+    fn find(&mut self, samples: &SampleGrid, index: usize, path: &ReferencePath) {
+        if self.profile.replace(index) == Some(index) {
             return;
         }
         let (motion, lateral) = (samples.motions(index), samples.lateral_points(index));
         self.n_points = samples.n_points;
-        let Self { curvature, along, along_by_lane, sideways, sideways_by_lane, .. } = self;
-        for buffer in [&mut *curvature, along, along_by_lane, sideways, sideways_by_lane] {
+        let Self { curvature, along, along_by_offset, sideways, sideways_by_offset, .. } = self;
+        for buffer in [&mut *curvature, along, along_by_offset, sideways, sideways_by_offset] {
             buffer.resize(samples.stride, 0.0);
         }
         for (curvature, s) in curvature.iter_mut().zip(motion.s) {
             *curvature = path.curvature_at(*s);
         }
-        write_speeds(self, motion.s_dot, &lateral, samples.rows[index].is_over_arc);
+        write_speeds(self, motion.s_dot, &lateral, samples.profiles[index].is_over_arc);
     }
 }
 
-for_wide_machines! {
-    fn write_speeds = speeds_at, (out: &mut LaneSpeeds, s_dot: &[f64], lateral: &LateralPoints, is_over_arc: bool)
+multiversion! {
+    fn write_speeds = speeds_at, (out: &mut ProfileSpeeds, s_dot: &[f64], lateral: &LateralPoints, is_over_arc: bool)
 }
 
 #[inline(always)]
-fn speeds_at(out: &mut LaneSpeeds, s_dot: &[f64], lateral: &LateralPoints, is_over_arc: bool) {
+fn speeds_at(out: &mut ProfileSpeeds, s_dot: &[f64], lateral: &LateralPoints, is_over_arc: bool) {
     let n = s_dot.len();
     let (curvature, LateralPoints { home, step }) = (&out.curvature[..n], lateral.cut(0..n));
-    let (along, along_by_lane) = (&mut out.along[..n], &mut out.along_by_lane[..n]);
-    let (sideways, sideways_by_lane) = (&mut out.sideways[..n], &mut out.sideways_by_lane[..n]);
+    let (along, along_by_offset) = (&mut out.along[..n], &mut out.along_by_offset[..n]);
+    let (sideways, sideways_by_offset) = (&mut out.sideways[..n], &mut out.sideways_by_offset[..n]);
     for i in 0..n {
         // d' s_dot = d_dot
         let factor = if is_over_arc { s_dot[i] } else { 1.0 };
         along[i] = s_dot[i] * (1.0 - curvature[i] * home[0][i]);
-        along_by_lane[i] = -s_dot[i] * curvature[i] * step[0][i];
+        along_by_offset[i] = -s_dot[i] * curvature[i] * step[0][i];
         sideways[i] = factor * home[1][i];
-        sideways_by_lane[i] = factor * step[1][i];
+        sideways_by_offset[i] = factor * step[1][i];
     }
 }
 
-for_wide_machines! {
-    /// Summed squares of speed minus desired speed over the points, for up to four lanes.
-    fn summed_squares = squares_of, (speeds: &LaneSpeeds, lanes: &[f64], desired: f64) -> [f64; LANES]
+multiversion! {
+    /// Summed squares of speed minus desired speed over the points, for up to four end offsets.
+    fn summed_squares = squares_of, (speeds: &ProfileSpeeds, end_offsets: &[f64], desired: f64) -> [f64; WIDTH]
 }
 
 #[inline(always)]
-fn squares_of(speeds: &LaneSpeeds, lanes: &[f64], desired: f64) -> [f64; LANES] {
-    let mut lane = [0.0; LANES];
-    lane[..lanes.len()].copy_from_slice(lanes);
-    let mut sums = [0.0; LANES];
+fn squares_of(speeds: &ProfileSpeeds, end_offsets: &[f64], desired: f64) -> [f64; WIDTH] {
+    let mut end_offset = [0.0; WIDTH];
+    end_offset[..end_offsets.len()].copy_from_slice(end_offsets);
+    let mut sums = [0.0; WIDTH];
     let n = speeds.n_points;
-    let (along, along_by_lane) = (&speeds.along[..n], &speeds.along_by_lane[..n]);
-    let (sideways, sideways_by_lane) = (&speeds.sideways[..n], &speeds.sideways_by_lane[..n]);
+    let (along, along_by_offset) = (&speeds.along[..n], &speeds.along_by_offset[..n]);
+    let (sideways, sideways_by_offset) = (&speeds.sideways[..n], &speeds.sideways_by_offset[..n]);
     for i in 0..n {
-        for k in 0..LANES {
-            let along = along[i] + lane[k] * along_by_lane[i];
-            let sideways = sideways[i] + lane[k] * sideways_by_lane[i];
+        for k in 0..WIDTH {
+            let along = along[i] + end_offset[k] * along_by_offset[i];
+            let sideways = sideways[i] + end_offset[k] * sideways_by_offset[i];
             let offset = (along * along + sideways * sideways).sqrt() - desired;
             sums[k] += offset * offset;
         }
@@ -117,8 +117,8 @@ fn squares_of(speeds: &LaneSpeeds, lanes: &[f64], desired: f64) -> [f64; LANES] 
 /// Sum over all points with padding in an order that suits wide machines.
 #[inline(always)]
 fn summed(n: usize, value: impl Fn(usize) -> f64) -> f64 {
-    let mut sums = [0.0; LANES];
-    for i in (0..n).step_by(LANES) {
+    let mut sums = [0.0; WIDTH];
+    for i in (0..n).step_by(WIDTH) {
         for (k, sum) in sums.iter_mut().enumerate() {
             *sum += value(i + k);
         }
@@ -126,20 +126,20 @@ fn summed(n: usize, value: impl Fn(usize) -> f64) -> f64 {
     sums.iter().sum()
 }
 
-for_wide_machines! {
-    /// Summed squares of what speed and desired speed differ by at least, whatever the lane between the outer ones.
-    fn summed_gaps = gaps_of, (speeds: &LaneSpeeds, counts: &[f64], outer: [f64; 2], desired: f64) -> f64
+multiversion! {
+    /// Summed squares of what speed and desired speed differ by at least, whatever the end offset between the outer ones.
+    fn summed_gaps = gaps_of, (speeds: &ProfileSpeeds, counts: &[f64], outer: [f64; 2], desired: f64) -> f64
 }
 
 #[inline(always)]
-fn gaps_of(speeds: &LaneSpeeds, counts: &[f64], [first, last]: [f64; 2], desired: f64) -> f64 {
+fn gaps_of(speeds: &ProfileSpeeds, counts: &[f64], [first, last]: [f64; 2], desired: f64) -> f64 {
     let n = counts.len();
-    let (along, along_by_lane) = (&speeds.along[..n], &speeds.along_by_lane[..n]);
-    let (sideways, sideways_by_lane) = (&speeds.sideways[..n], &speeds.sideways_by_lane[..n]);
+    let (along, along_by_offset) = (&speeds.along[..n], &speeds.along_by_offset[..n]);
+    let (sideways, sideways_by_offset) = (&speeds.sideways[..n], &speeds.sideways_by_offset[..n]);
     summed(n, |i| {
-        // Each component is between its values at the outer lanes.
-        let ahead = (along[i] + first * along_by_lane[i], along[i] + last * along_by_lane[i]);
-        let aside = (sideways[i] + first * sideways_by_lane[i], sideways[i] + last * sideways_by_lane[i]);
+        // Each component is between its values at the outer end offsets.
+        let ahead = (along[i] + first * along_by_offset[i], along[i] + last * along_by_offset[i]);
+        let aside = (sideways[i] + first * sideways_by_offset[i], sideways[i] + last * sideways_by_offset[i]);
         let (low, low_aside) = (smallest(ahead.0, ahead.1), smallest(aside.0, aside.1));
         let (high, high_aside) = (largest(ahead.0, ahead.1), largest(aside.0, aside.1));
         let (low, high) = (low * low + low_aside * low_aside, high * high + high_aside * high_aside);
@@ -151,20 +151,20 @@ fn gaps_of(speeds: &LaneSpeeds, counts: &[f64], [first, last]: [f64; 2], desired
 }
 
 impl TableCosts {
-    /// First bounds of all rows.
+    /// First bounds of all profiles.
     pub(super) fn prepare(
         &mut self,
-        samples: &Samples,
+        samples: &SampleGrid,
         desired_velocity: f64,
         weights: &CostWeights,
         path: &ReferencePath,
     ) {
         self.desired_velocity = desired_velocity;
-        self.speeds.row = None;
+        self.speeds.profile = None;
         self.velocity_offset.resize(samples.len(), f64::INFINITY);
         self.total.resize(samples.len(), f64::INFINITY);
         self.is_tight.clear();
-        self.is_tight.resize(samples.rows.len(), false);
+        self.is_tight.resize(samples.profiles.len(), false);
         self.counts.clear();
         self.counts.extend((0..samples.stride).map(|i| if i < samples.n_points { 1.0 } else { 0.0 }));
         self.lateral.clear();
@@ -173,26 +173,26 @@ impl TableCosts {
         }
         self.first.prepare(samples, path);
         self.bounds.clear();
-        for index in 0..samples.rows.len() {
+        for index in 0..samples.profiles.len() {
             let bound = self.first_bound(samples, index, weights);
             self.bounds.push(bound);
         }
     }
 
-    fn first_bound(&mut self, samples: &Samples, index: usize, weights: &CostWeights) -> f64 {
-        let row = &samples.rows[index];
-        if row.rejection != super::Rejection::Admissible {
+    fn first_bound(&mut self, samples: &SampleGrid, index: usize, weights: &CostWeights) -> f64 {
+        let profile = &samples.profiles[index];
+        if profile.rejection != super::Rejection::Admissible {
             return f64::INFINITY;
         }
         let gaps = self.first.gaps(samples, index, self.desired_velocity);
-        let lateral = row.table.map_or(0.0, |table| self.lateral[table]);
-        (from_tables(weights, gaps.sqrt(), 0.0, 0.0, row.jerk) + lateral) * (1.0 - ROUNDING)
+        let lateral = profile.table.map_or(0.0, |table| self.lateral[table]);
+        (from_tables(weights, gaps.sqrt(), 0.0, 0.0, profile.jerk) + lateral) * (1.0 - ROUNDING)
     }
 
-    /// A better bound of an admissible row, once.
+    /// A better bound of an admissible profile, once.
     pub(super) fn tighten(
         &mut self,
-        samples: &mut Samples,
+        samples: &mut SampleGrid,
         index: usize,
         weights: &CostWeights,
         path: &ReferencePath,
@@ -203,18 +203,18 @@ impl TableCosts {
         samples.load_motion(index);
         let table = samples.lateral_table(index);
         self.speeds.find(samples, index, path);
-        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
+        let outer = [samples.end_offsets[0], samples.end_offsets[samples.end_offsets.len() - 1]];
         let gaps = summed_gaps(&self.speeds, &self.counts, outer, self.desired_velocity);
         let lateral = self.lateral.get(table).copied().unwrap_or_else(|| least_lateral(samples, table, weights));
-        let total = from_tables(weights, gaps.sqrt(), 0.0, 0.0, samples.rows[index].jerk) + lateral;
+        let total = from_tables(weights, gaps.sqrt(), 0.0, 0.0, samples.profiles[index].jerk) + lateral;
         Some((total * (1.0 - ROUNDING)).max(self.bounds[index]))
     }
 
-    /// Terms and totals of the samples of an admissible row. The first is the root of the summed squares of
+    /// Terms and totals of the samples of an admissible profile. The first is the root of the summed squares of
     /// v - v_desired, with v² = (s_dot K)² + d_dot².
-    pub(super) fn compute_row(
+    pub(super) fn compute_profile(
         &mut self,
-        samples: &mut Samples,
+        samples: &mut SampleGrid,
         index: usize,
         weights: &CostWeights,
         path: &ReferencePath,
@@ -222,27 +222,27 @@ impl TableCosts {
         samples.load_motion(index);
         let table = samples.lateral_table(index);
         self.speeds.find(samples, index, path);
-        let n_lanes = samples.lanes.len();
-        let row = &samples.rows[index];
-        let lanes = index * n_lanes..(index + 1) * n_lanes;
-        let sums = &mut self.velocity_offset[lanes.clone()];
-        for (sums, lanes) in sums.chunks_mut(LANES).zip(samples.lanes.chunks(LANES)) {
-            let squares = summed_squares(&self.speeds, lanes, self.desired_velocity);
+        let n_offsets = samples.end_offsets.len();
+        let profile = &samples.profiles[index];
+        let end_offsets = index * n_offsets..(index + 1) * n_offsets;
+        let sums = &mut self.velocity_offset[end_offsets.clone()];
+        for (sums, end_offsets) in sums.chunks_mut(WIDTH).zip(samples.end_offsets.chunks(WIDTH)) {
+            let squares = summed_squares(&self.speeds, end_offsets, self.desired_velocity);
             sums.copy_from_slice(&squares[..sums.len()]);
         }
-        let per_lane = table * n_lanes..(table + 1) * n_lanes;
-        let parts = samples.lateral.offset[per_lane.clone()].iter().zip(&samples.lateral.jerk[per_lane]);
-        for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[lanes]).zip(parts) {
+        let per_offset = table * n_offsets..(table + 1) * n_offsets;
+        let parts = samples.lateral.offset[per_offset.clone()].iter().zip(&samples.lateral.jerk[per_offset]);
+        for ((velocity_offset, total), (offset, jerk)) in sums.iter_mut().zip(&mut self.total[end_offsets]).zip(parts) {
             *velocity_offset = velocity_offset.sqrt();
-            *total = from_tables(weights, *velocity_offset, *offset, *jerk, row.jerk);
+            *total = from_tables(weights, *velocity_offset, *offset, *jerk, profile.jerk);
         }
     }
 }
 
 /// The smallest weighted sum of the lateral terms of a table.
-fn least_lateral(samples: &Samples, table: usize, weights: &CostWeights) -> f64 {
-    let lanes = table * samples.lanes.len()..(table + 1) * samples.lanes.len();
-    let terms = samples.lateral.offset[lanes.clone()].iter().zip(&samples.lateral.jerk[lanes]);
+fn least_lateral(samples: &SampleGrid, table: usize, weights: &CostWeights) -> f64 {
+    let end_offsets = table * samples.end_offsets.len()..(table + 1) * samples.end_offsets.len();
+    let terms = samples.lateral.offset[end_offsets.clone()].iter().zip(&samples.lateral.jerk[end_offsets]);
     let sums = terms.map(|(offset, jerk)| from_tables(weights, 0.0, *offset, *jerk, 0.0));
     sums.fold(f64::INFINITY, f64::min)
 }
@@ -266,8 +266,8 @@ pub(super) struct FrenetMotion {
 
 impl FrenetMotion {
     /// From derivatives of the lateral offset by time or by arc length.
-    pub(super) fn new(motion: &Motion, [_, d_1, d_2]: [f64; 3], is_over_arc: bool) -> Self {
-        let Motion { s_dot, s_ddot, .. } = *motion;
+    pub(super) fn new(motion: &ProfilePoint, [_, d_1, d_2]: [f64; 3], is_over_arc: bool) -> Self {
+        let ProfilePoint { s_dot, s_ddot, .. } = *motion;
         if is_over_arc {
             Self { s_dot, s_ddot, d_dot: d_1 * s_dot, d_ddot: d_2 * s_dot * s_dot + d_1 * s_ddot }
         } else {

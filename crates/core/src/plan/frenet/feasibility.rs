@@ -54,7 +54,7 @@ impl Rejection {
 
 /// Conditions under which a motion along the path surely breaks no limit of the vehicle.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct AlongPath {
+pub(super) struct LongitudinalLimits {
     /// Speed that still counts as 0 [m/s].
     lowest: f32,
     /// [m/s²]
@@ -65,7 +65,7 @@ pub(super) struct AlongPath {
     pub(super) low_velocity: f32,
 }
 
-impl AlongPath {
+impl LongitudinalLimits {
     #[inline(always)]
     pub(super) fn surely_holds(&self, s_dot: f32, s_ddot: f32) -> bool {
         (s_dot >= self.lowest) & (s_ddot.abs() <= self.acceleration) & (s_ddot * s_dot <= self.power)
@@ -143,12 +143,12 @@ impl Limits {
     }
 
     /// A quick form of `check_along_path`.
-    pub(super) fn along_path(&self, rounding: f64, low_velocity: f64) -> AlongPath {
+    pub(super) fn along_path(&self, rounding: f64, low_velocity: f64) -> LongitudinalLimits {
         /// A little less than the limits, so that single precision makes doubt and not certainty.
         const SAFETY: f64 = 1.0 - 1e-3;
         let acceleration = SAFETY * PATH_FACTOR * self.acceleration_max;
         let power = acceleration * PATH_FACTOR * self.vehicle.velocity_switch;
-        AlongPath {
+        LongitudinalLimits {
             lowest: (-0.5 * rounding) as f32,
             acceleration: acceleration as f32,
             power: power as f32,

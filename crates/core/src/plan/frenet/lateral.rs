@@ -1,11 +1,11 @@
-//! Motion beside the path: quintics of time or of arc length that come to rest at an end position (lane). They are
-//! linear in their end value: value and two derivatives are `home + lane step`, where `home` ends at 0 and `step` goes
+//! Lateral motion: quintics of time or of arc length that come to rest at an end offset. They are
+//! linear in their end value: value and two derivatives are `home + end_offset step`, where `home` ends at 0 and `step` goes
 //! from 0 to 1.
 
 use std::ops::Range;
 
 use super::super::polynomial::Polynomial;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Numbers per point: value and two derivatives of home, then of step.
 pub(super) const N_PARTS: usize = 6;
@@ -15,9 +15,9 @@ pub(super) const N_PARTS: usize = 6;
 pub(super) struct LateralTables {
     /// (tables, parts, points with padding)
     points: Vec<f64>,
-    /// Root of the integral of the squared lateral jerk over the horizon; (tables, lanes).
+    /// Root of the integral of the squared lateral jerk over the horizon; (tables, end offsets).
     pub(super) jerk: Vec<f64>,
-    /// Root of the summed squares of the last half of the offsets; (tables, lanes).
+    /// Root of the summed squares of the last half of the offsets; (tables, end offsets).
     pub(super) offset: Vec<f64>,
     stride: usize,
     n_points: usize,
@@ -35,9 +35,9 @@ pub(super) struct LateralPoints<'a> {
 impl<'a> LateralPoints<'a> {
     /// Offset and two derivatives.
     #[inline(always)]
-    pub(super) fn at(&self, point: usize, lane: f64) -> [f64; 3] {
+    pub(super) fn at(&self, point: usize, end_offset: f64) -> [f64; 3] {
         let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
-        [h0[point] + lane * s0[point], h1[point] + lane * s1[point], h2[point] + lane * s2[point]]
+        [h0[point] + end_offset * s0[point], h1[point] + end_offset * s1[point], h2[point] + end_offset * s2[point]]
     }
 
     /// Some points.
@@ -51,7 +51,7 @@ impl<'a> LateralPoints<'a> {
 
 /// A motion along the path at all points, relative to its start: arc length, speed, acceleration, jerk.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Along<'a> {
+pub(super) struct LongitudinalMotion<'a> {
     pub(super) s: &'a [f64],
     pub(super) s_dot: &'a [f64],
     pub(super) s_ddot: &'a [f64],
@@ -83,17 +83,23 @@ impl LateralTables {
     }
 
     /// Adds quintics of time from a state that arrive at `end_time`.
-    pub(super) fn push_over_time(&mut self, from: [f64; 3], end_time: f64, times: &[f64], lanes: &[f64]) -> usize {
+    pub(super) fn push_over_time(
+        &mut self,
+        from: [f64; 3],
+        end_time: f64,
+        times: &[f64],
+        end_offsets: &[f64],
+    ) -> usize {
         let home = Polynomial::to_rest(from, 0.0, end_time);
         let step = Polynomial::to_rest([0.0; 3], 1.0, end_time);
         let table = self.push();
         let points = &mut self.points[table * N_PARTS * self.stride..];
         write_parts((&home, &step), times, end_time + 1e-9, points);
-        for lane in lanes {
-            let polynomial = Polynomial { c: std::array::from_fn(|k| home.c[k] + lane * step.c[k]) };
+        for end_offset in end_offsets {
+            let polynomial = Polynomial { c: std::array::from_fn(|k| home.c[k] + end_offset * step.c[k]) };
             self.jerk.push(polynomial.squared_jerk(end_time).max(0.0).sqrt());
         }
-        self.sum_offsets(table, lanes);
+        self.sum_offsets(table, end_offsets);
         table
     }
 
@@ -107,9 +113,9 @@ impl LateralTables {
         [d, d_1, d_2]: [f64; 3],
         is_free: bool,
         length: f64,
-        motion: &Along,
+        motion: &LongitudinalMotion,
         dt: f64,
-        lanes: &[f64],
+        end_offsets: &[f64],
     ) -> usize {
         let polynomial = |[d, d_1, d_2]: [f64; 3], end: f64| {
             if is_free {
@@ -132,10 +138,10 @@ impl LateralTables {
             linear += weight * 2.0 * a * b;
             square += weight * b * b;
         }
-        for lane in lanes {
-            self.jerk.push((constant + lane * (linear + lane * square)).max(0.0).sqrt());
+        for end_offset in end_offsets {
+            self.jerk.push((constant + end_offset * (linear + end_offset * square)).max(0.0).sqrt());
         }
-        self.sum_offsets(table, lanes);
+        self.sum_offsets(table, end_offsets);
         table
     }
 
@@ -146,23 +152,23 @@ impl LateralTables {
         table
     }
 
-    fn sum_offsets(&mut self, table: usize, lanes: &[f64]) {
+    fn sum_offsets(&mut self, table: usize, end_offsets: &[f64]) {
         let part = |k: usize| &self.points[(table * N_PARTS + k) * self.stride..][..self.n_points];
         let last_half = self.n_points - self.n_points / 2;
-        // Sums of (home + lane step)².
+        // Sums of (home + end_offset step)².
         let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
         for (home, step) in part(0)[last_half..].iter().zip(&part(3)[last_half..]) {
             constant += home * home;
             linear += 2.0 * home * step;
             square += step * step;
         }
-        for lane in lanes {
-            self.offset.push((constant + lane * (linear + lane * square)).max(0.0).sqrt());
+        for end_offset in end_offsets {
+            self.offset.push((constant + end_offset * (linear + end_offset * square)).max(0.0).sqrt());
         }
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// Value and two derivatives of both polynomials below `end`, where they have arrived.
     fn write_parts = parts_at, (polynomials: (&Polynomial, &Polynomial), at: &[f64], end: f64, out: &mut [f64])
 }
@@ -184,19 +190,24 @@ fn parts_at((home, step): (&Polynomial, &Polynomial), at: &[f64], end: f64, out:
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// Third derivatives by time of polynomials of arc length.
     fn write_rates = rates_at, (
         polynomials: (&Polynomial, &Polynomial),
-        motion: &Along,
+        motion: &LongitudinalMotion,
         length: f64,
         out: &mut [Vec<f64>; 2],
     )
 }
 
 #[inline(always)]
-fn rates_at((home, step): (&Polynomial, &Polynomial), motion: &Along, length: f64, out: &mut [Vec<f64>; 2]) {
-    let Along { s, s_dot, s_ddot, jerk } = *motion;
+fn rates_at(
+    (home, step): (&Polynomial, &Polynomial),
+    motion: &LongitudinalMotion,
+    length: f64,
+    out: &mut [Vec<f64>; 2],
+) {
+    let LongitudinalMotion { s, s_dot, s_ddot, jerk } = *motion;
     for (polynomial, out) in [home, step].into_iter().zip(out) {
         for ((((s, s_dot), s_ddot), jerk), out) in s.iter().zip(s_dot).zip(s_ddot).zip(jerk).zip(out.iter_mut()) {
             let d = polynomial.at(*s);

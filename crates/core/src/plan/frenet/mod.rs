@@ -2,7 +2,7 @@
 //!
 //! One plan: the present state is expressed in the frame of the path; samples join it to a grid of end conditions;
 //! the cheapest sample wins that the vehicle can drive, that hits nobody and that stays on the road. Only as much is
-//! evaluated as the choice needs (`choose`). If there is none, see `fallback`.
+//! evaluated as the choice needs (`search`). If there is none, see `fallback`.
 //!
 //! Sources: Werling, Ziegler, Kammel, Thrun, ICRA 2010, doi 10.1109/ROBOT.2010.5509799 (samples); Trauth, Moller,
 //! Wuersching, Betz, FRENETIX, IEEE Access 2024, doi 10.1109/ACCESS.2024.3436835 (grid, cost, selection). Unlike the
@@ -10,21 +10,21 @@
 //! whole plan, the state is converted afresh at every plan, corners of predicted participants count equally, and limits
 //! include steering rate and lateral acceleration.
 
-mod bounds;
+mod cost_bounds;
 mod candidates;
-mod choose;
+mod search;
 mod cost;
-mod desired;
-mod evaluate;
+mod targets;
+mod evaluation;
 mod fallback;
-mod families;
+mod velocity_keeping_profiles;
 mod feasibility;
 mod lateral;
 mod obstacles;
-mod previous;
-mod sample;
+mod warm_start;
+mod grid;
 mod settings;
-mod trace;
+mod cartesian;
 #[cfg(test)]
 mod tests;
 
@@ -36,28 +36,28 @@ use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult};
 use crate::trajectory::{PlanStatus, State, Trajectory};
 use cost::TableCosts;
-use desired::Desired;
-use evaluate::{Evaluation, Problem, Tables, Work};
+use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
+use grid::{Inputs, SampleGrid};
 use obstacles::Obstacles;
-use previous::Previous;
-use sample::{Inputs, Samples};
+use targets::Targets;
+use warm_start::WarmStart;
 
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
 /// not depend on what was planned before with the same memory.
 #[derive(Debug, Clone, Default)]
-pub struct Scratch {
-    samples: Samples,
+pub struct FrenetMemory {
+    samples: SampleGrid,
     costs: TableCosts,
     obstacles: Obstacles,
-    previous: Previous,
-    heap: choose::Heap,
-    work: Work,
+    warm_start: WarmStart,
+    queue: search::Queue,
+    evaluation: EvaluationMemory,
     road: Vec<u32>,
     effort: usize,
 }
 
-impl Scratch {
+impl FrenetMemory {
     /// Trajectories that the last plan looked at as a whole, in all its attempts.
     pub(crate) fn effort(&self) -> usize {
         self.effort
@@ -92,43 +92,50 @@ impl Premises {
 /// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
 /// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
-pub fn plan(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scratch) -> PlanResult {
-    scratch.effort = 0;
-    let mut result = attempt(request, settings, scratch, Premises::STATED);
-    if result.status != PlanStatus::Planned && scratch.work.leaves_road {
-        result = attempt(request, settings, scratch, Premises::NARROW);
+pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
+    memory.effort = 0;
+    let mut result = attempt(request, settings, memory, Premises::STATED);
+    if result.status != PlanStatus::Planned && memory.evaluation.leaves_road {
+        result = attempt(request, settings, memory, Premises::NARROW);
     }
     if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
         return result;
     }
-    let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, scratch, premises));
+    let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
     again.find(|again| again.status == PlanStatus::Planned).unwrap_or(result)
 }
 
-fn attempt(request: &PlanRequest, settings: &FrenetSettings, scratch: &mut Scratch, premises: Premises) -> PlanResult {
+fn attempt(
+    request: &PlanRequest,
+    settings: &FrenetSettings,
+    memory: &mut FrenetMemory,
+    premises: Premises,
+) -> PlanResult {
     let n_points = n_points(request, settings);
-    scratch.work.leaves_road = false;
+    memory.evaluation.leaves_road = false;
     if !request.state.is_finite() {
         return fallback::refuse(request, n_points, "the present state is not a number".into());
     }
     let start = match Start::new(request, premises.yaw_rate_counts) {
         Ok(start) => start,
-        Err(reason) => return last_resort(request, n_points, &mut scratch.road, &format!("the agent {reason}")),
+        Err(reason) => return last_resort(request, n_points, &mut memory.road, &format!("the agent {reason}")),
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
-    let desired = Desired::new(request, &start, settings);
-    let Scratch { samples, costs, obstacles, previous, heap, work, road, effort } = scratch;
-    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous));
+    let targets = Targets::new(request, &start, settings);
+    let FrenetMemory { samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, road, effort } =
+        memory;
+    prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles, warm_start));
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
-    let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
-    choose::start(heap, evaluation.entries());
+    let mut evaluation =
+        Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
+    search::start(queue, evaluation.entries());
     let choice = if settings.lazy {
-        choose::best_first(heap, &mut evaluation)
+        search::best_first(queue, &mut evaluation)
     } else {
-        choose::exhaustive(heap, &mut evaluation)
+        search::exhaustive(queue, &mut evaluation)
     };
-    *effort += evaluation.tables.work.n_trajectories();
+    *effort += evaluation.tables.memory.n_trajectories();
     if let Some((sample, cost)) = choice {
         evaluation.write_if_drivable(sample);
         let trajectory = trajectory(request, start, evaluation.points());
@@ -165,49 +172,55 @@ fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premis
         return Candidates { n_points, desired_velocity: f64::NAN, ..Candidates::default() };
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
-    let desired = Desired::new(request, &start, settings);
-    let mut scratch = Scratch::default();
-    let Scratch { samples, costs, obstacles, previous, work, .. } = &mut scratch;
-    prepare(request, settings, (&start, &desired, &limits), (samples, costs, obstacles, previous));
+    let targets = Targets::new(request, &start, settings);
+    let mut memory = FrenetMemory::default();
+    let FrenetMemory { samples, costs, obstacles, warm_start, evaluation: evaluation_memory, .. } = &mut memory;
+    prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles, warm_start));
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
-    let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, previous, work });
-    Candidates::of(&mut evaluation, desired.velocity)
+    let mut evaluation =
+        Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
+    Candidates::of(&mut evaluation, targets.velocity)
 }
 
 /// Everything that is shared by the samples.
 fn prepare(
     request: &PlanRequest,
     settings: &FrenetSettings,
-    (start, desired, limits): (&Start, &Desired, &Limits),
-    (samples, costs, obstacles, previous): (&mut Samples, &mut TableCosts, &mut Obstacles, &mut Previous),
+    (start, targets, limits): (&Start, &Targets, &Limits),
+    (samples, costs, obstacles, warm_start): (&mut SampleGrid, &mut TableCosts, &mut Obstacles, &mut WarmStart),
 ) {
     let path = &request.route.path;
-    samples.generate(&Inputs { start, desired, limits, settings, path });
-    costs.prepare(samples, desired.velocity, &settings.weights, path);
-    previous.shift(request, start, limits, desired.velocity, &settings.weights);
-    obstacles.prepare(request, (start, previous), samples, settings);
+    samples.generate(&Inputs { start, targets, limits, settings, path });
+    costs.prepare(samples, targets.velocity, &settings.weights, path);
+    warm_start.shift(request, start, limits, targets.velocity, &settings.weights);
+    obstacles.prepare(request, (start, warm_start), samples, settings);
 }
 
 /// Of the samples that hit somebody but can be driven and stay on the road, the least bad one.
 fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     let Problem { request, start, limits, .. } = evaluation.problem;
     let dt = limits.dt;
-    let mut contacts = std::mem::take(&mut evaluation.tables.work.contacts);
+    let mut contacts = std::mem::take(&mut evaluation.tables.memory.contacts);
     contacts.sort_by(|a, b| fallback::severity(&a.1, dt).total_cmp(&fallback::severity(&b.1, dt)).then(a.0.cmp(&b.0)));
     let found = contacts.iter().find(|(sample, _)| {
         evaluation.write_if_drivable(*sample as usize);
         evaluation.stays_on_road()
     });
     let trajectory = found.map(|_| trajectory(request, start, evaluation.points()));
-    evaluation.tables.work.contacts = contacts;
+    evaluation.tables.memory.contacts = contacts;
     trajectory
 }
 
 /// What an agent does if there is nothing to choose from.
-pub(super) fn without_plan(request: &PlanRequest, n_points: usize, scratch: &mut Scratch, reason: &str) -> PlanResult {
+pub(super) fn without_plan(
+    request: &PlanRequest,
+    n_points: usize,
+    memory: &mut FrenetMemory,
+    reason: &str,
+) -> PlanResult {
     if request.state.is_finite() {
-        last_resort(request, n_points, &mut scratch.road, reason)
+        last_resort(request, n_points, &mut memory.road, reason)
     } else {
         fallback::refuse(request, n_points, reason.into())
     }

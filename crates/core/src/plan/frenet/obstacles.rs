@@ -3,10 +3,10 @@
 
 mod contact;
 mod poses;
-mod expectations;
+mod collision_probability;
 mod gaussian;
 mod reach;
-mod sweeps;
+mod swept_boxes;
 
 pub(super) use contact::Contact;
 
@@ -14,26 +14,26 @@ use std::f64::consts::TAU;
 
 use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
-use super::previous::Previous;
-use super::sample::Samples;
+use super::grid::SampleGrid;
 use super::settings::FrenetSettings;
+use super::warm_start::WarmStart;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Point, Pose};
-use expectations::{COST_REACH, Expectations, Source};
-use poses::{Places, Poses};
+use collision_probability::{COST_REACH, PredictedFootprints, PredictedMode};
+use poses::{Poses, PredictedSteps};
 use reach::Reach;
-use sweeps::Sweeps;
+use swept_boxes::SweptBoxes;
 
 /// Variance of the position of static obstacles [m²].
 const STATIC_VARIANCE: f64 = 0.02;
 
 /// One mode of one participant, or one part of a static structure.
 #[derive(Debug, Clone, Copy)]
-struct Track {
+struct Obstacle {
     /// Position in the request's `others`.
     other: usize,
     /// Where it is predicted; `None` for what never moves.
-    places: Option<Places>,
+    steps: Option<PredictedSteps>,
     /// Its box now, as large as all that follow.
     now: OrientedBox,
     /// It overlaps the agent's footprint now: nothing can be done about that, it only must not get worse.
@@ -42,9 +42,9 @@ struct Track {
     exact: bool,
 }
 
-/// What a track covers during one interval.
+/// What an obstacle covers during one interval.
 #[derive(Debug, Clone, Copy)]
-struct Sweep {
+struct SweptInterval {
     swept: OrientedBox,
     /// The box at the end of the interval.
     end: OrientedBox,
@@ -55,10 +55,10 @@ struct Sweep {
 /// All obstacles of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Obstacles {
-    tracks: Vec<Track>,
-    /// Of the tracks.
-    sweeps: Sweeps,
-    expectations: Expectations,
+    obstacles: Vec<Obstacle>,
+    /// Of the obstacles above, in their order.
+    swept_boxes: SweptBoxes,
+    predicted_footprints: PredictedFootprints,
     reach: Reach,
     /// Modes of participants who may come within reach.
     reached: Vec<Reached>,
@@ -66,7 +66,7 @@ pub(super) struct Obstacles {
     poses: Poses,
     /// The sample at hand, and what it covers during each interval.
     own: Poses,
-    own_sweep: Sweeps,
+    own_swept_boxes: SweptBoxes,
     /// Tracks whose contacts the sample at hand may ignore.
     ignored: Vec<bool>,
     half_length: f64,
@@ -83,21 +83,22 @@ struct Reached {
     may_meet: bool,
 }
 
-impl Track {
+impl Obstacle {
     /// Exactly what it covers during an interval.
-    fn sweep(&self, interval: usize, request: &PlanRequest) -> Sweep {
-        let Some(Places { first, .. }) = self.places else {
-            return Sweep { swept: self.now, end: self.now, displacement: Point::default() };
+    fn swept_interval(&self, interval: usize, request: &PlanRequest) -> SweptInterval {
+        let Some(PredictedSteps { first, .. }) = self.steps else {
+            return SweptInterval { swept: self.now, end: self.now, displacement: Point::default() };
         };
         let OrientedBox { half_length, half_width, .. } = self.now;
         let at = |place: usize| {
             let position = Point::new(request.predictions.x[place], request.predictions.y[place]);
-            let body = request.others[self.other].shape.oriented_box_along(position, request.outlook.axis(place));
+            let body =
+                request.others[self.other].shape.oriented_box_along(position, request.prediction_index.axis(place));
             OrientedBox { half_length, half_width, ..body }
         };
         let before = if interval == 0 { self.now } else { at(first + interval - 1) };
         let end = at(first + interval);
-        Sweep { swept: OrientedBox::spanning(&before, &end), end, displacement: end.center - before.center }
+        SweptInterval { swept: OrientedBox::spanning(&before, &end), end, displacement: end.center - before.center }
     }
 }
 
@@ -106,13 +107,13 @@ impl Obstacles {
     pub(super) fn prepare(
         &mut self,
         request: &PlanRequest,
-        (start, previous): (&Start, &Previous),
-        samples: &Samples,
+        (start, warm_start): (&Start, &WarmStart),
+        samples: &SampleGrid,
         settings: &FrenetSettings,
     ) {
         let vehicle = request.vehicle;
         (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
-        self.reach.find(request, start, samples, previous);
+        self.reach.find(request, start, samples, warm_start);
         self.begin(request, settings);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
         let reached = std::mem::take(&mut self.reached);
@@ -131,7 +132,7 @@ impl Obstacles {
     fn begin(&mut self, request: &PlanRequest, settings: &FrenetSettings) {
         let predictions = request.predictions;
         let margin = settings.prediction_margin_length.max(settings.prediction_margin_width);
-        self.tracks.clear();
+        self.obstacles.clear();
         self.reached.clear();
         let whole = self.reach.whole();
         for (index, other) in request.others.iter().enumerate() {
@@ -144,14 +145,16 @@ impl Obstacles {
                 continue;
             }
             let first = other.row * predictions.n_modes;
-            for (mode, region) in request.outlook.regions[first..first + predictions.n_modes].iter().enumerate() {
+            for (mode, region) in
+                request.prediction_index.regions[first..first + predictions.n_modes].iter().enumerate()
+            {
                 if near.overlaps(region) {
                     self.reached.push(Reached { other: index, mode, may_meet: meeting.overlaps(region) });
                 }
             }
         }
-        self.sweeps.begin(self.reach.stride());
-        self.expectations.begin(self.reached.len(), &self.reach);
+        self.swept_boxes.begin(self.reach.stride());
+        self.predicted_footprints.begin(self.reached.len(), &self.reach);
     }
 
     fn add_static(
@@ -169,15 +172,15 @@ impl Obstacles {
             let margin = [settings.prediction_margin_length, settings.prediction_margin_width];
             let (now, overlaps_now) = with_margin(&plain, margin, ego);
             self.poses.stand(stride, &now, origin);
-            if self.sweeps.push(&self.poses, (now.half_length, now.half_width), &self.reach) {
-                self.tracks.push(Track { other: index, places: None, now, overlaps_now, exact });
+            if self.swept_boxes.push(&self.poses, (now.half_length, now.half_width), &self.reach) {
+                self.obstacles.push(Obstacle { other: index, steps: None, now, overlaps_now, exact });
             }
         }
         let body = other.shape.oriented_box(other.pose);
         self.poses.stand(stride, &body, origin);
         let covariance = [STATIC_VARIANCE, 0.0, STATIC_VARIANCE];
-        let source = Source { covariance, ..Source::new(body, settings) };
-        self.expectations.push(source, &self.poses, &self.reach, request.predictions);
+        let source = PredictedMode { covariance, ..PredictedMode::new(body, settings) };
+        self.predicted_footprints.push(source, &self.poses, &self.reach, request.predictions);
     }
 
     /// Adds those modes of a participant that count.
@@ -211,25 +214,25 @@ impl Obstacles {
             if !may_meet && !counts {
                 continue;
             }
-            let places = Places { first: predictions.offset(other.row, mode) + shift, n };
-            self.poses.follow((self.reach.stride(), self.reach.origin), &body, places, offset, request);
-            if may_meet && self.sweeps.push(&self.poses, (now.half_length, now.half_width), &self.reach) {
-                self.tracks.push(Track { other: index, places: Some(places), now, overlaps_now, exact: false });
+            let steps = PredictedSteps { first: predictions.offset(other.row, mode) + shift, n };
+            self.poses.follow((self.reach.stride(), self.reach.origin), &body, steps, offset, request);
+            if may_meet && self.swept_boxes.push(&self.poses, (now.half_length, now.half_width), &self.reach) {
+                self.obstacles.push(Obstacle { other: index, steps: Some(steps), now, overlaps_now, exact: false });
             }
             if counts {
                 // The density in the middle is the probability over 2 pi times the root of the determinant.
                 let dense = (probability / (TAU * settings.expectation_density_min)).powi(2);
                 let determinant_max = if hard { f64::INFINITY } else { dense };
-                let source = Source::new(body, settings);
-                let source = Source { places: Some(places), probability, determinant_max, offset, ..source };
-                self.expectations.push(source, &self.poses, &self.reach, predictions);
+                let source = PredictedMode::new(body, settings);
+                let source = PredictedMode { steps: Some(steps), probability, determinant_max, offset, ..source };
+                self.predicted_footprints.push(source, &self.poses, &self.reach, predictions);
             }
         }
     }
 
-    /// Looks during which intervals a sample may overlap which tracks; false if it is clear of all.
-    fn sieve(&mut self, points: &[Waypoint]) -> bool {
-        if self.sweeps.is_empty() {
+    /// Looks during which intervals a sample may overlap which obstacles; false if it is clear of all.
+    fn run_broad_phase(&mut self, points: &[Waypoint]) -> bool {
+        if self.swept_boxes.is_empty() {
             return false;
         }
         let stride = self.reach.stride();
@@ -237,8 +240,8 @@ impl Obstacles {
         for (i, point) in points.iter().enumerate() {
             self.own.set(i, point.center - self.reach.origin, point.axis);
         }
-        self.own_sweep.set(stride, &self.own, (self.half_length, self.half_width));
-        self.sweeps.sieve(&self.own_sweep)
+        self.own_swept_boxes.set(stride, &self.own, (self.half_length, self.half_width));
+        self.swept_boxes.broad_phase(&self.own_swept_boxes)
     }
 
     /// The agent's footprint at a point.
@@ -248,13 +251,13 @@ impl Obstacles {
     }
 
     /// No sample can get near anybody's expected position.
-    pub(super) fn nobody_is_expected(&self) -> bool {
-        self.expectations.is_empty()
+    pub(super) fn has_no_prediction_in_reach(&self) -> bool {
+        self.predicted_footprints.is_empty()
     }
 
     /// Prediction cost of point number `i` (from 1 on) of a sample.
     pub(super) fn prediction_cost(&self, point: &Waypoint, i: usize, request: &PlanRequest) -> f64 {
-        self.expectations.cost(point, i, (self.half_length, self.half_width), request)
+        self.predicted_footprints.cost(point, i, (self.half_length, self.half_width), request)
     }
 
     /// Sum over participants of 1 / (smallest squared distance of the centres) [1/m²].

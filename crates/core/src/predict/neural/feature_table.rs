@@ -1,14 +1,14 @@
 //! Names, scales and order of the features.
 
-use super::evenness::N_EVENNESS;
 use super::history::{INSTANT, N_INSTANTS};
+use super::motion_smoothness::N_SMOOTHNESS;
 
 /// Meaning and order of the features; files of weights made for another one are refused.
 pub const VERSION: i64 = 2;
 /// Neighbours that are told.
 pub const N_NEIGHBOURS: usize = 8;
 /// Features of a vehicle.
-pub const N_AGENT: usize = N_INSTANTS * PAST.len() + NOW.len() + EVENNESS.len();
+pub const N_AGENT: usize = N_INSTANTS * PAST.len() + NOW.len() + SMOOTHNESS.len();
 /// Features of a neighbour.
 pub const N_NEIGHBOUR: usize = NEIGHBOUR.len();
 /// Features of a path.
@@ -59,7 +59,7 @@ pub(super) const NOW: [Feature; 14] = [
 
 /// How even the past was: logarithms of its roughness along and across the heading over 0.8, 1.2 and 2 s, and of how far the
 /// speed was from that now over 1 and 2 s. They tell exact simulated motion from what cameras measured.
-pub(super) const EVENNESS: [Feature; N_EVENNESS] = [
+pub(super) const SMOOTHNESS: [Feature; N_SMOOTHNESS] = [
     feature("roughness_along_0.8", 2.0),
     feature("roughness_along_1.2", 2.0),
     feature("roughness_along_2.0", 2.0),
@@ -139,7 +139,7 @@ pub fn agent_features() -> Vec<(String, Feature)> {
     let past = (0..N_INSTANTS).flat_map(|k| {
         PAST.map(|feature| (format!("{}_{:.1}", feature.name, (k + 1) as f64 * INSTANT), feature)).into_iter()
     });
-    past.chain(NOW.iter().chain(&EVENNESS).map(|feature| (feature.name.to_string(), *feature))).collect()
+    past.chain(NOW.iter().chain(&SMOOTHNESS).map(|feature| (feature.name.to_string(), *feature))).collect()
 }
 
 /// Features of a neighbour, in order.

@@ -1,9 +1,9 @@
 //! What the network is told about a vehicle: its past, its neighbours, its paths.
 
 use super::candidate_path::CandidatePath;
-use super::evenness::evenness;
-use super::feature_table::{EVENNESS, Feature, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, NEIGHBOUR, NOW, PAST, PATH};
+use super::feature_table::{Feature, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, NEIGHBOUR, NOW, PAST, PATH, SMOOTHNESS};
 use super::history::{History, INSTANT, N_INSTANTS};
+use super::motion_smoothness::motion_smoothness;
 use super::paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT};
 use super::surroundings::{Body, Surroundings};
 use super::traffic::{GAP_MAX, Traffic};
@@ -52,7 +52,7 @@ pub fn write_agent(out: &mut [f32], scene: &Scene, body: &Body, history: &Histor
         write(out, &PAST, &known[k].map_or([0.0; PAST.len()], |[ahead, left, change]| [ahead, left, change, 1.0]));
     }
     let n_exact = history.instants.iter().take_while(|instant| instant.is_some_and(|then| then.is_exact)).count();
-    write(even, &EVENNESS, &evenness(&known, n_exact));
+    write(even, &SMOOTHNESS, &motion_smoothness(&known, n_exact));
     let kind = scene.participants.kind[body.row];
     let is_car = matches!(kind, ParticipantKind::Car | ParticipantKind::PriorityVehicle | ParticipantKind::Taxi);
     let named = [ParticipantKind::Truck, ParticipantKind::Bus, ParticipantKind::Motorcycle, ParticipantKind::Bicycle];

@@ -189,7 +189,7 @@ fn an_uneven_past_widens_the_spread_as_the_weights_say() {
     };
     let spread = |rough: f64| {
         let mut network = constant_network(&[(0.0, NOTHING, NOTHING)]);
-        network.evenness[1] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0];
+        network.motion_smoothness[1] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0];
         let found = predicted(network, 1, &states(rough), &straight_road(1), N_STEPS);
         (found.covariance_xx[9], found.covariance_yy[9])
     };

@@ -1,7 +1,7 @@
 //! Which stretches of a path something can be near to or can cross: a coarse look before the exact one.
 
 use crate::geometry::Point;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Segments of a stretch.
 pub(super) const STRIDE: usize = 16;
@@ -99,7 +99,7 @@ fn ones(mut mask: u64) -> impl Iterator<Item = usize> {
     })
 }
 
-for_wide_machines! {
+multiversion! {
     fn look = look_at_blocks, (blocks: &[Block], point: Point, distance: f64, way: Point) -> Candidates
 }
 

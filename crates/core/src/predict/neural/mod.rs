@@ -3,7 +3,7 @@
 
 mod candidate_path;
 mod decode;
-mod evenness;
+mod motion_smoothness;
 mod feature_table;
 mod features;
 #[cfg(test)]

@@ -4,10 +4,10 @@
 //! kept. With these, each path goes through two layers; the largest values of all paths are kept. With these, each path
 //! goes through two more layers that give its modes. All but the last are followed by a rectifier.
 
-use super::evenness::N_EVENNESS;
 use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::inputs::N_KNOTS;
 use super::linear::{Linear, relu};
+use super::motion_smoothness::N_SMOOTHNESS;
 use super::paths::N_PATHS;
 use crate::error::{Error, Result};
 
@@ -73,7 +73,7 @@ pub struct Network {
     /// Factors on the standard deviations along and across the path at every knot.
     pub calibration: [[f64; N_KNOTS]; 2],
     /// Logarithm of a further factor, of a vehicle: a constant and a part of each feature of how even its past was.
-    pub evenness: [[f64; 1 + N_EVENNESS]; 2],
+    pub motion_smoothness: [[f64; 1 + N_SMOOTHNESS]; 2],
     /// Logits are divided by it.
     pub temperature: f64,
     /// Outputs for speed and lateral speed [m/s] are this much nearer to zero than the last layer says, or zero: a vehicle
@@ -179,9 +179,9 @@ impl Network {
         if temperature <= 0.0 {
             return Err(Error::invalid("tensor calibration.temperature must be one positive number"));
         }
-        let evenness = [
-            tensors.optional_values("calibration.evenness_s", [0.0; 1 + N_EVENNESS])?,
-            tensors.optional_values("calibration.evenness_d", [0.0; 1 + N_EVENNESS])?,
+        let motion_smoothness = [
+            tensors.optional_values("calibration.evenness_s", [0.0; 1 + N_SMOOTHNESS])?,
+            tensors.optional_values("calibration.evenness_d", [0.0; 1 + N_SMOOTHNESS])?,
         ];
         let dead_zone = tensors.optional_values("decode.dead_zone", [0.0; 2])?;
         let [distance, share, moment] = tensors.optional_values("decode.merging", [0.4, 0.0, 1.0])?;
@@ -213,7 +213,7 @@ impl Network {
             head_context,
             n_modes,
             calibration,
-            evenness,
+            motion_smoothness,
             temperature,
             dead_zone,
             merging,
@@ -223,8 +223,8 @@ impl Network {
 
     /// Factors on the standard deviations along and across the path of a vehicle with these features.
     pub fn spread_of(&self, agent: &[f32]) -> [f64; 2] {
-        let features = &agent[N_AGENT - N_EVENNESS..];
-        self.evenness.map(|weights| {
+        let features = &agent[N_AGENT - N_SMOOTHNESS..];
+        self.motion_smoothness.map(|weights| {
             let of_features: f64 =
                 weights[1..].iter().zip(features).map(|(weight, value)| weight * f64::from(*value)).sum();
             (weights[0] + of_features).clamp(-LOG_SPREAD, LOG_SPREAD).exp()

@@ -2,7 +2,7 @@
 
 use super::patches::NONE;
 use crate::predict::product::{Matrix, multiply};
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Channels of every layer, also the size of the result.
 pub(super) const CHANNELS: usize = 32;
@@ -119,7 +119,7 @@ pub(super) fn reached_along(input: usize, half: usize) -> std::ops::RangeInclusi
     input.saturating_sub(1) / 2..=input.div_ceil(2).min(half - 1)
 }
 
-for_wide_machines! {
+multiversion! {
     /// Sums the products that reach each output, adds the map of the empty picture, pools, and takes the difference.
     /// `index` says which row of `products` belongs to an input.
     pub(super) fn pool = pool_outputs,

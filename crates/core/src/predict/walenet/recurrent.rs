@@ -3,7 +3,7 @@
 
 use super::activation::{sigmoid, tanh};
 use crate::predict::product::{Matrix, multiply};
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Parameters; rows r, z, n.
 #[derive(Debug, Clone)]
@@ -52,7 +52,7 @@ impl Gru {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn gates = gates_of_one, (x: &[f32], h: &[f32], bias: &[f32], state: &mut [f32])
 }
 

@@ -1,6 +1,6 @@
-//! Contacts of a sample with the tracks of others, and which of them are not the agent's to avoid.
+//! Contacts of a sample with obstacles, and which of them are not the agent's to avoid.
 
-use super::{Obstacles, Sweep, Track};
+use super::{Obstacle, Obstacles, SweptInterval};
 use crate::geometry::shape::OrientedBox;
 use crate::plan::frame::Waypoint;
 use crate::plan::{Other, PlanRequest};
@@ -37,18 +37,18 @@ impl Obstacles {
         dt: f64,
         request: &PlanRequest,
     ) -> Option<Contact> {
-        if !self.sieve(points) {
+        if !self.run_broad_phase(points) {
             return None;
         }
         let mut ignored = std::mem::take(&mut self.ignored);
         ignored.clear();
-        ignored.resize(self.tracks.len(), false);
-        let contact = self.sweeps.found().find_map(|(interval, track)| {
-            if ignored[track] {
+        ignored.resize(self.obstacles.len(), false);
+        let contact = self.swept_boxes.found().find_map(|(interval, obstacle)| {
+            if ignored[obstacle] {
                 return None;
             }
-            let found = self.meeting((interval, track), points, dt, request);
-            ignored[track] = found == Meeting::Ignored;
+            let found = self.meeting((interval, obstacle), points, dt, request);
+            ignored[obstacle] = found == Meeting::Ignored;
             if let Meeting::Contact(contact) = found { Some(contact) } else { None }
         });
         self.ignored = ignored;
@@ -57,20 +57,20 @@ impl Obstacles {
 
     fn meeting(
         &self,
-        (interval, track): (usize, usize),
+        (interval, obstacle): (usize, usize),
         points: &[Waypoint],
         dt: f64,
         request: &PlanRequest,
     ) -> Meeting {
         let pair = [&points[interval], &points[interval + 1]];
         let (from, ego) = (self.footprint(pair[0]), self.footprint(pair[1]));
-        let track = &self.tracks[track];
-        let sweep = track.sweep(interval, request);
-        if !OrientedBox::spanning(&from, &ego).overlaps(&sweep.swept) {
+        let obstacle = &self.obstacles[obstacle];
+        let swept = obstacle.swept_interval(interval, request);
+        if !OrientedBox::spanning(&from, &ego).overlaps(&swept.swept) {
             return Meeting::None;
         }
-        let Track { other, overlaps_now, exact, .. } = *track;
-        if overlaps_now && is_separating(&from, &ego, &sweep) {
+        let Obstacle { other, overlaps_now, exact, .. } = *obstacle;
+        if overlaps_now && is_separating(&from, &ego, &swept) {
             return Meeting::None;
         }
         if exact && !touches(&request.others[other], request, pair[1]) {
@@ -78,19 +78,19 @@ impl Obstacles {
         }
         let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
         let time = (interval + 1) as f64 * dt;
-        if keeps_lane && (is_follower(&ego, &sweep.end) || must_yield(&ego, &sweep, dt, time)) {
+        if keeps_lane && (is_follower(&ego, &swept.end) || must_yield(&ego, &swept, dt, time)) {
             return Meeting::Ignored;
         }
-        let closing_speed = (pair[1].center - pair[0].center - sweep.displacement).norm() / dt;
+        let closing_speed = (pair[1].center - pair[0].center - swept.displacement).norm() / dt;
         Meeting::Contact(Contact { other, interval, closing_speed })
     }
 }
 
-/// What happens between a sample and a track during an interval.
+/// What happens between a sample and an obstacle during an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meeting {
     None,
-    /// The track need not be looked at any more.
+    /// The obstacle need not be looked at any more.
     Ignored,
     Contact(Contact),
 }
@@ -102,19 +102,19 @@ fn is_follower(ego: &OrientedBox, other: &OrientedBox) -> bool {
 
 /// The other would run with its front into the agent's rear half, although it can still stop before that: who
 /// comes second waits. Without this rule two who meet at walking pace wait for each other.
-fn must_yield(ego: &OrientedBox, sweep: &Sweep, dt: f64, time: f64) -> bool {
-    let front = sweep.end.center + sweep.end.axis * sweep.end.half_length;
-    let speed = sweep.displacement.dot(sweep.end.axis) / dt;
+fn must_yield(ego: &OrientedBox, swept: &SweptInterval, dt: f64, time: f64) -> bool {
+    let front = swept.end.center + swept.end.axis * swept.end.half_length;
+    let speed = swept.displacement.dot(swept.end.axis) / dt;
     let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
     is_behind && speed > YIELDING_SPEED && speed <= 2.0 * YIELDING_DECELERATION * time
 }
 
 /// A pair that overlapped at the start still does at the end of the interval, has done so ever since, and the centres
 /// do not approach.
-fn is_separating(before: &OrientedBox, ego: &OrientedBox, sweep: &Sweep) -> bool {
-    let other_before = OrientedBox { center: sweep.end.center - sweep.displacement, ..sweep.end };
+fn is_separating(before: &OrientedBox, ego: &OrientedBox, swept: &SweptInterval) -> bool {
+    let other_before = OrientedBox { center: swept.end.center - swept.displacement, ..swept.end };
     let was_together = before.overlaps(&other_before);
-    let distance = (ego.center - sweep.end.center).norm();
+    let distance = (ego.center - swept.end.center).norm();
     was_together && distance >= (before.center - other_before.center).norm() - 1e-6
 }
 

@@ -1,12 +1,12 @@
 //! Probability that a normally distributed point of the plane lies in an axis-parallel box: single precision for
-//! several boxes at once (`lanes`), double precision for strong correlations (`slabs`).
+//! several boxes at once (`boxes`), double precision for strong correlations (`slabs`).
 
-mod lanes;
+mod boxes;
 mod quadrature;
 mod slabs;
 
 use crate::geometry::Point;
-use lanes::{Boxes, LANES, NODES_UP_TO};
+use boxes::{Boxes, LANES, NODES_UP_TO};
 
 /// Beyond this many standard deviations nothing is left (probability below 2e-8).
 pub(super) const REACH: f64 = 5.5;

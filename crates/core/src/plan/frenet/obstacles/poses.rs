@@ -4,11 +4,11 @@ use super::reach::GROUP;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 use crate::plan::PlanRequest;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// A place in the predictions, and how many there are from there on, one per point from 1 on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Places {
+pub(super) struct PredictedSteps {
     pub(super) first: usize,
     pub(super) n: usize,
 }
@@ -61,14 +61,14 @@ impl Poses {
         &mut self,
         (stride, origin): (usize, Point),
         now: &OrientedBox,
-        places: Places,
+        steps: PredictedSteps,
         offset: Point,
         request: &PlanRequest,
     ) {
         self.begin(stride);
         self.set(0, now.center - origin, now.axis);
-        write_poses(self, places, offset, origin, request);
-        let valid = &request.predictions.valid[places.first..places.first + places.n];
+        write_poses(self, steps, offset, origin, request);
+        let valid = &request.predictions.valid[steps.first..steps.first + steps.n];
         for (x, _) in self.x[1..].iter_mut().zip(valid).filter(|(_, valid)| !**valid) {
             *x = f32::NAN;
         }
@@ -90,10 +90,10 @@ impl Poses {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn write_poses = poses_at, (
         out: &mut Poses,
-        places: Places,
+        steps: PredictedSteps,
         offset: Point,
         origin: Point,
         request: &PlanRequest,
@@ -101,10 +101,16 @@ for_wide_machines! {
 }
 
 #[inline(always)]
-fn poses_at(out: &mut Poses, Places { first, n }: Places, offset: Point, origin: Point, request: &PlanRequest) {
-    let (predictions, outlook) = (request.predictions, request.outlook);
+fn poses_at(
+    out: &mut Poses,
+    PredictedSteps { first, n }: PredictedSteps,
+    offset: Point,
+    origin: Point,
+    request: &PlanRequest,
+) {
+    let (predictions, prediction_index) = (request.predictions, request.prediction_index);
     let (x, y) = (&predictions.x[first..first + n], &predictions.y[first..first + n]);
-    let (axis_x, axis_y) = (&outlook.axis_x()[first..first + n], &outlook.axis_y()[first..first + n]);
+    let (axis_x, axis_y) = (&prediction_index.axis_x()[first..first + n], &prediction_index.axis_y()[first..first + n]);
     let (to_x, to_y) = (&mut out.x[1..=n], &mut out.y[1..=n]);
     for k in 0..n {
         to_x[k] = (x[k] - origin.x + (axis_x[k] * offset.x - axis_y[k] * offset.y)) as f32;

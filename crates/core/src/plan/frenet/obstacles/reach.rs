@@ -1,7 +1,7 @@
 //! Where the agent's footprint can get: whoever stays away from there need not be looked at.
 
-use super::super::previous::Previous;
-use super::super::sample::{ARC_MIN, Samples};
+use super::super::grid::{ARC_MIN, SampleGrid};
+use super::super::warm_start::WarmStart;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::plan::PlanRequest;
@@ -50,13 +50,13 @@ impl Default for Reach {
 impl Reach {
     /// The path from the start to beyond the furthest arc length of any sample at each point, grown by the lateral range
     /// and the agent's size, and the plan of before.
-    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &Samples, previous: &Previous) {
+    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &SampleGrid, warm_start: &WarmStart) {
         let vehicle = request.vehicle;
         let (half_length, half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
         let size = (vehicle.rear_axle_to_center + half_length).hypot(half_width);
         let radius = half_length.hypot(half_width);
-        let widest = samples.lanes.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
-        // A quintic that begins with a slope and a bend overshoots by at most so much, see `Samples::lateral_bounds`.
+        let widest = samples.end_offsets.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
+        // A quintic that begins with a slope and a bend overshoots by at most so much, see `SampleGrid::lateral_bounds`.
         let way = (samples.furthest[samples.n_points - 1] - start.s)
             .max(start.s_dot * (samples.n_points - 1) as f64 * request.dt)
             .max(ARC_MIN);
@@ -77,8 +77,8 @@ impl Reach {
                 region = region.including(local(Point::new(x[next], y[next])));
             }
             let mut reached = region.grown(size + sideways + BULGE);
-            if previous.is_valid() {
-                before = before.including(local(previous.points[i].center));
+            if warm_start.is_valid() {
+                before = before.including(local(warm_start.points[i].center));
                 reached = reached.union(before.grown(radius));
             }
             if i > 0 {
@@ -149,8 +149,8 @@ impl Reach {
 mod tests {
     use super::*;
     use crate::geometry::shape::Lcg;
-    use crate::plan::frenet::desired::Desired;
     use crate::plan::frenet::feasibility::Limits;
+    use crate::plan::frenet::targets::Targets;
     use crate::plan::frenet::tests::choice::random_drive;
     use crate::plan::frenet::{FrenetSettings, Rejection, candidates, n_points};
 
@@ -164,19 +164,19 @@ mod tests {
                 let Ok(start) = Start::new(request, true) else { return };
                 let n_points = n_points(request, &settings);
                 let limits = Limits::new(request, n_points, start.curvature, 1.0);
-                let desired = Desired::new(request, &start, &settings);
-                let (mut samples, mut previous) = (Samples::default(), Previous::default());
+                let targets = Targets::new(request, &start, &settings);
+                let (mut samples, mut warm_start) = (SampleGrid::default(), WarmStart::default());
                 let path = &request.route.path;
-                let inputs = crate::plan::frenet::sample::Inputs {
+                let inputs = crate::plan::frenet::grid::Inputs {
                     start: &start,
-                    desired: &desired,
+                    targets: &targets,
                     limits: &limits,
                     settings: &settings,
                     path,
                 };
                 samples.generate(&inputs);
-                previous.shift(request, &start, &limits, desired.velocity, &settings.weights);
-                reach.find(request, &start, &samples, &previous);
+                warm_start.shift(request, &start, &limits, targets.velocity, &settings.weights);
+                reach.find(request, &start, &samples, &warm_start);
                 let all = candidates(request, &settings);
                 let pose = request.state.pose();
                 let half = Point::new(0.5 * request.vehicle.length, 0.5 * request.vehicle.width);

@@ -5,9 +5,9 @@ use std::f64::consts::FRAC_PI_2;
 use super::{Car, Drive};
 use crate::geometry::shape::{Lcg, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::frenet::{CostWeights, FrenetSettings, Premises, Rejection, Scratch, attempt, candidates, plan};
-use crate::plan::pace::SpeedLimits;
-use crate::plan::{self, IdmSettings, Outlook, PlanRequest, Planner, Prepared};
+use crate::plan::frenet::{CostWeights, FrenetMemory, FrenetSettings, Premises, Rejection, attempt, candidates, plan};
+use crate::plan::speed_profile::SpeedLimits;
+use crate::plan::{self, IdmSettings, PlanRequest, Planner, PredictionIndex, Prepared};
 use crate::road::testing::{arc, lane, open};
 use crate::trajectory::{PlanStatus, Predictions};
 
@@ -73,7 +73,7 @@ pub(in crate::plan::frenet) fn random_drive(random: &mut Lcg) -> Drive {
 #[test]
 fn lazy_planning_chooses_exactly_what_full_evaluation_chooses() {
     let mut random = Lcg::new(11);
-    let mut scratch = Scratch::default();
+    let mut memory = FrenetMemory::default();
     let mut statuses = [0; 3];
     for world in 0..150 {
         let drive = random_drive(&mut random);
@@ -90,7 +90,8 @@ fn lazy_planning_chooses_exactly_what_full_evaluation_chooses() {
         };
         let lazy = FrenetSettings { weights, ..FrenetSettings::default() };
         let full = FrenetSettings { weights, ..eager() };
-        let (a, b) = drive.with_request(|r| (plan(r, &lazy, &mut scratch), plan(r, &full, &mut Scratch::default())));
+        let (a, b) =
+            drive.with_request(|r| (plan(r, &lazy, &mut memory), plan(r, &full, &mut FrenetMemory::default())));
         let bits = |r: &crate::plan::PlanResult| {
             let states = r.trajectory.points.iter();
             let numbers = states.flat_map(|p| [p.x, p.y, p.orientation, p.velocity, p.acceleration, p.yaw_rate]);
@@ -199,11 +200,11 @@ fn costs_from_the_tables_are_those_of_the_trajectories() {
 #[test]
 fn plans_do_not_depend_on_what_was_planned_with_the_same_memory() {
     let mut random = Lcg::new(8);
-    let mut scratch = Scratch::default();
+    let mut memory = FrenetMemory::default();
     for _ in 0..20 {
         let drive = random_drive(&mut random);
         let settings = FrenetSettings { level: random.within(0.0, 2.99) as usize, ..FrenetSettings::default() };
-        let again = drive.with_request(|request| plan(request, &settings, &mut scratch));
+        let again = drive.with_request(|request| plan(request, &settings, &mut memory));
         let fresh = drive.plan(&settings);
         assert_eq!((again.status, again.trajectory), (fresh.status, fresh.trajectory));
     }
@@ -212,7 +213,7 @@ fn plans_do_not_depend_on_what_was_planned_with_the_same_memory() {
 #[test]
 fn other_horizons_and_shorter_or_older_predictions_give_the_full_choice_in_reused_memory() {
     let mut random = Lcg::new(21);
-    let (mut scratch, mut n_planned) = (Scratch::default(), 0);
+    let (mut memory, mut n_planned) = (FrenetMemory::default(), 0);
     for world in 0..80 {
         let mut drive = random_drive(&mut random);
         drive.dt = [0.04, 0.1, 0.2][world % 3];
@@ -221,7 +222,7 @@ fn other_horizons_and_shorter_or_older_predictions_give_the_full_choice_in_reuse
         let horizon = random.within(1.5, 7.0);
         let lazy = FrenetSettings { horizon, ..FrenetSettings::default() };
         let full = FrenetSettings { lazy: false, ..lazy.clone() };
-        let (a, b) = (drive.with_request(|request| plan(request, &lazy, &mut scratch)), drive.plan(&full));
+        let (a, b) = (drive.with_request(|request| plan(request, &lazy, &mut memory)), drive.plan(&full));
         assert_eq!((a.status, &a.trajectory), (b.status, &b.trajectory), "world {world}");
         n_planned += usize::from(a.status == PlanStatus::Planned);
     }
@@ -249,7 +250,11 @@ fn an_improbable_mode_that_is_nowhere_dense_costs_nothing() {
                 }
             }
             candidates(
-                &PlanRequest { predictions: &two, outlook: &Outlook::of(&two, &drive.positions()), ..*request },
+                &PlanRequest {
+                    predictions: &two,
+                    prediction_index: &PredictionIndex::of(&two, &drive.positions()),
+                    ..*request
+                },
                 &settings,
             )
             .terms
@@ -271,21 +276,21 @@ fn an_improbable_mode_that_is_nowhere_dense_costs_nothing() {
 fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
     let across = |x: f64| Car { shape: Shape::rectangle(20.0, 3.0), ..Car::at(x, 0.0, FRAC_PI_2, 0.0) };
     let blocked = Drive::on_three_lanes(100.0, 15.0).with_cars(vec![across(111.0)]);
-    let (settings, mut scratch) = (FrenetSettings::default(), Scratch::default());
+    let (settings, mut memory) = (FrenetSettings::default(), FrenetMemory::default());
     let of_attempt = |premises: Premises| {
-        let mut fresh = Scratch::default();
+        let mut fresh = FrenetMemory::default();
         let result = blocked.with_request(|request| attempt(request, &settings, &mut fresh, premises));
         assert_ne!(result.status, PlanStatus::Planned, "nobody gets around it");
-        (fresh.effort(), fresh.work.leaves_road)
+        (fresh.effort(), fresh.evaluation.leaves_road)
     };
     let (stated, leaves_road) = of_attempt(Premises::STATED);
     let narrow = if leaves_road { of_attempt(Premises::NARROW).0 } else { 0 };
     let all = stated + narrow + Premises::DOUBTED.map(|premises| of_attempt(premises).0).iter().sum::<usize>();
     for _ in 0..2 {
-        blocked.with_request(|request| plan(request, &settings, &mut scratch));
-        assert!(scratch.effort() == all && all > stated && stated > 0, "{} of {all}, first {stated}", scratch.effort());
+        blocked.with_request(|request| plan(request, &settings, &mut memory));
+        assert!(memory.effort() == all && all > stated && stated > 0, "{} of {all}, first {stated}", memory.effort());
     }
-    let mut all_planners = plan::Scratch { frenet: scratch, effort: all, ..plan::Scratch::default() };
+    let mut all_planners = plan::PlanningMemory { frenet: memory, effort: all, ..plan::PlanningMemory::default() };
     let prepared =
         Prepared::SpeedLimits(SpeedLimits::along(&blocked.route.path, &blocked.route.lanelets, &blocked.road));
     let idm = Planner::Idm(IdmSettings::default());

@@ -1,16 +1,16 @@
 //! Specifications of the whole planner, on small invented roads.
 
-mod bounds;
+mod cost_bounds;
 pub(super) mod choice;
 mod closed_loop;
 mod golden;
 mod kinematics;
 
-use super::{Candidates, FrenetSettings, Scratch, candidates, plan};
+use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::{Other, Outlook, PlanRequest, PlanResult};
+use crate::plan::{Other, PlanRequest, PlanResult, PredictionIndex};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
 use crate::route::Route;
@@ -175,14 +175,14 @@ impl Drive {
             road: &self.road,
             others: &others,
             predictions: &predictions,
-            outlook: &Outlook::of(&predictions, &self.positions()),
+            prediction_index: &PredictionIndex::of(&predictions, &self.positions()),
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
         })
     }
 
     fn plan(&self, settings: &FrenetSettings) -> PlanResult {
-        self.with_request(|request| plan(request, settings, &mut Scratch::default()))
+        self.with_request(|request| plan(request, settings, &mut FrenetMemory::default()))
     }
 
     fn candidates(&self, settings: &FrenetSettings) -> Candidates {

@@ -5,15 +5,15 @@ use std::ops::Range;
 
 use super::super::PlanRequest;
 use super::super::frame::{Start, Waypoint};
-use super::choose::{Entry, Refined, Search};
+use super::cartesian::{self, FrenetTrajectory};
 use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
 use super::feasibility::{Limits, Rejection};
+use super::grid::SampleGrid;
 use super::obstacles::Contact;
 use super::obstacles::Obstacles;
-use super::previous::Previous;
-use super::sample::Samples;
+use super::search::{Entry, Refined, SearchSpace};
 use super::settings::{FrenetSettings, N_TERMS};
-use super::trace::{self, Sample};
+use super::warm_start::WarmStart;
 use crate::collision::departs_road;
 use crate::geometry::shape::OrientedBox;
 
@@ -39,7 +39,7 @@ struct Progress {
 
 /// Memory of the evaluations of one plan.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Work {
+pub(super) struct EvaluationMemory {
     /// Place in the pool of every sample that is admissible.
     slots: Vec<u32>,
     progress: Vec<Progress>,
@@ -58,7 +58,7 @@ pub(super) struct Work {
     pub(super) leaves_road: bool,
 }
 
-impl Work {
+impl EvaluationMemory {
     fn reset(&mut self, n_samples: usize) {
         self.slots.clear();
         self.slots.resize(n_samples, NOWHERE);
@@ -71,7 +71,7 @@ impl Work {
     }
 }
 
-impl Work {
+impl EvaluationMemory {
     /// Trajectories that were found to be drivable.
     pub(super) fn n_trajectories(&self) -> usize {
         self.pool.len() / self.points.len().max(1) + self.contacts.len()
@@ -91,14 +91,14 @@ pub(super) struct Problem<'a> {
 
 /// What has been prepared for it.
 pub(super) struct Tables<'a> {
-    pub(super) samples: &'a mut Samples,
+    pub(super) samples: &'a mut SampleGrid,
     pub(super) costs: &'a mut TableCosts,
     pub(super) obstacles: &'a mut Obstacles,
-    pub(super) previous: &'a Previous,
-    pub(super) work: &'a mut Work,
+    pub(super) warm_start: &'a WarmStart,
+    pub(super) memory: &'a mut EvaluationMemory,
 }
 
-/// Everything about one plan. Samples are numbered row by row, lane by lane; the last one is the previous plan.
+/// Everything about one plan. Samples are numbered profile by profile, end offset by end offset; the last one is the previous plan.
 pub(super) struct Evaluation<'a> {
     pub(super) problem: Problem<'a>,
     pub(super) tables: Tables<'a>,
@@ -112,13 +112,13 @@ pub(super) struct Evaluation<'a> {
 impl<'a> Evaluation<'a> {
     pub(super) fn new(problem: Problem<'a>, tables: Tables<'a>) -> Self {
         let Problem { request, settings, .. } = problem;
-        let work = &mut *tables.work;
-        work.reset(tables.samples.len() + usize::from(tables.previous.is_valid()));
+        let memory = &mut *tables.memory;
+        memory.reset(tables.samples.len() + usize::from(tables.warm_start.is_valid()));
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
         let margin = request.road.settings().gap_tolerance;
-        let has_room = problem.keeps_clear && request.road.box_is_covered(&footprint.grown(margin), &mut work.road);
+        let has_room = problem.keeps_clear && request.road.box_is_covered(&footprint.grown(margin), &mut memory.road);
         Self {
-            starts_on_road: has_room || request.road.box_is_covered(&footprint, &mut work.road),
+            starts_on_road: has_room || request.road.box_is_covered(&footprint, &mut memory.road),
             road_margin: if has_room { margin } else { 0.0 },
             prediction_weight: settings.weights.prediction,
             world_terms: has_world_terms(&settings.weights),
@@ -129,22 +129,22 @@ impl<'a> Evaluation<'a> {
 
     /// Number of samples.
     pub(super) fn len(&self) -> usize {
-        self.tables.work.slots.len()
+        self.tables.memory.slots.len()
     }
 
-    /// Where the search begins: a group per row that is not rejected, and the previous plan.
+    /// Where the search begins: a group per profile that is not rejected, and the previous plan.
     pub(super) fn entries(&self) -> impl Iterator<Item = Entry> {
-        let n_lanes = self.tables.samples.lanes.len();
-        let previous = self.tables.previous.is_valid();
-        let previous = previous.then(|| Entry::sample(self.tables.previous.total, self.tables.samples.len()));
-        let rows = self.tables.costs.bounds.iter().enumerate();
-        rows.map(move |(row, bound)| Entry::group(*bound, row * n_lanes, row)).chain(previous)
+        let n_offsets = self.tables.samples.end_offsets.len();
+        let warm_start = self.tables.warm_start.is_valid();
+        let warm_start = warm_start.then(|| Entry::sample(self.tables.warm_start.total, self.tables.samples.len()));
+        let profiles = self.tables.costs.bounds.iter().enumerate();
+        profiles.map(move |(profile, bound)| Entry::group(*bound, profile * n_offsets, profile)).chain(warm_start)
     }
 
-    /// Row and lane of a sample; `None` for the previous plan.
-    pub(super) fn place(&self, sample: usize) -> Option<(usize, usize)> {
-        let n_lanes = self.tables.samples.lanes.len();
-        (sample < self.tables.samples.len()).then(|| (sample / n_lanes, sample % n_lanes))
+    /// Profile and end offset of a sample; `None` for the previous plan.
+    pub(super) fn cell(&self, sample: usize) -> Option<(usize, usize)> {
+        let n_offsets = self.tables.samples.end_offsets.len();
+        (sample < self.tables.samples.len()).then(|| (sample / n_offsets, sample % n_offsets))
     }
 
     /// The tests but the road, and the cost without prediction.
@@ -153,82 +153,82 @@ impl<'a> Evaluation<'a> {
             return Refined::Rejected;
         }
         if let Some(contact) = self.contact() {
-            self.tables.work.contacts.push((sample as u32, contact));
+            self.tables.memory.contacts.push((sample as u32, contact));
             return Refined::Rejected;
         }
         let mut base = self.table_cost(sample);
         if self.world_terms {
             base += weighted_world_terms(&self.problem.settings.weights, &self.world_terms(sample));
         }
-        let is_complete = self.tables.obstacles.nobody_is_expected() || self.prediction_weight == 0.0;
-        let work = &mut *self.tables.work;
-        work.slots[sample] = work.progress.len() as u32;
-        work.pool.extend_from_slice(&work.points);
-        work.contributions.resize(work.pool.len(), 0.0);
+        let is_complete = self.tables.obstacles.has_no_prediction_in_reach() || self.prediction_weight == 0.0;
+        let memory = &mut *self.tables.memory;
+        memory.slots[sample] = memory.progress.len() as u32;
+        memory.pool.extend_from_slice(&memory.points);
+        memory.contributions.resize(memory.pool.len(), 0.0);
         let cost = is_complete.then_some(base);
-        work.progress.push(Progress { base, prediction: 0.0, n_done: 0, cost });
+        memory.progress.push(Progress { base, prediction: 0.0, n_done: 0, cost });
         Refined::Bound(base)
     }
 
     /// The complete cost of the trajectory in the pool, if its footprint stays on the road.
     fn if_on_road(&mut self, slot: Range<usize>, cost: f64) -> Refined {
-        let pool = std::mem::take(&mut self.tables.work.pool);
+        let pool = std::mem::take(&mut self.tables.memory.pool);
         let stays = self.is_on_road(&pool[slot]);
-        self.tables.work.pool = pool;
+        self.tables.memory.pool = pool;
         if stays {
             Refined::Cost(cost)
         } else {
-            self.tables.work.leaves_road = true;
+            self.tables.memory.leaves_road = true;
             Refined::Rejected
         }
     }
 
     fn table_cost(&self, sample: usize) -> f64 {
-        self.tables.costs.total.get(sample).copied().unwrap_or(self.tables.previous.total)
+        self.tables.costs.total.get(sample).copied().unwrap_or(self.tables.warm_start.total)
     }
 
     /// The trajectory that was written last.
     pub(super) fn points(&self) -> &[Waypoint] {
-        &self.tables.work.points
+        &self.tables.memory.points
     }
 
     /// Writes the trajectory of a sample, if the vehicle can drive it.
     pub(super) fn write_if_drivable(&mut self, sample: usize) -> bool {
-        let Some((row, lane)) = self.place(sample) else {
+        let Some((profile, end_offset)) = self.cell(sample) else {
             return self.write_points(sample) == Rejection::Admissible;
         };
-        if self.tables.samples.rows[row].rejection != Rejection::Admissible {
+        if self.tables.samples.profiles[profile].rejection != Rejection::Admissible {
             return false;
         }
-        self.load(row);
-        let sample = in_path_frame(self.tables.samples, row, lane);
+        self.load(profile);
+        let sample = in_path_frame(self.tables.samples, profile, end_offset);
         let center = self.problem.request.vehicle.rear_axle_to_center;
-        trace::write(&sample, self.problem.limits, center, &mut self.tables.work.points)
+        cartesian::write(&sample, self.problem.limits, center, &mut self.tables.memory.points)
     }
 
-    /// Everything about a row that its samples share.
-    fn load(&mut self, row: usize) {
-        self.tables.samples.lateral_table(row);
-        self.tables.samples.load_path(row, &self.problem.request.route.path);
+    /// Everything about a profile that its samples share.
+    fn load(&mut self, profile: usize) {
+        self.tables.samples.lateral_table(profile);
+        self.tables.samples.load_path(profile, &self.problem.request.route.path);
     }
 
     /// Writes the trajectory of a sample and says what is wrong with it. Points that are undefined (near the centre of
     /// the path's curvature) repeat the one before.
     pub(super) fn write_points(&mut self, sample: usize) -> Rejection {
-        self.tables.work.points.clear();
-        let Some((row, lane)) = self.place(sample) else {
-            self.tables.work.points.extend_from_slice(&self.tables.previous.points);
-            let points = &self.tables.work.points;
+        self.tables.memory.points.clear();
+        let Some((profile, end_offset)) = self.cell(sample) else {
+            self.tables.memory.points.extend_from_slice(&self.tables.warm_start.points);
+            let points = &self.tables.memory.points;
             return (1..points.len()).fold(Rejection::Admissible, |found, i| {
                 found.or(self.problem.limits.check(&points[i - 1], &points[i], i))
             });
         };
-        self.load(row);
-        let mut found = self.tables.samples.rows[row].rejection;
+        self.load(profile);
+        let mut found = self.tables.samples.profiles[profile].rejection;
         let center = self.problem.request.vehicle.rear_axle_to_center;
-        let sample = in_path_frame(self.tables.samples, row, lane);
+        let sample = in_path_frame(self.tables.samples, profile, end_offset);
         for i in 0..self.problem.limits.n_points {
-            let before = self.tables.work.points.last().copied();
+            let before = self.tables.memory.points.last().copied();
             let (at, frenet) = sample.at(i);
             let point = Waypoint::new(&at, &frenet, center);
             match (point, before) {
@@ -236,14 +236,14 @@ impl<'a> Evaluation<'a> {
                 (Some(point), Some(before)) => found = found.or(self.problem.limits.check(&before, &point, i)),
                 (Some(_), None) => {}
             }
-            self.tables.work.points.push(point.or(before).unwrap_or_default());
+            self.tables.memory.points.push(point.or(before).unwrap_or_default());
         }
         found
     }
 
     /// First contact of the trajectory that was written last.
     pub(super) fn contact(&mut self) -> Option<Contact> {
-        self.tables.obstacles.first_contact(&self.tables.work.points, self.problem.limits.dt, self.problem.request)
+        self.tables.obstacles.first_contact(&self.tables.memory.points, self.problem.limits.dt, self.problem.request)
     }
 
     /// The footprint (with margin) stays on the road, at the points and between them; an agent that starts (partly)
@@ -251,7 +251,7 @@ impl<'a> Evaluation<'a> {
     /// closely as the world does.
     fn is_on_road(&mut self, points: &[Waypoint]) -> bool {
         let PlanRequest { road, shape, state, vehicle, .. } = *self.problem.request;
-        let scratch = &mut self.tables.work.road;
+        let scratch = &mut self.tables.memory.road;
         let is_exact = self.starts_on_road && self.road_margin == 0.0;
         if is_exact && departs_road(road, shape, state.pose(), points[1].pose()).is_some() {
             return false;
@@ -272,64 +272,64 @@ impl<'a> Evaluation<'a> {
 
     /// The trajectory that was written last stays on the road.
     pub(super) fn stays_on_road(&mut self) -> bool {
-        let points = std::mem::take(&mut self.tables.work.points);
+        let points = std::mem::take(&mut self.tables.memory.points);
         let stays = self.is_on_road(&points);
-        self.tables.work.points = points;
+        self.tables.memory.points = points;
         stays
     }
 
     /// Terms of the cost that need the trajectory that was written last.
     pub(super) fn world_terms(&self, sample: usize) -> [f64; N_TERMS - 5] {
-        let place = self.place(sample);
+        let place = self.cell(sample);
         let motion = |i: usize| match place {
-            None => self.tables.previous.motions[i],
-            Some((row, lane)) => {
+            None => self.tables.warm_start.motions[i],
+            Some((profile, end_offset)) => {
                 let samples = &*self.tables.samples;
-                let d = samples.lateral_points(row).at(i, samples.lanes[lane]);
-                FrenetMotion::new(&samples.motions(row).at(i), d, samples.rows[row].is_over_arc)
+                let d = samples.lateral_points(profile).at(i, samples.end_offsets[end_offset]);
+                FrenetMotion::new(&samples.motions(profile).at(i), d, samples.profiles[profile].is_over_arc)
             }
         };
-        world_terms(&self.tables.work.points, motion, self.tables.obstacles, self.problem.request)
+        world_terms(&self.tables.memory.points, motion, self.tables.obstacles, self.problem.request)
     }
 
     /// The first four terms of a sample.
     pub(super) fn table_terms(&self, sample: usize) -> [f64; 4] {
-        let Some((row, lane)) = self.place(sample) else { return self.tables.previous.terms };
-        let (samples, row) = (&*self.tables.samples, &self.tables.samples.rows[row]);
-        let k = row.table.expect("the lateral motion is there") * samples.lanes.len() + lane;
-        [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], row.jerk]
+        let Some((profile, end_offset)) = self.cell(sample) else { return self.tables.warm_start.terms };
+        let (samples, profile) = (&*self.tables.samples, &self.tables.samples.profiles[profile]);
+        let k = profile.table.expect("the lateral motion is there") * samples.end_offsets.len() + end_offset;
+        [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], profile.jerk]
     }
 }
 
-/// A sample in the frame of the path, whose row is loaded.
-fn in_path_frame(samples: &Samples, row: usize, lane: usize) -> Sample<'_> {
-    Sample {
-        motion: samples.motions(row),
-        path: samples.path(row),
-        lateral: samples.lateral_points(row),
-        lane: samples.lanes[lane],
-        is_over_arc: samples.rows[row].is_over_arc,
+/// A sample in the frame of the path, whose profile is loaded.
+fn in_path_frame(samples: &SampleGrid, profile: usize, end_offset: usize) -> FrenetTrajectory<'_> {
+    FrenetTrajectory {
+        motion: samples.motions(profile),
+        path: samples.path(profile),
+        lateral: samples.lateral_points(profile),
+        end_offset: samples.end_offsets[end_offset],
+        is_over_arc: samples.profiles[profile].is_over_arc,
     }
 }
 
-impl Search for Evaluation<'_> {
-    fn tighten(&mut self, row: usize) -> Option<f64> {
+impl SearchSpace for Evaluation<'_> {
+    fn tighten(&mut self, profile: usize) -> Option<f64> {
         let Problem { request, settings, .. } = self.problem;
-        self.tables.costs.tighten(self.tables.samples, row, &settings.weights, &request.route.path)
+        self.tables.costs.tighten(self.tables.samples, profile, &settings.weights, &request.route.path)
     }
 
-    fn open(&mut self, row: usize) -> impl Iterator<Item = f64> {
+    fn open(&mut self, profile: usize) -> impl Iterator<Item = f64> {
         let (samples, path) = (&mut *self.tables.samples, &self.problem.request.route.path);
-        self.tables.costs.compute_row(samples, row, &self.problem.settings.weights, path);
-        let n_lanes = samples.lanes.len();
-        self.tables.costs.total[row * n_lanes..(row + 1) * n_lanes].iter().copied()
+        self.tables.costs.compute_profile(samples, profile, &self.problem.settings.weights, path);
+        let n_offsets = samples.end_offsets.len();
+        self.tables.costs.total[profile * n_offsets..(profile + 1) * n_offsets].iter().copied()
     }
 
     /// One more step of work on a sample: first what the vehicle can drive and whom it hits, then its prediction term
     /// block by block, at last the road, which few get to.
     fn refine(&mut self, sample: usize) -> Refined {
         let n_points = self.problem.limits.n_points;
-        let Work { slots, progress, pool, contributions, order, .. } = &mut *self.tables.work;
+        let EvaluationMemory { slots, progress, pool, contributions, order, .. } = &mut *self.tables.memory;
         let slot = slots[sample];
         if slot == NOWHERE {
             return self.admit(sample);

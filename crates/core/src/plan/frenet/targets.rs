@@ -21,11 +21,11 @@ const ROUNDING: f64 = 1e-6;
 
 /// What the agent wants.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Desired {
+pub(super) struct Targets {
     /// Speed [m/s].
     pub(super) velocity: f64,
     /// Arc lengths of the rear axle [m] at which it may want to stop: behind the leader, before the goal's end.
-    pub(super) stop_targets: [Option<f64>; 2],
+    pub(super) stops: [Option<f64>; 2],
 }
 
 /// Somebody ahead on the path.
@@ -37,7 +37,7 @@ struct Leader {
     velocity: f64,
 }
 
-impl Desired {
+impl Targets {
     pub(super) fn new(request: &PlanRequest, start: &Start, settings: &FrenetSettings) -> Self {
         let comfort = &settings.comfort;
         let vehicle = request.vehicle;
@@ -60,7 +60,7 @@ impl Desired {
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
         let near = |s: &f64| settings.stop_targets && (0.3..reach).contains(&(s - start.s));
-        Self { velocity, stop_targets: [Some(leader_stop).filter(near), goal_stop.filter(near)] }
+        Self { velocity, stops: [Some(leader_stop).filter(near), goal_stop.filter(near)] }
     }
 }
 

@@ -29,7 +29,7 @@ const STRAIGHT_WINDOW: f64 = 20.0;
 
 /// What somebody occupies of the path at one point of the plan.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct PathInterval {
     /// Arc lengths of the nearest and the furthest point [m].
     pub(super) low: f64,
     pub(super) high: f64,
@@ -43,7 +43,7 @@ pub(super) struct Place {
     pub(super) clearance: f64,
 }
 
-impl Place {
+impl PathInterval {
     /// Moves along the path in the corridor, or stands there.
     pub(super) fn leads(&self) -> bool {
         self.inside && self.along
@@ -60,8 +60,8 @@ impl Place {
     }
 }
 
-pub(super) const OUTSIDE: Place =
-    Place { low: f64::NAN, high: f64::NAN, velocity: 0.0, along: true, inside: false, clearance: 0.0 };
+pub(super) const OUTSIDE: PathInterval =
+    PathInterval { low: f64::NAN, high: f64::NAN, velocity: 0.0, along: true, inside: false, clearance: 0.0 };
 
 /// The vehicle on its path.
 #[derive(Debug, Clone, Copy)]
@@ -171,7 +171,7 @@ impl Region {
 
 /// Where on the path somebody is.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Foot {
+pub(super) struct PathFoot {
     /// Arc length and offset [m].
     s: f64,
     d: f64,
@@ -181,7 +181,7 @@ pub(super) struct Foot {
 }
 
 /// The foot of a point: from a foot of the same body at another time if possible, otherwise by a search.
-pub(super) fn foot_of(ego: &Ego, region: &Region, point: Point, known: Option<Foot>) -> Option<Foot> {
+pub(super) fn foot_of(ego: &Ego, region: &Region, point: Point, known: Option<PathFoot>) -> Option<PathFoot> {
     if let Some(known) = known {
         let mut s = known.s + (point - known.point).dot(known.at.tangent());
         for _ in 0..3 {
@@ -190,7 +190,7 @@ pub(super) fn foot_of(ego: &Ego, region: &Region, point: Point, known: Option<Fo
             let (ahead, d) = (offset.dot(at.tangent()), at.tangent().cross(offset));
             let step = ahead / (1.0 - at.curvature * d).clamp(0.3, 3.0);
             if ahead.abs() < FOOT_TOLERANCE {
-                return Some(Foot { s: s + step, d, at, point });
+                return Some(PathFoot { s: s + step, d, at, point });
             }
             s += step;
         }
@@ -200,12 +200,18 @@ pub(super) fn foot_of(ego: &Ego, region: &Region, point: Point, known: Option<Fo
         None => ego.path.project_near(point, ego.s + 0.5 * ego.reach, 0.5 * ego.reach + 10.0),
     };
     let (s, d) = found?;
-    Some(Foot { s, d, at: ego.path.at(s), point })
+    Some(PathFoot { s, d, at: ego.path.at(s), point })
 }
 
 /// What a box at a foot occupies of the path.
-pub(super) fn place(ego: &Ego, body: &OrientedBox, foot: &Foot, velocity: f64, time: f64) -> Option<Place> {
-    let Foot { s, d, at, .. } = *foot;
+pub(super) fn interval_of(
+    ego: &Ego,
+    body: &OrientedBox,
+    foot: &PathFoot,
+    velocity: f64,
+    time: f64,
+) -> Option<PathInterval> {
+    let PathFoot { s, d, at, .. } = *foot;
     let tangent = at.tangent();
     let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
     let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
@@ -223,11 +229,11 @@ pub(super) fn place(ego: &Ego, body: &OrientedBox, foot: &Foot, velocity: f64, t
     let inside = clearance == 0.0;
     let crosses = inside && !along;
     let (low, high) = if crosses { stretch(body, (cos, sin), (right - d, left - d))? } else { (-half_s, half_s) };
-    Some(Place { low: s + low, high: s + high, velocity, along, inside, clearance })
+    Some(PathInterval { low: s + low, high: s + high, velocity, along, inside, clearance })
 }
 
-/// Where one mode of somebody is expected.
-pub(super) struct Expected<'a> {
+/// Where one mode of somebody is predicted.
+pub(super) struct PredictedMode<'a> {
     pub(super) request: &'a PlanRequest<'a>,
     pub(super) other: &'a Other<'a>,
     pub(super) ego: &'a Ego<'a>,
@@ -240,16 +246,16 @@ pub(super) struct Expected<'a> {
 
 /// Somebody at one point of the plan.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
+pub(super) struct Projection {
     /// Centre of the box; NaN if unknown.
     pub(super) center: Point,
-    pub(super) foot: Option<Foot>,
-    pub(super) place: Option<Place>,
+    pub(super) foot: Option<PathFoot>,
+    pub(super) interval: Option<PathInterval>,
 }
 
-impl Expected<'_> {
+impl PredictedMode<'_> {
     /// At a point of the plan; `near` is a foot at another point.
-    pub(super) fn at(&self, point: usize, near: Option<Foot>) -> Sample {
+    pub(super) fn at(&self, point: usize, near: Option<PathFoot>) -> Projection {
         let predictions = self.request.predictions;
         let (pose, velocity) = match point.checked_sub(1) {
             None => (self.other.pose, self.other.velocity),
@@ -259,24 +265,24 @@ impl Expected<'_> {
                 (pose, predictions.velocity[k])
             }
             Some(_) => {
-                return Sample { center: Point::new(f64::NAN, f64::NAN), foot: None, place: None };
+                return Projection { center: Point::new(f64::NAN, f64::NAN), foot: None, interval: None };
             }
         };
         if !self.region.contains(pose.position) {
-            return Sample { center: pose.position, foot: None, place: None };
+            return Projection { center: pose.position, foot: None, interval: None };
         }
         let body = self.other.shape.oriented_box(pose);
         let foot = foot_of(self.ego, &self.region, body.center, near);
         let time = point as f64 * self.dt;
-        let place = foot.and_then(|foot| place(self.ego, &body, &foot, velocity, time));
-        Sample { center: pose.position, foot, place }
+        let interval = foot.and_then(|foot| interval_of(self.ego, &body, &foot, velocity, time));
+        Projection { center: pose.position, foot, interval }
     }
 }
 
-impl Sample {
-    /// Between this and a later sample nobody gets into the corridor, unless they swerve.
+impl Projection {
+    /// Between this and a later projection nobody gets into the corridor, unless they swerve.
     pub(super) fn stays_away(&self, later: &Self, time: f64, region: &Region) -> bool {
-        match (&self.place, &later.place) {
+        match (&self.interval, &later.interval) {
             (Some(a), Some(b)) => {
                 a.clearance * b.clearance > 0.0 && a.clearance.abs().min(b.clearance.abs()) > SWERVE * time
             }
@@ -323,7 +329,7 @@ pub(super) fn is_box(shape: &Shape) -> bool {
 }
 
 /// Where the footprint, driven along the path, would first touch a structure.
-pub(super) fn structure(request: &PlanRequest, other: &Other, ego: &Ego) -> Option<Place> {
+pub(super) fn structure(request: &PlanRequest, other: &Other, ego: &Ego) -> Option<PathInterval> {
     let reach = ego.reach.min(100.0 + ego.velocity * 2.0);
     let n = ego.path.steps_from(ego.s, STRUCTURE_STEP, reach / STRUCTURE_STEP);
     let touches = |i: usize| {
@@ -336,7 +342,7 @@ pub(super) fn structure(request: &PlanRequest, other: &Other, ego: &Ego) -> Opti
         return None;
     }
     let low = (1..=n).find(|i| touches(*i)).map(|i| ego.s + ego.to_front + (i as f64 - 1.0) * STRUCTURE_STEP)?;
-    Some(Place { low, high: low + 2.0 * ego.to_front, velocity: 0.0, along: true, inside: true, clearance: 0.0 })
+    Some(PathInterval { low, high: low + 2.0 * ego.to_front, velocity: 0.0, along: true, inside: true, clearance: 0.0 })
 }
 
 #[cfg(test)]
@@ -352,7 +358,7 @@ mod tests {
             half_width,
         };
         let diagonal = std::f64::consts::FRAC_1_SQRT_2;
-        for (body, (cos, sin), (right, left), expected) in [
+        for (body, (cos, sin), (right, left), predicted) in [
             // Across the corridor: as wide as the box.
             (body(2.0, 1.0), (0.0, 1.0), (-0.5, 0.5), Some((-1.0, 1.0))),
             // Along it: as long as the box.
@@ -361,11 +367,11 @@ mod tests {
             (body(2.0, 0.0), (diagonal, diagonal), (0.5, 1.0), Some((0.5, 1.0))),
             (body(2.0, 1.0), (1.0, 0.0), (1.5, 2.0), None),
         ] {
-            match (stretch(&body, (cos, sin), (right, left)), expected) {
+            match (stretch(&body, (cos, sin), (right, left)), predicted) {
                 (Some((low, high)), Some((a, b))) => {
                     assert!((low - a).abs() < 1e-9 && (high - b).abs() < 1e-9, "{low} {high}");
                 }
-                (found, expected) => assert_eq!(found, expected),
+                (found, predicted) => assert_eq!(found, predicted),
             }
         }
     }

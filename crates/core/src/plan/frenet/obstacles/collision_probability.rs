@@ -2,21 +2,21 @@
 
 use super::super::settings::FrenetSettings;
 use super::gaussian::{self, Footprint, Normal2};
-use super::poses::{Places, Poses};
+use super::poses::{Poses, PredictedSteps};
 use super::reach::{GROUP, ROUNDING, Reach};
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 use crate::plan::PlanRequest;
 use crate::plan::frame::Waypoint;
+use crate::simd::multiversion;
 use crate::trajectory::Predictions;
-use crate::wide::for_wide_machines;
 
 /// Participants count for the prediction cost within this distance of the agent's box [m] (squared: 50 m²).
 pub(super) const COST_REACH: f64 = 7.071_067_811_865_476;
 
 /// Where one mode of a participant is expected to be at one point. To the corners single precision does.
 #[derive(Debug, Clone, Copy)]
-struct Expectation {
+struct PredictedFootprint {
     mean: Point,
     /// From the mean to the front left and front right corner of the footprint with margin [m].
     front_left: Point,
@@ -27,9 +27,9 @@ struct Expectation {
 
 /// One mode of a participant.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Source {
+pub(super) struct PredictedMode {
     /// Where it is predicted; `None` for what never moves.
-    pub(super) places: Option<Places>,
+    pub(super) steps: Option<PredictedSteps>,
     /// Its box now.
     pub(super) now: OrientedBox,
     /// Of the mode.
@@ -52,8 +52,8 @@ type Cell = [[f32; GROUP]; N_NUMBERS];
 
 /// The expectations of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Expectations {
-    sources: Vec<Source>,
+pub(super) struct PredictedFootprints {
+    sources: Vec<PredictedMode>,
     /// (points from 1 on, groups of sources)
     cells: Vec<Cell>,
     /// Which sources of a cell are expected there, a bit each.
@@ -63,12 +63,12 @@ pub(super) struct Expectations {
     origin: Point,
 }
 
-impl Source {
+impl PredictedMode {
     pub(super) fn new(now: OrientedBox, settings: &FrenetSettings) -> Self {
         let half_length = now.half_length + 0.5 * settings.prediction_margin_length;
         let half_width = now.half_width + 0.5 * settings.prediction_margin_width;
         Self {
-            places: None,
+            steps: None,
             now,
             probability: 1.0,
             determinant_max: f64::INFINITY,
@@ -81,7 +81,7 @@ impl Source {
     /// Where it is expected at a point, and its covariance.
     #[inline(always)]
     fn at(&self, point: usize, request: &PlanRequest) -> (Point, [f64; 3]) {
-        let Some(Places { first, .. }) = self.places else { return (self.now.center, self.covariance) };
+        let Some(PredictedSteps { first, .. }) = self.steps else { return (self.now.center, self.covariance) };
         let (predictions, place) = (request.predictions, first + point - 1);
         let position = Point::new(predictions.x[place], predictions.y[place]);
         let [xx, xy, yy] = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
@@ -89,14 +89,14 @@ impl Source {
         if self.offset == Point::default() {
             return (position, covariance);
         }
-        let axis = request.outlook.axis(place);
+        let axis = request.prediction_index.axis(place);
         (position + axis * self.offset.x + axis.left() * self.offset.y, covariance)
     }
 
     /// Covariances at points `GROUP * group + 1` and the following; beyond what is known they are not numbers.
     #[inline(always)]
     fn covariances(&self, group: usize, predictions: &Predictions) -> [[f64; GROUP]; 3] {
-        let Some(Places { first, n }) = self.places else {
+        let Some(PredictedSteps { first, n }) = self.steps else {
             return self.covariance.map(|number| [number; GROUP]);
         };
         let columns = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
@@ -113,7 +113,7 @@ impl Source {
     }
 }
 
-impl Expectations {
+impl PredictedFootprints {
     /// Forgets everything; for at most so many sources.
     pub(super) fn begin(&mut self, n_sources: usize, reach: &Reach) {
         const NOTHING: Cell = [[f32::NAN; GROUP]; N_NUMBERS];
@@ -131,7 +131,7 @@ impl Expectations {
     }
 
     /// Adds a source, which follows a poses, where the samples can get near it.
-    pub(super) fn push(&mut self, source: Source, poses: &Poses, reach: &Reach, predictions: &Predictions) {
+    pub(super) fn push(&mut self, source: PredictedMode, poses: &Poses, reach: &Reach, predictions: &Predictions) {
         if write_cells(self, &source, poses, reach, predictions) {
             self.sources.push(source);
         }
@@ -175,7 +175,7 @@ impl View {
     }
 }
 
-impl Expectation {
+impl PredictedFootprint {
     /// One of a cell, of which the corners are taken.
     #[inline(always)]
     fn of((mean, covariance): (Point, [f64; 3]), probability: f64, cell: &Cell, lane: usize) -> Self {
@@ -275,11 +275,11 @@ impl RoughView {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// Writes the cells of the next source; false if it is expected nowhere near the samples.
     fn write_cells = cells_at, (
-        out: &mut Expectations,
-        source: &Source,
+        out: &mut PredictedFootprints,
+        source: &PredictedMode,
         poses: &Poses,
         reach: &Reach,
         predictions: &Predictions,
@@ -287,7 +287,13 @@ for_wide_machines! {
 }
 
 #[inline(always)]
-fn cells_at(out: &mut Expectations, source: &Source, poses: &Poses, reach: &Reach, predictions: &Predictions) -> bool {
+fn cells_at(
+    out: &mut PredictedFootprints,
+    source: &PredictedMode,
+    poses: &Poses,
+    reach: &Reach,
+    predictions: &Predictions,
+) -> bool {
     let (slot, lane) = (out.sources.len() / GROUP, out.sources.len() % GROUP);
     const REACH: f32 = COST_REACH as f32 + ROUNDING;
     let [ahead_x, ahead_y] = reach.axis();
@@ -331,10 +337,10 @@ fn cells_at(out: &mut Expectations, source: &Source, poses: &Poses, reach: &Reac
     is_expected
 }
 
-for_wide_machines! {
+multiversion! {
     /// The prediction cost of a point.
     fn summed_cost = cost_at, (
-        expectations: &Expectations,
+        expectations: &PredictedFootprints,
         point: &Waypoint,
         i: usize,
         half: (f64, f64),
@@ -343,8 +349,14 @@ for_wide_machines! {
 }
 
 #[inline(always)]
-fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, f64), request: &PlanRequest) -> f64 {
-    let Expectations { sources, cells, occupied, n_groups, origin, .. } = expectations;
+fn cost_at(
+    expectations: &PredictedFootprints,
+    point: &Waypoint,
+    i: usize,
+    half: (f64, f64),
+    request: &PlanRequest,
+) -> f64 {
+    let PredictedFootprints { sources, cells, occupied, n_groups, origin, .. } = expectations;
     let view = View::of(point);
     let rough = RoughView::of(&view, *origin, half);
     let mut sum = 0.0;
@@ -357,7 +369,8 @@ fn cost_at(expectations: &Expectations, point: &Waypoint, i: usize, half: (f64, 
         while passing != 0 {
             let lane = passing.trailing_zeros() as usize % GROUP;
             let source = &sources[group * GROUP + lane];
-            sum += Expectation::of(source.at(i, request), source.probability, &cells[place], lane).cost(&view, half);
+            sum += PredictedFootprint::of(source.at(i, request), source.probability, &cells[place], lane)
+                .cost(&view, half);
             passing &= passing - 1;
         }
     }

@@ -30,8 +30,8 @@ fn covariance(random: &mut Lcg) -> [f64; 3] {
 }
 
 /// A source that stands, with a covariance.
-fn source(body: OrientedBox, covariance: [f64; 3]) -> Source {
-    Source { covariance, probability: 0.3, ..Source::new(body, &FrenetSettings::default()) }
+fn source(body: OrientedBox, covariance: [f64; 3]) -> PredictedMode {
+    PredictedMode { covariance, probability: 0.3, ..PredictedMode::new(body, &FrenetSettings::default()) }
 }
 
 /// A place from which everything is in reach, for a plan of three points.
@@ -44,8 +44,8 @@ fn reach(origin: Point) -> Reach {
     reach
 }
 
-fn expectations(sources: &[Source], origin: Point) -> Expectations {
-    let (reach, mut expectations, mut poses) = (reach(origin), Expectations::default(), Poses::default());
+fn expectations(sources: &[PredictedMode], origin: Point) -> PredictedFootprints {
+    let (reach, mut expectations, mut poses) = (reach(origin), PredictedFootprints::default(), Poses::default());
     expectations.begin(sources.len(), &reach);
     for source in sources {
         poses.stand(reach.stride(), &source.now, origin);
@@ -55,9 +55,9 @@ fn expectations(sources: &[Source], origin: Point) -> Expectations {
 }
 
 /// What one of some sources that stand expects.
-fn expected(expectations: &Expectations, i: usize) -> Expectation {
+fn expected(expectations: &PredictedFootprints, i: usize) -> PredictedFootprint {
     let source = &expectations.sources[i];
-    Expectation::of(
+    PredictedFootprint::of(
         (source.now.center, source.covariance),
         source.probability,
         &expectations.cells[i / GROUP],
@@ -66,7 +66,7 @@ fn expected(expectations: &Expectations, i: usize) -> Expectation {
 }
 
 /// A source at the edge of where it counts, in some direction.
-fn borderline(point: &Waypoint, random: &mut Lcg) -> Source {
+fn borderline(point: &Waypoint, random: &mut Lcg) -> PredictedMode {
     let (way, covariance) = (Point::from_angle(random.within(-4.0, 4.0)), covariance(random));
     let at_centre = body(point, Point::default(), random);
     let turned = point.axis * way.x + point.axis.left() * way.y;
@@ -88,7 +88,7 @@ fn the_sieve_passes_every_expectation_that_costs_anything_and_no_filling() {
     for _ in 0..1500 {
         let point = waypoint(&mut random);
         let origin = point.center + Point::new(random.within(-300.0, 300.0), random.within(-300.0, 300.0));
-        let sources: Vec<Source> = (0..random.within(1.0, 24.0) as usize)
+        let sources: Vec<PredictedMode> = (0..random.within(1.0, 24.0) as usize)
             .map(|_| {
                 if random.within(0.0, 1.0) < 0.4 {
                     return borderline(&point, &mut random);
@@ -114,15 +114,15 @@ fn the_sieve_passes_every_expectation_that_costs_anything_and_no_filling() {
     assert!(n_counting > 5000 && n_sieved > 5000, "{n_counting} cost something, {n_sieved} do not pass");
 }
 
-/// The cost of a source without tables and sieve.
-fn all_in_double((index, source): (usize, &Source), point: usize, request: &PlanRequest, view: &View) -> f64 {
-    let (predictions, place) = (request.predictions, source.places.expect("it moves").first + point - 1);
+/// The cost of a source without tables and broad phase.
+fn all_in_double((index, source): (usize, &PredictedMode), point: usize, request: &PlanRequest, view: &View) -> f64 {
+    let (predictions, place) = (request.predictions, source.steps.expect("it moves").first + point - 1);
     let position = Point::new(predictions.x[place], predictions.y[place]);
     let axis = Point::from_angle(predictions.orientation[place]);
     let body = request.others[index].shape.oriented_box_along(position, axis);
     let (ahead, left) = (axis * source.half.0, axis.left() * source.half.1);
     let [xx, xy, yy] = [&predictions.covariance_xx, &predictions.covariance_xy, &predictions.covariance_yy];
-    let expectation = Expectation {
+    let expectation = PredictedFootprint {
         mean: body.center,
         front_left: ahead + left,
         front_right: ahead - left,
@@ -135,7 +135,7 @@ fn all_in_double((index, source): (usize, &Source), point: usize, request: &Plan
 #[test]
 fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
     let mut random = Lcg::new(6);
-    let (mut expectations, mut poses) = (Expectations::default(), Poses::default());
+    let (mut expectations, mut poses) = (PredictedFootprints::default(), Poses::default());
     let mut n_positive = 0;
     for _ in 0..60 {
         let cars = (0..random.within(0.0, 20.0) as usize)
@@ -154,10 +154,10 @@ fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
             expectations.begin(request.others.len(), &reach);
             for other in request.others {
                 let now = other.shape.oriented_box(other.pose);
-                let places = Places { first: predictions.offset(other.row, 0), n: 30 };
-                poses.follow((reach.stride(), reach.origin), &now, places, Point::default(), request);
-                let source = Source::new(now, &FrenetSettings::default());
-                let source = Source { places: Some(places), probability: 0.3, ..source };
+                let steps = PredictedSteps { first: predictions.offset(other.row, 0), n: 30 };
+                poses.follow((reach.stride(), reach.origin), &now, steps, Point::default(), request);
+                let source = PredictedMode::new(now, &FrenetSettings::default());
+                let source = PredictedMode { steps: Some(steps), probability: 0.3, ..source };
                 expectations.push(source, &poses, &reach, predictions);
             }
             for i in 1..31 {
@@ -185,8 +185,9 @@ fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
 #[test]
 fn nothing_is_expected_out_of_reach_nor_where_it_is_spread_too_far() {
     let near = source(OrientedBox::new(Pose::new(9.0, 0.0, 0.0), 4.0, 2.0), [0.02, 0.0, 0.02]);
-    let count = |source: &Source| {
-        let (mut reach, mut expectations, mut poses) = (Reach::default(), Expectations::default(), Poses::default());
+    let count = |source: &PredictedMode| {
+        let (mut reach, mut expectations, mut poses) =
+            (Reach::default(), PredictedFootprints::default(), Poses::default());
         reach.begin(Pose::default(), 3);
         reach.set(1, Aabb::around([Point::default()]).grown(1.0));
         reach.set(2, Aabb::around([Point::default()]).grown(2.0));
@@ -197,6 +198,6 @@ fn nothing_is_expected_out_of_reach_nor_where_it_is_spread_too_far() {
     };
     assert_eq!(count(&near), (1, false), "9 m away: within the reach of the second point");
     let further = OrientedBox { center: Point::new(9.1, 0.0), ..near.now };
-    assert_eq!(count(&Source { now: further, ..near }), (0, true));
-    assert_eq!(count(&Source { determinant_max: 3e-4, ..near }), (0, true));
+    assert_eq!(count(&PredictedMode { now: further, ..near }), (0, true));
+    assert_eq!(count(&PredictedMode { determinant_max: 3e-4, ..near }), (0, true));
 }

@@ -40,12 +40,12 @@ impl SpeedLimits {
 
 /// Speeds from which every limit ahead can be met with comfortable braking; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Pace {
+pub(super) struct SpeedProfile {
     from: f64,
     values: Vec<f64>,
 }
 
-impl Pace {
+impl SpeedProfile {
     /// From arc length `s` over `reach` [m].
     pub(super) fn fill(
         &mut self,
@@ -90,21 +90,21 @@ mod tests {
         let mut points = straight((0.0, 0.0), (60.0, 0.0));
         points.extend(arc((60.0, 20.0), 20.0, -std::f64::consts::FRAC_PI_2, 0.0).into_iter().skip(1));
         let path = ReferencePath::through(&points).expect("a path");
-        let mut pace = Pace::default();
-        pace.fill(&path, &SpeedLimits::default(), (0.0, 90.0), 2.0, 1.5);
+        let mut profile = SpeedProfile::default();
+        profile.fill(&path, &SpeedLimits::default(), (0.0, 90.0), 2.0, 1.5);
         let bend = 40_f64.sqrt();
-        assert!((pace.at(75.0) - bend).abs() < 0.2, "{}", pace.at(75.0));
+        assert!((profile.at(75.0) - bend).abs() < 0.2, "{}", profile.at(75.0));
         // 40 m before the bend: sqrt(40 + 2 * 1.5 * 40)
-        assert!((pace.at(20.0) - 160_f64.sqrt()).abs() < 0.6, "{}", pace.at(20.0));
+        assert!((profile.at(20.0) - 160_f64.sqrt()).abs() < 0.6, "{}", profile.at(20.0));
     }
 
     #[test]
     fn whoever_is_too_fast_for_any_road_looks_no_further_than_its_end() {
         let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(100.0, 0.0)]).expect("a path");
-        let mut pace = Pace::default();
-        pace.fill(&path, &SpeedLimits { values: vec![8.0] }, (0.0, 1e12), 2.0, 1.5);
-        assert!(pace.values.len() < 60);
-        assert_eq!(pace.at(1e9), 8.0);
+        let mut profile = SpeedProfile::default();
+        profile.fill(&path, &SpeedLimits { values: vec![8.0] }, (0.0, 1e12), 2.0, 1.5);
+        assert!(profile.values.len() < 60);
+        assert_eq!(profile.at(1e9), 8.0);
     }
 
     #[test]

@@ -2,18 +2,20 @@
 //!
 //! Every participant is projected onto the path, now and at every predicted step, for every mode that is likely enough.
 //! Where its box lies in the corridor of the vehicle it occupies a stretch of the path. Consecutive steps of one kind
-//! make a claim: somebody who moves along the path (or stands) is a leader; somebody who crosses makes the entry of the
+//! make an occupancy: somebody who moves along the path (or stands) is a leader; somebody who crosses makes the entry of the
 //! stretch a standing virtual leader until it has left; somebody who joins later is a virtual leader already now,
-//! moved back along the path. Whether the vehicle has to wait for a claim that begins later is decided once per plan.
+//! moved back along the path. Whether the vehicle has to wait for an occupancy that begins later is decided once per plan.
 
-mod place;
+mod path_interval;
 
-pub(super) use place::Ego;
+pub(super) use path_interval::Ego;
 
 use super::car_following::{CarFollowing, Motion};
 use super::{Other, PlanRequest};
 use crate::geometry::{Point, wrap_angle};
-use place::{Expected, OUTSIDE, Place, Region, Sample, foot_of, is_box, place, structure};
+use path_interval::{
+    OUTSIDE, PathInterval, PredictedMode, Projection, Region, foot_of, interval_of, is_box, structure,
+};
 
 /// Modes with at least this probability count, and the most probable one.
 const MODE_PROBABILITY: f64 = 0.2;
@@ -32,8 +34,8 @@ const COMMITTED: f64 = 1.0;
 
 /// Consecutive points at which somebody occupies a stretch of the path in one way.
 #[derive(Debug, Clone, Copy)]
-struct Claim {
-    /// First of its places among `places`, that of point 0.
+struct PathOccupancy {
+    /// First of its intervals among `intervals`, that of point 0.
     row: usize,
     first: usize,
     last: usize,
@@ -50,18 +52,18 @@ struct Claim {
 
 /// Everybody who counts for one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Ahead {
-    places: Vec<Place>,
-    claims: Vec<Claim>,
+pub(super) struct Conflicts {
+    intervals: Vec<PathInterval>,
+    occupancies: Vec<PathOccupancy>,
     n_points: usize,
     dt: f64,
 }
 
-impl Ahead {
+impl Conflicts {
     /// Projects all participants of the request onto the path. Claims that begin later do not count until `decide`.
     pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize) {
-        self.places.clear();
-        self.claims.clear();
+        self.intervals.clear();
+        self.occupancies.clear();
         (self.n_points, self.dt) = (n_points, request.dt);
         let region = Region::new(ego);
         for (index, other) in request.others.iter().enumerate() {
@@ -77,17 +79,20 @@ impl Ahead {
         if !other.shape.aabb(other.pose).overlaps(&region.aabb) {
             return;
         }
-        let place = if is_box(other.shape) {
+        let interval = if is_box(other.shape) {
             let body = other.shape.oriented_box(other.pose);
             let foot = foot_of(ego, region, body.center, None);
-            foot.and_then(|foot| place(ego, &body, &foot, 0.0, 0.0)).filter(|place| place.inside)
+            foot.and_then(|foot| interval_of(ego, &body, &foot, 0.0, 0.0)).filter(|interval| interval.inside)
         } else {
             structure(request, other, ego)
         };
-        let Some(place) = place.filter(|place| 0.5 * (place.low + place.high) > ego.s + ego.middle()) else { return };
-        let row = self.places.len();
-        self.places.resize(row + self.n_points, Place { velocity: 0.0, along: true, ..place });
-        self.push_claims(ego, row, index, 0);
+        let Some(interval) = interval.filter(|interval| 0.5 * (interval.low + interval.high) > ego.s + ego.middle())
+        else {
+            return;
+        };
+        let row = self.intervals.len();
+        self.intervals.resize(row + self.n_points, PathInterval { velocity: 0.0, along: true, ..interval });
+        self.push_occupancies(ego, row, index, 0);
     }
 
     fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
@@ -103,87 +108,103 @@ impl Ahead {
             }
             let start = predictions.offset(other.row, mode) + shift;
             let n_known = predictions.n_steps.saturating_sub(shift);
-            let expected = Expected { request, other, ego, region, start, n_known, dt: self.dt };
-            let now = *now.get_or_insert_with(|| expected.at(0, None));
-            if now.place.is_some_and(|place| is_follower(ego, &place)) {
+            let predicted = PredictedMode { request, other, ego, region, start, n_known, dt: self.dt };
+            let now = *now.get_or_insert_with(|| predicted.at(0, None));
+            if now.interval.is_some_and(|interval| is_follower(ego, &interval)) {
                 return;
             }
-            let (row, last) = (self.places.len(), self.n_points - 1);
-            self.places.resize(row + self.n_points, OUTSIDE);
+            let (row, last) = (self.intervals.len(), self.n_points - 1);
+            self.intervals.resize(row + self.n_points, OUTSIDE);
             self.put(row, &now);
-            let end = expected.at(last, now.foot);
+            let end = predicted.at(last, now.foot);
             self.put(row + last, &end);
-            self.fill(&expected, row, (0, now), (last, end));
-            if self.places[row..].iter().any(|place| place.inside) {
-                self.push_claims(ego, row, index, mode);
+            self.fill(&predicted, row, (0, now), (last, end));
+            if self.intervals[row..].iter().any(|interval| interval.inside) {
+                self.push_occupancies(ego, row, index, mode);
             } else {
-                self.places.truncate(row);
+                self.intervals.truncate(row);
             }
         }
     }
 
-    fn put(&mut self, at: usize, sample: &Sample) {
-        self.places[at] = sample.place.unwrap_or(OUTSIDE);
+    fn put(&mut self, at: usize, projection: &Projection) {
+        self.intervals[at] = projection.interval.unwrap_or(OUTSIDE);
     }
 
     /// The points between two, halving until somebody is away from the corridor in between.
-    fn fill(&mut self, expected: &Expected, row: usize, (a, before): (usize, Sample), (b, after): (usize, Sample)) {
-        if b - a < 2 || before.stays_away(&after, (b - a) as f64 * self.dt, &expected.region) {
+    fn fill(
+        &mut self,
+        predicted: &PredictedMode,
+        row: usize,
+        (a, before): (usize, Projection),
+        (b, after): (usize, Projection),
+    ) {
+        if b - a < 2 || before.stays_away(&after, (b - a) as f64 * self.dt, &predicted.region) {
             return;
         }
-        if let (Some(from), Some(to)) = (&before.place, &after.place)
+        if let (Some(from), Some(to)) = (&before.interval, &after.interval)
             && from.leads()
             && to.leads()
             && (b - a) as f64 * self.dt < INTERPOLATED
         {
             for point in a + 1..b {
-                self.places[row + point] = from.towards(to, (point - a) as f64 / (b - a) as f64);
+                self.intervals[row + point] = from.towards(to, (point - a) as f64 / (b - a) as f64);
             }
             return;
         }
         let middle = usize::midpoint(a, b);
-        let sample = expected.at(middle, before.foot);
-        self.put(row + middle, &sample);
-        self.fill(expected, row, (a, before), (middle, sample));
-        self.fill(expected, row, (middle, sample), (b, after));
+        let projection = predicted.at(middle, before.foot);
+        self.put(row + middle, &projection);
+        self.fill(predicted, row, (a, before), (middle, projection));
+        self.fill(predicted, row, (middle, projection), (b, after));
     }
 
-    /// Splits the places from `row` on into claims.
-    fn push_claims(&mut self, ego: &Ego, row: usize, other: usize, mode: usize) {
-        let places = &self.places[row..row + self.n_points];
+    /// Splits the intervals from `row` on into occupancies.
+    fn push_occupancies(&mut self, ego: &Ego, row: usize, other: usize, mode: usize) {
+        let intervals = &self.intervals[row..row + self.n_points];
         let mut at = 0;
-        while at < places.len() {
+        while at < intervals.len() {
             let first = at;
-            let Place { inside, along, .. } = places[first];
-            while at < places.len() && places[at].inside == inside && (!inside || places[at].along == along) {
+            let PathInterval { inside, along, .. } = intervals[first];
+            while at < intervals.len() && intervals[at].inside == inside && (!inside || intervals[at].along == along) {
                 at += 1;
             }
             if !inside {
                 continue;
             }
             let last = at - 1;
-            let (front, middle) = (ego.s + ego.to_front, 0.5 * (places[first].low + places[first].high));
+            let (front, middle) = (ego.s + ego.to_front, 0.5 * (intervals[first].low + intervals[first].high));
             // What lies beside or behind the vehicle's front cannot be waited for.
-            let lows = places[first..=last].iter().map(|place| place.low);
+            let lows = intervals[first..=last].iter().map(|interval| interval.low);
             let entry = lows.filter(|low| *low >= front - COMMITTED).fold(f64::INFINITY, f64::min);
             let is_passed = if along { first == 0 && middle <= front } else { entry.is_infinite() };
             if is_passed {
                 continue;
             }
-            let stays = last + 1 == places.len();
-            self.claims.push(Claim { row, first, last, along, stays, entry, other, mode, counts: first == 0 });
+            let stays = last + 1 == intervals.len();
+            self.occupancies.push(PathOccupancy {
+                row,
+                first,
+                last,
+                along,
+                stays,
+                entry,
+                other,
+                mode,
+                counts: first == 0,
+            });
         }
     }
 
     /// Decides for whom among those who come later the vehicle waits, from the motion that it would have without them.
     pub(super) fn decide(&mut self, request: &PlanRequest, ego: &Ego, free: &[Motion]) {
-        for claim in &mut self.claims {
-            if claim.first > 0 {
-                let places = &self.places[claim.row..claim.row + self.n_points];
-                claim.counts = if claim.along {
-                    is_joined_ahead(ego, claim, places, free, self.dt)
+        for occupancy in &mut self.occupancies {
+            if occupancy.first > 0 {
+                let intervals = &self.intervals[occupancy.row..occupancy.row + self.n_points];
+                occupancy.counts = if occupancy.along {
+                    is_joined_ahead(ego, occupancy, intervals, free, self.dt)
                 } else {
-                    must_wait(request, ego, claim, places, free, self.dt)
+                    must_wait(request, ego, occupancy, intervals, free, self.dt)
                 };
             }
         }
@@ -193,28 +214,28 @@ impl Ahead {
     pub(super) fn allowed(&self, point: usize, ego: &Ego, s: f64, velocity: f64, law: &CarFollowing) -> f64 {
         let front = s + ego.to_front;
         let mut least = f64::INFINITY;
-        for claim in self.claims.iter().filter(|claim| claim.counts && point <= claim.last) {
-            let place = |at: usize| &self.places[claim.row + at];
-            let acceleration = if !claim.along {
-                if claim.entry < front - COMMITTED {
+        for occupancy in self.occupancies.iter().filter(|occupancy| occupancy.counts && point <= occupancy.last) {
+            let interval = |at: usize| &self.intervals[occupancy.row + at];
+            let acceleration = if !occupancy.along {
+                if occupancy.entry < front - COMMITTED {
                     continue;
                 }
-                let stop = following(law, velocity, claim.entry - front, 0.0);
-                if claim.stays {
+                let stop = following(law, velocity, occupancy.entry - front, 0.0);
+                if occupancy.stays {
                     stop
                 } else {
-                    let time = (claim.last + 1 - point) as f64 * self.dt + TIME_CLEARANCE;
-                    stop.max(not_before(claim.entry - front - 0.5 * law.minimum_gap, velocity, 0.0, time))
+                    let time = (occupancy.last + 1 - point) as f64 * self.dt + TIME_CLEARANCE;
+                    stop.max(not_before(occupancy.entry - front - 0.5 * law.minimum_gap, velocity, 0.0, time))
                 }
-            } else if point >= claim.first {
-                let place = place(point);
-                if 0.5 * (place.low + place.high) <= front {
+            } else if point >= occupancy.first {
+                let interval = interval(point);
+                if 0.5 * (interval.low + interval.high) <= front {
                     continue;
                 }
-                following(law, velocity, place.low - front, place.velocity)
+                following(law, velocity, interval.low - front, interval.velocity)
             } else {
-                let joined = place(claim.first);
-                let time = (claim.first - point) as f64 * self.dt;
+                let joined = interval(occupancy.first);
+                let time = (occupancy.first - point) as f64 * self.dt;
                 let moved_back = joined.low - joined.velocity * time;
                 let keep = following(law, velocity, moved_back - front, joined.velocity);
                 let room = joined.low - front - law.minimum_gap;
@@ -250,48 +271,55 @@ fn not_before(distance: f64, velocity: f64, end_velocity: f64, time: f64) -> f64
 }
 
 /// Somebody in the corridor behind the vehicle who drives the same way: keeping the distance is up to them.
-fn is_follower(ego: &Ego, place: &Place) -> bool {
-    place.inside && place.along && 0.5 * (place.low + place.high) <= ego.s + ego.middle()
+fn is_follower(ego: &Ego, interval: &PathInterval) -> bool {
+    interval.inside && interval.along && 0.5 * (interval.low + interval.high) <= ego.s + ego.middle()
 }
 
 /// Somebody who will join the path does so ahead of the vehicle, as far as one can tell from both present speeds.
-fn is_joined_ahead(ego: &Ego, claim: &Claim, places: &[Place], free: &[Motion], dt: f64) -> bool {
-    let place = &places[claim.first];
-    let middle = 0.5 * (place.low + place.high);
-    let clear = free[claim.first].s + ego.to_rear > place.high + CLEARANCE;
-    let at_present_speed = ego.s + ego.middle() + ego.velocity * claim.first as f64 * dt;
+fn is_joined_ahead(ego: &Ego, occupancy: &PathOccupancy, intervals: &[PathInterval], free: &[Motion], dt: f64) -> bool {
+    let interval = &intervals[occupancy.first];
+    let middle = 0.5 * (interval.low + interval.high);
+    let clear = free[occupancy.first].s + ego.to_rear > interval.high + CLEARANCE;
+    let at_present_speed = ego.s + ego.middle() + ego.velocity * occupancy.first as f64 * dt;
     !clear && middle >= at_present_speed
 }
 
 /// The vehicle waits for somebody who will cross, unless it will have passed by then, or can wait no more, or the other
 /// has to wait.
-fn must_wait(request: &PlanRequest, ego: &Ego, claim: &Claim, places: &[Place], free: &[Motion], dt: f64) -> bool {
+fn must_wait(
+    request: &PlanRequest,
+    ego: &Ego,
+    occupancy: &PathOccupancy,
+    intervals: &[PathInterval],
+    free: &[Motion],
+    dt: f64,
+) -> bool {
     let passes_first =
-        (claim.first..=claim.last).all(|point| free[point].s + ego.to_rear > places[point].high + CLEARANCE);
-    let distance = claim.entry - ego.s - ego.to_front;
+        (occupancy.first..=occupancy.last).all(|point| free[point].s + ego.to_rear > intervals[point].high + CLEARANCE);
+    let distance = occupancy.entry - ego.s - ego.to_front;
     // False for a stretch that the front has entered, too.
     let can_stop = ego.velocity * ego.velocity <= 2.0 * request.vehicle.acceleration_max * distance;
     if passes_first || !can_stop {
         return false;
     }
-    let other = &request.others[claim.other];
+    let other = &request.others[occupancy.other];
     // Both at their present speeds, as others see it: so two who meet agree about who is first.
-    let (own_time, other_time) = (distance / ego.velocity.max(1e-3), claim.first as f64 * dt);
+    let (own_time, other_time) = (distance / ego.velocity.max(1e-3), occupancy.first as f64 * dt);
     if other.velocity.abs() > 2.0 * COURTESY * other_time {
         return true;
     }
     if (own_time - other_time).abs() > SAME_TIME {
         return own_time > other_time;
     }
-    !has_priority(request, ego, claim)
+    !has_priority(request, ego, occupancy)
 }
 
 /// Who comes at the same time: who goes straight on before who turns, otherwise who comes from the right.
-fn has_priority(request: &PlanRequest, ego: &Ego, claim: &Claim) -> bool {
+fn has_priority(request: &PlanRequest, ego: &Ego, occupancy: &PathOccupancy) -> bool {
     const SAME_TURN: f64 = 0.2;
-    let (other, predictions) = (&request.others[claim.other], request.predictions);
-    let k = predictions.offset(other.row, claim.mode) + claim.first - 1;
-    let (here, there) = (ego.path.at(ego.s), ego.path.at(claim.entry));
+    let (other, predictions) = (&request.others[occupancy.other], request.predictions);
+    let k = predictions.offset(other.row, occupancy.mode) + occupancy.first - 1;
+    let (here, there) = (ego.path.at(ego.s), ego.path.at(occupancy.entry));
     let own_turn = (there.theta - here.theta).abs();
     let other_turn = wrap_angle(predictions.orientation[k] - other.pose.orientation).abs();
     if (own_turn - other_turn).abs() > SAME_TURN {
@@ -307,7 +335,7 @@ mod tests {
 
     #[test]
     fn waiting_takes_no_more_braking_than_is_necessary() {
-        for (distance, velocity, end_velocity, time, expected) in [
+        for (distance, velocity, end_velocity, time, predicted) in [
             // It would arrive after 2 s anyway.
             (20.0, 10.0, 0.0, 2.0, f64::INFINITY),
             // 10 * 3 - 0.5 * 2.222 * 9 = 20
@@ -319,7 +347,7 @@ mod tests {
             (-1.0, 10.0, 0.0, 1.0, f64::NEG_INFINITY),
         ] {
             let found = not_before(distance, velocity, end_velocity, time);
-            assert!(found == expected || (found - expected).abs() < 1e-9, "{found} for {expected}");
+            assert!(found == predicted || (found - predicted).abs() < 1e-9, "{found} for {predicted}");
         }
     }
 }

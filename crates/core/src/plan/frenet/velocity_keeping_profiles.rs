@@ -2,8 +2,8 @@
 //! and acceleration at each point are `rest + v rise`, also after the end.
 
 use super::super::polynomial::Polynomial;
-use super::feasibility::AlongPath;
-use crate::wide::for_wide_machines;
+use super::feasibility::LongitudinalLimits;
+use crate::simd::multiversion;
 
 /// Numbers per point of a motion: arc length, speed, acceleration.
 pub(super) const N_MOTION: usize = 3;
@@ -12,7 +12,7 @@ pub(super) const BLOCK: usize = 8;
 
 /// All families of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Families {
+pub(super) struct VelocityKeepingProfiles {
     /// The motion that ends at rest, then what each m/s at the end adds; (families, 2, `N_MOTION`, points with padding).
     motions: Vec<f64>,
     /// Speed and acceleration of both in single precision; (families, 2, 2, points with padding).
@@ -30,14 +30,14 @@ pub(super) struct CoarseSpeeds<'a> {
 
 /// What is found at the points of a motion along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct ProfileCheck {
     /// It may break a limit of the vehicle.
     pub(super) is_doubtful: bool,
     /// Its speed is below that for polynomials of time somewhere.
     pub(super) is_slow: bool,
 }
 
-impl Families {
+impl VelocityKeepingProfiles {
     /// Begins anew, with tables of `stride` points.
     pub(super) fn clear(&mut self, stride: usize) {
         self.motions.clear();
@@ -69,7 +69,7 @@ impl Families {
 
     /// Arc length at a point [m].
     #[inline]
-    pub(super) fn place(&self, family: usize, end_velocity: f64, point: usize) -> f64 {
+    pub(super) fn arc_length(&self, family: usize, end_velocity: f64, point: usize) -> f64 {
         let (rest, rise) = self.parts(family);
         rest[point] + end_velocity * rise[point]
     }
@@ -87,8 +87,8 @@ impl Families {
     }
 
     /// Looks at a motion in single precision.
-    pub(super) fn look(&self, family: usize, end_velocity: f64, limits: &AlongPath) -> Found {
-        look_at(&self.coarse[family * 4 * self.stride..(family + 1) * 4 * self.stride], end_velocity as f32, limits)
+    pub(super) fn check(&self, family: usize, end_velocity: f64, limits: &LongitudinalLimits) -> ProfileCheck {
+        checked(&self.coarse[family * 4 * self.stride..(family + 1) * 4 * self.stride], end_velocity as f32, limits)
     }
 
     /// Speeds of a motion.
@@ -99,7 +99,7 @@ impl Families {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn write_family = family_at, (
         polynomials: &[Polynomial; 2],
         end_time: f64,
@@ -138,7 +138,7 @@ fn family_at(polynomials: &[Polynomial; 2], end_time: f64, times: &[f64], motion
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn write_sums = sums_of, (rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64])
 }
 
@@ -151,7 +151,7 @@ fn sums_of(rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64]) {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn raise_to_sums = raise_all, (rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64])
 }
 
@@ -165,7 +165,7 @@ fn raise_all(rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64]) {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// Not 0 if a sum with the first factor is negative or one with the second is above `length`.
     fn leaves = leaving, (rest: &[f64], rise: &[f64], factors: [f64; 2], length: f64) -> u64
 }
@@ -182,12 +182,12 @@ fn leaving(rest: &[f64], rise: &[f64], [low, high]: [f64; 2], length: f64) -> u6
     found
 }
 
-for_wide_machines! {
-    fn look_at = found_at, (coarse: &[f32], end_velocity: f32, limits: &AlongPath) -> Found
+multiversion! {
+    fn checked = check_at, (coarse: &[f32], end_velocity: f32, limits: &LongitudinalLimits) -> ProfileCheck
 }
 
 #[inline(always)]
-fn found_at(coarse: &[f32], end_velocity: f32, limits: &AlongPath) -> Found {
+fn check_at(coarse: &[f32], end_velocity: f32, limits: &LongitudinalLimits) -> ProfileCheck {
     let n = coarse.len() / 4;
     let (speed, acceleration) = (&coarse[..n], &coarse[n..2 * n]);
     let (more_speed, more_acceleration) = (&coarse[2 * n..3 * n], &coarse[3 * n..4 * n]);
@@ -198,7 +198,7 @@ fn found_at(coarse: &[f32], end_velocity: f32, limits: &AlongPath) -> Found {
         doubts |= u32::from(!limits.surely_holds(v, a));
         slow |= u32::from(v < limits.low_velocity);
     }
-    Found { is_doubtful: doubts != 0, is_slow: slow != 0 }
+    ProfileCheck { is_doubtful: doubts != 0, is_slow: slow != 0 }
 }
 
 #[cfg(test)]
@@ -210,15 +210,15 @@ mod tests {
     fn members_of_a_family_are_the_polynomials_with_their_end_speeds() {
         let mut random = Lcg::new(4);
         let times: Vec<f64> = (0..32).map(|i| 0.1 * f64::from(i)).collect();
-        let mut families = Families::default();
+        let mut profiles = VelocityKeepingProfiles::default();
         for _ in 0..100 {
             let from = [random.within(0.0, 500.0), random.within(0.0, 30.0), random.within(-5.0, 3.0)];
             let (end_time, end_velocity) = (random.within(0.5, 3.0), random.within(0.0, 30.0));
             let polynomial = Polynomial::to_slope(from, end_velocity, end_time);
-            families.clear(times.len());
-            let family = families.push(from, end_time, &times);
+            profiles.clear(times.len());
+            let family = profiles.push(from, end_time, &times);
             let mut motion = [0.0; 32 * N_MOTION];
-            families.write(family, end_velocity, &mut motion);
+            profiles.write(family, end_velocity, &mut motion);
             for (i, time) in times.iter().enumerate() {
                 let [mut s, mut s_dot, mut s_ddot, _] = polynomial.at(time.min(end_time));
                 if *time > end_time {
@@ -228,12 +228,12 @@ mod tests {
                 for (found, expected) in found.into_iter().zip([s, s_dot, s_ddot]) {
                     assert!((found - expected).abs() < 1e-11 * expected.abs().max(100.0), "{found} {expected}");
                 }
-                assert_eq!(families.place(family, end_velocity, i), motion[i]);
+                assert_eq!(profiles.arc_length(family, end_velocity, i), motion[i]);
             }
             assert_eq!(motion[0], from[0]);
             let furthest = motion[31];
-            assert!(families.stays_within(family, [end_velocity; 2], furthest + 5.0) || from[0] < 5.0);
-            assert!(!families.stays_within(family, [end_velocity; 2], furthest - 0.1));
+            assert!(profiles.stays_within(family, [end_velocity; 2], furthest + 5.0) || from[0] < 5.0);
+            assert!(!profiles.stays_within(family, [end_velocity; 2], furthest - 0.1));
         }
     }
 }

@@ -1,20 +1,20 @@
-//! What is known about rows before anybody looks at their samples.
+//! What is known about profiles before anybody looks at their samples.
 
 use super::super::cost::TableCosts;
-use super::super::desired::Desired;
 use super::super::feasibility::Limits;
+use super::super::grid::SampleGrid;
 use super::super::obstacles::Obstacles;
-use super::super::previous::Previous;
-use super::super::sample::Samples;
+use super::super::targets::Targets;
+use super::super::warm_start::WarmStart;
 use super::choice::random_drive;
 use crate::geometry::shape::Lcg;
 use crate::plan::frame::Start;
 use crate::plan::frenet::{FrenetSettings, Rejection, n_points, prepare};
 
 /// Rows of many situations, with their costs and limits.
-fn for_random_plans(mut look: impl FnMut(&mut Samples, &mut TableCosts, &Limits, &crate::plan::PlanRequest)) {
+fn for_random_plans(mut look: impl FnMut(&mut SampleGrid, &mut TableCosts, &Limits, &crate::plan::PlanRequest)) {
     let mut random = Lcg::new(17);
-    let (mut samples, mut costs) = (Samples::default(), TableCosts::default());
+    let (mut samples, mut costs) = (SampleGrid::default(), TableCosts::default());
     for world in 0..120 {
         let mut drive = random_drive(&mut random);
         if world % 4 == 0 {
@@ -30,13 +30,13 @@ fn for_random_plans(mut look: impl FnMut(&mut Samples, &mut TableCosts, &Limits,
         drive.with_request(|request| {
             let Ok(start) = Start::new(request, true) else { return };
             let limits = Limits::new(request, n_points(request, &settings), start.curvature, 1.0);
-            let mut desired = Desired::new(request, &start, &settings);
+            let mut targets = Targets::new(request, &start, &settings);
             if world % 3 == 0 {
-                desired.velocity = random.within(0.0, 30.0);
+                targets.velocity = random.within(0.0, 30.0);
             }
-            let (mut obstacles, mut previous) = (Obstacles::default(), Previous::default());
-            let tables = (&mut samples, &mut costs, &mut obstacles, &mut previous);
-            prepare(request, &settings, (&start, &desired, &limits), tables);
+            let (mut obstacles, mut warm_start) = (Obstacles::default(), WarmStart::default());
+            let tables = (&mut samples, &mut costs, &mut obstacles, &mut warm_start);
+            prepare(request, &settings, (&start, &targets, &limits), tables);
             look(&mut samples, &mut costs, &limits, request);
         });
     }
@@ -48,16 +48,16 @@ fn bounds_of_rows_are_never_above_the_costs_of_their_samples_and_mostly_close() 
     let (mut n_rows, mut n_close) = (0, 0);
     for_random_plans(|samples, costs, _, request| {
         let path = &request.route.path;
-        for row in 0..samples.rows.len() {
-            let first = costs.bounds[row];
-            if samples.rows[row].rejection != Rejection::Admissible {
+        for profile in 0..samples.profiles.len() {
+            let first = costs.bounds[profile];
+            if samples.profiles[profile].rejection != Rejection::Admissible {
                 assert_eq!(first, f64::INFINITY);
                 continue;
             }
-            let tight = costs.tighten(samples, row, &weights, path).expect("it was not tight before");
-            costs.compute_row(samples, row, &weights, path);
-            let n_lanes = samples.lanes.len();
-            let totals = &costs.total[row * n_lanes..(row + 1) * n_lanes];
+            let tight = costs.tighten(samples, profile, &weights, path).expect("it was not tight before");
+            costs.compute_profile(samples, profile, &weights, path);
+            let n_offsets = samples.end_offsets.len();
+            let totals = &costs.total[profile * n_offsets..(profile + 1) * n_offsets];
             let least = totals.iter().copied().fold(f64::INFINITY, f64::min);
             assert!(first > 0.0 && first <= tight && tight <= least, "{first} {tight} {least}");
             n_rows += 1;
@@ -71,21 +71,21 @@ fn bounds_of_rows_are_never_above_the_costs_of_their_samples_and_mostly_close() 
 fn rows_that_are_not_rejected_keep_the_limits_along_the_path_and_no_arc_length_is_beyond_the_furthest() {
     let mut n_rejected = 0;
     for_random_plans(|samples, _, limits, request| {
-        for row in 0..samples.rows.len() {
-            samples.load_motion(row);
-            let is_admissible = samples.rows[row].rejection == Rejection::Admissible;
+        for profile in 0..samples.profiles.len() {
+            samples.load_motion(profile);
+            let is_admissible = samples.profiles[profile].rejection == Rejection::Admissible;
             n_rejected += usize::from(!is_admissible);
-            let motion = samples.motions(row);
+            let motion = samples.motions(profile);
             let slowest = motion.s_dot.iter().copied().fold(f64::INFINITY, f64::min);
             assert!(slowest >= 0.0);
-            assert!(samples.rows[row].is_over_arc || slowest > 2.0 - 1e-4, "{slowest}");
+            assert!(samples.profiles[profile].is_over_arc || slowest > 2.0 - 1e-4, "{slowest}");
             for i in (0..limits.n_points).filter(|_| is_admissible) {
                 let found = limits.check_along_path(motion.s_dot[i], motion.s_ddot[i], i);
                 assert_eq!(found, Rejection::Admissible);
                 assert!((0.0..=request.route.path.length()).contains(&motion.s[i]));
                 assert!(motion.s[i] <= samples.furthest[i]);
             }
-            assert_eq!(motion.s[limits.n_points - 1], samples.last_place(row));
+            assert_eq!(motion.s[limits.n_points - 1], samples.last_place(profile));
         }
     });
     assert!(n_rejected > 500, "{n_rejected}");

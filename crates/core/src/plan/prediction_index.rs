@@ -3,19 +3,19 @@
 use crate::geometry::Point;
 use crate::geometry::directions::write_directions;
 use crate::geometry::shape::OrientedBox;
+use crate::simd::multiversion;
 use crate::trajectory::Predictions;
-use crate::wide::for_wide_machines;
 
 /// Directions and regions of all modes.
 #[derive(Debug, Clone, Default)]
-pub struct Outlook {
+pub struct PredictionIndex {
     /// Unit vectors along the headings, first all x, then all y; (0, 0) where nobody is expected.
     axes: Vec<f64>,
     /// Boxes around the positions, now and expected, along the way; shape (participants, modes).
     pub(super) regions: Vec<OrientedBox>,
 }
 
-impl Outlook {
+impl PredictionIndex {
     /// Of some predictions, and of where their participants are now: world frame [m], one per row of the predictions.
     ///
     /// # Panics
@@ -77,7 +77,7 @@ fn around(now: Point, way: Way) -> OrientedBox {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// How far the positions are behind, ahead, right and left of a place.
     fn spread = spread_at, (from: Point, axis: Point, way: Way) -> [f64; 4]
 }

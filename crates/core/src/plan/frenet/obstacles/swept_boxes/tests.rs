@@ -79,17 +79,17 @@ fn crowd(random: &mut Lcg) -> (Vec<OrientedBox>, Vec<Vec<OrientedBox>>) {
 #[test]
 fn the_sieve_finds_every_overlap_in_order_and_nothing_beyond_what_is_known() {
     let mut random = Lcg::new(7);
-    let (reach, mut sweeps, mut single) = (everywhere(), Sweeps::default(), Sweeps::default());
+    let (reach, mut swept_boxes, mut single) = (everywhere(), SweptBoxes::default(), SweptBoxes::default());
     let (mut n_overlapping, mut n_sieved) = (0, 0);
     for _ in 0..600 {
         let (own, others) = crowd(&mut random);
-        sweeps.begin(STRIDE);
+        swept_boxes.begin(STRIDE);
         for other in &others {
-            assert!(sweeps.push(&poses(other), half(other), &reach), "everything is in reach");
+            assert!(swept_boxes.push(&poses(other), half(other), &reach), "everything is in reach");
         }
         single.set(STRIDE, &poses(&own), half(&own));
-        let any = sweeps.sieve(&single);
-        let found: Vec<(usize, usize)> = sweeps.found().collect();
+        let any = swept_boxes.broad_phase(&single);
+        let found: Vec<(usize, usize)> = swept_boxes.found().collect();
         assert_eq!(any, !found.is_empty());
         assert!(found.is_sorted() && found.iter().all(|(interval, _)| *interval < N_POINTS - 1));
         for interval in 0..N_POINTS - 1 {
@@ -110,10 +110,10 @@ fn boxes_are_those_of_double_precision() {
     let mut random = Lcg::new(8);
     for _ in 0..300 {
         let own = drive(FAR + Point::new(random.within(-300.0, 300.0), 0.0), &mut random);
-        let mut sweeps = Sweeps::default();
-        sweeps.set(STRIDE, &poses(&own), half(&own));
+        let mut swept_boxes = SweptBoxes::default();
+        swept_boxes.set(STRIDE, &poses(&own), half(&own));
         for interval in 0..N_POINTS - 1 {
-            let boxes = &sweeps.boxes[interval / GROUP];
+            let boxes = &swept_boxes.boxes[interval / GROUP];
             let [x, y, axis_x, axis_y, half_length, half_width] = boxes.map(|row| f64::from(row[interval % GROUP]));
             let exact = swept(&own, interval);
             let center = FAR + Point::new(x, y);
@@ -142,13 +142,13 @@ fn a_body_out_of_reach_is_left_out_and_one_that_gets_there_is_not() {
         poses.stand(STRIDE, &OrientedBox::new(pose, 4.0, 2.0), FAR);
         poses
     };
-    let mut sweeps = Sweeps::default();
-    sweeps.begin(STRIDE);
-    assert!(!sweeps.push(&standing(50.0, 3.1), (2.0, 1.0), &reach));
-    assert!(sweeps.push(&standing(50.0, 2.9), (2.0, 1.0), &reach));
-    assert!(sweeps.push(&standing(123.0, 0.0), (2.0, 1.0), &reach), "at the last point");
-    assert!(!sweeps.push(&standing(125.0, 0.0), (2.0, 1.0), &reach));
-    assert_eq!(sweeps.counts, [true, true, false, true]);
+    let mut swept_boxes = SweptBoxes::default();
+    swept_boxes.begin(STRIDE);
+    assert!(!swept_boxes.push(&standing(50.0, 3.1), (2.0, 1.0), &reach));
+    assert!(swept_boxes.push(&standing(50.0, 2.9), (2.0, 1.0), &reach));
+    assert!(swept_boxes.push(&standing(123.0, 0.0), (2.0, 1.0), &reach), "at the last point");
+    assert!(!swept_boxes.push(&standing(125.0, 0.0), (2.0, 1.0), &reach));
+    assert_eq!(swept_boxes.counts, [true, true, false, true]);
 }
 
 #[test]
@@ -158,8 +158,8 @@ fn wide_machines_find_the_same() {
     let mut n_found = 0;
     for _ in 0..300 {
         let (own, others) = crowd(&mut random);
-        let (mut wide, mut narrow) = (Sweeps::default(), Sweeps::default());
-        let mut single = Sweeps::default();
+        let (mut wide, mut narrow) = (SweptBoxes::default(), SweptBoxes::default());
+        let mut single = SweptBoxes::default();
         single.set(STRIDE, &poses(&own), half(&own));
         wide.begin(STRIDE);
         narrow.begin(STRIDE);
@@ -168,11 +168,11 @@ fn wide_machines_find_the_same() {
             write_boxes(&mut wide, &poses(other), size, Some(&reach));
             boxes_at(&mut narrow, &poses(other), size, Some(&reach));
         }
-        let bits = |sweeps: &Sweeps| {
-            sweeps.boxes.iter().flatten().flatten().map(|number| number.to_bits()).collect::<Vec<_>>()
+        let bits = |swept_boxes: &SweptBoxes| {
+            swept_boxes.boxes.iter().flatten().flatten().map(|number| number.to_bits()).collect::<Vec<_>>()
         };
         assert_eq!(bits(&wide), bits(&narrow));
-        assert_eq!(sieved(&mut wide, &single), sieved_at(&mut narrow, &single));
+        assert_eq!(find_overlaps(&mut wide, &single), overlaps_of(&mut narrow, &single));
         assert_eq!(wide.found, narrow.found);
         n_found += wide.found().count();
     }

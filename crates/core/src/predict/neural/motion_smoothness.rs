@@ -8,7 +8,7 @@ const ROUGH_WINDOWS: [usize; 3] = [4, 6, 10];
 /// Number of instants of the windows over which unsteadiness is told: 1 and 2 s.
 const STEADY_WINDOWS: [usize; 2] = [5, 10];
 /// Number of values.
-pub const N_EVENNESS: usize = 2 * ROUGH_WINDOWS.len() + STEADY_WINDOWS.len();
+pub const N_SMOOTHNESS: usize = 2 * ROUGH_WINDOWS.len() + STEADY_WINDOWS.len();
 /// A roughness [m] whose logarithm is nearly 0.
 const ROUGHNESS: f64 = 0.01;
 /// An unsteadiness [m/s] whose logarithm is nearly 0.
@@ -25,7 +25,7 @@ const LEAST: f64 = 0.1;
 ///
 /// `past` has along, across [m] and difference of speed [m/s] at each instant, less any motion at constant velocity; the
 /// first `n_exact` are those of time steps. Positions between time steps would have the roughness of the interpolation.
-pub fn evenness(past: &[Option<[f64; 3]>; N_INSTANTS], n_exact: usize) -> [f64; N_EVENNESS] {
+pub fn motion_smoothness(past: &[Option<[f64; 3]>; N_INSTANTS], n_exact: usize) -> [f64; N_SMOOTHNESS] {
     let n_known = past.iter().take_while(|instant| instant.is_some()).count();
     let at = |k: usize, axis: usize| if k == 0 { 0.0 } else { past[k - 1].map_or(0.0, |instant| instant[axis]) };
     let rough = |window: usize, axis: usize| {
@@ -45,7 +45,7 @@ pub fn evenness(past: &[Option<[f64; 3]>; N_INSTANTS], n_exact: usize) -> [f64; 
         let largest = (1..=n).fold(0.0_f64, |largest, k| largest.max(at(k, 2).abs()));
         (largest / UNSTEADINESS + LEAST).ln()
     };
-    let mut values = [0.0; N_EVENNESS];
+    let mut values = [0.0; N_SMOOTHNESS];
     for (k, window) in ROUGH_WINDOWS.into_iter().enumerate() {
         values[k] = rough(window, 0);
         values[ROUGH_WINDOWS.len() + k] = rough(window, 1);
@@ -60,8 +60,8 @@ pub fn evenness(past: &[Option<[f64; 3]>; N_INSTANTS], n_exact: usize) -> [f64; 
 mod tests {
     use super::*;
 
-    fn evenness(past: &[Option<[f64; 3]>; N_INSTANTS]) -> [f64; N_EVENNESS] {
-        super::evenness(past, past.iter().flatten().count())
+    fn motion_smoothness(past: &[Option<[f64; 3]>; N_INSTANTS]) -> [f64; N_SMOOTHNESS] {
+        super::motion_smoothness(past, past.iter().flatten().count())
     }
 
     fn past(known: usize, of: impl Fn(f64) -> [f64; 3]) -> [Option<[f64; 3]>; N_INSTANTS] {
@@ -70,22 +70,22 @@ mod tests {
 
     #[test]
     fn even_acceleration_is_not_rough_and_jerk_is() {
-        let found = evenness(&past(10, |t| [0.5 * t * t, 0.0, t]));
+        let found = motion_smoothness(&past(10, |t| [0.5 * t * t, 0.0, t]));
         assert!(found[..6].iter().all(|value| (value - LEAST.ln()).abs() < 1e-9), "{found:?}");
         assert!((found[6] - (1.0_f64 / 0.1 + 0.1).ln()).abs() < 1e-9 && found[7] > found[6], "{found:?}");
-        let found = evenness(&past(10, |t| [0.0, t.powi(3) / 6.0, 0.0]));
+        let found = motion_smoothness(&past(10, |t| [0.0, t.powi(3) / 6.0, 0.0]));
         assert!(found[3..6].iter().all(|value| (value - (0.8_f64 + 0.1).ln()).abs() < 1e-9), "8 mm: {found:?}");
         assert!((found[0] - LEAST.ln()).abs() < 1e-9, "not along");
     }
 
     #[test]
     fn a_short_past_tells_what_it_can() {
-        assert_eq!(evenness(&past(0, |_| [1.0; 3])), [0.0; N_EVENNESS]);
-        let found = evenness(&past(2, |_| [0.3, 0.0, 0.4]));
+        assert_eq!(motion_smoothness(&past(0, |_| [1.0; 3])), [0.0; N_SMOOTHNESS]);
+        let found = motion_smoothness(&past(2, |_| [0.3, 0.0, 0.4]));
         assert!(found[..6].iter().all(|value| *value == 0.0) && found[6] > 1.0, "{found:?}");
-        let found = evenness(&past(3, |t| [t.powi(3) / 6.0, 0.0, 0.0]));
+        let found = motion_smoothness(&past(3, |t| [t.powi(3) / 6.0, 0.0, 0.0]));
         assert!(found[..3].iter().all(|value| (value - 0.9_f64.ln()).abs() < 1e-9), "one difference: {found:?}");
-        let found = super::evenness(&past(10, |t| [t.powi(3) / 6.0, 0.0, t]), 2);
+        let found = super::motion_smoothness(&past(10, |t| [t.powi(3) / 6.0, 0.0, t]), 2);
         assert!(found[..6].iter().all(|value| *value == 0.0) && found[6] > 1.0, "interpolated: {found:?}");
     }
 }

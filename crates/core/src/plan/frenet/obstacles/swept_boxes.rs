@@ -1,8 +1,8 @@
-//! What bodies cover during each interval of a plan, in single precision: a sieve that lets through all that overlap.
+//! What bodies cover during each interval of a plan, in single precision: a broad phase that lets through all that overlap.
 
 use super::poses::{Poses, Stretch};
 use super::reach::{GROUP, ROUNDING, Reach};
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// Numbers of a box: centre, axis, half length and width.
 const N_NUMBERS: usize = 6;
@@ -12,7 +12,7 @@ type Boxes = [[f32; GROUP]; N_NUMBERS];
 
 /// Swept boxes of several bodies; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Sweeps {
+pub(super) struct SweptBoxes {
     /// (bodies, groups of intervals)
     boxes: Vec<Boxes>,
     /// The boxes of a group are to be looked at; likewise.
@@ -22,7 +22,7 @@ pub(super) struct Sweeps {
     found: Vec<u8>,
 }
 
-impl Sweeps {
+impl SweptBoxes {
     /// Forgets all; for so many intervals with padding.
     pub(super) fn begin(&mut self, stride: usize) {
         self.boxes.clear();
@@ -54,8 +54,8 @@ impl Sweeps {
     }
 
     /// Looks for bodies that may overlap a single one; false if there is none.
-    pub(super) fn sieve(&mut self, single: &Sweeps) -> bool {
-        sieved(self, single)
+    pub(super) fn broad_phase(&mut self, single: &SweptBoxes) -> bool {
+        find_overlaps(self, single)
     }
 
     /// Intervals in which something was found, ascending; with bodies, ascending.
@@ -72,13 +72,13 @@ impl Sweeps {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     /// Appends the boxes of a body.
-    fn write_boxes = boxes_at, (out: &mut Sweeps, poses: &Poses, half: [f32; 2], reach: Option<&Reach>)
+    fn write_boxes = boxes_at, (out: &mut SweptBoxes, poses: &Poses, half: [f32; 2], reach: Option<&Reach>)
 }
 
 #[inline(always)]
-fn boxes_at(out: &mut Sweeps, poses: &Poses, half: [f32; 2], reach: Option<&Reach>) {
+fn boxes_at(out: &mut SweptBoxes, poses: &Poses, half: [f32; 2], reach: Option<&Reach>) {
     for group in 0..out.n_groups {
         let boxes = spanning(&poses.stretch(group), half);
         let counts = reach.is_none_or(|reach| is_near(&boxes, &reach.sides(group), reach.axis()));
@@ -147,13 +147,13 @@ fn is_near(boxes: &Boxes, sides: &[[f32; GROUP]; 4], [ahead_x, ahead_y]: [f32; 2
     near != 0
 }
 
-for_wide_machines! {
-    fn sieved = sieved_at, (bodies: &mut Sweeps, single: &Sweeps) -> bool
+multiversion! {
+    fn find_overlaps = overlaps_of, (bodies: &mut SweptBoxes, single: &SweptBoxes) -> bool
 }
 
 #[inline(always)]
-fn sieved_at(bodies: &mut Sweeps, single: &Sweeps) -> bool {
-    let Sweeps { boxes, counts, n_groups, found } = bodies;
+fn overlaps_of(bodies: &mut SweptBoxes, single: &SweptBoxes) -> bool {
+    let SweptBoxes { boxes, counts, n_groups, found } = bodies;
     found.clear();
     found.resize(counts.len(), 0);
     let mut any = 0;

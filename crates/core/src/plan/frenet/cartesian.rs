@@ -2,23 +2,23 @@
 
 use super::super::frame::{FrenetPoint, STRETCH_MIN, Waypoint};
 use super::feasibility::{Limits, Turning};
+use super::grid::{PathPoints, ProfilePoints};
 use super::lateral::LateralPoints;
-use super::sample::{Motions, PathPoints};
 use crate::geometry::Point;
 use crate::geometry::polyline::PathPoint;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 /// What is known about a sample in the frame of the path.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample<'a> {
-    pub(super) motion: Motions<'a>,
+pub(super) struct FrenetTrajectory<'a> {
+    pub(super) motion: ProfilePoints<'a>,
     pub(super) path: PathPoints<'a>,
     pub(super) lateral: LateralPoints<'a>,
-    pub(super) lane: f64,
+    pub(super) end_offset: f64,
     pub(super) is_over_arc: bool,
 }
 
-impl Sample<'_> {
+impl FrenetTrajectory<'_> {
     /// Path and place beside it at one point.
     #[inline(always)]
     pub(super) fn at(&self, i: usize) -> (PathPoint, FrenetPoint) {
@@ -32,7 +32,7 @@ impl Sample<'_> {
             curvature_rate: path.curvature_rate[i],
         };
         let (s_dot, s_ddot) = (self.motion.s_dot[i], self.motion.s_ddot[i]);
-        let [d, mut d_prime, mut d_prime2] = self.lateral.at(i, self.lane);
+        let [d, mut d_prime, mut d_prime2] = self.lateral.at(i, self.end_offset);
         if !self.is_over_arc {
             let per_speed = 1.0 / s_dot;
             d_prime *= per_speed;
@@ -45,10 +45,14 @@ impl Sample<'_> {
     #[inline(always)]
     fn cut(&self, first: usize, n: usize) -> Self {
         let range = first..first + n;
-        let Motions { s, s_dot, s_ddot } = self.motion;
+        let ProfilePoints { s, s_dot, s_ddot } = self.motion;
         let PathPoints { x, y, theta, cos, sin, curvature, curvature_rate } = self.path;
         Self {
-            motion: Motions { s: &s[range.clone()], s_dot: &s_dot[range.clone()], s_ddot: &s_ddot[range.clone()] },
+            motion: ProfilePoints {
+                s: &s[range.clone()],
+                s_dot: &s_dot[range.clone()],
+                s_ddot: &s_ddot[range.clone()],
+            },
             path: PathPoints {
                 x: &x[range.clone()],
                 y: &y[range.clone()],
@@ -80,11 +84,11 @@ struct Block {
     d: [f64; BLOCK],
 }
 
-for_wide_machines! {
+multiversion! {
     /// Writes the trajectory of a sample; false if it is undefined somewhere or breaks a limit, and then what is written
     /// is of no use.
     pub(super) fn write = write_blocks, (
-        sample: &Sample,
+        sample: &FrenetTrajectory,
         limits: &Limits,
         center: f64,
         out: &mut Vec<Waypoint>,
@@ -92,7 +96,7 @@ for_wide_machines! {
 }
 
 #[inline(always)]
-fn write_blocks(sample: &Sample, limits: &Limits, center: f64, out: &mut Vec<Waypoint>) -> bool {
+fn write_blocks(sample: &FrenetTrajectory, limits: &Limits, center: f64, out: &mut Vec<Waypoint>) -> bool {
     out.resize(limits.n_points, Waypoint::default());
     let out = &mut out[..limits.n_points];
     // Neighbouring blocks share a point, so that every step lies in one of them.
@@ -113,7 +117,7 @@ fn write_blocks(sample: &Sample, limits: &Limits, center: f64, out: &mut Vec<Way
 
 #[inline(always)]
 fn write_block<const IS_OVER_ARC: bool>(
-    sample: &Sample,
+    sample: &FrenetTrajectory,
     first: usize,
     limits: &Limits,
     center: f64,
@@ -133,7 +137,7 @@ fn write_block<const IS_OVER_ARC: bool>(
         d: zeros,
     };
     let n = out.len().min(BLOCK);
-    let sample = Sample { is_over_arc: IS_OVER_ARC, ..sample.cut(first, n) };
+    let sample = FrenetTrajectory { is_over_arc: IS_OVER_ARC, ..sample.cut(first, n) };
     let mut undefined = 0_u64;
     for i in 0..n {
         let (at, frenet) = sample.at(i);

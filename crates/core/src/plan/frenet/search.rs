@@ -85,7 +85,7 @@ pub(super) enum Refined {
 }
 
 /// Who knows the samples.
-pub(super) trait Search {
+pub(super) trait SearchSpace {
     /// A better bound of a group than the one before, if there is one; not below it.
     fn tighten(&mut self, group: usize) -> Option<f64>;
 
@@ -98,14 +98,14 @@ pub(super) trait Search {
 
 /// Queue and memory of `best_first`.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Heap {
+pub(super) struct Queue {
     entries: BinaryHeap<Reverse<Entry>>,
     /// Samples of the groups that were opened, and which of them (a run per group) are not in the queue yet.
     opened: Vec<Entry>,
     runs: Vec<Range<usize>>,
 }
 
-impl Heap {
+impl Queue {
     /// Queues the best sample of a run that is not queued yet.
     fn push_next(&mut self, run: usize) {
         let rest = &mut self.opened[self.runs[run].clone()];
@@ -131,36 +131,36 @@ impl Heap {
 }
 
 /// Begins a search anew.
-pub(super) fn start(heap: &mut Heap, entries: impl Iterator<Item = Entry>) {
-    let mut memory = std::mem::take(&mut heap.entries).into_vec();
+pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>) {
+    let mut memory = std::mem::take(&mut queue.entries).into_vec();
     memory.clear();
     memory.extend(entries.filter(|entry| entry.bound().is_finite()).map(Reverse));
-    heap.entries = BinaryHeap::from(memory);
-    heap.opened.clear();
-    heap.runs.clear();
+    queue.entries = BinaryHeap::from(memory);
+    queue.opened.clear();
+    queue.runs.clear();
 }
 
-/// The admissible sample with the smallest (cost, index) and its cost. What the heap was started with are lower bounds
+/// The admissible sample with the smallest (cost, index) and its cost. What the queue was started with are lower bounds
 /// of the costs, infinite for what is rejected already.
 ///
 /// A sample is only returned when it is complete and everybody else's (bound, index) is larger. As no cost is below its
 /// bound, the result is that of `exhaustive`.
-pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(usize, f64)> {
-    while let Some(Reverse(mut entry)) = heap.entries.pop() {
+pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
+    while let Some(Reverse(mut entry)) = queue.entries.pop() {
         let index = entry.index();
         if let Some(group) = entry.group_number() {
             if let Some(bound) = search.tighten(group) {
                 entry = entry.with(bound);
-                if heap.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
-                    heap.entries.push(Reverse(entry));
+                if queue.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
+                    queue.entries.push(Reverse(entry));
                     continue;
                 }
             }
-            heap.push_group(index, search.open(group));
+            queue.push_group(index, search.open(group));
             continue;
         }
         if let Some(run) = entry.run() {
-            heap.push_next(run);
+            queue.push_next(run);
             entry = entry.followed_by(None);
         }
         loop {
@@ -169,13 +169,13 @@ pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(u
                 Refined::Bound(bound) => entry = entry.with(bound),
                 Refined::Cost(cost) => {
                     entry = entry.with(cost);
-                    if heap.entries.peek().is_none_or(|Reverse(next)| entry < *next) {
+                    if queue.entries.peek().is_none_or(|Reverse(next)| entry < *next) {
                         return Some((index, cost));
                     }
                 }
             }
-            if heap.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
-                heap.entries.push(Reverse(entry));
+            if queue.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
+                queue.entries.push(Reverse(entry));
                 break;
             }
         }
@@ -184,9 +184,9 @@ pub(super) fn best_first(heap: &mut Heap, search: &mut impl Search) -> Option<(u
 }
 
 /// The same by evaluating every sample to its end.
-pub(super) fn exhaustive(heap: &Heap, search: &mut impl Search) -> Option<(usize, f64)> {
+pub(super) fn exhaustive(queue: &Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
-    let mut entries: Vec<Entry> = heap.entries.iter().map(|Reverse(entry)| *entry).collect();
+    let mut entries: Vec<Entry> = queue.entries.iter().map(|Reverse(entry)| *entry).collect();
     entries.sort_unstable_by_key(|entry| entry.index());
     for entry in entries {
         let (bound, index, group) = (entry.bound(), entry.index(), entry.group_number());
@@ -225,7 +225,7 @@ mod tests {
         work: usize,
     }
 
-    impl Search for Sums<'_> {
+    impl SearchSpace for Sums<'_> {
         /// Every other group has a better bound, once.
         fn tighten(&mut self, group: usize) -> Option<f64> {
             let bounds = self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]);
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn best_first_returns_the_exhaustive_choice_with_less_work() {
         let mut random = Lcg::new(3);
-        let mut heap = Heap::default();
+        let mut queue = Queue::default();
         let (mut lazy_work, mut full_work) = (0, 0);
         for _ in 0..200 {
             // On a coarse grid, so that ties happen; a quarter is rejected.
@@ -273,12 +273,12 @@ mod tests {
                 Entry::group(first - f64::from(u8::from(group.is_multiple_of(2))), group * GROUP, group)
             });
             let alone = (90..n).map(|i| Entry::sample(parts[i][0], i));
-            start(&mut heap, groups.chain(alone));
+            start(&mut queue, groups.chain(alone));
             let search =
                 || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], tightened: vec![false; 9], work: 0 };
             let (mut lazy, mut full) = (search(), search());
-            let chosen = exhaustive(&heap, &mut full);
-            assert_eq!(best_first(&mut heap, &mut lazy), chosen);
+            let chosen = exhaustive(&queue, &mut full);
+            assert_eq!(best_first(&mut queue, &mut lazy), chosen);
             lazy_work += lazy.work;
             full_work += full.work;
         }
@@ -287,11 +287,11 @@ mod tests {
 
     #[test]
     fn nobody_is_chosen_if_all_are_rejected() {
-        let mut heap = Heap::default();
-        start(&mut heap, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
+        let mut queue = Queue::default();
+        start(&mut queue, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
         let mut search =
             Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], tightened: vec![], work: 0 };
-        assert_eq!(exhaustive(&heap, &mut search), None);
-        assert_eq!(best_first(&mut heap, &mut search), None);
+        assert_eq!(exhaustive(&queue, &mut search), None);
+        assert_eq!(best_first(&mut queue, &mut search), None);
     }
 }

@@ -1,14 +1,14 @@
-//! First bounds of rows: by how much the speeds of a row's samples differ from the desired one at least, whatever the
-//! lane. Worked out in single precision for every row, most of which nobody looks at again.
+//! First bounds of profiles: by how much the speeds of a profile's samples differ from the desired one at least, whatever the
+//! end offset. Worked out in single precision for every profile, most of which nobody looks at again.
 //!
 //! Rounding: speeds are off by less than `SPEED_ROUNDING` of the speeds that they are made of, and sums by less than
 //! `ROUNDING` of themselves per addition and for what is done with each term; bounds are lowered by as much.
 
-use super::families::{BLOCK, CoarseSpeeds};
+use super::grid::SampleGrid;
 use super::lateral::LateralPoints;
-use super::sample::Samples;
+use super::velocity_keeping_profiles::{BLOCK, CoarseSpeeds};
 use crate::geometry::polyline::ReferencePath;
-use crate::wide::for_wide_machines;
+use crate::simd::multiversion;
 
 const SPEED_ROUNDING: f64 = 2e-6;
 /// Of one operation in single precision, and operations that a term of a sum goes through.
@@ -23,10 +23,10 @@ pub(super) struct FirstBounds {
     spreads: Vec<f32>,
     /// 1 for points, 0 for padding.
     counts: Vec<f32>,
-    /// Speeds of a row without family, and zeros.
+    /// Speeds of a profile without family, and zeros.
     alone: Vec<f32>,
     zeros: Vec<f32>,
-    /// Squared gaps at the points of the row at hand.
+    /// Squared gaps at the points of the profile at hand.
     gaps: Vec<f32>,
     /// Largest curvature of the path from the start up to each of its knots [1/m], absolute, and the first of them.
     curvature_up_to: Vec<f64>,
@@ -36,7 +36,7 @@ pub(super) struct FirstBounds {
 }
 
 impl FirstBounds {
-    pub(super) fn prepare(&mut self, samples: &Samples, path: &ReferencePath) {
+    pub(super) fn prepare(&mut self, samples: &SampleGrid, path: &ReferencePath) {
         let n = samples.stride;
         self.counts.clear();
         self.counts.extend((0..n).map(|i| if i < samples.n_points { 1.0 } else { 0.0 }));
@@ -44,7 +44,7 @@ impl FirstBounds {
         self.zeros.resize(n, 0.0);
         self.gaps.resize(n, 0.0);
         self.spreads.resize(3 * n * samples.lateral.len(), 0.0);
-        let outer = [samples.lanes[0], samples.lanes[samples.lanes.len() - 1]];
+        let outer = [samples.end_offsets[0], samples.end_offsets[samples.end_offsets.len() - 1]];
         for (table, out) in self.spreads.chunks_mut(3 * n).enumerate() {
             write_spread(&samples.lateral.points(table), outer, out);
         }
@@ -52,7 +52,7 @@ impl FirstBounds {
     }
 
     /// The largest curvature up to each knot that samples can reach.
-    fn find_curvatures(&mut self, samples: &Samples, path: &ReferencePath) {
+    fn find_curvatures(&mut self, samples: &SampleGrid, path: &ReferencePath) {
         let knots = path.curvature();
         self.per_spacing = path.spacing().recip();
         let knot = |s: f64| ((s * self.per_spacing) as usize).min(knots.len() - 1);
@@ -68,22 +68,22 @@ impl FirstBounds {
     }
 
     /// The summed squares of what speed and desired speed differ by are at least this, for all samples of an admissible
-    /// row.
-    pub(super) fn gaps(&mut self, samples: &Samples, index: usize, desired: f64) -> f64 {
-        let row = &samples.rows[index];
+    /// profile.
+    pub(super) fn gaps(&mut self, samples: &SampleGrid, index: usize, desired: f64) -> f64 {
+        let profile = &samples.profiles[index];
         // Rounding is covered by the knots that are looked at too many.
         let end = (samples.last_place(index) * self.per_spacing) as usize + 2;
         let place = end.saturating_sub(self.first_knot).min(self.curvature_up_to.len() - 1);
         let curvature = self.curvature_up_to[place];
-        if row.family.is_none() {
+        if profile.family.is_none() {
             self.alone.clear();
             self.alone.extend(samples.motions(index).s_dot.iter().map(|s_dot| *s_dot as f32));
         }
         let alone = CoarseSpeeds { rest: &self.alone, rise: &self.zeros, end_velocity: 0.0 };
         let speeds = samples.coarse_speeds(index).unwrap_or(alone);
-        let rounding = (SPEED_ROUNDING * (desired + samples.speed_scale + row.end_velocity)) as f32;
+        let rounding = (SPEED_ROUNDING * (desired + samples.speed_scale + profile.end_velocity)) as f32;
         let desired = [desired as f32, rounding];
-        let sum = if let Some(table) = row.table {
+        let sum = if let Some(table) = profile.table {
             let spread = &self.spreads[3 * table * samples.stride..3 * (table + 1) * samples.stride];
             gaps_over_time(&speeds, spread, &self.counts, curvature as f32, desired, &mut self.gaps)
         } else {
@@ -98,7 +98,7 @@ impl FirstBounds {
     }
 }
 
-for_wide_machines! {
+multiversion! {
     fn write_spread = spread_at, (points: &LateralPoints, outer: [f64; 2], out: &mut [f32])
 }
 
@@ -132,7 +132,7 @@ pub(super) fn largest(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-for_wide_machines! {
+multiversion! {
     /// For lateral motions by time that spread so much beside a path that bends at most so much; `desired` speed and
     /// what it is off by. Squared gaps are left in `out`.
     fn gaps_over_time = sum_over_time, (
@@ -172,7 +172,7 @@ fn sum_over_time(
     total(out)
 }
 
-for_wide_machines! {
+multiversion! {
     /// For speeds between two multiples of that along the path.
     fn gaps_over_arc = sum_over_arc, (
         speeds: &CoarseSpeeds,

@@ -1,16 +1,16 @@
-//! The samples: motions along the path (rows) times end positions beside it (lanes).
+//! The samples: motions along the path (profiles) times lateral end offsets.
 //!
-//! A row is a function s(t); there is one for every end time and end speed, for every stop target, and two that brake.
-//! A lane is an end position d. Rows that stay above `low_velocity` use lateral polynomials of time, which they share
-//! with all rows of the same end time; the others use polynomials of arc length, which stay well defined at standstill.
+//! A profile is a function s(t); there is one for every end time and end speed, for every stop target, and two that brake.
+//! An end offset is a lateral position d. Profiles that stay above `low_velocity` use lateral polynomials of time, which they share
+//! with all profiles of the same end time; the others use polynomials of arc length, which stay well defined at standstill.
 
 use super::super::frame::Start;
 use super::super::polynomial::{Braking, Polynomial};
-use super::desired::Desired;
-use super::families::{BLOCK, CoarseSpeeds, Families, Found, N_MOTION};
-use super::feasibility::{AlongPath, Limits, Rejection};
-use super::lateral::{Along, LateralPoints, LateralTables};
+use super::feasibility::{Limits, LongitudinalLimits, Rejection};
+use super::lateral::{LateralPoints, LateralTables, LongitudinalMotion};
 use super::settings::FrenetSettings;
+use super::targets::Targets;
+use super::velocity_keeping_profiles::{BLOCK, CoarseSpeeds, N_MOTION, ProfileCheck, VelocityKeepingProfiles};
 use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
@@ -18,38 +18,38 @@ use crate::geometry::polyline::ReferencePath;
 pub(super) const ARC_MIN: f64 = 5.0;
 /// Speeds above minus this [m/s] count as 0.
 const ROUNDING: f64 = 1e-3;
-/// Decelerations of the braking rows as fractions of the largest one.
+/// Decelerations of the braking profiles as fractions of the largest one.
 const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
 const STOP_TIMES: [f64; 4] = [1.25, 1.6, 2.0, 2.4];
 
 /// Arc length and its derivatives by time at one point.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Motion {
+pub(super) struct ProfilePoint {
     pub(super) s: f64,
     pub(super) s_dot: f64,
     pub(super) s_ddot: f64,
 }
 
-/// The same at all points of a row, with padding.
+/// The same at all points of a profile, with padding.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Motions<'a> {
+pub(super) struct ProfilePoints<'a> {
     pub(super) s: &'a [f64],
     pub(super) s_dot: &'a [f64],
     pub(super) s_ddot: &'a [f64],
 }
 
-impl Motions<'_> {
+impl ProfilePoints<'_> {
     /// One point.
     #[inline]
-    pub(super) fn at(&self, point: usize) -> Motion {
-        Motion { s: self.s[point], s_dot: self.s_dot[point], s_ddot: self.s_ddot[point] }
+    pub(super) fn at(&self, point: usize) -> ProfilePoint {
+        ProfilePoint { s: self.s[point], s_dot: self.s_dot[point], s_ddot: self.s_ddot[point] }
     }
 }
 
-/// How a row moves along the path.
+/// How a profile moves along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Course {
+enum ProfileCurve {
     /// A polynomial up to the end time, then constant speed.
     Polynomial(Polynomial),
     Braking(Braking),
@@ -57,15 +57,15 @@ enum Course {
 
 /// One motion along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Row {
-    course: Course,
+pub(super) struct LongitudinalProfile {
+    curve: ProfileCurve,
     /// When the motion ends [s]; from then on the speed is constant.
     pub(super) end_time: f64,
     /// Speed at the end, along the path [m/s].
     pub(super) end_velocity: f64,
     /// Root of the integral of the squared jerk over the horizon.
     pub(super) jerk: f64,
-    /// Its lateral polynomials are of arc length, its own; otherwise of time, shared by all rows of an end time.
+    /// Its lateral polynomials are of arc length, its own; otherwise of time, shared by all profiles of an end time.
     pub(super) is_over_arc: bool,
     /// Table of the lateral polynomials; those of arc length are made when they are needed.
     pub(super) table: Option<usize>,
@@ -82,16 +82,16 @@ pub(super) struct Row {
 #[derive(Clone, Copy)]
 pub(super) struct Inputs<'a> {
     pub(super) start: &'a Start,
-    pub(super) desired: &'a Desired,
+    pub(super) targets: &'a Targets,
     pub(super) limits: &'a Limits,
     pub(super) settings: &'a FrenetSettings,
     pub(super) path: &'a ReferencePath,
 }
 
-/// Numbers per point of a row's path.
+/// Numbers per point of a profile's path.
 const N_PATH: usize = 7;
 
-/// What the path is at all points of a row, with padding.
+/// What the path is at all points of a profile, with padding.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathPoints<'a> {
     pub(super) x: &'a [f64],
@@ -105,14 +105,14 @@ pub(super) struct PathPoints<'a> {
 
 /// All samples of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Samples {
+pub(super) struct SampleGrid {
     pub(super) n_points: usize,
-    /// Points of a row with padding: a multiple of `BLOCK`; the last point is repeated.
+    /// Points of a profile with padding: a multiple of `BLOCK`; the last point is repeated.
     pub(super) stride: usize,
     pub(super) dt: f64,
     /// End positions [m], ascending.
-    pub(super) lanes: Vec<f64>,
-    pub(super) rows: Vec<Row>,
+    pub(super) end_offsets: Vec<f64>,
+    pub(super) profiles: Vec<LongitudinalProfile>,
     /// Largest arc length that a sample has at each point [m], with padding.
     pub(super) furthest: Vec<f64>,
     pub(super) lateral: LateralTables,
@@ -120,16 +120,16 @@ pub(super) struct Samples {
     pub(super) speed_scale: f64,
     /// When the points are [s], with padding.
     times: Vec<f64>,
-    families: Families,
-    /// (rows that were looked at, arc length and derivatives, points with padding)
+    velocity_keeping: VelocityKeepingProfiles,
+    /// (profiles that were looked at, arc length and derivatives, points with padding)
     motions: Vec<f64>,
-    /// (rows that were looked at, what is known, points with padding)
+    /// (profiles that were looked at, what is known, points with padding)
     path: Vec<f64>,
     end_times: Vec<f64>,
     velocities: Vec<f64>,
     /// Of the family at hand, by end speed.
-    found: Vec<Found>,
-    /// Of the row at hand.
+    checks: Vec<ProfileCheck>,
+    /// Of the profile at hand.
     along: Vec<f64>,
     jerks: Vec<f64>,
     /// State of the start, as far as lateral motions need it.
@@ -137,19 +137,19 @@ pub(super) struct Samples {
     is_free: bool,
 }
 
-impl Samples {
+impl SampleGrid {
     /// All motions along the path, and the lateral ones that are shared.
     pub(super) fn generate(&mut self, inputs: &Inputs) {
-        let Inputs { start, desired, limits, settings, path } = *inputs;
+        let Inputs { start, targets, limits, settings, path } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
         self.stride = limits.n_points.next_multiple_of(BLOCK);
-        for buffer in [&mut self.lanes, &mut self.end_times, &mut self.velocities, &mut self.times] {
+        for buffer in [&mut self.end_offsets, &mut self.end_times, &mut self.velocities, &mut self.times] {
             buffer.clear();
         }
         self.times.extend((0..self.stride).map(|i| i.min(self.n_points - 1) as f64 * self.dt));
-        self.rows.clear();
-        self.families.clear(self.stride);
+        self.profiles.clear();
+        self.velocity_keeping.clear(self.stride);
         self.motions.clear();
         self.path.clear();
         self.furthest.clear();
@@ -158,8 +158,8 @@ impl Samples {
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         end_times(settings, &mut self.end_times);
-        grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.lanes);
-        end_velocities(start, desired.velocity, limits, settings, &mut self.velocities);
+        grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.end_offsets);
+        end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
         let from = [start.s, start.s_dot, start.s_ddot];
         self.speed_scale = start.s_dot.abs() + start.s_ddot.abs() * settings.horizon;
         let along = limits.along_path(ROUNDING, settings.low_velocity);
@@ -167,22 +167,22 @@ impl Samples {
         let beside = [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2];
         for t in 0..self.end_times.len() {
             let end_time = self.end_times[t];
-            let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.lanes);
-            let family = self.families.push(from, end_time, &self.times);
+            let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.end_offsets);
+            let family = self.velocity_keeping.push(from, end_time, &self.times);
             let ends = [self.velocities[0], self.velocities[self.velocities.len() - 1]];
-            let stays = self.families.stays_within(family, ends, path.length());
+            let stays = self.velocity_keeping.stays_within(family, ends, path.length());
             let mut fastest = None;
-            self.look_at_members(family, &along);
+            self.check_members(family, &along);
             for v in 0..self.velocities.len() {
                 if self.push_member((family, table, stays), end_time, v, inputs) {
                     fastest = Some(self.velocities[v]);
                 }
             }
             if let Some(fastest) = fastest {
-                self.families.raise(family, fastest, &mut self.furthest);
+                self.velocity_keeping.raise(family, fastest, &mut self.furthest);
             }
         }
-        for target in desired.stop_targets.iter().flatten() {
+        for target in targets.stops.iter().flatten() {
             for factor in STOP_TIMES {
                 let end_time = (factor * stop_time_scale(target - start.s, start.s_dot)).max(settings.t_min);
                 let s = Polynomial::to_rest(from, *target, end_time);
@@ -197,28 +197,28 @@ impl Samples {
     /// Looks at the motions of a family, slow ones first, with as few looks as that takes: a motion between two that
     /// surely hold the limits does so, too, as speed and acceleration are linear in the end speed and their product is
     /// convex in it; and what is faster than a motion that is not slow is not slow.
-    fn look_at_members(&mut self, family: usize, along: &AlongPath) {
-        let look = |v: f64| self.families.look(family, v, along);
+    fn check_members(&mut self, family: usize, along: &LongitudinalLimits) {
+        let look = |v: f64| self.velocity_keeping.check(family, v, along);
         let n = self.velocities.len();
-        self.found.clear();
-        self.found.resize(n, Found { is_doubtful: false, is_slow: false });
+        self.checks.clear();
+        self.checks.resize(n, ProfileCheck { is_doubtful: false, is_slow: false });
         let mut last = n;
         while last > 0 {
             last -= 1;
-            self.found[last] = look(self.velocities[last]);
-            if !self.found[last].is_doubtful {
+            self.checks[last] = look(self.velocities[last]);
+            if !self.checks[last].is_doubtful {
                 break;
             }
         }
         for v in 0..last {
-            self.found[v] = look(self.velocities[v]);
-            if !self.found[v].is_doubtful && !self.found[v].is_slow {
+            self.checks[v] = look(self.velocities[v]);
+            if !self.checks[v].is_doubtful && !self.checks[v].is_slow {
                 break;
             }
         }
     }
 
-    /// Adds the row of a family that ends at a speed; says whether it is admissible.
+    /// Adds the profile of a family that ends at a speed; says whether it is admissible.
     fn push_member(
         &mut self,
         (family, table, stays): (usize, usize, bool),
@@ -227,11 +227,11 @@ impl Samples {
         inputs: &Inputs,
     ) -> bool {
         let Inputs { start, limits, settings, .. } = *inputs;
-        let (end_velocity, found) = (self.velocities[velocity], self.found[velocity]);
+        let (end_velocity, found) = (self.velocities[velocity], self.checks[velocity]);
         let s = Polynomial::to_slope([start.s, start.s_dot, start.s_ddot], end_velocity, end_time);
         let is_slow = found.is_slow || start.velocity < settings.low_velocity;
-        self.rows.push(Row {
-            course: Course::Polynomial(s),
+        self.profiles.push(LongitudinalProfile {
+            curve: ProfileCurve::Polynomial(s),
             end_time,
             end_velocity,
             jerk: s.squared_jerk(end_time.min(limits.horizon())).sqrt(),
@@ -245,7 +245,7 @@ impl Samples {
         if stays && !found.is_doubtful {
             return true;
         }
-        self.write_member(self.rows.len() - 1);
+        self.write_member(self.profiles.len() - 1);
         self.check_last(inputs)
     }
 
@@ -258,7 +258,7 @@ impl Samples {
             (out[i], out[stride + i], out[2 * stride + i]) = (place, speed, acceleration);
         }
         let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
-        self.push_alone(Course::Polynomial(s), end_time, jerk, first, inputs);
+        self.push_alone(ProfileCurve::Polynomial(s), end_time, jerk, first, inputs);
     }
 
     fn push_braking(&mut self, braking: Braking, inputs: &Inputs) {
@@ -269,13 +269,13 @@ impl Samples {
             (out[i], out[stride + i], out[2 * stride + i]) = (inputs.start.s + distance, s_dot, s_ddot);
         }
         let jerk = braking.squared_jerk(inputs.limits.horizon()).sqrt();
-        self.push_alone(Course::Braking(braking), braking.stop_time(), jerk, first, inputs);
+        self.push_alone(ProfileCurve::Braking(braking), braking.stop_time(), jerk, first, inputs);
     }
 
-    /// Adds a row without family that ends at rest and whose motion is written already.
-    fn push_alone(&mut self, course: Course, end_time: f64, jerk: f64, motion: usize, inputs: &Inputs) {
-        self.rows.push(Row {
-            course,
+    /// Adds a profile without family that ends at rest and whose motion is written already.
+    fn push_alone(&mut self, curve: ProfileCurve, end_time: f64, jerk: f64, motion: usize, inputs: &Inputs) {
+        self.profiles.push(LongitudinalProfile {
+            curve,
             end_time,
             end_velocity: 0.0,
             jerk,
@@ -293,55 +293,55 @@ impl Samples {
         }
     }
 
-    /// Checks the last row, whose motion was written last, and makes its speeds non-negative.
+    /// Checks the last profile, whose motion was written last, and makes its speeds non-negative.
     fn check_last(&mut self, inputs: &Inputs) -> bool {
         let Inputs { limits, path, .. } = *inputs;
-        let row = self.rows.last_mut().expect("a row");
+        let profile = self.profiles.last_mut().expect("a profile");
         let first = self.motions.len() - N_MOTION * self.stride;
         let (s, rest) = self.motions[first..].split_at_mut(self.stride);
         let (s_dot, s_ddot) = rest.split_at_mut(self.stride);
         for i in 0..self.n_points {
             if s_dot[i] < -ROUNDING {
-                row.rejection = Rejection::NegativeSpeed;
+                profile.rejection = Rejection::NegativeSpeed;
             }
-            row.rejection = row.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
+            profile.rejection = profile.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
             if !(0.0..=path.length()).contains(&s[i]) {
-                row.rejection = row.rejection.or(Rejection::LeftPath);
+                profile.rejection = profile.rejection.or(Rejection::LeftPath);
             }
-            if row.rejection != Rejection::Admissible {
+            if profile.rejection != Rejection::Admissible {
                 break;
             }
         }
         not_negative(s_dot);
-        row.rejection == Rejection::Admissible
+        profile.rejection == Rejection::Admissible
     }
 
-    /// Writes the motion of a row of a family.
-    fn write_member(&mut self, row: usize) {
-        let Row { family, end_velocity, .. } = self.rows[row];
-        self.rows[row].motion = Some(self.motions.len());
+    /// Writes the motion of a profile of a family.
+    fn write_member(&mut self, profile: usize) {
+        let LongitudinalProfile { family, end_velocity, .. } = self.profiles[profile];
+        self.profiles[profile].motion = Some(self.motions.len());
         let out = push(&mut self.motions, N_MOTION * self.stride);
-        self.families.write(family.expect("a family"), end_velocity, out);
+        self.velocity_keeping.write(family.expect("a family"), end_velocity, out);
     }
 
-    /// Writes the motion of a row when it is first needed.
-    pub(super) fn load_motion(&mut self, row: usize) {
-        if self.rows[row].motion.is_none() {
+    /// Writes the motion of a profile when it is first needed.
+    pub(super) fn load_motion(&mut self, profile: usize) {
+        if self.profiles[profile].motion.is_none() {
             let first = self.motions.len();
-            self.write_member(row);
+            self.write_member(profile);
             not_negative(&mut self.motions[first + self.stride..first + 2 * self.stride]);
         }
     }
 
-    /// The table of a row's lateral motion, which is made if it is not there yet.
+    /// The table of a profile's lateral motion, which is made if it is not there yet.
     ///
     /// An agent that stands turns its wheels before it drives off: the second derivative of its offset is free.
-    pub(super) fn lateral_table(&mut self, row: usize) -> usize {
-        if let Some(table) = self.rows[row].table {
+    pub(super) fn lateral_table(&mut self, profile: usize) -> usize {
+        if let Some(table) = self.profiles[profile].table {
             return table;
         }
-        self.load_motion(row);
-        let Row { course, end_time, motion, .. } = self.rows[row];
+        self.load_motion(profile);
+        let LongitudinalProfile { curve, end_time, motion, .. } = self.profiles[profile];
         let [start, d, d_prime, d_prime2] = self.start;
         let (s, rest) = self.motions[motion.expect("it is loaded")..][..N_MOTION * self.stride].split_at(self.stride);
         let (s_dot, s_ddot) = rest.split_at(self.stride);
@@ -349,39 +349,39 @@ impl Samples {
         self.jerks.clear();
         for (s, time) in s.iter().zip(&self.times) {
             self.along.push(s - start);
-            self.jerks.push(match course {
-                Course::Polynomial(s) if *time < end_time + 1e-9 => s.at(*time)[3],
-                Course::Polynomial(_) => 0.0,
-                Course::Braking(braking) => braking.at(*time)[3],
+            self.jerks.push(match curve {
+                ProfileCurve::Polynomial(s) if *time < end_time + 1e-9 => s.at(*time)[3],
+                ProfileCurve::Polynomial(_) => 0.0,
+                ProfileCurve::Braking(braking) => braking.at(*time)[3],
             });
         }
-        let motion = Along { s: &self.along, s_dot, s_ddot, jerk: &self.jerks };
-        let length = self.lateral_length(row);
+        let motion = LongitudinalMotion { s: &self.along, s_dot, s_ddot, jerk: &self.jerks };
+        let length = self.lateral_length(profile);
         let from = [d, d_prime, d_prime2];
-        let table = self.lateral.push_over_arc(from, self.is_free, length, &motion, self.dt, &self.lanes);
-        self.rows[row].table = Some(table);
+        let table = self.lateral.push_over_arc(from, self.is_free, length, &motion, self.dt, &self.end_offsets);
+        self.profiles[profile].table = Some(table);
         table
     }
 
     /// Arc length over which a lateral polynomial of arc length extends [m].
-    fn lateral_length(&self, row: usize) -> f64 {
-        let Row { course, end_time, .. } = self.rows[row];
-        let distance = match course {
-            Course::Polynomial(s) => s.at(end_time)[0] - self.start[0],
-            Course::Braking(braking) => braking.at(end_time)[0],
+    fn lateral_length(&self, profile: usize) -> f64 {
+        let LongitudinalProfile { curve, end_time, .. } = self.profiles[profile];
+        let distance = match curve {
+            ProfileCurve::Polynomial(s) => s.at(end_time)[0] - self.start[0],
+            ProfileCurve::Braking(braking) => braking.at(end_time)[0],
         };
         distance.max(ARC_MIN)
     }
 
-    /// Bounds of a lateral motion that is not made yet, whatever the lane: of its offset [m] and of its slope.
+    /// Bounds of a lateral motion that is not made yet, whatever the end offset: of its offset [m] and of its slope.
     ///
     /// A quintic from (d, d', d'') to rest after L is d plus the way to its end times a function that rises from 0 to 1
     /// with a slope of at most 15 / (8 L), plus L d' and L² d'' times functions below 0.2 and 0.018, whose slopes times
     /// L are at most 1 and 0.07. Where d'' is free, the bounds are smaller.
-    pub(super) fn lateral_bounds(&self, row: usize) -> [f64; 2] {
+    pub(super) fn lateral_bounds(&self, profile: usize) -> [f64; 2] {
         let [_, d, d_prime, d_prime2] = self.start;
-        let length = self.lateral_length(row);
-        let (first, last) = (self.lanes[0], self.lanes[self.lanes.len() - 1]);
+        let length = self.lateral_length(profile);
+        let (first, last) = (self.end_offsets[0], self.end_offsets[self.end_offsets.len() - 1]);
         let widest = first.abs().max(last.abs()).max(d.abs());
         let way = (first - d).abs().max((last - d).abs());
         let bend = length * d_prime2.abs();
@@ -390,46 +390,49 @@ impl Samples {
 
     /// Number of samples.
     pub(super) fn len(&self) -> usize {
-        self.rows.len() * self.lanes.len()
+        self.profiles.len() * self.end_offsets.len()
     }
 
-    /// Motion of a row at all points after `load_motion`.
-    pub(super) fn motions(&self, row: usize) -> Motions<'_> {
-        let first = self.rows[row].motion.expect("the motion was written");
+    /// Motion of a profile at all points after `load_motion`.
+    pub(super) fn motions(&self, profile: usize) -> ProfilePoints<'_> {
+        let first = self.profiles[profile].motion.expect("the motion was written");
         let part = |k: usize| &self.motions[first + k * self.stride..][..self.stride];
-        Motions { s: part(0), s_dot: part(1), s_ddot: part(2) }
+        ProfilePoints { s: part(0), s_dot: part(1), s_ddot: part(2) }
     }
 
-    /// Speeds of a row that belongs to a family, whether it is written or not.
+    /// Speeds of a profile that belongs to a family, whether it is written or not.
     #[inline]
-    pub(super) fn coarse_speeds(&self, row: usize) -> Option<CoarseSpeeds<'_>> {
-        let Row { family, end_velocity, .. } = &self.rows[row];
-        family.map(|family| self.families.speeds(family, *end_velocity))
+    pub(super) fn coarse_speeds(&self, profile: usize) -> Option<CoarseSpeeds<'_>> {
+        let LongitudinalProfile { family, end_velocity, .. } = &self.profiles[profile];
+        family.map(|family| self.velocity_keeping.speeds(family, *end_velocity))
     }
 
-    /// Arc length of a row at the end of the horizon [m].
+    /// Arc length of a profile at the end of the horizon [m].
     #[inline]
-    pub(super) fn last_place(&self, row: usize) -> f64 {
-        let (last, Row { family, end_velocity, .. }) = (self.n_points - 1, &self.rows[row]);
-        family.map_or_else(|| self.motions(row).s[last], |family| self.families.place(family, *end_velocity, last))
+    pub(super) fn last_place(&self, profile: usize) -> f64 {
+        let (last, LongitudinalProfile { family, end_velocity, .. }) = (self.n_points - 1, &self.profiles[profile]);
+        family.map_or_else(
+            || self.motions(profile).s[last],
+            |family| self.velocity_keeping.arc_length(family, *end_velocity, last),
+        )
     }
 
-    /// Looks up the path points of a row when they are first needed.
-    pub(super) fn load_path(&mut self, row: usize, path: &ReferencePath) {
-        if self.rows[row].path.is_some() {
+    /// Looks up the path points of a profile when they are first needed.
+    pub(super) fn load_path(&mut self, profile: usize, path: &ReferencePath) {
+        if self.profiles[profile].path.is_some() {
             return;
         }
-        self.load_motion(row);
+        self.load_motion(profile);
         let stride = self.stride;
-        let s = &self.motions[self.rows[row].motion.expect("it is loaded")..][..stride];
-        self.rows[row].path = Some(self.path.len());
+        let s = &self.motions[self.profiles[profile].motion.expect("it is loaded")..][..stride];
+        self.profiles[profile].path = Some(self.path.len());
         let mut parts = push(&mut self.path, N_PATH * stride).chunks_exact_mut(stride);
         path.write_at(s, std::array::from_fn(|_| parts.next().expect("room for all of them")));
     }
 
-    /// Path points of a row after `load_path`.
-    pub(super) fn path(&self, row: usize) -> PathPoints<'_> {
-        let first = self.rows[row].path.expect("the path was looked up");
+    /// Path points of a profile after `load_path`.
+    pub(super) fn path(&self, profile: usize) -> PathPoints<'_> {
+        let first = self.profiles[profile].path.expect("the path was looked up");
         let part = |k: usize| &self.path[first + k * self.stride..][..self.stride];
         PathPoints {
             x: part(0),
@@ -442,9 +445,9 @@ impl Samples {
         }
     }
 
-    /// Lateral motion of a row at all points after `lateral_table`.
-    pub(super) fn lateral_points(&self, row: usize) -> LateralPoints<'_> {
-        self.lateral.points(self.rows[row].table.expect("the lateral motion is there"))
+    /// Lateral motion of a profile at all points after `lateral_table`.
+    pub(super) fn lateral_points(&self, profile: usize) -> LateralPoints<'_> {
+        self.lateral.points(self.profiles[profile].table.expect("the lateral motion is there"))
     }
 }
 

@@ -1,9 +1,9 @@
-//! Kernels for machines that compute several numbers at once.
+//! Function multiversioning for vectorised kernels.
 
-/// Compiles a function twice: for every machine, and for those with AVX2, which compute twice as many numbers at once.
-/// The operations and their order are the same (the compiler never fuses products and sums), so the bits are, too. The
-/// body must be `#[inline(always)]`.
-macro_rules! for_wide_machines {
+/// Compiles a function twice, for the baseline instruction set and for AVX2, and picks one at run time. Operations and
+/// their order are the same (the compiler never fuses products and sums), so results are the same to the bit. The body
+/// must be `#[inline(always)]`.
+macro_rules! multiversion {
     (
         $(#[$about:meta])*
         $seen:vis fn $name:ident = $body:path, ($($argument:ident: $kind:ty),* $(,)?) $(-> $out:ty)?
@@ -26,4 +26,4 @@ macro_rules! for_wide_machines {
         }
     };
 }
-pub(crate) use for_wide_machines;
+pub(crate) use multiversion;

@@ -18,7 +18,7 @@ const SEARCH_WINDOW: f64 = 3.0;
 
 /// The shifted old plan with its costs; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Previous {
+pub(super) struct WarmStart {
     pub(super) points: Vec<Waypoint>,
     pub(super) motions: Vec<FrenetMotion>,
     /// Terms of the cost: velocity offset, lateral offset, lateral and longitudinal jerk.
@@ -28,7 +28,7 @@ pub(super) struct Previous {
     is_valid: bool,
 }
 
-impl Previous {
+impl WarmStart {
     /// It can be driven on from here.
     pub(super) fn is_valid(&self) -> bool {
         self.is_valid

@@ -26,7 +26,7 @@ const LANE_TOLERANCE: f64 = 1.5;
 
 /// Where somebody was when, according to the recording.
 #[derive(Debug, Clone)]
-pub struct Track {
+pub struct RecordedPath {
     /// Time step of the first state.
     first_time_step: i64,
     /// Recorded states from there on (footprint centre).
@@ -39,7 +39,7 @@ pub struct Track {
     velocity: Vec<f64>,
 }
 
-impl Track {
+impl RecordedPath {
     /// The recording of a participant from a time step on.
     ///
     /// # Errors
@@ -216,7 +216,7 @@ mod tests {
     use std::sync::Arc;
 
     /// A car on the right one of two lanes along x, at x = 20 m at first, with a speed per time step.
-    fn track(velocities: &[f64], noise: f64) -> Result<Track> {
+    fn recorded_path(velocities: &[f64], noise: f64) -> Result<RecordedPath> {
         let mut states = States::absent(vec![7], 3, velocities.len());
         let mut x = 20.0;
         for (step, velocity) in velocities.iter().enumerate() {
@@ -231,47 +231,48 @@ mod tests {
             states,
         };
         let scenario = Scenario::new(0.1, Arc::new(straight_road(2)), obstacles)?;
-        Track::new(&scenario, 7, 3, &Vehicle::BMW_320I, "recorded")
+        RecordedPath::new(&scenario, 7, 3, &Vehicle::BMW_320I, "recorded")
     }
 
     #[test]
     fn places_have_the_latest_time_at_which_the_recording_was_there() {
         // 1 m per step for ten steps, ten steps of standing, 1 m per step again.
         let velocities = [[10.0; 10], [0.0; 10], [10.0; 10]].concat();
-        let track = track(&velocities, 0.0).expect("a track");
-        let start = track.s_at(0.0, 0.1);
+        let recorded_path = recorded_path(&velocities, 0.0).expect("a recorded_path");
+        let start = recorded_path.s_at(0.0, 0.1);
         for (clock, distance) in [(0.0, 0.0), (5.5, 5.5), (10.0, 10.0), (15.0, 10.0), (20.0, 10.0), (25.0, 15.0)] {
-            assert!((track.s_at(clock, 0.1) - start - distance).abs() < 1e-6, "{clock}");
+            assert!((recorded_path.s_at(clock, 0.1) - start - distance).abs() < 1e-6, "{clock}");
         }
         // Where it stood: when it left.
-        assert!((track.latest_clock(start + 10.0 + 1e-6) - 20.0).abs() < 1e-4);
-        assert!((track.latest_clock(start + 4.0) - 4.0).abs() < 1e-4);
-        assert_eq!(track.latest_clock(start + 30.0), f64::INFINITY);
-        assert!(track.drives_on(15.0) && !track.drives_on(29.0));
-        assert_eq!((track.velocity_at(15.0), track.last_time_step()), (0.0, 32));
-        assert!((track.velocity_at(5.0) - 10.0).abs() < 1e-6);
+        assert!((recorded_path.latest_clock(start + 10.0 + 1e-6) - 20.0).abs() < 1e-4);
+        assert!((recorded_path.latest_clock(start + 4.0) - 4.0).abs() < 1e-4);
+        assert_eq!(recorded_path.latest_clock(start + 30.0), f64::INFINITY);
+        assert!(recorded_path.drives_on(15.0) && !recorded_path.drives_on(29.0));
+        assert_eq!((recorded_path.velocity_at(15.0), recorded_path.last_time_step()), (0.0, 32));
+        assert!((recorded_path.velocity_at(5.0) - 10.0).abs() < 1e-6);
     }
 
     #[test]
     fn beyond_its_end_the_track_goes_on_with_its_last_speed_along_the_lane() {
-        let track = track(&[10.0; 20], 0.0).expect("a track");
-        assert!((track.s_at(29.0, 0.1) - track.s_at(19.0, 0.1) - 10.0).abs() < 1e-6);
-        assert!(track.path().length() > 250.0);
-        assert!(track.path().at(track.path().length()).position.y.abs() < 0.01);
+        let recorded_path = recorded_path(&[10.0; 20], 0.0).expect("a recorded_path");
+        assert!((recorded_path.s_at(29.0, 0.1) - recorded_path.s_at(19.0, 0.1) - 10.0).abs() < 1e-6);
+        assert!(recorded_path.path().length() > 250.0);
+        assert!(recorded_path.path().at(recorded_path.path().length()).position.y.abs() < 0.01);
     }
 
     #[test]
     fn noise_of_a_standing_recording_makes_no_path() {
-        let track = track(&[0.0; 30], 0.05).expect("a track");
-        assert_eq!(track.velocity_at(10.0), 0.0);
-        let path = track.path();
+        let recorded_path = recorded_path(&[0.0; 30], 0.05).expect("a recorded_path");
+        assert_eq!(recorded_path.velocity_at(10.0), 0.0);
+        let path = recorded_path.path();
         assert!((0..200).all(|i| path.at(f64::from(i)).theta.abs() < 0.02));
     }
 
     #[test]
     fn who_is_not_recorded_has_no_track() {
         let scenario = Scenario::new(0.1, Arc::new(straight_road(1)), Obstacles::default()).expect("a scenario");
-        let error = Track::new(&scenario, 5, 0, &Vehicle::BMW_320I, "velocity_adjusting").expect_err("no recording");
+        let error =
+            RecordedPath::new(&scenario, 5, 0, &Vehicle::BMW_320I, "velocity_adjusting").expect_err("no recording");
         assert_eq!(
             error.to_string(),
             "agent 5 has no recording, which planner velocity_adjusting needs: give it another planner"
