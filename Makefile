@@ -6,6 +6,7 @@ SCENARIOS := $(or $(INTERDRIVE_SCENARIOS),../shared/scenarios)
 COMPARED := --planner frenet,frenetix,reactive,idm_mobil --predictor lane_following
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
 export PYTHONWARNINGS ?=
+export UV_SYSTEM_CERTS ?= 1
 export MPLBACKEND := Agg
 
 .PHONY: demo test check bench performance instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke fuzz-core mutants format clean
@@ -25,14 +26,18 @@ $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 .venv-browser/.tools: WANTED = ['playwright>=1.49', 'pillow>=10', 'pytest>=8']
 .venv-training/.tools: WANTED = p['dependencies'] + o['training']
 # The index of torch without CUDA keeps the download small.
-.venv-training/.tools: INDEX = --extra-index-url https://download.pytorch.org/whl/cpu
+.venv-training/.tools: INDEX = --extra-index-url https://download.pytorch.org/whl/cpu --index-strategy unsafe-best-match
 
-$(ENVIRONMENTS:%=%/.tools): pyproject.toml
-	$(PYTHON) -m venv $(@D)
-	$(@D)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade pip
+# uv installs in a fifth of pip's time, and each package is downloaded once for all environments.
+.uv/bin/uv:
+	$(PYTHON) -m venv .uv
+	.uv/bin/python -m pip install --quiet --disable-pip-version-check uv
+
+$(ENVIRONMENTS:%=%/.tools): pyproject.toml .uv/bin/uv
+	.uv/bin/uv venv --quiet --seed --clear --python $(PYTHON) $(@D)
 	$(@D)/bin/python -c "import re, tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; o = p['optional-dependencies']; print(*$(WANTED), sep='\n')" > $(@D)/requirements.txt
-	$(@D)/bin/python -m pip install --quiet --disable-pip-version-check $(INDEX) -r $(@D)/requirements.txt
-	$(if $(ALONE),$(@D)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps $(ALONE))
+	.uv/bin/uv pip install --quiet --python $(@D)/bin/python $(INDEX) -r $(@D)/requirements.txt
+	$(if $(ALONE),.uv/bin/uv pip install --quiet --python $(@D)/bin/python --no-deps $(ALONE))
 	touch $@
 
 $(VENV)/.installed: $(VENV)/.tools $(RUST)
@@ -148,4 +153,4 @@ format: $(VENV)/.tools ## writes what `make check` wants to see
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(ENVIRONMENTS) frontend/node_modules target demo out
+	rm -rf $(ENVIRONMENTS) .uv frontend/node_modules target demo out
