@@ -1,0 +1,118 @@
+"""Drives all scenarios of a folder with every vehicle an agent and says how well.
+
+    python benchmarks/driving                                      # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
+    python benchmarks/driving --csv new.csv --against old.csv      # who changed between two builds
+    python benchmarks/driving --places A --set planner.frenet.level=1
+
+Prints Markdown. Results do not depend on the number of workers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+import tomllib
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import tables
+from drives import Driven, ReachableCache, drive
+from realism import distances
+
+from interdrive.run_settings import SimulationSettings
+from interdrive.settings import bind
+
+ROOT = Path(__file__).resolve().parents[2]
+SPLIT = ROOT / "training" / "split.toml"
+
+
+def scenario_files(folder: Path) -> list[Path]:
+    """All scenarios of the categories of a folder."""
+    return sorted(folder.glob("*/*.xml"))
+
+
+def places() -> dict[str, tuple[str, ...]]:
+    """Names of places, and the patterns of their files."""
+    listed = tomllib.loads(SPLIT.read_text(encoding="utf-8"))["place"]
+    return {place["name"]: tuple(place["files"]) for place in listed}
+
+
+def place_of(path: Path, known: dict[str, tuple[str, ...]]) -> str:
+    """The place that a file shows; its own name where that is not known."""
+    return next((name for name, files in known.items() if any(fnmatchcase(path.stem, one) for one in files)), path.stem)
+
+
+def halves(files: list[Path], known: dict[str, tuple[str, ...]]) -> dict[str, str]:
+    """Places by halves A and B, in turns by name among those of a category, the category of most of their files."""
+    categories: dict[str, Counter[str]] = {}
+    for path in files:
+        categories.setdefault(place_of(path, known), Counter())[path.parent.name] += 1
+    ordered = sorted((count.most_common(1)[0][0], name) for name, count in categories.items())
+    found, previous = {}, {}
+    for category, name in ordered:
+        found[name] = previous[category] = "B" if previous.get(category) == "A" else "A"
+    return found
+
+
+def drive_all(
+    files: list[Path], predictor: str, settings: SimulationSettings, workers: int, cache: ReachableCache
+) -> list[Driven]:
+    """Drives all files; the large ones are begun first."""
+    known = places()
+    with ProcessPoolExecutor(workers) as pool:
+        futures = {
+            path: pool.submit(drive, path, place_of(path, known), cache.of(path), predictor, settings)
+            for path in sorted(files, key=lambda path: (-path.stat().st_size, path))
+        }
+        driven = [futures[path].result() for path in files]
+    cache.keep(driven)
+    return driven
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="driving", description=(__doc__ or "").splitlines()[0])
+    default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
+    parser.add_argument("folder", type=Path, nargs="?", default=default, help="of folders, one per category")
+    parser.add_argument("--predictor", default="neural")
+    parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="a setting of interdrive run")
+    parser.add_argument("--places", choices="AB", help="only this half of the places")
+    parser.add_argument("--only", metavar="PATTERN", help="only scenarios of such names, such as CHN_*")
+    parser.add_argument("--csv", type=Path, default=ROOT / "out" / "driving" / "agents.csv", help="a row per agent")
+    parser.add_argument("--against", type=Path, metavar="CSV", help="of another build: agents that changed are listed")
+    parser.add_argument("--reachable", type=Path, default=ROOT / "out" / "driving" / "reachable.json", help="cache")
+    parser.add_argument("--workers", type=int, default=2)
+    arguments = parser.parse_args()
+    begun = time.perf_counter()
+    files = scenario_files(arguments.folder)
+    if arguments.places:
+        half = halves(files, known := places())
+        files = [path for path in files if half[place_of(path, known)] == arguments.places]
+    files = [path for path in files if fnmatchcase(path.stem, arguments.only or "*")]
+    if not files:
+        print(f"{arguments.folder}: no scenario (a folder of folders with .xml files is expected)", file=sys.stderr)
+        return 2
+    settings = bind(SimulationSettings(), dict(one.split("=", 1) for one in arguments.set))
+    cache = ReachableCache(arguments.reachable)
+    driven = drive_all(files, arguments.predictor, settings, arguments.workers, cache)
+    drives = [row for one in driven for row in one.drives]
+    old = tables.read_csv(arguments.against) if arguments.against else None
+    tables.write_csv(drives, arguments.csv)
+    print(f"## In time\n\n{tables.shares(drives)}\n\nReachable agents: {tables.outcomes(drives)}.")
+    print(f"\n## Causes\n\n{tables.causes(drives)}")
+    samples = [sample for one in driven for sample in one.samples]
+    print(f"\n## Distance to the recordings (Wasserstein)\n\n{tables.realism(distances(samples))}")
+    if old is not None:
+        print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, drives)}")
+    print(f"\n## Failures\n\n{tables.failures(drives)}")
+    refused = [f"{one.path.parent.name}/{one.path.name}: {one.refused}" for one in driven if one.refused]
+    print(f"\n{len(files)} scenarios, refused: {len(refused)}", *refused, sep="\n- ")
+    print(f"\n{time.perf_counter() - begun:.0f} s; a row per agent: {arguments.csv}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

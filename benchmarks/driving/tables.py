@@ -1,0 +1,169 @@
+"""Tables of the driving benchmark as Markdown, and its rows as CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter, defaultdict
+from dataclasses import astuple, fields
+from typing import TYPE_CHECKING, Any
+
+from drives import LONG, Drive
+from realism import QUANTITIES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+_HEADINGS = (
+    *("category", "agents", "in time", "share", "reachable", "in time", "share", "seconds lost"),
+    *("ran into agents", "replayed", "standing", "road edge", "slow > 10 s", "stand > 10 s"),
+)
+_TYPES: dict[str, Any] = {"str": str, "int": int, "float": float, "bool": lambda text: text == "True"}
+
+
+def write_csv(drives: Sequence[Drive], path: Path) -> None:
+    """One row per agent."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(field.name for field in fields(Drive))
+        for one in drives:
+            writer.writerow([f"{cell:.4g}" if isinstance(cell, float) else cell for cell in astuple(one)])
+
+
+def read_csv(path: Path) -> list[Drive]:
+    """The rows of a file that `write_csv` wrote."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            Drive(**{f.name: _TYPES[str(f.type)](row[f.name]) for f in fields(Drive)}) for row in csv.DictReader(file)
+        ]
+
+
+def in_time(drives: Iterable[Drive]) -> int:
+    """How many reach their goal in time."""
+    return sum(one.outcome == "goal_reached" for one in drives)
+
+
+def is_stuck(one: Drive) -> bool:
+    """Slow for more than 10 s though its recording was not."""
+    return one.slow > LONG >= one.recorded_slow
+
+
+def by_category(drives: Iterable[Drive]) -> dict[str, list[Drive]]:
+    """Rows of every category, and all of them as "all"."""
+    grouped = defaultdict(list)
+    for one in drives:
+        grouped[one.category].append(one)
+        grouped["all"].append(one)
+    return dict(sorted(grouped.items(), key=lambda item: (item[0] == "all", item[0])))
+
+
+def shares(drives: Sequence[Drive]) -> str:
+    """Who arrives in time, by category."""
+    lines = [
+        f"| {' | '.join(_HEADINGS)} |",
+        "|---|" + "--:|" * (len(_HEADINGS) - 1),
+    ]
+    for category, rows in by_category(drives).items():
+        reachable = [one for one in rows if one.reachable]
+        hits = Counter(one.partner for one in rows if one.outcome == "collision")
+        lost = sum(one.lost for one in reachable if one.outcome != "goal_reached")
+        cells = (
+            *(category, len(rows), in_time(rows), _percent(rows)),
+            *(len(reachable), in_time(reachable), _percent(reachable), f"{lost:.0f}"),
+            *(hits[partner] for partner in ("agent", "replayed", "standing", "road edge")),
+            *(sum(map(is_stuck, rows)), sum(one.stood > LONG for one in rows)),
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def _percent(drives: Sequence[Drive]) -> str:
+    return f"{100 * in_time(drives) / len(drives):.1f} %" if drives else ""
+
+
+def outcomes(drives: Sequence[Drive]) -> str:
+    """How reachable agents end."""
+    counts = Counter(one.outcome for one in drives if one.reachable)
+    narrowly = sum(one.reachable and 0 < one.late <= 1 for one in drives)
+    return ", ".join(f"{name} {n}" for name, n in counts.most_common()) + f" ({narrowly} late by at most 1 s)"
+
+
+def causes(drives: Sequence[Drive]) -> str:
+    """What held up reachable agents that are not in time, by cause; heads of queues are counted once."""
+    grouped = defaultdict(list)
+    for one in drives:
+        if one.reachable and one.outcome != "goal_reached":
+            grouped[one.cause or "none found"].append(one)
+    ids = {(one.scenario, one.agent_id): one.reachable for one in drives}
+    lines = [
+        "| cause at the head of the queue | agents | heads | behind an unreachable head | seconds |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    for cause, rows in sorted(grouped.items(), key=lambda item: (-len(item[1]), item[0])):
+        heads = {(one.scenario, one.head_id) for one in rows if one.head_id >= 0}
+        behind = sum(
+            one.head_id >= 0 and one.head_id != one.agent_id and not ids.get((one.scenario, one.head_id), False)
+            for one in rows
+        )
+        seconds = sum(one.cause_seconds for one in rows if one.cause)
+        lines.append(f"| {cause} | {len(rows)} | {len(heads)} | {behind} | {seconds:.0f} |")
+    return "\n".join(lines)
+
+
+def realism(distances: dict[str, dict[str, float]]) -> str:
+    """Distances to the recordings by category."""
+    lines = [
+        "| category | " + " | ".join(f"{name} [{unit}]" for name, unit in QUANTITIES.items()) + " |",
+        "|---|" + "--:|" * len(QUANTITIES),
+    ]
+    for category, row in distances.items():
+        lines.append(f"| {category} | " + " | ".join(f"{row[quantity]:.2f}" for quantity in QUANTITIES) + " |")
+    return "\n".join(lines)
+
+
+def failures(drives: Sequence[Drive]) -> str:
+    """Reachable agents that are not in time, and everybody who collides, one by one."""
+    lines = [
+        "| scenario | agent | outcome | late [s] | lost [s] | slow [s] | cause | head | ran into | impact [m/s] |",
+        "|---|--:|---|--:|--:|--:|---|--:|---|--:|",
+    ]
+    for one in drives:
+        if one.outcome == "collision" or (one.reachable and one.outcome != "goal_reached"):
+            head = one.head_id if one.head_id not in (-1, one.agent_id) else ""
+            cells = (
+                *(one.scenario, f"{one.agent_id}{'' if one.reachable else ' (unreachable)'}", one.outcome),
+                *(_number(one.late), _number(one.lost), _number(one.slow), one.cause, head),
+                *(f"{one.partner} {one.partner_id if one.partner_id >= 0 else ''}", _number(one.impact_speed)),
+            )
+            lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def _number(value: float) -> str:
+    return "" if value != value else f"{value:.1f}"  # noqa: PLR0124 - nan
+
+
+def changes(old: Sequence[Drive], new: Sequence[Drive]) -> str:
+    """Agents whose outcome differs between two builds; reachable is who was so in the old one."""
+    before = {(one.scenario, one.agent_id): one for one in old}
+    pairs = [(before[key], one) for one in new if (key := (one.scenario, one.agent_id)) in before]
+    lines = [
+        "| category | reachable before | in time before | in time now | gained | lost |",
+        "|---|" + "--:|" * 5,
+    ]
+    for category in by_category(new):
+        rows = [(a, b) for a, b in pairs if a.reachable and category in (b.category, "all")]
+        was, now = (in_time(pair[side] for pair in rows) for side in (0, 1))
+        gained = sum(b.outcome == "goal_reached" != a.outcome for a, b in rows)
+        lines.append(f"| {category} | {len(rows)} | {was} | {now} | {gained} | {was + gained - now} |")
+    lines += ["", "| scenario | agent | reachable | before | now | cause now |", "|---|--:|---|---|---|---|"]
+    for a, b in pairs:
+        if a.outcome != b.outcome:
+            cells = (b.scenario, b.agent_id, "yes" if a.reachable else "no", _end(a), _end(b), b.cause)
+            lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def _end(one: Drive) -> str:
+    return f"{one.outcome} {one.time:.1f} s" + (f" ({one.partner} {one.partner_id})" if one.partner else "")
