@@ -58,8 +58,8 @@ def runs(folder: Path, repeat: int) -> None:
 
 def large(agents: int = 1000, steps: int = 300) -> dict[str, float]:
     """Evaluates a crowd on 20 lanes in this process; seconds and bytes."""
-    from interdrive.assessment import criticality_table
     from interdrive.criticality import evaluate
+    from interdrive.criticality.tables import criticality_table
     from interdrive.testing import Car, straight_road, world
 
     cars = [Car(i + 1, 20.0 + 25.0 * (i // 20), 3.5 * (i % 20), 5.0 + 0.3 * (i % 20)) for i in range(agents)]

@@ -1,7 +1,7 @@
 """Two planners on three scenarios, in processes of their own; a second call would do nothing."""
 
 import interdrive as idr
-from interdrive.batches import compare
+from interdrive.comparison import compare
 
 
 def main() -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 import interdrive as idr
+from interdrive.config.schema import SimulationSettings
+from interdrive.config.specs import bound_predictor
 from interdrive.prediction_evaluation.measures import joined, judged
 from interdrive.prediction_evaluation.recordings import Recording
 from interdrive.prediction_evaluation.samples import answered
-from interdrive.predictors.calls import called
-from interdrive.run_settings import SimulationSettings
 from interdrive.testing import straight_road, world
 
 SETTINGS = SimulationSettings()
@@ -21,7 +21,7 @@ def recording(cars, steps=60, dt=0.1, lanes=1):
 
 def measured(predictor, found, every=1):
     """All measures of a predictor in a recording, and the moments."""
-    asked = called(predictor, SETTINGS.predictor, found.core_scenario)
+    asked = bound_predictor(predictor, SETTINGS.predictor, found.core_scenario)
     moments, answers = [], []
     for moment in found.moments(every):
         moments.append(moment)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES
-from interdrive.recording import OUTCOME_NAMES
 from interdrive.run import PLAN_STATUS
+from interdrive.run.assemble import OUTCOME_NAMES
 from interdrive.scenario import KINDS
 
 ROOT = Path(__file__).parent.parent

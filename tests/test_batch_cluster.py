@@ -9,9 +9,10 @@ import types
 import pytest
 
 from interdrive import InputError, InterdriveError
-from interdrive.batches import cluster, ray_driver
-from interdrive.batches.cluster import Cluster
+from interdrive.batches import ray as cluster
+from interdrive.batches import ray_driver
 from interdrive.batches.pool import Task
+from interdrive.batches.ray import Cluster
 from interdrive.batches.ray_driver import Driver, NodeError
 
 

@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 
 import interdrive as idr
-from interdrive.batches import BatchFolder, compare, query, save_comparison
+from interdrive.batches import BatchFolder, query
 from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
 from interdrive.batches.dataset import encoded
-from interdrive.batches.execute import Finished
-from interdrive.batches.figure import draw_comparison
-from interdrive.batches.metrics import weighted_medians
-from interdrive.batches.reservations import is_sure
-from interdrive.batches.sheets import markdown, sheets_of
+from interdrive.batches.job import Finished
+from interdrive.comparison import compare
+from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.figure import draw_comparison
+from interdrive.comparison.folder import save_comparison
+from interdrive.comparison.metrics import weighted_medians
+from interdrive.comparison.tables import markdown, sheets_of
 from interdrive.report.batch import batch_contents
-from interdrive.results import arrow_table, labels
+from interdrive.storage import arrow_table, labels
 
 
 def invented(folder, runs):

@@ -13,14 +13,15 @@ from pathlib import Path
 import pytest
 
 import interdrive as idr
-from interdrive.batches import BatchFolder, conduct
+from interdrive.batches import BatchFolder
 from interdrive.batches import pool as pool_module
-from interdrive.batches.execute import Job, agents_of, execute
+from interdrive.batches import run as conduct
+from interdrive.batches.job import Job, agents_of, execute
+from interdrive.batches.plan import planned
 from interdrive.batches.pool import _LATE, End, Pool, Task, _Worker
-from interdrive.batches.runs import planned
+from interdrive.config.schema import SimulationSettings
 from interdrive.files import shipped_scenario
 from interdrive.planners.workers import uninterrupted
-from interdrive.run_settings import SimulationSettings
 
 HERE = Path(__file__).parent
 

@@ -15,16 +15,16 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
-import interdrive.batches.folder as folder_module
+import interdrive.batches.store as folder_module
 from interdrive.batches import BatchFolder, query
-from interdrive.batches.conduct import _conduct, _Queue
-from interdrive.batches.execute import failed, no_rows
+from interdrive.batches.job import failed, no_rows
+from interdrive.batches.plan import planned
 from interdrive.batches.pool import End
 from interdrive.batches.query import MEMORY, SECONDS
-from interdrive.batches.runs import planned
+from interdrive.batches.run import _conduct, _Queue
 from interdrive.cli import main
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError
-from interdrive.run_settings import SimulationSettings
 
 
 @pytest.fixture(scope="module")

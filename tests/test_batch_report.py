@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from interdrive.batches import batch, compare
-from interdrive.batches.folder import BatchFolder
+from interdrive.batches import batch
+from interdrive.batches.store import BatchFolder
 from interdrive.cli import main
+from interdrive.comparison import compare
+from interdrive.config.schema import SimulationSettings, StepSettings
 from interdrive.errors import ResultsError
 from interdrive.files import shipped_scenario
 from interdrive.report import write_batch_report
 from interdrive.report.batch import batch_contents
 from interdrive.results import holds_run
-from interdrive.run_settings import SimulationSettings, StepSettings
 from test_report import unpacked
 
 

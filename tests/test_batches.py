@@ -15,10 +15,10 @@ import pytest
 import interdrive as idr
 from interdrive.batches import COLUMNS, BatchFolder
 from interdrive.batches.columns import comfort
-from interdrive.batches.runs import choices, planned, scenario_files
+from interdrive.batches.plan import choices, planned, scenario_files
+from interdrive.config.binding import bind
+from interdrive.config.schema import SimulationSettings
 from interdrive.files import shipped_scenario
-from interdrive.run_settings import SimulationSettings
-from interdrive.settings import bind
 from invented_run import invented_run
 
 FAST = "idm"
@@ -321,7 +321,7 @@ def test_a_protobuf_scenario_is_one_run_whose_key_knows_its_map(tmp_path):
     from commonroad.common.reader.file_reader_xml import XMLFileReader
     from commonroad.common.util import FileFormat
 
-    from interdrive.batches.execute import _AT_HAND, Job, content_of, execute
+    from interdrive.batches.job import _AT_HAND, Job, content_of, execute
     from interdrive.files import shipped_scenario
 
     if not hasattr(CommonRoadFileReader, "open_all"):

@@ -8,7 +8,7 @@ import pytest
 
 import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
-from interdrive.check import candidates, inspect, lanelets_at
+from interdrive.scenario.inspection import candidates, inspect, lanelets_at
 
 
 def drive(number, distance, *, y=0.0, kind="car", steps=2):

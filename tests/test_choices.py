@@ -14,8 +14,8 @@ from click.testing import CliRunner
 from drivers import Straight
 from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings, load
 from interdrive.cli import main
-from interdrive.plugins import Choice, read_choice
-from interdrive.settings import bind
+from interdrive.config.binding import bind
+from interdrive.config.plugins import Choice, read_choice
 from interdrive.testing import Car, problem, straight_road, world
 
 

@@ -19,8 +19,8 @@ from click.testing import CliRunner
 
 from interdrive import files, simulation
 from interdrive.cli import main
+from interdrive.config.plugins import Choice
 from interdrive.errors import InputError
-from interdrive.plugins import Choice
 from interdrive.results import load, save
 from invented_run import invented_run
 

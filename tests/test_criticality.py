@@ -11,14 +11,6 @@ from click.testing import CliRunner
 
 import interdrive
 from interdrive import _core
-from interdrive.assessment import (
-    criticality_extremes_table,
-    criticality_table,
-    recorded_run,
-    reopen,
-    save_criticality,
-    stored_criticality,
-)
 from interdrive.cli import main
 from interdrive.criticality import (
     MEASURES,
@@ -33,9 +25,17 @@ from interdrive.criticality import (
     time_headway,
     time_to_collision,
 )
+from interdrive.criticality.tables import (
+    criticality_extremes_table,
+    criticality_table,
+    save_criticality,
+    stored_criticality,
+)
 from interdrive.errors import InputError, ResultsError
 from interdrive.files import write_scenario
 from interdrive.results import save
+from interdrive.results.reader import reopen
+from interdrive.run.assemble import recorded_run
 from interdrive.scenario import Incoming, Shape
 from interdrive.simulation import simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world

@@ -13,13 +13,13 @@ import pytest
 from click.testing import CliRunner
 
 from damage import DAMAGES, edited, with_cell
-from interdrive.assessment import reopen
 from interdrive.cli import main
+from interdrive.config.schema import RecordSettings, SimulationSettings
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.packing import Packer
 from interdrive.results import load, save
-from interdrive.run_settings import RecordSettings, SimulationSettings
+from interdrive.results.reader import reopen
 from interdrive.simulation import Simulation, simulate
 from interdrive.testing import Car, problem, straight_road, world
 

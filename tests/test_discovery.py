@@ -8,9 +8,9 @@ from click.testing import CliRunner
 
 from interdrive import InputError, simulate
 from interdrive.cli import main
+from interdrive.config.plugins import find, listed, versions
 from interdrive.errors import MissingExtraError
 from interdrive.planners import NATIVE
-from interdrive.plugins import find, listed, versions
 from interdrive.testing import problem, straight_road, world
 
 MODULE = '''"""Planners of somebody."""

@@ -15,8 +15,8 @@ import pytest
 
 from drivers import Straight
 from interdrive import InputError, PredictorError, SimulationSettings, simulate
+from interdrive.config.schema import StepSettings
 from interdrive.foreign import undisturbed
-from interdrive.run_settings import StepSettings
 from interdrive.testing import problem, straight_road, world
 from parallel_drivers import EndingItself, Interrupting, Unprintable
 

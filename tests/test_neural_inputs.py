@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from interdrive import InputError, _core
-from interdrive.handles import core_road, core_scenario
+from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from interdrive.assessment import reopen, stored_plans
 from interdrive.cli import main
 from interdrive.errors import InputError
 from interdrive.plots import (
@@ -23,6 +22,7 @@ from interdrive.plots import (
     save_figure,
 )
 from interdrive.results import load, save
+from interdrive.results.reader import reopen, stored_plans
 from interdrive.simulation import simulate
 from invented_run import invented_run
 

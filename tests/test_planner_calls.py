@@ -10,7 +10,7 @@ import pytest
 
 from drivers import Straight
 from interdrive import InputError, SimulationSettings, Trajectory, simulate
-from interdrive.run_settings import StepSettings
+from interdrive.config.schema import StepSettings
 from interdrive.testing import Car, check_planner, problem, straight_road, world
 from parallel_drivers import Alone, Dying, Elsewhere, Raising, Remembering, Sleeping, Stuck
 

@@ -7,8 +7,8 @@ import pytest
 
 from drivers import Straight
 from interdrive import Frenet, InputError, Trajectory, _core
+from interdrive.config.binding import flatten
 from interdrive.planners import FrenetWeights, native_planner
-from interdrive.settings import flatten
 from interdrive.testing import PlannerContractError, check_planner
 
 

@@ -17,9 +17,10 @@ import pytest
 from click.testing import CliRunner
 
 from drivers import Straight
-from interdrive.assessment import recorded_run, save_criticality
 from interdrive.cli import main
+from interdrive.config.schema import RecordSettings, SimulationSettings, StepSettings
 from interdrive.criticality import MEASURES, CriticalitySettings, evaluate
+from interdrive.criticality.tables import save_criticality
 from interdrive.errors import InputError, ResultsError
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
@@ -27,7 +28,7 @@ from interdrive.report.events import events_of
 from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
 from interdrive.results import candidates_table, holds_run, load, predictions_table, save
-from interdrive.run_settings import RecordSettings, SimulationSettings, StepSettings
+from interdrive.run.assemble import recorded_run
 from interdrive.simulation import simulate
 from interdrive.testing import Car, problem, straight_road, world
 from invented_run import invented_run

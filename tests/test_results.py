@@ -20,17 +20,9 @@ import pytest
 import interdrive
 from interdrive import results
 from interdrive.errors import InputError, ResultsError
-from interdrive.results import (
-    check_target,
-    load,
-    outcome_table,
-    plans_table,
-    replacing,
-    save,
-    states_table,
-    timing_table,
-)
+from interdrive.results import check_target, load, outcome_table, plans_table, save, states_table, timing_table
 from interdrive.run import Plans
+from interdrive.storage import replacing
 from invented_run import invented_run
 from work import calls_in
 

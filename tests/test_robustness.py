@@ -15,10 +15,9 @@ from commonroad.scenario.scenario import Scenario as CommonRoadScenario
 import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 from interdrive import InputError, Simulation, read_scenario, scenario_from_commonroad, simulate
-from interdrive.files import limits
-from interdrive.handles import core_road, core_scenario
-from interdrive.run_settings import SimulationSettings, StepSettings
-from interdrive.scenario import Shape
+from interdrive.config.schema import SimulationSettings, StepSettings
+from interdrive.scenario import Shape, limits
+from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import straight_road, world
 from test_written_runs import run_of, written
 

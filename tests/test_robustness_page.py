@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from interdrive.files import limits
+from interdrive.scenario import limits
 
 PAGE = Path(__file__).parents[1] / "docs" / "robustness.md"
 NUMBERS = {name: value for name, value in vars(limits).items() if name.isupper() and type(value) in (int, float)}

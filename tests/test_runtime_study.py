@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from interdrive.cli import main
 from interdrive.errors import InputError, ResultsError
-from interdrive.results import arrow_table
+from interdrive.storage import arrow_table
 from interdrive.studies import runtime
 from interdrive.studies.runtime.markdown import document
 from interdrive.studies.runtime.measure import STEP_COLUMNS, peak_memory

@@ -9,8 +9,8 @@ from typing import Literal
 
 import pytest
 
+from interdrive.config.binding import bind, described, dotted, flatten
 from interdrive.errors import InputError
-from interdrive.settings import bind, described, dotted, flatten
 
 
 class Mode(enum.Enum):

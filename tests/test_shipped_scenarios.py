@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from interdrive.check import candidates, lanelets_at
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios
+from interdrive.scenario.inspection import candidates, lanelets_at
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("highway", "intersection", "lane_merge", "t_junction", "town")

@@ -5,10 +5,10 @@ import pytest
 
 from drivers import Straight
 from interdrive import Frenet, InputError, Simulation, SimulationSettings, simulate
+from interdrive.config.binding import bind
 from interdrive.predictors import Neural
-from interdrive.recording import digest
 from interdrive.run import PHASES
-from interdrive.settings import bind
+from interdrive.run.assemble import digest
 from interdrive.testing import Car, problem, straight_road, world
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from interdrive import _core
 from interdrive.files import read_scenario, shipped_scenario
-from interdrive.handles import core_road, core_scenario
 from interdrive.predictors import Neural, PredictorSettings, native
 from interdrive.predictors.neural import SHIPPED
 from interdrive.predictors.weights import read_weights
+from interdrive.scenario.native import core_road, core_scenario
 
 evaluate = pytest.importorskip("training.evaluate", reason="training/ is part of the repository, not of the package")
 dataset = pytest.importorskip("training.dataset")

@@ -8,9 +8,9 @@ import sys
 import pytest
 
 from interdrive import SimulationSettings, load, read_batch, save, simulate
+from interdrive.config.schema import RecordSettings
 from interdrive.plots import animate_run
 from interdrive.report import write_run_report
-from interdrive.run_settings import RecordSettings
 
 
 @pytest.fixture(scope="module")

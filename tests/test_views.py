@@ -7,8 +7,8 @@ import pytest
 
 from drivers import Straight
 from interdrive import Simulation, SimulationSettings, ViewSettings, load, save, simulate
+from interdrive.config.binding import bind
 from interdrive.scenario import Shape
-from interdrive.settings import bind
 from interdrive.testing import Car, crossing, problem, straight_road, world
 
 WALL, AGENT, OTHER = 50, 100, 7

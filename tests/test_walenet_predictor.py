@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import published_network as plain
 from interdrive import InputError, Simulation, Walenet, _core
 from interdrive.cli import main
-from interdrive.handles import core_road, core_scenario
+from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
 from invented_walenet import invented_weights
 

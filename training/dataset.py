@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
+from interdrive.config.schema import RoadSettings
+from interdrive.config.specs import resolve_predictor
 from interdrive.files import read_scenario
-from interdrive.handles import core_road, core_scenario
 from interdrive.predictors import PredictorSettings, native
-from interdrive.predictors import resolve as resolve_predictor
-from interdrive.run_settings import RoadSettings
+from interdrive.scenario.native import core_road, core_scenario
 from training.driven import behaviour_of, driven_traffic, files_to_drive
 from training.split import FOLDS, place_of
 from training.steady import steady_traffic

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive import __version__
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, shipped_scenario
-from interdrive.run_settings import SimulationSettings
 from interdrive.scenario import Obstacles, Shape
 from interdrive.simulation import simulate
 from training.split import FOLDS, place_of

@@ -89,8 +89,8 @@ def drive(
     import resource
     from collections import Counter
 
-    from interdrive.run_settings import SimulationSettings
-    from interdrive.settings import bind
+    from interdrive.config.binding import bind
+    from interdrive.config.schema import SimulationSettings
     from interdrive.simulation import Simulation
 
     settings = bind(SimulationSettings(), {"step.replan_every": replan_every})

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from interdrive._core import Predictions, Scene, View, __version__
-    from interdrive.agents import AgentSettings, GoalSettings
     from interdrive.batches import batch, read_batch
+    from interdrive.config.schema import SimulationSettings, ViewSettings
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
     from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
     from interdrive.planners import (
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     )
     from interdrive.results import load, save
     from interdrive.run import Run
-    from interdrive.run_settings import SimulationSettings, ViewSettings
     from interdrive.scenario import Scenario
+    from interdrive.scenario.agents import AgentSettings, GoalSettings
     from interdrive.simulation import Simulation, simulate
     from interdrive.studies import CaseStudy, case_study
 
@@ -52,8 +52,8 @@ _HOME = {
     "Scene": "_core",
     "View": "_core",
     "__version__": "_core",
-    "AgentSettings": "agents",
-    "GoalSettings": "agents",
+    "AgentSettings": "scenario.agents",
+    "GoalSettings": "scenario.agents",
     "batch": "batches",
     "read_batch": "batches",
     "InputError": "errors",
@@ -87,8 +87,8 @@ _HOME = {
     "Run": "run",
     "Scenario": "scenario",
     "Simulation": "simulation",
-    "SimulationSettings": "run_settings",
-    "ViewSettings": "run_settings",
+    "SimulationSettings": "config.schema",
+    "ViewSettings": "config.schema",
     "simulate": "simulation",
     "CaseStudy": "studies",
     "case_study": "studies",

@@ -11,32 +11,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from interdrive import _core
-from interdrive.agents import normalized, select
-from interdrive.choices import named, per_agent, stored
-from interdrive.considered import CandidateLog, PredictionLog
+from interdrive.config.agents import named, per_agent, stored
+from interdrive.config.binding import flatten
+from interdrive.config.schema import SimulationSettings
+from interdrive.config.specs import bound_predictor, planner_name, resolve_planner
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
-from interdrive.files.limits import require_scenario
 from interdrive.foreign import same_folder
-from interdrive.handles import core_road, core_scenario, core_shape
-from interdrive.planners import Planner, PlannerSettings, name_of, native_planner
-from interdrive.planners import resolve as resolve_planner
+from interdrive.planners import Planner, PlannerSettings, native_planner
 from interdrive.planners.calls import ask
 from interdrive.planners.workers import Workers, can_be_sent
-from interdrive.predictors.calls import called
-from interdrive.recording import agent_record, digest, outcomes_of, snapshot, states_of, timings_of
 from interdrive.run import Plans, Run, Snapshot, Views
-from interdrive.run_settings import SimulationSettings
+from interdrive.run.assemble import agent_record, digest, outcomes_of, snapshot, states_of, timings_of
+from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.scenario import KINDS, Scenario
-from interdrive.settings import flatten
+from interdrive.scenario.agents import normalized, select
+from interdrive.scenario.limits import require_scenario
+from interdrive.scenario.native import core_road, core_scenario, core_shape
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from interdrive.config.plugins import Choice
+    from interdrive.config.schema import ViewSettings
     from interdrive.planners.calls import Answer
-    from interdrive.plugins import Choice
     from interdrive.run import Outcomes
-    from interdrive.run_settings import ViewSettings
 
 #: More threads than any machine has cores; the system would run out of them.
 _THREADS_MAX = 1024
@@ -70,7 +69,7 @@ class Simulation:
         Args:
             scenario: A `Scenario`, the path of a CommonRoad file, the name of a shipped scenario, or a
                 `commonroad.scenario.scenario.Scenario` (alone or as a pair with its planning problem set).
-            agents: "all", a number, or ids; see `interdrive.agents.select`.
+            agents: "all", a number, or ids; see `interdrive.scenario.agents.select`.
             planner: A name, a record such as `Frenet(level=1)`, an object, a class, a factory without arguments, a text
                 "frenet,level=1" or a table `{"planner": "frenet", "level": 1}` with settings; or a mapping from agent
                 ids (and "default") to these.
@@ -115,7 +114,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the first time step; planners and predictor are made anew."""
-        self._predictor = called(self._predictor_choice, self.settings.predictor, self._core_scenario)
+        self._predictor = bound_predictor(self._predictor_choice, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
         self._dismiss()
         self._planner_notes: list[str] = []
@@ -225,7 +224,7 @@ class Simulation:
         make = {i: partial(_made, self._choices[i].planner, self.settings.planner) for i in willing}
         unfit = [i for i in willing if not can_be_sent(make[i])]
         if unfit:
-            name = name_of(self._choices[unfit[0]].planner)
+            name = planner_name(self._choices[unfit[0]].planner)
             self._planner_notes.append(
                 f"planner {name} is parallel, but cannot be sent to another process: it runs in this one"
             )
@@ -262,7 +261,7 @@ class Simulation:
                     continue
             except InputError as error:
                 answer = str(error)
-            name = name_of(self._choices[agent_id].planner)
+            name = planner_name(self._choices[agent_id].planner)
             answer = answer.encode("utf-8", "replace").decode()  # names of files need not be text
             plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {answer}")
 
@@ -285,7 +284,7 @@ class Simulation:
     def record(self) -> Run:
         """What happened so far, as arrays."""
         states = states_of(self.world.states())
-        names = {agent.id: name_of(self._choices[agent.id].planner) for agent in self.agents}
+        names = {agent.id: planner_name(self._choices[agent.id].planner) for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names)
         return Run(
             scenario=self.scenario,

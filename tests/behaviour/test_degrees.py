@@ -16,8 +16,8 @@ from interdrive import (
     read_scenario,
     simulate,
 )
+from interdrive.config.binding import flatten
 from interdrive.planners import NATIVE, RECORDS, native_planner
-from interdrive.settings import flatten
 from interdrive.testing import CAR, Car, crossing, problem, straight_road, world
 from recordings import along_x, braking, only, with_recordings
 

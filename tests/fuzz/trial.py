@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import interdrive as idr
 from interdrive.cli import main
-from interdrive.handles import core_road, core_scenario
+from interdrive.scenario.native import core_road, core_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

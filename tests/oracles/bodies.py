@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 
 from interdrive import _core
-from interdrive.handles import core_shape
 from interdrive.scenario import Shape
+from interdrive.scenario.native import core_shape
 
 Pose = tuple[float, float, float]
 

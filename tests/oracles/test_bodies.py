@@ -52,7 +52,7 @@ def test_distances_of_invented_groups_are_those_of_shapely(measured):
         pose = np.array([[*rng.uniform(-9, 9, 2), rng.uniform(-4, 4)]])
         other_pose = np.array([[*rng.uniform(-9, 9, 2), rng.uniform(-4, 4)]])
         theirs = min(float(distances(body, pose, other, other_pose)[0]) for body in bodies)
-        from interdrive.handles import core_shape
+        from interdrive.scenario.native import core_shape
 
         ours = core_shape(whole).distance(tuple(pose[0].tolist()), other.handle, tuple(other_pose[0].tolist()))
         worst, n = max(worst, abs(ours - theirs)), n + 1

@@ -13,8 +13,8 @@ from test_bodies import EXACT, EXACT_FAR_AWAY, poses_of
 
 from interdrive import _core
 from interdrive.criticality import CriticalitySettings, evaluate
-from interdrive.handles import core_road
 from interdrive.scenario import Shape
+from interdrive.scenario.native import core_road
 from interdrive.testing import Car, straight_road, world
 
 UNFILTERED = CriticalitySettings(oncoming_filter=False)

@@ -15,9 +15,9 @@ from commonroad_dc import pycrcc
 from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
 
 from interdrive import _core
-from interdrive.handles import core_road
-from interdrive.run_settings import RoadSettings
+from interdrive.config.schema import RoadSettings
 from interdrive.scenario import Scenario, Shape
+from interdrive.scenario.native import core_road
 
 TOLERANCE = RoadSettings().gap_tolerance
 POSES_PER_MAP = 900

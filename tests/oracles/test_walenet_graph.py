@@ -8,8 +8,8 @@ import walenet_graph
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.handles import core_road
 from interdrive.predictors.models import WALENET
+from interdrive.scenario.native import core_road
 
 STEP = 30
 VEHICLES_PER_SCENARIO = 4

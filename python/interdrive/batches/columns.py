@@ -9,16 +9,16 @@ import numpy as np
 from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES, agent_harm
 from interdrive.planners import NATIVE
-from interdrive.results import Column, arrow_table, labels
 from interdrive.run import PHASES
+from interdrive.storage import Column, arrow_table, labels
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Set
 
-    from interdrive.batches.runs import RunSpec
+    from interdrive.batches.plan import RunSpec
     from interdrive.criticality import Criticality
-    from interdrive.results import ArrowTable
     from interdrive.run import Run
+    from interdrive.storage import ArrowTable
 
 #: How a run can end. Agents exist only in finished ones.
 STATUS = ("finished", "refused", "failed", "crashed", "timeout", "memory")

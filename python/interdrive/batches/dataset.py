@@ -12,11 +12,11 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from interdrive.batches.columns import COLUMNS, STATUS
-from interdrive.batches.runs import TRAFFIC
+from interdrive.batches.plan import TRAFFIC
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
-from interdrive.results import arrow_table, check_values, replacing
 from interdrive.run import OUTCOMES
+from interdrive.storage import arrow_table, check_values, replacing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -283,7 +283,7 @@ def _work(connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     threading.Thread(target=end_with_the_parent, daemon=True).start()
-    import interdrive.batches.execute  # noqa: F401, PLC0415 - before the clock runs
+    import interdrive.batches.job  # noqa: F401, PLC0415 - before the clock runs
 
     connection.send("ready")
     while True:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.columns import RUN_COLUMNS
 from interdrive.batches.dataset import key_table, streamed
-from interdrive.batches.folder import BatchFolder
+from interdrive.batches.store import BatchFolder
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:

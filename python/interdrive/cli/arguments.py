@@ -6,13 +6,13 @@ import difflib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
-from interdrive.plugins import read_choice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.plugins import Choice
+    from interdrive.config.plugins import Choice
 
 
 def scenario_named(name: str) -> str:

@@ -11,13 +11,13 @@ import click
 
 from interdrive.cli.arguments import assigned, shown
 from interdrive.cli.config import BatchChoices, read_config
+from interdrive.config.binding import bind
 from interdrive.errors import InputError
-from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.run_settings import SimulationSettings
+    from interdrive.config.schema import SimulationSettings
 
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
@@ -130,7 +130,7 @@ def _configured(
     config: str | None, given: Mapping[str, Any], assignments: Sequence[str]
 ) -> tuple[BatchChoices, SimulationSettings]:
     """Choices and settings: defaults, then the file, then the command line."""
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
 
     choices, settings = BatchChoices(), SimulationSettings()
     if config is not None:

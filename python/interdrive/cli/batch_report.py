@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Task
 
-    from interdrive.batches import Answer, BatchSummary, Comparison
+    from interdrive.batches import Answer, BatchSummary
     from interdrive.batches import Progress as Reached
-    from interdrive.batches.sheets import Sheet
-    from interdrive.results import ArrowTable
+    from interdrive.comparison import Comparison
+    from interdrive.comparison.tables import Sheet
+    from interdrive.storage import ArrowTable
 
 #: Width of comparisons that are not printed to a terminal.
 _COMPARISON_WIDTH = 170
@@ -154,7 +155,7 @@ def _cell(value: object) -> str:
 
 def print_comparison(found: Comparison, folder: Path) -> None:
     """Planners by category, differences over all categories, and what the numbers do not prove."""
-    from interdrive.batches.sheets import sheets_of  # noqa: PLC0415 - needs the simulation
+    from interdrive.comparison.tables import sheets_of  # noqa: PLC0415 - needs the simulation
 
     console = output()
     if not console.is_terminal:

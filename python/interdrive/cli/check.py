@@ -15,12 +15,12 @@ def check(files: tuple[str, ...]) -> int:
 
     A FILE that `run` would refuse gets one line on stderr; the others are printed all the same.
     """
-    from interdrive.agents import possible_agents  # noqa: PLC0415
-    from interdrive.check import inspect  # noqa: PLC0415
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
-    from interdrive.handles import core_road, core_scenario  # noqa: PLC0415
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.scenario.agents import possible_agents  # noqa: PLC0415
+    from interdrive.scenario.inspection import inspect  # noqa: PLC0415
+    from interdrive.scenario.native import core_road, core_scenario  # noqa: PLC0415
 
     refused = False
     settings = SimulationSettings()

@@ -25,9 +25,10 @@ def compare(
     Only agents that all of these planners drove are compared. Intervals of differences come from samples of scenarios
     (paired bootstrap). Writes table and differences as Parquet and CSV, both as Markdown, and a figure as PDF and PNG.
     """
-    from interdrive.batches import compare as compared  # noqa: PLC0415
-    from interdrive.batches import labels_of, save_comparison  # noqa: PLC0415
+    from interdrive.batches import labels_of  # noqa: PLC0415
     from interdrive.cli.batch_report import print_comparison  # noqa: PLC0415 - rich
+    from interdrive.comparison import compare as compared  # noqa: PLC0415
+    from interdrive.comparison.folder import save_comparison  # noqa: PLC0415
 
     chosen = labels_of(list(planners), "planner") if planners else None
     found = compared(folder, planners=chosen, samples=samples, level=level, seed=seed)

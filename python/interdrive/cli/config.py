@@ -8,14 +8,14 @@ import tomllib
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from interdrive.config.binding import dotted
+from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
-from interdrive.plugins import read_choice
-from interdrive.settings import dotted
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from interdrive.plugins import Choice
+    from interdrive.config.plugins import Choice
 
 
 @dataclass(frozen=True)

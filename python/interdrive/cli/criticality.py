@@ -9,8 +9,8 @@ import click
 
 from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
 from interdrive.cli.terminal import say
+from interdrive.config.binding import bind
 from interdrive.errors import InputError
-from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
@@ -42,9 +42,9 @@ def criticality(
     Writes criticality.parquet (every vehicle, time step and measure) and criticality_extremes.parquet (the most
     critical value of each vehicle and measure), and prints the most critical moments.
     """
-    from interdrive.assessment import save_criticality  # noqa: PLC0415
     from interdrive.cli.report import print_criticality, progress  # noqa: PLC0415 - rich
     from interdrive.criticality import CriticalitySettings, evaluate  # noqa: PLC0415
+    from interdrive.criticality.tables import save_criticality  # noqa: PLC0415
 
     settings = bind(CriticalitySettings(), assigned(assignments))
     judged = _numbers(ids)
@@ -77,9 +77,10 @@ def _numbers(ids: str | None) -> list[int] | None:
 
 def _opened(what: str, out: str | None) -> tuple[Run, Path]:
     """What to judge, and the folder for the tables."""
-    from interdrive.assessment import recorded_run, reopen  # noqa: PLC0415
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
-    from interdrive.results import not_a_link, resolved  # noqa: PLC0415
+    from interdrive.results.reader import reopen  # noqa: PLC0415
+    from interdrive.run.assemble import recorded_run  # noqa: PLC0415
+    from interdrive.storage import not_a_link, resolved  # noqa: PLC0415
 
     if Path(what).is_dir():
         return reopen(what), not_a_link(out) if out else resolved(what)

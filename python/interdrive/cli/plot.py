@@ -48,10 +48,10 @@ def plot(
     if out is not None and Path(out).suffix.lower() not in (".pdf", ".png", ".svg"):
         raise InputError(f"--out {out}: figures end in .pdf, .png or .svg")
 
-    from interdrive.assessment import reopen, stored_plans  # noqa: PLC0415
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
     from interdrive.plots import draw_scene, draw_trajectories, draw_velocity, save_figure  # noqa: PLC0415 - matplotlib
     from interdrive.results import load  # noqa: PLC0415
+    from interdrive.results.reader import reopen, stored_plans  # noqa: PLC0415
 
     figure: Figure
     with progress(quiet=quiet) as bar:

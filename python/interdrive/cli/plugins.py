@@ -36,8 +36,8 @@ def predictors(name: str | None) -> None:
 
 def _show(name: str | None, what: str, native: dict[str, str], records: dict[str, type]) -> None:
     from interdrive.cli.report import print_plugins, print_settings, print_text  # noqa: PLC0415 - rich
-    from interdrive.plugins import find, listed  # noqa: PLC0415
-    from interdrive.settings import described, description  # noqa: PLC0415
+    from interdrive.config.binding import described, description  # noqa: PLC0415
+    from interdrive.config.plugins import find, listed  # noqa: PLC0415
 
     if name is None:
         print_plugins(listed(native, what))

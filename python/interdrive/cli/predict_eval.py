@@ -7,9 +7,9 @@ import re
 import click
 
 from interdrive.cli.arguments import assigned, new_folder, shown
+from interdrive.config.binding import bind
+from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
-from interdrive.plugins import read_choice
-from interdrive.settings import bind
 
 
 @click.command("predict-eval")
@@ -61,9 +61,9 @@ def predict_eval(
 
     from interdrive.cli.prediction_report import print_prediction_evaluation  # noqa: PLC0415 - rich
     from interdrive.cli.report import progress  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.prediction_evaluation import evaluate_predictors  # noqa: PLC0415
     from interdrive.prediction_evaluation.folder import check_evaluation_target, save_evaluation  # noqa: PLC0415
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
 
     settings = bind(SimulationSettings(), settings_given)
     folder = check_evaluation_target(

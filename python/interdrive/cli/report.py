@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType
     from rich.text import Text
 
-    from interdrive.check import Inspection
+    from interdrive.config.plugins import Listed
     from interdrive.criticality import Criticality
-    from interdrive.plugins import Listed
     from interdrive.run import Run
+    from interdrive.scenario.inspection import Inspection
     from interdrive.studies import CaseStudy
     from interdrive.studies.runtime import RuntimeStudy
 

@@ -11,16 +11,16 @@ import click
 
 from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, scenario_named, shown
 from interdrive.cli.config import RunChoices, read_config
+from interdrive.config.binding import bind
+from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError, InterdriveError
-from interdrive.plugins import read_choice
-from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from interdrive.plugins import Choice
+    from interdrive.config.plugins import Choice
+    from interdrive.config.schema import SimulationSettings
     from interdrive.run import Run
-    from interdrive.run_settings import SimulationSettings
 
 
 #: What a report shows besides what every run keeps; any of it can be switched off again.
@@ -130,7 +130,7 @@ def _configured(
     config: str | None, given: Mapping[str, Any], by_agent: Sequence[str], assignments: Sequence[str]
 ) -> tuple[RunChoices, dict[int, Choice], SimulationSettings]:
     """Choices for all, those per agent, and settings: defaults, then the file, then the command line."""
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
 
     choices = RunChoices()
     values: dict[str, Any] = {}

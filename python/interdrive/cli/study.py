@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
+from interdrive.config.binding import bind
 from interdrive.errors import InputError
-from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from interdrive.studies import Case
@@ -79,7 +79,7 @@ def study(
     cases, notes = _cases(what, agent, other)
 
     from interdrive.cli.report import print_study, progress  # noqa: PLC0415 - rich
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.studies import case_study, save_study  # noqa: PLC0415
     from interdrive.studies.folder import check_study_target  # noqa: PLC0415
 
@@ -131,7 +131,7 @@ def _runtime(
     from dataclasses import replace  # noqa: PLC0415
 
     from interdrive.cli.report import print_runtime, progress  # noqa: PLC0415 - rich
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.studies.runtime import (  # noqa: PLC0415
         COUNTS,
         TOWN_COUNTS,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from interdrive.cli.terminal import say, visible
+from interdrive.config.binding import bind
 from interdrive.errors import InputError
-from interdrive.settings import bind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,10 +28,10 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     Exit code 0: equal to the last bit. Exit code 1: different. A planner or predictor that run.json names as
     module:object is code that would run with your rights: you are asked first, or say --trust.
     """
-    from interdrive.choices import modules_named  # noqa: PLC0415
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
+    from interdrive.config.agents import modules_named  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.results import information, load  # noqa: PLC0415
-    from interdrive.run_settings import SimulationSettings  # noqa: PLC0415
     from interdrive.simulation import simulate  # noqa: PLC0415
 
     info = load(folder).info

@@ -13,8 +13,8 @@ from interdrive.criticality.measures import MEASURES, measure_named
 from interdrive.criticality.settings import CriticalitySettings
 from interdrive.criticality.source import connectors_of, traffic_of
 from interdrive.errors import InputError
-from interdrive.handles import core_road, core_shape
 from interdrive.scenario import Scenario
+from interdrive.scenario.native import core_road, core_shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -10,12 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files import limits
-from interdrive.files.document import Facts, polygon
+from interdrive.files.document import Facts
 from interdrive.files.motion import Track, completed, track, wrapped
-from interdrive.files.names import readable
-from interdrive.files.shapes import Foreign, middle_of, shape_of
-from interdrive.scenario import GoalState, Incoming, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
+from interdrive.scenario import (
+    GoalState,
+    Incoming,
+    InitialState,
+    Lanelets,
+    Obstacles,
+    PlanningProblem,
+    Scenario,
+    Shape,
+    limits,
+)
+from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -16,9 +16,10 @@ from xml.parsers import expat
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files.limits import require_dt, require_roads
 from interdrive.files.numbers import check_adjacency, check_numbers
+from interdrive.files.shapes import polygon
 from interdrive.scenario import Shape
+from interdrive.scenario.limits import require_dt, require_roads
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -299,14 +300,6 @@ def _primitive(element: Element) -> Shape | None:
         points = [(_number(point, "x"), _number(point, "y")) for point in element.iterfind("point")]
         return polygon(np.array(points, dtype=np.float64).reshape(-1, 2))
     return None
-
-
-def polygon(vertices: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> Shape:
-    """A polygon from its vertices [m], shape (vertices, 2 or 3); a repeated last one is dropped."""
-    vertices = np.ascontiguousarray(vertices[:, :2], dtype=np.float64)
-    if len(vertices) > 1 and np.array_equal(vertices[0], vertices[-1]):
-        vertices = vertices[:-1]
-    return Shape("polygon", vertices=vertices)
 
 
 def _number(element: Element, tag: str) -> float:

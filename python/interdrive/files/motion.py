@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from interdrive.files.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, LARGEST_YAW_RATE
+from interdrive.scenario.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, LARGEST_YAW_RATE
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from interdrive.errors import InputError
-from interdrive.files import limits
+from interdrive.scenario import limits
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

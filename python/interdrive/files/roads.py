@@ -18,9 +18,9 @@ import numpy as np
 from interdrive.errors import InputError
 from interdrive.files import document
 from interdrive.files.content import content_of_file
-from interdrive.files.limits import LARGEST_ID
 from interdrive.files.numbers import check_adjacency
 from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet, read_scenario
+from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

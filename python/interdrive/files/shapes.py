@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from interdrive.files.document import polygon
 from interdrive.scenario import Shape
 
 #: An object of commonroad-io, which has no types.
@@ -40,6 +39,14 @@ def shape_of(source: Foreign) -> Shape:
     if hasattr(source, "vertices"):
         return polygon(np.array(source.vertices, dtype=np.float64).reshape(len(source.vertices), -1))
     raise TypeError(f"a shape of the class {type(source).__name__} is not known, only rectangles, circles, polygons")
+
+
+def polygon(vertices: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> Shape:
+    """A polygon from its vertices [m], shape (vertices, 2 or 3); a repeated last one is dropped."""
+    vertices = np.ascontiguousarray(vertices[:, :2], dtype=np.float64)
+    if len(vertices) > 1 and np.array_equal(vertices[0], vertices[-1]):
+        vertices = vertices[:-1]
+    return Shape("polygon", vertices=vertices)
 
 
 def _rectangle(size: Foreign, center: tuple[float, float], orientation: float = 0.0) -> Shape:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
 from interdrive import _core
-from interdrive.settings import flatten
 
 
 @dataclass(frozen=True)
@@ -284,13 +283,22 @@ def native_record(name: str, settings: PlannerSettings) -> Any:  # noqa: ANN401 
 def native_planner(record: object) -> NativePlanner | None:
     """The core's settings of a native planner; None for a planner written in Python."""
     if isinstance(record, Frenet):
-        return _core.FrenetSettings(flatten(record))
+        return _core.FrenetSettings(_dotted(record))
     if isinstance(record, Recorded):
         return _core.RecordedSettings()
     if isinstance(record, VelocityAdjusting):
-        return _core.VelocityAdjustingSettings(flatten(record))
+        return _core.VelocityAdjustingSettings(_dotted(record))
     if isinstance(record, Idm):
-        return _core.IdmSettings(flatten(record))
+        return _core.IdmSettings(_dotted(record))
     if isinstance(record, IdmMobil):
-        return _core.IdmMobilSettings(flatten(record))
+        return _core.IdmMobilSettings(_dotted(record))
     return None
+
+
+def _dotted(record: Any, prefix: str = "") -> dict[str, Any]:  # noqa: ANN401 - one of RECORDS
+    """The fields of a record, and of records in it, by dotted names."""
+    found: dict[str, Any] = {}
+    for name in (item.name for item in fields(record)):
+        value = getattr(record, name)
+        found |= _dotted(value, f"{prefix}{name}.") if is_dataclass(value) else {f"{prefix}{name}": value}
+    return found

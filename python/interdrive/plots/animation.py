@@ -12,7 +12,7 @@ from PIL import Image
 
 from interdrive.errors import InputError, MissingExtraError, ResultsError
 from interdrive.plots.frames import Stage
-from interdrive.results import replacing
+from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -29,7 +29,7 @@ from interdrive.plots.participants import (
 )
 from interdrive.plots.road import road_artists
 from interdrive.plots.view import view_of
-from interdrive.results import replacing
+from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,12 +8,12 @@ import numpy as np
 
 from interdrive.prediction_evaluation.measures import HORIZONS, TIMES
 from interdrive.prediction_evaluation.tables import groups, mean_of, share_of, table_of
-from interdrive.results import Column
+from interdrive.storage import Column
 
 if TYPE_CHECKING:
     from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
     from interdrive.prediction_evaluation.samples import Samples
-    from interdrive.results import ArrowTable
+    from interdrive.storage import ArrowTable
 
 #: Nominal shares of the calibration curve [%].
 NOMINAL = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 99)

@@ -6,17 +6,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from interdrive.config.binding import flatten
+from interdrive.config.plugins import Choice, read_choice
+from interdrive.config.schema import SimulationSettings
+from interdrive.config.specs import bound_predictor, predictor_name
 from interdrive.errors import InputError, InterdriveError
-from interdrive.plugins import Choice, read_choice
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import category_of, found_files, opened
 from interdrive.prediction_evaluation.samples import Gathered, Samples
 from interdrive.prediction_evaluation.split import UNKNOWN, read_split
 from interdrive.prediction_evaluation.timing import Timing, measured_timings
 from interdrive.predictors import NATIVE
-from interdrive.predictors.calls import called, name_of
-from interdrive.run_settings import SimulationSettings
-from interdrive.settings import flatten
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -74,18 +74,18 @@ def chosen_predictors(
     for one in predictors if isinstance(predictors, list | tuple) else [predictors]:
         if one != "all":
             choices.append(read_choice(one, "predictor"))
-            called(choices[-1], settings.predictor, recording.core_scenario)
+            bound_predictor(choices[-1], settings.predictor, recording.core_scenario)
             continue
         for name in NATIVE:
-            if name in _FOR_STUDIES or name in map(name_of, choices):
+            if name in _FOR_STUDIES or name in map(predictor_name, choices):
                 continue
             try:
-                called(name, settings.predictor, recording.core_scenario)
+                bound_predictor(name, settings.predictor, recording.core_scenario)
             except InterdriveError as error:
                 notes.append(f"{name} is left out: {error}")
             else:
                 choices.append(Choice(name))
-    names = [name_of(choice) for choice in choices]
+    names = [predictor_name(choice) for choice in choices]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"predictor {name} is there twice")
@@ -152,7 +152,7 @@ def evaluate_predictors(
         if not choices:
             choices, lines = chosen_predictors(predictors, settings, recording)
             notes += lines
-        asked = [called(choice, settings.predictor, recording.core_scenario) for choice in choices]
+        asked = [bound_predictor(choice, settings.predictor, recording.core_scenario) for choice in choices]
         gathered.add(path, labels[path], recording, asked, every)
     notes += gathered.note()
     if not gathered.files:
@@ -160,7 +160,7 @@ def evaluate_predictors(
     timings = measured_timings(choices, settings, on_step) if with_timing else ()
     return PredictionEvaluation(
         tuple(gathered.files),
-        tuple(name_of(choice) for choice in choices),
+        tuple(predictor_name(choice) for choice in choices),
         gathered.samples(),
         timings,
         tuple(notes),

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.prediction_evaluation import curves, tables
-from interdrive.results import check_folder, replacing, software, write_json, write_table
+from interdrive.results import software
+from interdrive.storage import check_folder, replacing, write_json, write_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,16 +11,16 @@ import numpy as np
 from interdrive import _core
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios
-from interdrive.handles import core_road, core_scenario
 from interdrive.prediction_evaluation.measures import HORIZONS, step_of
 from interdrive.scenario import KINDS, Scenario
+from interdrive.scenario.native import core_road, core_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from interdrive.run_settings import SimulationSettings
+    from interdrive.config.schema import SimulationSettings
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.prediction_evaluation.recordings import Moment, Recording
-    from interdrive.predictors.calls import Called
+    from interdrive.predictors.calls import BoundPredictor
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Gathered:
         self._values: dict[str, list[dict[str, Any]]] = {}
 
     def add(
-        self, path: Path, labels: tuple[str, str], recording: Recording, asked: Sequence[Called], every: int
+        self, path: Path, labels: tuple[str, str], recording: Recording, asked: Sequence[BoundPredictor], every: int
     ) -> None:
         """All samples of a file, which has these labels: category and traffic.
 
@@ -137,7 +137,7 @@ class Gathered:
         return Samples(**columns, values=values)
 
 
-def answered(predictor: Called, recording: Recording, moment: Moment) -> Predicted:
+def answered(predictor: BoundPredictor, recording: Recording, moment: Moment) -> Predicted:
     """What a predictor says about the judged vehicles of a moment until 3 s; who is left out goes straight on.
 
     Raises:

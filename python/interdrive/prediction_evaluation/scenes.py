@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from interdrive.config.specs import bound_predictor, predictor_name
 from interdrive.files import read_scenario
 from interdrive.plots.participants import INK, RECORDED, RECORDED_EDGE, outlines, placed
 from interdrive.plots.predictions import PREDICTION, ellipse_rings, strength
@@ -21,7 +22,6 @@ from interdrive.plots.view import View, view_around
 from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, step_of
 from interdrive.prediction_evaluation.recordings import Recording
 from interdrive.prediction_evaluation.samples import answered
-from interdrive.predictors.calls import called, name_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -77,8 +77,8 @@ def example_scenes(found: PredictionEvaluation) -> Iterator[ExampleScene]:
         moment = recording.at(time_step)
         predicted = {}
         for choice in found.choices:
-            predictor = called(choice, found.simulation.predictor, recording.core_scenario)
-            predicted[name_of(choice)] = answered(predictor, recording, moment)
+            predictor = bound_predictor(choice, found.simulation.predictor, recording.core_scenario)
+            predicted[predictor_name(choice)] = answered(predictor, recording, moment)
         there = (samples.file == file) & (samples.time_step == time_step) & _is_telling(samples)
         wanted = set(samples.participant_id[there].tolist())
         numbers = moment.scene.ids[moment.row].tolist()

@@ -9,13 +9,13 @@ import numpy as np
 from interdrive.prediction_evaluation.measures import HORIZONS, MISS
 from interdrive.prediction_evaluation.recordings import CATEGORIES
 from interdrive.prediction_evaluation.split import TRAFFIC, UNKNOWN
-from interdrive.results import Column, arrow_table, labels
 from interdrive.scenario import KINDS
+from interdrive.storage import Column, arrow_table, labels
 
 if TYPE_CHECKING:
     from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
     from interdrive.prediction_evaluation.samples import Samples
-    from interdrive.results import ArrowTable
+    from interdrive.storage import ArrowTable
 
 #: Names of the two rows for everything: every sample weighs the same, or every category of `CATEGORIES` does.
 ALL, MEAN = "all samples", "mean of categories"

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.config.specs import bound_predictor, predictor_name
 from interdrive.files import read_scenario, shipped_scenario
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import JUDGED_KINDS, Recording
-from interdrive.predictors.calls import called, name_of
 from interdrive.scenario import Lanelets, Scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.plugins import Choice
-    from interdrive.run_settings import SimulationSettings
+    from interdrive.config.plugins import Choice
+    from interdrive.config.schema import SimulationSettings
 
 #: Numbers of vehicles.
 VEHICLES = (1, 25, 50, 200)
@@ -114,8 +114,8 @@ def measured_timings(
         n_steps = round(HORIZONS[-1] / recording.scenario.dt)
         for choice in choices:
             if on_step is not None:
-                on_step(f"timing {name_of(choice)}", place, len(VEHICLES))
-            predictor = called(choice, settings.predictor, recording.core_scenario)
+                on_step(f"timing {predictor_name(choice)}", place, len(VEHICLES))
+            predictor = bound_predictor(choice, settings.predictor, recording.core_scenario)
             recording.at(0)
             seconds: list[float] = []
             predictor.predict(recording.world, recording.at(_FIRST - 1).scene, n_steps)
@@ -124,6 +124,6 @@ def measured_timings(
                 start = time.perf_counter()
                 predictor.predict(recording.world, scene, n_steps)
                 seconds.append(time.perf_counter() - start)
-            found.append(Timing(name_of(choice), n, 1000.0 * float(np.median(seconds)), len(seconds)))
-    order = {name_of(choice): place for place, choice in enumerate(choices)}
+            found.append(Timing(predictor_name(choice), n, 1000.0 * float(np.median(seconds)), len(seconds)))
+    order = {predictor_name(choice): place for place, choice in enumerate(choices)}
     return tuple(sorted(found, key=lambda timing: (order[timing.predictor], timing.vehicles)))

@@ -8,13 +8,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.plugins import find, made, named_error, read_choice
 from interdrive.predictors.neural import network
-from interdrive.settings import bind, flatten
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,7 +31,6 @@ __all__ = [
     "Walenet",
     "native",
     "native_name",
-    "resolve",
 ]
 
 
@@ -215,35 +212,6 @@ NATIVE = {
 def native_name(record: object) -> str | None:
     """The name of a native record; None for anything else."""
     return next((name for name, kind in RECORDS.items() if type(record) is kind), None)
-
-
-def resolve(predictor: object, settings: PredictorSettings) -> object:
-    """A native record or an object with `predict` from a choice.
-
-    Args:
-        predictor: Name, `module:object`, record, object, class or factory; or one of these with settings, as
-            `interdrive.plugins.read_choice` reads them.
-        settings: What native predictors have where the choice says nothing else.
-
-    Raises:
-        InputError: Unknown name or setting (with the nearest valid one), a value that does not fit, or something that
-            is no predictor.
-    """
-    choice = read_choice(predictor, "predictor")
-    chosen: Any = choice.chosen
-    try:
-        if isinstance(chosen, str) and chosen in NATIVE:
-            chosen = getattr(settings, chosen, None) or RECORDS[chosen]()
-        if native_name(chosen) is not None:
-            # Records made in Python are not checked for types by themselves.
-            return bind(chosen, {**flatten(chosen), **choice.settings})
-        found = find(chosen, tuple(NATIVE), "predictor") if isinstance(chosen, str) else chosen
-        found = made(found, "predict", "predictor", choice.settings)
-    except InputError as error:
-        raise named_error(error, f"predictor {native_name(chosen) or choice.chosen}") from error
-    if native_name(found) is not None or isinstance(found, Predictor):
-        return found
-    raise InputError(f"{found!r} is no predictor: it has no method predict(scene)")
 
 
 def native(record: object, settings: PredictorSettings, recorded: _core.Scenario) -> _core.Predictor | None:

@@ -3,34 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from interdrive._core import Predictions
 from interdrive.errors import PredictorError
 from interdrive.foreign import failure, same_folder, undisturbed
-from interdrive.plugins import Choice, read_choice
-from interdrive.predictors import Predictor, PredictorSettings, native, native_name, resolve
 
 if TYPE_CHECKING:
     from interdrive import _core
-
-
-def name_of(choice: object) -> str:
-    """Name of a predictor for tables and messages, with the settings that it was chosen with."""
-    choice = read_choice(choice, "predictor")
-    settings = "".join(f",{name}={value}" for name, value in choice.settings.items())
-    chosen: Any = choice.chosen
-    if isinstance(chosen, str):
-        return chosen + settings
-    known = native_name(chosen)
-    if known is not None:
-        return known + settings
-    named = chosen if isinstance(chosen, type) or hasattr(chosen, "__qualname__") else type(chosen)
-    return f"{named.__module__}:{named.__qualname__}{settings}"
+    from interdrive.predictors import Predictor
 
 
 @dataclass(frozen=True)
-class Called:
+class BoundPredictor:
     """A predictor that can be asked in one world.
 
     Attributes:
@@ -69,18 +54,3 @@ class Called:
         if answer.time_step != scene.time_step:
             raise PredictorError(f"{where}: it returned predictions of time step {answer.time_step}")
         return answer
-
-
-def called(choice: Choice | object, settings: PredictorSettings, recorded: _core.Scenario) -> Called:
-    """A predictor of one's own for one world.
-
-    Args:
-        choice: As `interdrive.predictors.resolve` takes it.
-        settings: What native predictors have where the choice says nothing else.
-        recorded: The world's scenario.
-
-    Raises:
-        InputError: Unknown name or setting, or something that is no predictor.
-    """
-    predictor = resolve(choice, settings)
-    return Called(name_of(choice), predictor, native(predictor, settings, recorded))

@@ -6,12 +6,12 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from interdrive.batches.folder import BatchFolder
+from interdrive.batches.store import BatchFolder
 from interdrive.errors import InterdriveError, ResultsError
 from interdrive.report.batch import batch_contents
 from interdrive.report.contents import run_contents
 from interdrive.report.page import page
-from interdrive.results import replacing
+from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.batches import METRICS, compare
-from interdrive.batches.folder import BatchFolder
-from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
-from interdrive.batches.runs import ALONE
-from interdrive.batches.variants import arrays, categories_of, compared_sets, variants_of
+from interdrive.batches.plan import ALONE
+from interdrive.batches.store import BatchFolder
+from interdrive.comparison import METRICS, compare
+from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.variants import arrays, categories_of, compared_sets, variants_of
 from interdrive.errors import ResultsError
 from interdrive.report.contents import FORMAT, Contents
 from interdrive.report.packing import Packer
@@ -20,7 +20,7 @@ from interdrive.report.repeat import command
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.batches import ComparedSet, Comparison
+    from interdrive.comparison import ComparedSet, Comparison
 
 #: Columns of the data set whose distributions are drawn, and the factor to their unit.
 _DRAWN = (

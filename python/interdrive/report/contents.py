@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.assessment import reopen
-from interdrive.considered import steps_between
 from interdrive.criticality import MEASURES
 from interdrive.errors import InterdriveError
 from interdrive.plots.participants import agent_colors, body_outlines, outlines
@@ -19,7 +17,9 @@ from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
 from interdrive.report.tables import pack_candidates, pack_plans, pack_predictions, pack_road, pack_states, pack_views
 from interdrive.results import load
+from interdrive.results.reader import reopen
 from interdrive.run import PLAN_STATUS
+from interdrive.run.logs import steps_between
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from interdrive.report.measured import Measured
-    from interdrive.results import ArrowTable
     from interdrive.run import Run
+    from interdrive.storage import ArrowTable
 
 #: Moments at which a measure goes beyond this are events; of each agent the most critical one.
 THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}

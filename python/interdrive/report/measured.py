@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.assessment import criticality_extremes_table, criticality_table, stored_criticality
 from interdrive.criticality import MEASURES, evaluate
+from interdrive.criticality.tables import criticality_extremes_table, criticality_table, stored_criticality
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.results import ArrowTable
     from interdrive.run import Run
+    from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]

@@ -6,7 +6,7 @@ import html
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from interdrive.results import json_text
+from interdrive.storage import json_text
 
 if TYPE_CHECKING:
     from interdrive.report.contents import Contents

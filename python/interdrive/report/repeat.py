@@ -8,13 +8,13 @@ import shlex
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from interdrive.batches.runs import ALONE
+from interdrive.batches.plan import ALONE
+from interdrive.config.binding import bind, flatten
+from interdrive.config.plugins import read_choice
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError
 from interdrive.planners import NATIVE as PLANNERS
-from interdrive.plugins import read_choice
 from interdrive.predictors import NATIVE as PREDICTORS
-from interdrive.run_settings import SimulationSettings
-from interdrive.settings import bind, flatten
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

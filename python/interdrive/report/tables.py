@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.report.packing import Packer
-    from interdrive.results import ArrowTable
     from interdrive.run import Run
+    from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
 

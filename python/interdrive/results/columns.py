@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from interdrive.results.tabular import Column
+from interdrive.storage.tables import Column
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

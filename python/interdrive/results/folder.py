@@ -17,9 +17,9 @@ from interdrive.results.tables import (
     timing_table,
     views_table,
 )
-from interdrive.results.tabular import read_table, schema_of, write_parquet
 from interdrive.results.validation import check_tables
-from interdrive.results.writing import check_folder, replacing, resolved, write_json
+from interdrive.storage.tables import read_table, schema_of, write_parquet
+from interdrive.storage.writing import check_folder, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     import pyarrow as pa

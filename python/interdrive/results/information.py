@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import ResultsError
-from interdrive.results.schema import check_information, read_json
-from interdrive.results.writing import one_line
+from interdrive.results.schema import check_information
+from interdrive.storage.writing import one_line, read_json
 
 if TYPE_CHECKING:
     from pathlib import Path

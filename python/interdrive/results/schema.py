@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from interdrive.config.binding import bind, flatten
+from interdrive.config.schema import SimulationSettings, ViewSettings
 from interdrive.errors import InputError, ResultsError
-from interdrive.files.limits import LARGEST_ID
-from interdrive.run_settings import SimulationSettings, ViewSettings
-from interdrive.settings import bind, flatten
+from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -202,28 +201,6 @@ _INFORMATION = _Table(
         "rows": _TableOf(_WHOLE),
     },
 )
-
-
-def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
-    """What a JSON file says.
-
-    Raises:
-        OSError: It cannot be read.
-        ValueError: It is no JSON, nested too deeply, or holds a number that is none (NaN, Infinity, 1e999).
-    """
-    if path.exists() and not path.is_file():
-        raise ValueError("it is no file")
-    try:
-        return json.loads(path.read_bytes(), parse_constant=_finite, parse_float=_finite)
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
-
-
-def _finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"{text} is no number of JSON")
-    return number
 
 
 def check_information(path: Path, info: dict[str, Any]) -> None:

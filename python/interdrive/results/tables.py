@@ -8,8 +8,8 @@ import numpy as np
 
 from interdrive.criticality import IMPACT_AREAS, agent_harm
 from interdrive.results.columns import COLUMNS
-from interdrive.results.tabular import arrow_table, labels
 from interdrive.run import PHASES, PLAN_STATUS
+from interdrive.storage.tables import arrow_table, labels
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -8,10 +8,11 @@ import numpy as np
 
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
-from interdrive.files import limits
 from interdrive.results.columns import COLUMNS
 from interdrive.run import OUTCOMES, PLAN_STATUS
-from interdrive.scenario import KINDS
+from interdrive.scenario import KINDS, limits
+from interdrive.storage import check_order, check_table
+from interdrive.storage.checks import Damage, refuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
     from numpy.typing import NDArray
-
-    from interdrive.results.tabular import Column
 
     Ints = NDArray[np.int64]
     Columns = Mapping[str, Any]
@@ -43,49 +42,11 @@ ORDER: Mapping[str, Sequence[str]] = {
     "candidates": ("time_step", "agent_id", "candidate", "point"),
 }
 
-#: No finite number of a run is larger, whatever its unit; positions are not [m].
-_NUMBER_MAX, _POSITION_MAX = 1e30, limits.LARGEST_COORDINATE
+#: Positions [m] are not larger.
+_POSITION_MAX = limits.LARGEST_COORDINATE
 
 #: Arrays of participants and time steps, or of plans and points, may have so many cells, and so many more per row.
 _CELLS, _CELLS_PER_ROW = 10_000_000, limits.CELLS_PER_STATE
-
-
-class _Damage(Exception):  # noqa: N818 - never leaves this module
-    """What is wrong, without the name of the file."""
-
-
-def check_values(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> None:
-    """Raises ResultsError for a value that no writer writes; the line names file and column."""
-    try:
-        for column in columns:
-            _check_column(table[column.name], column, labels.get(column.name))
-    except _Damage as cause:
-        raise ResultsError(f"{path}: {cause}; the file is damaged") from None
-
-
-def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> Columns:
-    """The columns of one table as arrays, absent integers as -1.
-
-    Raises:
-        ResultsError: As `check_values`.
-    """
-    check_values(table, path, columns, labels)
-    return {column.name: _array(table[column.name], column.kind) for column in columns}
-
-
-def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
-    """Raises ResultsError unless rows are sorted by these columns, and no two rows have the same values in them."""
-    n = max(0, len(columns[order[0]]) - 1)
-    is_ascending, is_equal = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
-    for name in order:
-        step = np.diff(columns[name])
-        is_ascending |= is_equal & (step > 0)
-        is_equal &= step == 0
-    wrong = np.flatnonzero(~is_ascending)
-    if len(wrong):
-        raise ResultsError(
-            f"{path}: {', '.join(order)}: row {int(wrong[0]) + 1} is out of order or there twice; the file is damaged"
-        )
 
 
 def check_tables(folder: Path, tables: Mapping[str, pa.Table], info: Mapping[str, Any], missing: Sequence[str]) -> None:
@@ -111,59 +72,23 @@ def check_tables(folder: Path, tables: Mapping[str, pa.Table], info: Mapping[str
         if name in found and name not in missing:
             try:
                 check(found, info)
-            except _Damage as cause:
+            except Damage as cause:
                 raise ResultsError(f"{folder / f'{name}.parquet'}: {cause}; the folder is damaged") from None
-
-
-def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] | None) -> None:
-    if about.kind == "label":
-        texts = column.unique().cast("string")
-        if texts.null_count and not about.nullable:
-            raise _Damage(f"{about.name}: a value is missing")
-        known = texts.to_pylist() if labels is None else [None, *labels]
-        unknown = [text for text in texts.to_pylist() if text not in known]
-        if unknown:
-            raise _Damage(f"{about.name}: {unknown[0]!r} is none of {', '.join(labels or ())}")
-    elif column.null_count and not about.nullable:
-        raise _Damage(f"{about.name}: a value is missing")
-    elif about.kind == "integer":
-        values = _array(column, about.kind)
-        _refuse(about.name, values, (values > limits.LARGEST_ID) | (values < -limits.LARGEST_ID), "is too large")
-    elif about.kind == "number":
-        numbers = _array(column, about.kind)
-        if not about.nullable:
-            _refuse(about.name, numbers, np.isnan(numbers), "is no number")
-        wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
-        if not about.infinite:
-            wrong |= np.isinf(numbers)
-        _refuse(about.name, numbers, wrong, "is too large")
-
-
-def _array(column: pa.ChunkedArray, kind: str) -> Any:  # noqa: ANN401 - an array
-    if kind in ("label", "text"):
-        return column.cast("string").to_numpy(zero_copy_only=False)
-    return (column.fill_null(-1) if kind == "integer" else column).to_numpy(zero_copy_only=False)
-
-
-def _refuse(name: str, values: Any, wrong: Any, why: str) -> None:  # noqa: ANN401 - arrays
-    rows = np.flatnonzero(wrong)
-    if len(rows):
-        raise _Damage(f"{name}: {values[rows[0]]} in row {int(rows[0])} {why}")
 
 
 def _check_timing(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     timing = found["timing"]
     steps = np.unique(timing["time_step"])
     if len(steps) and (np.any(np.diff(timing["time_step"]) < 0) or steps[-1] - steps[0] != len(steps) - 1):
-        raise _Damage("time_step: time steps are missing or out of order")
-    _refuse("seconds", timing["seconds"], timing["seconds"] < 0, "is negative")
+        raise Damage("time_step: time steps are missing or out of order")
+    refuse("seconds", timing["seconds"], timing["seconds"] < 0, "is negative")
 
 
 def _check_outcomes(found: Mapping[str, Columns], info: Mapping[str, Any]) -> None:
     outcomes, states = found["outcomes"], found["states"]
     ids = outcomes["agent_id"]
     if "agents" in info and sorted(agent["id"] for agent in info["agents"]) != ids.tolist():
-        raise _Damage("agent_id: the agents are not those of run.json")
+        raise Damage("agent_id: the agents are not those of run.json")
     drives = np.unique(states["participant_id"][states["is_agent"].astype(np.bool_)])
     _known("agent_id", drives, ids, "drives in states.parquet, but has no row")
     # A run may be stopped before an agent has started.
@@ -172,37 +97,37 @@ def _check_outcomes(found: Mapping[str, Columns], info: Mapping[str, Any]) -> No
     partners = outcomes["partner_id"][outcomes["partner_id"] != -1]
     _known("partner_id", partners, states["participant_id"], "has no states")
     is_outside = ~waits & ~_is_recorded(outcomes["time_step"], states)
-    _refuse("time_step", outcomes["time_step"], is_outside, "is not in states.parquet")
+    refuse("time_step", outcomes["time_step"], is_outside, "is not in states.parquet")
 
 
 def _check_states(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     states, timing = found["states"], found["timing"]
     steps, ids = states["time_step"], np.unique(states["participant_id"])
     for name in ("length", "width"):
-        _refuse(name, states[name], states[name] < 0, "is negative")
+        refuse(name, states[name], states[name] < 0, "is negative")
     for name in ("x", "y", "length", "width"):
-        _refuse(name, states[name], np.abs(states[name]) > _POSITION_MAX, "is too large")
+        refuse(name, states[name], np.abs(states[name]) > _POSITION_MAX, "is too large")
     if not len(steps):
         return
     if len(timing["time_step"]):
         first, last = int(timing["time_step"].min()), int(timing["time_step"].max()) + 1
-        _refuse("time_step", steps, (steps < first) | (steps > last), f"is outside of the run ({first} to {last})")
+        refuse("time_step", steps, (steps < first) | (steps > last), f"is outside of the run ({first} to {last})")
     _bounded("time_step", (int(steps[-1]) - int(steps[0]) + 1) * len(ids), len(steps))
     row = np.searchsorted(ids, states["participant_id"])
     first_row = np.unique(row, return_index=True)[1]
     for name in ("kind", "is_agent", "length", "width"):
         values = states[name]
-        _refuse(name, values, values != values[first_row][row], "differs from the participant's first one")
+        refuse(name, values, values != values[first_row][row], "differs from the participant's first one")
 
 
 def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     plans, states = found["plans"], found["states"]
     point, starts = plans["point"], plans["point"] == 0
     # Sorted by point within a plan, so only gaps are left to be found.
-    _refuse("point", point, ~starts & (np.diff(point, prepend=-1) != 1), "does not follow the point before")
+    refuse("point", point, ~starts & (np.diff(point, prepend=-1) != 1), "does not follow the point before")
     _bounded("point", int(starts.sum()) * (int(point.max(initial=0)) + 1), len(point))
     _known("agent_id", plans["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
-    _refuse("time_step", plans["time_step"], ~_is_recorded(plans["time_step"], states), "is not in states.parquet")
+    refuse("time_step", plans["time_step"], ~_is_recorded(plans["time_step"], states), "is not in states.parquet")
     driving = states["is_agent"].astype(np.bool_)
     driven_at, driver = states["time_step"][driving], states["participant_id"][driving]
     driven, made = (
@@ -213,14 +138,14 @@ def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     astray = np.flatnonzero(~np.isin(made, driven))
     if len(astray):
         at = np.flatnonzero(starts)[astray[0]]
-        raise _Damage(f"time_step: agent {plans['agent_id'][at]} does not drive at time step {plans['time_step'][at]}")
+        raise Damage(f"time_step: agent {plans['agent_id'][at]} does not drive at time step {plans['time_step'][at]}")
     # Every state of an agent but its last one has a plan.
     last = np.unique(driver[::-1], return_index=True)[1]
     has_ended = np.zeros(len(driver), dtype=np.bool_)
     has_ended[len(driver) - 1 - last] = True
     lost = np.flatnonzero(~has_ended & ~np.isin(driven, made))
     if len(lost):
-        raise _Damage(f"time_step: agent {driver[lost[0]]} has no plan at time step {driven_at[lost[0]]}")
+        raise Damage(f"time_step: agent {driver[lost[0]]} has no plan at time step {driven_at[lost[0]]}")
 
 
 def _check_views(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
@@ -228,15 +153,15 @@ def _check_views(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     _known("observer_id", views["observer_id"], found["outcomes"]["agent_id"], "is no agent")
     _known("seen_id", views["seen_id"], states["participant_id"], "has no states")
     first, last = views["first_time_step"], views["last_time_step"]
-    _refuse("last_time_step", last, last < first, "is before the first one")
+    refuse("last_time_step", last, last < first, "is before the first one")
     for name in ("first_time_step", "last_time_step"):
-        _refuse(name, views[name], ~_is_recorded(views[name], states), "is not in states.parquet")
+        refuse(name, views[name], ~_is_recorded(views[name], states), "is not in states.parquet")
 
 
 def _check_predictions(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     predictions = found["predictions"]
     _known("participant_id", predictions["participant_id"], found["states"]["participant_id"], "has no states")
-    _refuse("probability", predictions["probability"], ~_is_share(predictions["probability"]), "is no probability")
+    refuse("probability", predictions["probability"], ~_is_share(predictions["probability"]), "is no probability")
     _check_blocks(predictions, ("time_step", "participant_id", "mode", "probability"), found["states"])
 
 
@@ -251,13 +176,13 @@ def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> No
     steps, points = columns["time_step"], np.unique(columns["point"])
     if not len(steps):
         return  # planners that weigh no candidates leave an empty table
-    _refuse("time_step", steps, ~_is_recorded(steps, states), "is not in states.parquet")
+    refuse("time_step", steps, ~_is_recorded(steps, states), "is not in states.parquet")
     if len(steps) % len(points) or np.any(columns["point"].reshape(-1, len(points)) != points):
-        raise _Damage("point: points are missing")
+        raise Damage("point: points are missing")
     for name in alike:
         values = columns[name].reshape(-1, len(points))
         if np.any(values != values[:, :1]):
-            raise _Damage(f"{name}: it changes from point to point")
+            raise Damage(f"{name}: it changes from point to point")
 
 
 _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]] = {
@@ -274,7 +199,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
 def _known(name: str, ids: Ints, known: Ints, why: str) -> None:
     strangers = ids[~np.isin(ids, known)]
     if len(strangers):
-        raise _Damage(f"{name}: {strangers[0]} {why}")
+        raise Damage(f"{name}: {strangers[0]} {why}")
 
 
 def _is_recorded(steps: Ints, states: Columns) -> NDArray[np.bool_]:
@@ -292,4 +217,4 @@ def _is_share(values: Any) -> Any:  # noqa: ANN401 - arrays
 
 def _bounded(name: str, cells: int, rows: int) -> None:
     if cells > _CELLS + _CELLS_PER_ROW * rows:
-        raise _Damage(f"{name}: {rows} rows are spread over {cells} places")
+        raise Damage(f"{name}: {rows} rows are spread over {cells} places")

@@ -3,12 +3,13 @@
 Kaufeld, Trauth, Betz, "Investigating Driving Interactions", IV 2024, section IV: merging and a T-junction.
 """
 
-from interdrive.studies.case import DEGREES, CaseStudy, case_study
+from interdrive.studies.case import case_study
 from interdrive.studies.figures import profile_figure, scene_figure
 from interdrive.studies.folder import save_study
 from interdrive.studies.known import STUDIES, Case, known_cases
-from interdrive.studies.measures import MEASURES, Measure, footprint_distances, study_table
+from interdrive.studies.measures import MEASURES, Measure, footprint_distances
 from interdrive.studies.reading import reading
+from interdrive.studies.result import DEGREES, CaseStudy, study_table
 
 __all__ = [
     "DEGREES",

@@ -2,56 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.simulation import Simulation
-from interdrive.studies.measures import study_table
+from interdrive.studies.result import CaseStudy
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
-    from interdrive.results import ArrowTable
-    from interdrive.run import Run
-    from interdrive.run_settings import SimulationSettings
+    from interdrive.config.schema import SimulationSettings
     from interdrive.scenario import Scenario
-
-#: How much the other vehicle reacts: it replays its recording, it adjusts its speed on its recorded path, it plans as
-#: the agent does.
-DEGREES = ("deterministic", "semi_deterministic", "interactive")
-
-
-@dataclass(frozen=True)
-class CaseStudy:
-    """One encounter in every degree of interaction.
-
-    Attributes:
-        scenario: What was simulated.
-        agent: Id of the vehicle that always plans.
-        other: Id of the vehicle whose behaviour is varied.
-        planner: Name of the planner of the agent and, in the interactive degree, of the other vehicle.
-        runs: One per degree, in the order of `DEGREES`. In the deterministic run the other vehicle is no agent.
-    """
-
-    scenario: Scenario
-    agent: int
-    other: int
-    planner: str
-    runs: Mapping[str, Run]
-
-    @property
-    def name(self) -> str:
-        """Scenario and pair, as one word."""
-        return f"{self.scenario.name}_{self.agent}_{self.other}"
-
-    @property
-    def table(self) -> ArrowTable:
-        """One row per degree; the columns are those of `interdrive.studies.study_table`."""
-        return study_table([self])
 
 
 def case_study(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from interdrive.run import Run
-    from interdrive.studies.case import CaseStudy
+    from interdrive.studies.result import CaseStudy
 
 
 def profile_figure(study: CaseStudy) -> Figure:

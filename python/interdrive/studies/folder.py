@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.plots import save_figure
-from interdrive.results import check_folder, holds_run, replacing, save, write_json, write_table
-from interdrive.studies.case import DEGREES
+from interdrive.results import holds_run, save
+from interdrive.storage import check_folder, replacing, write_json, write_table
 from interdrive.studies.figures import profile_figure, scene_figure
-from interdrive.studies.measures import study_table
+from interdrive.studies.result import DEGREES, study_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from interdrive.studies.case import CaseStudy
+    from interdrive.studies.result import CaseStudy
 
 _TABLES = ("table.parquet", "table.csv")
 _MARK = "study.json"

@@ -8,19 +8,17 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from interdrive.criticality import CriticalitySettings
-from interdrive.handles import core_shape
-from interdrive.results import Column, arrow_table
 from interdrive.scenario import Shape
+from interdrive.scenario.native import core_shape
+from interdrive.storage import Column
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
     from interdrive import _core
-    from interdrive.results import ArrowTable
     from interdrive.run import Run
-    from interdrive.studies.case import CaseStudy
 
     Floats = NDArray[np.float64]
 
@@ -135,44 +133,3 @@ MEASURES = (
         _extreme("pet"),
     ),
 )
-
-_COLUMNS = (
-    Column("scenario", "label", "name of the scenario"),
-    Column("agent_id", "integer", "the vehicle that always plans"),
-    Column("other_id", "integer", "the vehicle whose behaviour is varied"),
-    Column("degree", "label", "one of interdrive.studies.DEGREES"),
-    Column("planner", "label", "planner of the agent"),
-    Column("other_planner", "label", "planner of the other vehicle; recorded: it replays its recording"),
-    *(measure.column for measure in MEASURES),
-    Column("collided", "truth", "the two collided with each other"),
-    Column("agent_outcome", "label", "one of interdrive.run.OUTCOMES"),
-    Column("other_outcome", "label", "one of interdrive.run.OUTCOMES; none for a recording", nullable=True),
-)
-
-
-def study_table(studies: Sequence[CaseStudy]) -> ArrowTable:
-    """One row per case and degree, as an Arrow table (`to_pandas()`, `polars.from_arrow`).
-
-    Columns: scenario, agent_id, other_id, degree, planner, other_planner, one per entry of `MEASURES`, collided,
-    agent_outcome, other_outcome.
-    """
-    rows = [_row(study, degree, run) for study in studies for degree, run in study.runs.items()]
-    return arrow_table(_COLUMNS, {column.name: [row[column.name] for row in rows] for column in _COLUMNS})
-
-
-def _row(study: CaseStudy, degree: str, run: Run) -> dict[str, object]:
-    ended = run.outcomes
-    planners = dict(zip(ended.agent_id.tolist(), ended.planner, strict=True))
-    outcomes = dict(zip(ended.agent_id.tolist(), ended.outcome, strict=True))
-    return {
-        "scenario": study.scenario.name,
-        "agent_id": study.agent,
-        "other_id": study.other,
-        "degree": degree,
-        "planner": planners[study.agent],
-        "other_planner": planners.get(study.other, "recorded"),
-        **{measure.column.name: measure.of(run, study.agent, study.other) for measure in MEASURES},
-        "collided": collided(run, study.agent, study.other),
-        "agent_outcome": outcomes[study.agent],
-        "other_outcome": outcomes.get(study.other),
-    }

@@ -11,7 +11,7 @@ from interdrive.studies.measures import collided, footprint_distances
 
 if TYPE_CHECKING:
     from interdrive.run import Run
-    from interdrive.studies.case import CaseStudy
+    from interdrive.studies.result import CaseStudy
 
 #: Sideways deviations below this are not worth a word [m].
 _WORTH_TELLING = 0.1

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.config.schema import SimulationSettings
+from interdrive.config.specs import bound_predictor
 from interdrive.errors import PredictorError
 from interdrive.prediction_evaluation.recordings import Recording
 from interdrive.predictors import PredictorSettings
-from interdrive.predictors.calls import called
-from interdrive.run_settings import SimulationSettings
 from interdrive.testing.worlds import Car, crossing, straight_road, world
 
 if TYPE_CHECKING:
     from interdrive._core import Predictions, Scene
-    from interdrive.predictors.calls import Called
+    from interdrive.predictors.calls import BoundPredictor
     from interdrive.scenario import Scenario
 
 #: Time steps at which a predictor is asked: everybody has a single state, two, a short past, a full one.
@@ -78,7 +78,9 @@ def check_predictor(factory: object, *, horizon: float = 3.0, seconds_max: float
     longest = {}
     for name, scenario in _worlds().items():
         recording = Recording(scenario, SimulationSettings())
-        first, second = (called(factory, PredictorSettings(horizon=horizon), recording.core_scenario) for _ in range(2))
+        first, second = (
+            bound_predictor(factory, PredictorSettings(horizon=horizon), recording.core_scenario) for _ in range(2)
+        )
         longest[name] = 0.0
         for time_step in _ASKED:
             scene = recording.at(time_step).scene
@@ -97,7 +99,9 @@ def check_predictor(factory: object, *, horizon: float = 3.0, seconds_max: float
     return longest
 
 
-def _check(recording: Recording, scene: Scene, predictors: tuple[Called, Called], horizon: float) -> float:
+def _check(
+    recording: Recording, scene: Scene, predictors: tuple[BoundPredictor, BoundPredictor], horizon: float
+) -> float:
     """The time of the call [s]."""
     n_steps = max(1, round(horizon / scene.dt))
     before = [np.array(getattr(scene, name)) for name in _SEEN]

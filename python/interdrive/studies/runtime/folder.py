@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.plots import save_figure
-from interdrive.results import check_folder, replacing, write_json, write_table
+from interdrive.storage import check_folder, replacing, write_json, write_table
 from interdrive.studies.runtime.figure import growth_figure, runtime_figure
 from interdrive.studies.runtime.markdown import document
 from interdrive.studies.runtime.summary import growth, summary_table

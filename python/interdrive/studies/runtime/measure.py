@@ -13,17 +13,17 @@ import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, shipped_scenario
-from interdrive.results import Column, arrow_table
 from interdrive.run import PHASES
 from interdrive.simulation import Simulation
+from interdrive.storage import Column, arrow_table
 from interdrive.studies.runtime.cases import TOWN, RuntimeCase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.results import ArrowTable
-    from interdrive.run_settings import SimulationSettings
+    from interdrive.config.schema import SimulationSettings
     from interdrive.scenario import Scenario
+    from interdrive.storage import ArrowTable
 
 #: Columns of the table of all steps.
 STEP_COLUMNS = (

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.results import Column, arrow_table
+from interdrive.storage import Column, arrow_table
 
 if TYPE_CHECKING:
-    from interdrive.results import ArrowTable
+    from interdrive.storage import ArrowTable
     from interdrive.studies.runtime.measure import RuntimeStudy
 
 #: Parts of a step that are summarized.

@@ -6,16 +6,16 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from interdrive.batches.metrics import METRICS
-from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
-from interdrive.batches.variants import ALL
+from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.metrics import METRICS
+from interdrive.comparison.variants import ALL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from interdrive.batches.compare import Comparison
-    from interdrive.batches.metrics import Metric
-    from interdrive.batches.variants import ComparedSet
+    from interdrive.comparison.metrics import Metric
+    from interdrive.comparison.result import Comparison
+    from interdrive.comparison.variants import ComparedSet
 
 #: The first columns of the table about outcomes: a name, and the column of the comparison's table.
 _ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"))

@@ -11,24 +11,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from interdrive.agents import select
 from interdrive.batches.columns import COLUMNS, NOT_ARRIVED, failure_row, finished_rows
 from interdrive.batches.dataset import encoded
-from interdrive.batches.runs import Problem, parts_hash
+from interdrive.batches.plan import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import content_of_file, read_scenario, scenario_parts
 from interdrive.foreign import failure
-from interdrive.handles import core_road
-from interdrive.results import arrow_table, save
+from interdrive.results import save
+from interdrive.scenario.agents import select
+from interdrive.scenario.native import core_road
 from interdrive.simulation import simulate
+from interdrive.storage import arrow_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from interdrive.agents import Agent
-    from interdrive.batches.runs import RunSpec
+    from interdrive.batches.plan import RunSpec
     from interdrive.run import Run
     from interdrive.scenario import Scenario
+    from interdrive.scenario.agents import Agent
 
 #: Which run folders are kept: none, those in which an agent under test did not arrive, or all.
 KEEP = ("none", "failed", "all")

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from interdrive.errors import ResultsError
-from interdrive.files.names import readable
-from interdrive.results.writing import one_line
+from interdrive.storage.names import readable
+from interdrive.storage.writing import one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.scenario import Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+    from interdrive.scenario.model import Lanelets, Obstacles, PlanningProblem, Scenario, Shape
 
     Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.batches.runs import ALONE, TRAFFIC
+from interdrive.batches.plan import ALONE, TRAFFIC
 from interdrive.errors import InputError, ResultsError
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.results import ArrowTable
+    from interdrive.storage import ArrowTable
 
     Rows = dict[str, Any]
     Flags = NDArray[np.bool_]

@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from interdrive import _core
-from interdrive.choices import AgentChoice, named, stored
+from interdrive.config.agents import AgentChoice, named, stored
+from interdrive.config.binding import flatten
+from interdrive.config.plugins import Choice, read_choice, versions
+from interdrive.config.schema import SimulationSettings
+from interdrive.config.specs import planner_name
 from interdrive.errors import InputError
 from interdrive.files import content_of_input, scenario_parts, shipped_scenario, shipped_scenarios
-from interdrive.files.names import readable
-from interdrive.planners import name_of
 from interdrive.planners.workers import can_be_sent
-from interdrive.plugins import Choice, read_choice, versions
 from interdrive.predictors.neural import SHIPPED
-from interdrive.run_settings import SimulationSettings
-from interdrive.settings import flatten
+from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -329,7 +329,7 @@ def _separated(text: str, what: str) -> list[str]:
 
 
 def _label(choice: Choice) -> str:
-    return ",".join([name_of(choice), *(f"{name}={value}" for name, value in choice.settings.items())])
+    return ",".join([planner_name(choice), *(f"{name}={value}" for name, value in choice.settings.items())])
 
 
 def _keyed(spec: RunSpec) -> RunSpec:
@@ -360,10 +360,10 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
     found = stored({0: AgentChoice(chosen, own.view)}, expected, own)
     if not found["repeatable"]:
         raise InputError(
-            f"planner {name_of(chosen)} or predictor {name_of(expected)}: other processes cannot find it by its name; "
-            "put it into a module"
+            f"planner {planner_name(chosen)} or predictor {planner_name(expected)}: other processes cannot find it by "
+            "its name; put it into a module"
         )
-    modules = {name.partition(":")[0] for name in (name_of(chosen), name_of(expected)) if ":" in name}
+    modules = {name.partition(":")[0] for name in (planner_name(chosen), planner_name(expected)) if ":" in name}
     plain = {
         "base": flatten(settings),
         "planner": found["planner"],
@@ -373,11 +373,11 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
     }
     given = [*flatten(own).values(), *chosen.settings.values(), *expected.settings.values()]
     files = {value: _hash(Path(value).expanduser()) for value in given if _names_a_file(value)}
-    if name_of(expected) == "neural":
+    if planner_name(expected) == "neural":
         files["neural"] = _hash(SHIPPED)
     if files:
         plain["files"] = files
-    libraries = versions(name_of(chosen), "planner") | versions(name_of(expected), "predictor")
+    libraries = versions(planner_name(chosen), "planner") | versions(planner_name(expected), "predictor")
     if libraries:
         plain["libraries"] = libraries
     return plain

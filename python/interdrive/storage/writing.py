@@ -196,6 +196,28 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
+def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
+    """What a JSON file says.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is no JSON, nested too deeply, or holds a number that is none (NaN, Infinity, 1e999).
+    """
+    if path.exists() and not path.is_file():
+        raise ValueError("it is no file")
+    try:
+        return json.loads(path.read_bytes(), parse_constant=_finite_number, parse_float=_finite_number)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _finite_number(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"{text} is no number of JSON")
+    return number
+
+
 def write_json(values: Mapping[str, Any], path: Path) -> None:
     """Writes plain values as JSON, as `json_text` has them."""
     path.write_bytes(json_text(values, indent=2).encode() + b"\n")

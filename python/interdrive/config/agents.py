@@ -11,20 +11,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from interdrive.config.binding import bind, flatten
+from interdrive.config.plugins import Choice, find, read_choice
+from interdrive.config.specs import planner_name, resolve_planner, resolve_predictor
 from interdrive.errors import InputError, InterdriveError
-from interdrive.planners import name_of, native_record
-from interdrive.planners import native_name as planner_name
-from interdrive.planners import resolve as resolve_planner
-from interdrive.plugins import Choice, find, read_choice
-from interdrive.predictors import native_name as predictor_name
-from interdrive.predictors import resolve as resolve_predictor
-from interdrive.settings import bind, flatten
+from interdrive.planners import native_name as native_planner_name
+from interdrive.planners import native_record
+from interdrive.predictors import native_name as native_predictor_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.agents import Agent
-    from interdrive.run_settings import SimulationSettings, ViewSettings
+    from interdrive.config.schema import SimulationSettings, ViewSettings
+    from interdrive.scenario.agents import Agent
 
 _DEFAULT = "default"
 
@@ -61,14 +60,14 @@ def named(
         settings = replace(settings, view=_view(settings.view, view))
         choice = Choice(choice.chosen if choice.chosen is not None else "frenet", own)
         record: Any = resolve_planner(choice, settings.planner)
-        name = planner_name(record)
+        name = native_planner_name(record)
         if name is not None and hasattr(settings.planner, name):
             of_planner: dict[str, Any] = {name: record}
             settings = replace(settings, planner=replace(settings.planner, **of_planner))
         planner = _converted(choice, record) if name is None else Choice(name)
     expected = read_choice(predictor, "predictor")
     record = resolve_predictor(expected, settings.predictor)
-    name = predictor_name(record)
+    name = native_predictor_name(record)
     if name is not None and hasattr(settings.predictor, name):
         of_predictor: dict[str, Any] = {name: record}
         settings = replace(settings, predictor=replace(settings.predictor, **of_predictor))
@@ -199,7 +198,7 @@ def _checked(choice: Choice, settings: SimulationSettings) -> Choice:
     """The choice with converted settings; a native record by its name and what differs from the run's settings."""
     view, own = _split(choice)
     found: Any = resolve_planner(Choice(choice.chosen, own), settings.planner)
-    name = planner_name(found)
+    name = native_planner_name(found)
     if name is not None:
         usual = flatten(native_record(name, settings.planner))
         own = {key: value for key, value in flatten(found).items() if value != usual[key]}
@@ -219,7 +218,7 @@ def _plain(choice: Choice, what: str) -> tuple[Any, bool]:
     chosen, values, known = choice.chosen, dict(choice.settings), True
     if not isinstance(chosen, str):
         kind = chosen if isinstance(chosen, type) or hasattr(chosen, "__qualname__") else type(chosen)
-        chosen, known = name_of(chosen), _is_found(name_of(chosen), kind, what)
+        chosen, known = planner_name(chosen), _is_found(planner_name(chosen), kind, what)
         if kind is not choice.chosen:
             known = known and is_dataclass(kind)
             values = {**(flatten(choice.chosen) if is_dataclass(kind) else {}), **values}  # type: ignore[arg-type]

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from interdrive.agents import AgentSettings, GoalSettings
 from interdrive.errors import InputError
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
+from interdrive.scenario.agents import AgentSettings, GoalSettings
 
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario

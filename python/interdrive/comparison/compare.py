@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.batches.folder import BatchFolder
-from interdrive.batches.metrics import METRICS, together, weighted_medians
-from interdrive.batches.reservations import reservations
-from interdrive.batches.sheets import markdown
-from interdrive.batches.variants import arrays, by_category, categories_of, chosen, compared_sets, variants_of
+from interdrive.batches.store import BatchFolder
+from interdrive.comparison.caveats import reservations
+from interdrive.comparison.metrics import METRICS, together, weighted_medians
+from interdrive.comparison.result import DIFFERENCE_COLUMNS, TABLE_COLUMNS, Comparison
+from interdrive.comparison.variants import arrays, by_category, categories_of, chosen, compared_sets, variants_of
 from interdrive.errors import InputError, ResultsError
-from interdrive.results import Column, arrow_table, check_folder, labels, replacing, write_table
+from interdrive.storage import Column, arrow_table, labels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,72 +21,15 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.batches.metrics import Metric
-    from interdrive.batches.variants import ComparedSet
-    from interdrive.results import ArrowTable
+    from interdrive.comparison.metrics import Metric
+    from interdrive.comparison.variants import ComparedSet
+    from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
 
 #: Numbers that are held at once for the medians of samples.
 _CELLS_MAX = 10_000_000
-
-_WHICH = (
-    Column("traffic", "label", "what vehicles do that are not under test"),
-    Column("agents", "label", "who is under test"),
-    Column("category", "label", "folder of the scenarios, or all"),
-)
-
-#: Files of a comparison on disk; the first one marks its folder.
-_MARK = "reservations.txt"
-_FILES = (
-    *(_MARK, "comparison.md", "comparison.pdf", "comparison.png"),
-    *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
-)
-
-#: One row per traffic, agents, category and variant.
-TABLE_COLUMNS = (
-    *_WHICH,
-    Column("variant", "label", "planner, with predictor, settings and version if there are several"),
-    Column("runs", "integer", "runs that finished"),
-    Column("runs_lost", "integer", "runs that failed, crashed or were ended; refused ones are not among them"),
-    Column("n_agents", "integer", "agents under test that all variants drove; all else is about them"),
-    *(Column(metric.name, "number", metric.heading, nullable=True) for metric in METRICS),
-)
-
-#: One row per traffic, agents, category, pair of variants and metric.
-DIFFERENCE_COLUMNS = (
-    *_WHICH,
-    Column("variant", "label", "the one"),
-    Column("other", "label", "the other one"),
-    Column("metric", "label", "one of interdrive.batches.METRICS"),
-    Column("difference", "number", "of the one minus the other, over agents that all variants drove", nullable=True),
-    Column("low", "number", "lower end of the interval", nullable=True),
-    Column("high", "number", "upper end of the interval", nullable=True),
-    Column("n_agents", "integer", "agents for whom both have a value"),
-    Column("n_scenarios", "integer", "scenarios of these agents"),
-)
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Planners of a batch compared.
-
-    Attributes:
-        table: The columns are `TABLE_COLUMNS`.
-        differences: The columns are `DIFFERENCE_COLUMNS`.
-        sets: What is compared, and over which agents; rows of both tables belong to one by traffic and agents.
-        samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
-        reservations: What the numbers do not prove, one line each.
-    """
-
-    table: ArrowTable
-    differences: ArrowTable
-    sets: tuple[ComparedSet, ...]
-    samples: int
-    level: float
-    seed: int
-    reservations: tuple[str, ...]
 
 
 def compare(
@@ -153,37 +95,6 @@ def _compared(folder: str | Path, rows: dict[str, Any]) -> Iterator[tuple[Compar
         yield from compared_sets(rows)
     except ResultsError as cause:
         raise ResultsError(f"{folder}: {cause}") from None
-
-
-def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes table and differences (Parquet, CSV, together as Markdown), reservations, figure (PDF, PNG).
-
-    Args:
-        found: What to write.
-        folder: New or empty folder, or one that holds another comparison.
-        overwrite: Replace the other comparison. A folder with anything else in it is never touched.
-
-    Returns:
-        The folder.
-
-    Raises:
-        ResultsError: If the folder cannot be used or written.
-    """
-    from interdrive.batches.figure import draw_comparison  # noqa: PLC0415 - loads matplotlib
-    from interdrive.plots import save_figure  # noqa: PLC0415
-
-    target = check_folder(folder, "comparison", _MARK, lambda entry: entry.name in _FILES, overwrite=overwrite)
-    with replacing(target) as partial:
-        partial.mkdir()
-        for name, table in (("table", found.table), ("differences", found.differences)):
-            for ending in ("parquet", "csv"):
-                write_table(table, partial / f"{name}.{ending}")
-        (partial / _MARK).write_text("".join(f"{line}\n" for line in found.reservations), encoding="utf-8")
-        (partial / "comparison.md").write_text(markdown(found), encoding="utf-8")
-        figure = draw_comparison(found)
-        for ending in ("pdf", "png"):
-            save_figure(figure, partial / f"comparison.{ending}")
-    return target
 
 
 def _table(part: dict[str, Any], variants: Sequence[str]) -> list[dict[str, Any]]:

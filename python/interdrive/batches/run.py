@@ -11,21 +11,21 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from interdrive.batches.execute import KEEP, Finished, Job, agents_of, content_of, execute, failed, no_rows
-from interdrive.batches.folder import BatchFolder
+from interdrive.batches.job import KEEP, Finished, Job, agents_of, content_of, execute, failed, no_rows
+from interdrive.batches.plan import Problem, planned
 from interdrive.batches.pool import Pool, Task
-from interdrive.batches.runs import Problem, planned
+from interdrive.batches.store import BatchFolder
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError, InterdriveError
-from interdrive.run_settings import SimulationSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from interdrive.batches.folder import Done
+    from interdrive.batches.plan import BatchPlan, RunSpec
     from interdrive.batches.pool import End
-    from interdrive.batches.runs import BatchPlan, RunSpec
-    from interdrive.results import ArrowTable
+    from interdrive.batches.store import Done
+    from interdrive.storage import ArrowTable
 
 #: How often it is looked whether another batch has done the runs that it claimed [s].
 _LOOK_EVERY = 0.5
@@ -157,7 +157,7 @@ def batch(
     if ray is None:
         backend: Backend = Pool(min(workers_max, len(plan.specs)), timeout_s=run_timeout, memory=memory)
     else:
-        from interdrive.batches.cluster import Cluster  # noqa: PLC0415 - optional
+        from interdrive.batches.ray import Cluster  # noqa: PLC0415 - optional
 
         backend = Cluster(ray, workers, timeout_s=run_timeout, memory=memory)
     with closing(backend), closing(BatchFolder.create(out)) as folder:

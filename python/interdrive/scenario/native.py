@@ -9,12 +9,12 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.scenario import KINDS
+from interdrive.scenario.model import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.scenario import Obstacles, Scenario, Shape
+    from interdrive.scenario.model import Obstacles, Scenario, Shape
 
 
 @contextmanager

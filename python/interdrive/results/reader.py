@@ -1,4 +1,4 @@
-"""Criticality as tables and files; run folders and plain recordings as something that can be judged and drawn."""
+"""A run folder as a run again, for judging and drawing."""
 
 from __future__ import annotations
 
@@ -8,131 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.criticality import MEASURES
 from interdrive.files import content_of_file, read_scenario
-from interdrive.results import (
-    Column,
-    arrow_table,
-    check_order,
-    check_table,
-    labels,
-    load,
-    read_table,
-    replacing,
-    write_table,
-)
-from interdrive.run import PLAN_STATUS, AgentRecord, Outcomes, Plans, Run, States, Timings
+from interdrive.results.folder import load
+from interdrive.run import PLAN_STATUS, AgentRecord, Outcomes, Plans, Run, States
+from interdrive.run.assemble import STATE_COLUMNS, no_plans, no_timings
 from interdrive.scenario import Shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from interdrive.criticality import Criticality
-    from interdrive.results import ArrowTable, Results
+    from interdrive.results.folder import Results
     from interdrive.scenario import Scenario
-
-_NAMES = tuple(measure.name for measure in MEASURES)
-
-#: Columns of criticality.parquet, one row per judged participant, time step and measure.
-COLUMNS = (
-    Column("agent_id", "integer", "who is judged"),
-    Column("time_step", "integer", "when"),
-    Column("measure", "label", "one of interdrive.criticality.MEASURES"),
-    Column(
-        "value",
-        "number",
-        "in the unit of the measure; inf: no conflict, null: cannot be computed",
-        nullable=True,
-        infinite=True,
-    ),
-    Column("partner_id", "integer", "the participant that was decisive", nullable=True),
-    Column(
-        "path",
-        "label",
-        "lanelets of the path that was decisive (12 > 15), or the two that cross in the conflict area (12 x 34)",
-        nullable=True,
-    ),
-)
-
-_TABLE, _EXTREMES = "criticality.parquet", "criticality_extremes.parquet"
-
-#: Columns by which their rows are sorted.
-_ORDERS = (("agent_id", "time_step", "measure"), ("agent_id", "measure"))
-
-
-def criticality_table(found: Criticality) -> ArrowTable:
-    """All measures in long form, sorted by participant, time step and measure, as an Arrow table."""
-    row, step = np.nonzero(found.present)
-    n = len(MEASURES)
-
-    def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
-        return np.stack([getattr(found.series[name], field)[row, step] for name in _NAMES], axis=1).ravel()
-
-    partner = stacked("partner")
-    return arrow_table(
-        COLUMNS,
-        {
-            "agent_id": np.repeat(found.ids[row], n),
-            "time_step": np.repeat(found.first_time_step + step, n),
-            "measure": labels(_NAMES, np.tile(np.arange(n), len(row))),
-            "value": stacked("value"),
-            "partner_id": np.ma.masked_equal(partner, -1),
-            "path": labels(found.ways, stacked("way")),
-        },
-    )
-
-
-def criticality_extremes_table(found: Criticality) -> ArrowTable:
-    """The most critical value of every measure per participant, with the columns of `criticality_table`."""
-    n = len(MEASURES)
-
-    def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
-        return np.stack([getattr(found.extremes[name], field) for name in _NAMES], axis=1).ravel()
-
-    return arrow_table(
-        COLUMNS,
-        {
-            "agent_id": np.repeat(found.ids, n),
-            "time_step": stacked("time_step"),
-            "measure": labels(_NAMES, np.tile(np.arange(n), len(found.ids))),
-            "value": stacked("value"),
-            "partner_id": np.ma.masked_equal(stacked("partner"), -1),
-            "path": labels(found.ways, stacked("way")),
-        },
-    )
-
-
-def save_criticality(found: Criticality, folder: str | Path) -> None:
-    """Writes criticality.parquet and criticality_extremes.parquet into a folder, both or none; older ones are replaced.
-
-    Raises:
-        ResultsError: if a file cannot be written; one line with path and cause.
-    """
-    with replacing(Path(folder) / _TABLE) as series:
-        write_table(criticality_table(found), series)
-        with replacing(Path(folder) / _EXTREMES) as extremes:
-            write_table(criticality_extremes_table(found), extremes)
-
-
-def stored_criticality(folder: str | Path) -> tuple[ArrowTable, ArrowTable] | None:
-    """What `save_criticality` wrote, all values and the most critical ones; None if nothing was written.
-
-    Raises:
-        ResultsError: if a file is damaged or has other columns, or only one of them is there.
-    """
-    paths = Path(folder) / _TABLE, Path(folder) / _EXTREMES
-    if not any(path.exists() for path in paths):
-        return None
-    series, extremes = (_stored(path, order) for path, order in zip(paths, _ORDERS, strict=True))
-    return series, extremes
-
-
-def _stored(path: Path, order: tuple[str, ...]) -> ArrowTable:
-    table = read_table(path, COLUMNS)
-    columns = dict(check_table(table, path, COLUMNS, {"measure": _NAMES}))
-    columns["measure"] = np.array([_NAMES.index(name) for name in columns["measure"].tolist()], dtype=np.int64)
-    check_order(columns, path, order)
-    return table
 
 
 def reopen(folder: str | Path, results: Results | None = None) -> Run:
@@ -176,35 +62,6 @@ def stored_plans(results: Results) -> Plans:
         cost=column["cost"][starts].astype(np.float64),
         **{name: filled(name) for name in ("x", "y", "orientation", "velocity", "acceleration")},
     )
-
-
-def recorded_run(scenario: Scenario) -> Run:
-    """The recorded traffic of a scenario as a run without agents."""
-    obstacles = scenario.obstacles
-    sizes = np.array([_extent(shape) for shape in obstacles.shapes]).reshape(-1, 2)
-    states = States(
-        ids=obstacles.ids,
-        kinds=obstacles.kinds,
-        first_time_step=0,
-        is_agent=np.zeros(len(obstacles.ids), dtype=np.bool_),
-        is_static=obstacles.is_static,
-        length=sizes[:, 0],
-        width=sizes[:, 1],
-        **{name: getattr(obstacles, name) for name in _STATE_COLUMNS},
-        valid=obstacles.valid,
-    )
-    none = np.empty(0, dtype=np.int64)
-    nobody = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), ())
-    return _run(scenario, states, nobody, "", scenario.notes)
-
-
-_STATE_COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
-
-
-def _extent(shape: Any) -> tuple[float, float]:  # noqa: ANN401 - interdrive.scenario.Shape
-    from interdrive.handles import core_shape  # noqa: PLC0415 - with the core
-
-    return core_shape(shape).extent
 
 
 def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
@@ -251,7 +108,7 @@ def _states(results: Results, scenario: Scenario) -> States:
         is_static=np.array([number in standing for number in ids.tolist()], dtype=np.bool_),
         length=of_participant("length", 0.0),
         width=of_participant("width", 0.0),
-        **{name: filled(name) for name in _STATE_COLUMNS},
+        **{name: filled(name) for name in STATE_COLUMNS},
         valid=valid,
     )
 
@@ -281,7 +138,6 @@ def _run(
 ) -> Run:
     """A run without plans and timings; `facts` are what run.json says about agents, by id."""
     known = facts or {}
-    none, floats = np.empty(0, dtype=np.int64), np.empty((0, 0))
     rows = dict(zip(states.ids.tolist(), states.valid, strict=True))
     agents = tuple(
         AgentRecord(
@@ -298,9 +154,7 @@ def _run(
         )
         for number, planner in zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True)
     )
-    plans = Plans(none, none, none, none.astype(np.float64), floats, floats, floats, floats, floats)
-    timings = Timings(none, (), none.astype(np.float64))
-    return Run(scenario, {}, agents, outcomes, states, plans, timings, notes, digest)
+    return Run(scenario, {}, agents, outcomes, states, no_plans(), no_timings(), notes, digest)
 
 
 def _area(said: Mapping[str, Any]) -> Shape:

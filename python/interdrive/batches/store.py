@@ -28,15 +28,15 @@ from interdrive import _core
 from interdrive.batches.columns import NOT_ARRIVED
 from interdrive.batches.dataset import check_key, in_order, in_portions, joined, merge, n_keys, read, read_run
 from interdrive.batches.locks import Locks
-from interdrive.batches.runs import FORMAT
+from interdrive.batches.plan import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.results import check_folder, not_a_link, one_line, read_json, replacing, resolved, write_json
+from interdrive.storage import check_folder, not_a_link, one_line, read_json, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from interdrive.batches.execute import Finished
-    from interdrive.results import ArrowTable
+    from interdrive.batches.job import Finished
+    from interdrive.storage import ArrowTable
 
 _MARK, _RESULTS, _RUNS, _RECORDINGS = "batch.json", "results.parquet", "runs", "recordings"
 _LOCKS, _STORED = ".locks", ".stored"

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive.scenario import GoalState, Lanelets, PlanningProblem, Scenario
+    from interdrive.scenario.model import GoalState, Lanelets, PlanningProblem, Scenario
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]

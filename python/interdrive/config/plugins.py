@@ -12,8 +12,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass
 from typing import Any
 
+from interdrive.config.binding import bind, constructed, description, dotted
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
-from interdrive.settings import bind, constructed, description, dotted
 
 
 @dataclass(frozen=True)

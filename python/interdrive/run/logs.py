@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run import PLAN_STATUS, Considered, Predicted
+from interdrive.run.record import PLAN_STATUS, Considered, Predicted
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive import _core
-from interdrive.check import candidates
 from interdrive.errors import InputError, NoRouteError
-from interdrive.files.limits import LARGEST_VELOCITY
-from interdrive.handles import core_shape
-from interdrive.scenario import KINDS, GoalState, InitialState, Shape
+from interdrive.scenario.inspection import candidates
+from interdrive.scenario.limits import LARGEST_VELOCITY
+from interdrive.scenario.model import KINDS, GoalState, InitialState, Shape
+from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.scenario import PlanningProblem, Scenario
+    from interdrive.scenario.model import PlanningProblem, Scenario
 
 #: Footprint of a planning problem's vehicle: BMW 320i, CommonRoad vehicle type 2 [m].
 PLANNING_PROBLEM_LENGTH, PLANNING_PROBLEM_WIDTH = 4.508, 1.610

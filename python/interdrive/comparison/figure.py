@@ -10,16 +10,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from interdrive.batches.metrics import METRICS
-from interdrive.batches.reservations import SCENARIOS_MIN, is_sure
-from interdrive.batches.variants import ALL
+from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.metrics import METRICS
+from interdrive.comparison.variants import ALL
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.axes import Axes
 
-    from interdrive.batches.compare import Comparison
+    from interdrive.comparison.result import Comparison
 
 _MM = 1.0 / 25.4
 _WIDTH = 180.0 * _MM

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run import PHASES, AgentRecord, Outcomes, Snapshot, States, Timings
+from interdrive.run.record import PHASES, AgentRecord, Outcomes, Plans, Run, Snapshot, States, Timings
 from interdrive.scenario import KINDS
+from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
     from interdrive import _core
-    from interdrive.agents import Agent
+    from interdrive.scenario import Scenario
+    from interdrive.scenario.agents import Agent
 
 #: Names of the core's outcome codes.
 OUTCOME_NAMES = (
@@ -26,15 +28,14 @@ OUTCOME_NAMES = (
     "planner_error",
 )
 
+#: Arrays of `States` with one number per participant and time step.
+STATE_COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+
 
 def digest(states: States) -> str:
     """SHA-256 over ids, masks and the bits of all states; equal digests mean equal runs."""
     total = hashlib.sha256()
-    for array in (
-        states.ids,
-        states.valid,
-        *(getattr(states, name) for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")),
-    ):
+    for array in (states.ids, states.valid, *(getattr(states, name) for name in STATE_COLUMNS)):
         # Absent states are nan; one bit pattern for all of them.
         clean = np.where(np.isnan(array), 0.0, array) if array.dtype == np.float64 else array
         total.update(np.ascontiguousarray(clean).tobytes())
@@ -105,3 +106,34 @@ def snapshot(world: _core.World, scene: _core.Scene, predictions: _core.Predicti
         prediction_y=predictions.y[rows, modes],
         prediction_covariance=predictions.covariance[rows, modes],
     )
+
+
+def no_plans() -> Plans:
+    """Plans of a run that has none."""
+    none, points = np.empty(0, dtype=np.int64), np.empty((0, 0))
+    return Plans(none, none, none, np.empty(0), points, points, points, points, points)
+
+
+def no_timings() -> Timings:
+    """Timings of a run that has none."""
+    return Timings(np.empty(0, dtype=np.int64), (), np.empty(0))
+
+
+def recorded_run(scenario: Scenario) -> Run:
+    """The recorded traffic of a scenario as a run without agents."""
+    obstacles = scenario.obstacles
+    sizes = np.array([core_shape(shape).extent for shape in obstacles.shapes]).reshape(-1, 2)
+    states = States(
+        ids=obstacles.ids,
+        kinds=obstacles.kinds,
+        first_time_step=0,
+        is_agent=np.zeros(len(obstacles.ids), dtype=np.bool_),
+        is_static=obstacles.is_static,
+        length=sizes[:, 0],
+        width=sizes[:, 1],
+        **{name: getattr(obstacles, name) for name in STATE_COLUMNS},
+        valid=obstacles.valid,
+    )
+    none = np.empty(0, dtype=np.int64)
+    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), ())
+    return Run(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")

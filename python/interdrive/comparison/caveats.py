@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.batches.metrics import METRICS
-from interdrive.batches.variants import ALL
+from interdrive.comparison.metrics import METRICS
+from interdrive.comparison.variants import ALL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.batches.variants import ComparedSet
+    from interdrive.comparison.variants import ComparedSet
 
 #: Fewer scenarios than this make intervals that are much too narrow: nothing is claimed about such differences.
 SCENARIOS_MIN = 20
@@ -29,7 +29,7 @@ def is_sure(row: Mapping[str, Any]) -> bool:
     Ends that tables print as zero are zero.
 
     Args:
-        row: Of the differences, with `interdrive.batches.compare.DIFFERENCE_COLUMNS`.
+        row: Of the differences, with `interdrive.comparison.compare.DIFFERENCE_COLUMNS`.
     """
     if not _is_enough(row) or not _has_width(row):
         return False

@@ -1,0 +1,51 @@
+"""The folder of a comparison: tables, caveats, figure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from interdrive.comparison.tables import markdown
+from interdrive.storage import check_folder, replacing, write_table
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from interdrive.comparison.result import Comparison
+
+#: Files of a comparison on disk; the first one marks its folder.
+_MARK = "reservations.txt"
+_FILES = (
+    *(_MARK, "comparison.md", "comparison.pdf", "comparison.png"),
+    *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
+)
+
+
+def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Writes table and differences (Parquet, CSV, together as Markdown), reservations, figure (PDF, PNG).
+
+    Args:
+        found: What to write.
+        folder: New or empty folder, or one that holds another comparison.
+        overwrite: Replace the other comparison. A folder with anything else in it is never touched.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ResultsError: If the folder cannot be used or written.
+    """
+    from interdrive.comparison.figure import draw_comparison  # noqa: PLC0415 - loads matplotlib
+    from interdrive.plots import save_figure  # noqa: PLC0415
+
+    target = check_folder(folder, "comparison", _MARK, lambda entry: entry.name in _FILES, overwrite=overwrite)
+    with replacing(target) as partial:
+        partial.mkdir()
+        for name, table in (("table", found.table), ("differences", found.differences)):
+            for ending in ("parquet", "csv"):
+                write_table(table, partial / f"{name}.{ending}")
+        (partial / _MARK).write_text("".join(f"{line}\n" for line in found.reservations), encoding="utf-8")
+        (partial / "comparison.md").write_text(markdown(found), encoding="utf-8")
+        figure = draw_comparison(found)
+        for ending in ("pdf", "png"):
+            save_figure(figure, partial / f"comparison.{ending}")
+    return target

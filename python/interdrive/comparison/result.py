@@ -1,0 +1,63 @@
+"""What a comparison says: its tables and their columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from interdrive.comparison.metrics import METRICS
+from interdrive.storage import Column
+
+if TYPE_CHECKING:
+    from interdrive.comparison.variants import ComparedSet
+    from interdrive.storage import ArrowTable
+
+_WHICH = (
+    Column("traffic", "label", "what vehicles do that are not under test"),
+    Column("agents", "label", "who is under test"),
+    Column("category", "label", "folder of the scenarios, or all"),
+)
+
+#: One row per traffic, agents, category and variant.
+TABLE_COLUMNS = (
+    *_WHICH,
+    Column("variant", "label", "planner, with predictor, settings and version if there are several"),
+    Column("runs", "integer", "runs that finished"),
+    Column("runs_lost", "integer", "runs that failed, crashed or were ended; refused ones are not among them"),
+    Column("n_agents", "integer", "agents under test that all variants drove; all else is about them"),
+    *(Column(metric.name, "number", metric.heading, nullable=True) for metric in METRICS),
+)
+
+#: One row per traffic, agents, category, pair of variants and metric.
+DIFFERENCE_COLUMNS = (
+    *_WHICH,
+    Column("variant", "label", "the one"),
+    Column("other", "label", "the other one"),
+    Column("metric", "label", "one of interdrive.comparison.METRICS"),
+    Column("difference", "number", "of the one minus the other, over agents that all variants drove", nullable=True),
+    Column("low", "number", "lower end of the interval", nullable=True),
+    Column("high", "number", "upper end of the interval", nullable=True),
+    Column("n_agents", "integer", "agents for whom both have a value"),
+    Column("n_scenarios", "integer", "scenarios of these agents"),
+)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Planners of a batch compared.
+
+    Attributes:
+        table: The columns are `TABLE_COLUMNS`.
+        differences: The columns are `DIFFERENCE_COLUMNS`.
+        sets: What is compared, and over which agents; rows of both tables belong to one by traffic and agents.
+        samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
+        reservations: What the numbers do not prove, one line each.
+    """
+
+    table: ArrowTable
+    differences: ArrowTable
+    sets: tuple[ComparedSet, ...]
+    samples: int
+    level: float
+    seed: int
+    reservations: tuple[str, ...]

@@ -1,0 +1,98 @@
+"""Whether a stored table holds what its columns say, in the order that it should have."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.errors import ResultsError
+from interdrive.scenario.limits import LARGEST_ID
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    import pyarrow as pa
+
+    from interdrive.storage.tables import Column
+
+    Columns = Mapping[str, Any]
+
+#: No finite number of a table is larger, whatever its unit.
+_NUMBER_MAX = 1e30
+
+
+class Damage(Exception):  # noqa: N818 - becomes a ResultsError that names the file
+    """What is wrong, without the name of the file."""
+
+
+def check_values(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> None:
+    """Raises ResultsError for a value that no writer writes; the line names file and column."""
+    try:
+        for column in columns:
+            _check_column(table[column.name], column, labels.get(column.name))
+    except Damage as cause:
+        raise ResultsError(f"{path}: {cause}; the file is damaged") from None
+
+
+def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> Columns:
+    """The columns of one table as arrays, absent integers as -1.
+
+    Raises:
+        ResultsError: As `check_values`.
+    """
+    check_values(table, path, columns, labels)
+    return {column.name: _array(table[column.name], column.kind) for column in columns}
+
+
+def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
+    """Raises ResultsError unless rows are sorted by these columns, and no two rows have the same values in them."""
+    n = max(0, len(columns[order[0]]) - 1)
+    is_ascending, is_equal = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
+    for name in order:
+        step = np.diff(columns[name])
+        is_ascending |= is_equal & (step > 0)
+        is_equal &= step == 0
+    wrong = np.flatnonzero(~is_ascending)
+    if len(wrong):
+        raise ResultsError(
+            f"{path}: {', '.join(order)}: row {int(wrong[0]) + 1} is out of order or there twice; the file is damaged"
+        )
+
+
+def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] | None) -> None:
+    if about.kind == "label":
+        texts = column.unique().cast("string")
+        if texts.null_count and not about.nullable:
+            raise Damage(f"{about.name}: a value is missing")
+        known = texts.to_pylist() if labels is None else [None, *labels]
+        unknown = [text for text in texts.to_pylist() if text not in known]
+        if unknown:
+            raise Damage(f"{about.name}: {unknown[0]!r} is none of {', '.join(labels or ())}")
+    elif column.null_count and not about.nullable:
+        raise Damage(f"{about.name}: a value is missing")
+    elif about.kind == "integer":
+        values = _array(column, about.kind)
+        refuse(about.name, values, (values > LARGEST_ID) | (values < -LARGEST_ID), "is too large")
+    elif about.kind == "number":
+        numbers = _array(column, about.kind)
+        if not about.nullable:
+            refuse(about.name, numbers, np.isnan(numbers), "is no number")
+        wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
+        if not about.infinite:
+            wrong |= np.isinf(numbers)
+        refuse(about.name, numbers, wrong, "is too large")
+
+
+def _array(column: pa.ChunkedArray, kind: str) -> Any:  # noqa: ANN401 - an array
+    if kind in ("label", "text"):
+        return column.cast("string").to_numpy(zero_copy_only=False)
+    return (column.fill_null(-1) if kind == "integer" else column).to_numpy(zero_copy_only=False)
+
+
+def refuse(name: str, values: Any, wrong: Any, why: str) -> None:  # noqa: ANN401 - arrays
+    """Raises Damage for the first value that is wrong."""
+    rows = np.flatnonzero(wrong)
+    if len(rows):
+        raise Damage(f"{name}: {values[rows[0]]} in row {int(rows[0])} {why}")
