@@ -18,7 +18,7 @@ import pyarrow as pa
 import pytest
 
 import interdrive
-from interdrive import results
+from interdrive import results, storage
 from interdrive.errors import InputError, ResultsError
 from interdrive.results import check_target, load, outcome_table, plans_table, save, states_table, timing_table
 from interdrive.run import Plans
@@ -291,7 +291,7 @@ def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     (folder / "plans.parquet").unlink()
     with pytest.raises(ResultsError, match=r"plans.parquet: this file of the run is missing"):
         load(folder)
-    results.write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
+    storage.write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
     with pytest.raises(ResultsError, match=r"plans.parquet: the columns are not those of a run \(a\)"):
         load(folder)
     for text, message in (
@@ -350,7 +350,7 @@ def test_a_link_is_replaced_and_what_it_points_to_is_left_alone(tmp_path):
 
 
 def test_json_has_words_for_infinities_and_null_for_nan():
-    text = results.json_text({"a": [float("inf"), -np.inf, float("nan")], "b": np.array([1.0, np.nan]), "c": np.True_})
+    text = storage.json_text({"a": [float("inf"), -np.inf, float("nan")], "b": np.array([1.0, np.nan]), "c": np.True_})
     assert text == '{"a":["inf","-inf",null],"b":[1.0,null],"c":true}'
 
 
