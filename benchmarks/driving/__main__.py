@@ -23,8 +23,8 @@ import tables
 from drives import Driven, ReachableCache, drive
 from realism import distances
 
-from interdrive.run_settings import SimulationSettings
-from interdrive.settings import bind
+from interdrive.config.binding import bind
+from interdrive.config.schema import SimulationSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 SPLIT = ROOT / "training" / "split.toml"
