@@ -91,7 +91,7 @@ performance: $(VENV)/.installed .venv-third/.installed ## measures all of docs/p
 	.venv-third/bin/python benchmarks/against_frenetix.py --times-only > out/frenetix.md
 	$(BIN)/python benchmarks/peers/rule_based.py > out/rule_based.md
 	if [ -n "$(PEER)" ]; then $(BIN)/python benchmarks/peers/handler.py $(PEER) > out/handler.md; fi
-	$(BIN)/python benchmarks/targets.py out/study_runtime --document
+	$(BIN)/python benchmarks/targets.py out/study_runtime --memory --document
 
 driving: $(VENV)/.installed ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/driving.md
 	$(BIN)/python benchmarks/driving $(SCENARIOS)

@@ -2,6 +2,7 @@
 
     python benchmarks/targets.py [STUDY]     # STUDY: folder of `interdrive study runtime`
     python benchmarks/targets.py STUDY --document   # writes tables and figures into docs/performance.md
+    python benchmarks/targets.py --memory    # also measures the peak memory of a large run
 
 What scripts measure is kept in out/measured.json. With `--document` their tables are taken from out/*.md, which
 `make performance` writes.
@@ -50,9 +51,9 @@ def write_document(study: Path | None, targets: str) -> None:
     """Puts tables and figures into docs/performance.md."""
     text = filled(DOCUMENT.read_text(encoding="utf-8"), "targets", targets)
     if study is not None:
-        parts = (study / "runtime.md").read_text(encoding="utf-8").strip().split("\n\n")
-        tables = [part for part in parts if not part.startswith("| what |")]
-        text = filled(text, "study", "\n\n".join(tables))
+        from runtime import document, read_study
+
+        text = filled(text, "study", document(read_study(study)))
         for figure in ("runtime", "growth"):
             if (study / f"{figure}.png").is_file():
                 shutil.copyfile(study / f"{figure}.png", ROOT / "docs" / "figures" / f"study_{figure}.png")
@@ -67,15 +68,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("study", nargs="?", type=Path, help="folder of `interdrive study runtime`")
     parser.add_argument("--document", action="store_true", help="write docs/performance.md")
+    parser.add_argument("--memory", action="store_true", help="measure the peak memory of a large run")
     arguments = parser.parse_args()
+    from runtime import measured_targets, peak_memory, read_study, targets_markdown
+
+    if arguments.memory:
+        note("memory", peak_memory())
     found = noted()
     if arguments.study is not None:
         if not (arguments.study / "runtime.json").is_file():
             parser.error(f"{arguments.study}: this is no folder of `interdrive study runtime`")
-        found |= json.loads((arguments.study / "runtime.json").read_text(encoding="utf-8"))["targets"]
-
-    from interdrive.studies.runtime.markdown import targets_markdown
-
+        found |= measured_targets(read_study(arguments.study))
     targets = targets_markdown(found)
     print(targets)
     if arguments.document:

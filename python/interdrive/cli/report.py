@@ -347,9 +347,9 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
 
 
 def print_runtime(study: RuntimeStudy, folder: Path) -> None:
-    """Milliseconds per step, growth, targets next to what was measured, notes, and where the tables are."""
-    from interdrive.studies.runtime import growth, measured_targets, target_rows  # noqa: PLC0415
-    from interdrive.studies.runtime.markdown import QUIET, STEP_PARTS, step_rows  # noqa: PLC0415
+    """Milliseconds per step, growth, notes, and where the tables are."""
+    from interdrive.studies.runtime import growth, step_rows  # noqa: PLC0415
+    from interdrive.studies.runtime.summary import QUIET, STEP_PARTS  # noqa: PLC0415
 
     console, several = output(), study.threads
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
@@ -367,13 +367,6 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
             f"\ntown, {several} threads: time grows with the number of agents to the power of {grown.exponent:.2f}; "
             f"{grown.to_linear:.2f} times linear from {grown.agents[0]} to {grown.agents[-1]} agents"
         )
-    aims = Table(box=None, header_style="bold", pad_edge=False, title="\ntargets", title_justify="left")
-    for name, side in (("what", "left"), ("target", "right"), ("measured", "right"), ("", "left")):
-        aims.add_column(name, justify="right" if side == "right" else "left")
-    for what, aim, value, verdict in target_rows(measured_targets(study)):
-        style = "green" if verdict == "reached" else "yellow" if verdict.startswith("missed") else "dim"
-        aims.add_row(escape(what), aim, value, f"[{style}]{verdict}[/]")
-    console.print(aims)
     notes = study.notes
     if study.machine["load"] > QUIET * study.machine["cores"]:
         notes = (f"the machine was busy (load {study.machine['load']:.1f} before): all times are too long", *notes)

@@ -64,7 +64,7 @@ def study(
     a shipped one. Any other FILE, or name of a shipped scenario, needs --agent and --other.
 
     runtime tells how long a step takes over the number of agents, with one thread and with all of them: four scenarios,
-    and the shipped town with up to 1000 agents; tables, figures, and how far it is to the targets.
+    and the shipped town with up to 1000 agents; tables and figures.
     """
     for_runtime = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions, "quick": quick or None}
     given = [f"--{name}" for name, value in for_runtime.items() if value is not None]
@@ -158,7 +158,6 @@ def _runtime(
             threads=threads,
             planner=planner,
             settings=settings,
-            memory=not quick and 1000 in town,
             on_run=report.counted,
             notes=notes,
         )

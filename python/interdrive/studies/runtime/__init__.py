@@ -8,25 +8,21 @@ from interdrive.studies.runtime.cases import COUNTS, TOWN_COUNTS, RuntimeCase, r
 from interdrive.studies.runtime.figure import growth_figure, runtime_figure
 from interdrive.studies.runtime.folder import check_runtime_target, save_runtime
 from interdrive.studies.runtime.measure import RuntimeStudy, runtime_study
-from interdrive.studies.runtime.summary import Growth, growth, summary_table
-from interdrive.studies.runtime.targets import TARGETS, Target, measured_targets, target_rows
+from interdrive.studies.runtime.summary import Growth, growth, step_rows, summary_table
 
 __all__ = [
     "COUNTS",
-    "TARGETS",
     "TOWN_COUNTS",
     "Growth",
     "RuntimeCase",
     "RuntimeStudy",
-    "Target",
     "check_runtime_target",
     "growth",
     "growth_figure",
-    "measured_targets",
     "runtime_cases",
     "runtime_figure",
     "runtime_study",
     "save_runtime",
+    "step_rows",
     "summary_table",
-    "target_rows",
 ]

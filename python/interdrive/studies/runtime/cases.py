@@ -14,7 +14,6 @@ COUNTS = (1, 2, 4, 8, 16, 24)
 #: In the town, whose first vehicles live in a proportional part of it.
 TOWN_COUNTS = (24, 100, 300, 1000)
 TOWN = "town"
-#: The scenario of the targets.
 HIGHWAY = "USA_US101-23_1_T-1"
 
 

@@ -1,4 +1,4 @@
-"""The folder of a runtime study: all steps, their summary, figures, and the tables of the documents."""
+"""The folder of a runtime study: all steps, their summary and figures."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 from interdrive.plots import save_figure
 from interdrive.storage import check_folder, replacing, write_json, write_table
 from interdrive.studies.runtime.figure import growth_figure, runtime_figure
-from interdrive.studies.runtime.markdown import document
 from interdrive.studies.runtime.summary import growth, summary_table
-from interdrive.studies.runtime.targets import measured_targets
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 
 _MARK = "runtime.json"
 _FIGURES = tuple(f"{name}.{ending}" for name in ("runtime", "growth") for ending in ("pdf", "png"))
-_FILES = ("steps.parquet", "summary.parquet", "summary.csv", "runtime.md", _MARK, *_FIGURES)
+_FILES = ("steps.parquet", "summary.parquet", "summary.csv", _MARK, *_FIGURES)
 
 
 def check_runtime_target(folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -34,7 +32,7 @@ def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = F
     """Writes the folder, whole or not at all, and returns its path.
 
     It holds steps.parquet (one row per step), summary.parquet and summary.csv, the figures runtime and growth as PDF
-    and PNG, runtime.md (tables for documents) and runtime.json (machine, settings, measured targets, growth).
+    and PNG, and runtime.json (machine, settings, growth).
 
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
@@ -50,7 +48,6 @@ def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = F
             if figure is not None:
                 for ending in ("pdf", "png"):
                     save_figure(figure, partial / f"{name}.{ending}")
-        (partial / "runtime.md").write_text(document(study), encoding="utf-8")
         grown = {threads: growth(study, threads) for threads in sorted({1, study.threads})}
         write_json(
             {
@@ -58,7 +55,6 @@ def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = F
                 "settings": study.settings,
                 "threads": study.threads,
                 "notes": list(study.notes),
-                "targets": measured_targets(study),
                 "growth": {str(threads): vars(one) for threads, one in grown.items() if one is not None},
             },
             partial / _MARK,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import platform
 import time
@@ -12,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files import read_scenario, shipped_scenario
+from interdrive.files import read_scenario
 from interdrive.run import PHASES
 from interdrive.simulation import Simulation
 from interdrive.storage import Column, arrow_table
-from interdrive.studies.runtime.cases import TOWN, RuntimeCase
+from interdrive.studies.runtime.cases import RuntimeCase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -47,8 +46,6 @@ STEP_COLUMNS = (
 
 #: The first step starts threads and grows memory; times of it are not counted.
 _WARM_UP = 1
-#: Peak memory is told for a run of so many agents and steps.
-MEMORY_AGENTS, MEMORY_STEPS = 1000, 300
 
 
 @dataclass(frozen=True)
@@ -58,7 +55,6 @@ class RuntimeStudy:
     Attributes:
         steps: One row per step, as an Arrow table with `STEP_COLUMNS`.
         threads: The larger number of threads.
-        peak_memory: Of a process that records 300 steps of 1000 agents [bytes]; nan if it was not measured.
         machine: Processor, cores, load before the study, and software.
         settings: What was asked for.
         notes: One line per thing the user should know.
@@ -66,7 +62,6 @@ class RuntimeStudy:
 
     steps: ArrowTable
     threads: int
-    peak_memory: float
     machine: dict[str, Any]
     settings: dict[str, Any]
     notes: tuple[str, ...]
@@ -80,7 +75,6 @@ def runtime_study(
     threads: int | None = None,
     planner: object = "frenet",
     settings: SimulationSettings | None = None,
-    memory: bool = True,
     on_run: Callable[[str, int, int], None] | None = None,
     notes: tuple[str, ...] = (),
 ) -> RuntimeStudy:
@@ -95,7 +89,6 @@ def runtime_study(
         threads: The larger number of threads; the number of cores otherwise.
         planner: Of all agents.
         settings: Settings; the defaults otherwise.
-        memory: Also measure the peak memory of a large run, in a process of its own.
         on_run: Called before every run with what it is, how many runs are done, and how many there are.
         notes: Kept.
 
@@ -116,7 +109,7 @@ def runtime_study(
     for case in cases:
         scenario = read_scenario(case.path)
         jobs += [(case, scenario, wanted) for wanted in _numbers(case, scenario, planner, settings)]
-    total = len(jobs) * repetitions * len(counts) + memory
+    total = len(jobs) * repetitions * len(counts)
     done = 0
     for case, scenario, wanted in jobs:
         simulations = [
@@ -131,15 +124,9 @@ def runtime_study(
                 done += 1
                 simulation.reset()
                 _drive(simulation, steps, (case, scenario.name, repetition), columns)
-    peak = float("nan")
-    if memory:
-        if on_run is not None:
-            on_run(f"memory of {MEMORY_AGENTS} agents, {MEMORY_STEPS} steps", done, total)
-        peak = peak_memory(MEMORY_AGENTS, MEMORY_STEPS, several)
     return RuntimeStudy(
         steps=arrow_table(STEP_COLUMNS, columns),
         threads=several,
-        peak_memory=peak,
         machine=where,
         settings={"steps": steps, "repetitions": repetitions, "planner": str(planner)},
         notes=notes,
@@ -196,22 +183,6 @@ def _drive(
         }
         for name, value in values.items():
             columns[name].append(value)
-
-
-def peak_memory(agents: int, steps: int, threads: int) -> float:
-    """Peak memory of a process that drives the town and records it [bytes]."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return float(pool.apply(_recorded, (agents, steps, threads)))
-
-
-def _recorded(agents: int, steps: int, threads: int) -> float:
-    import resource  # noqa: PLC0415 - not on every system
-
-    simulation = Simulation(shipped_scenario(TOWN), agents=agents, threads=threads, predictor="lane_following")
-    for _ in range(steps):
-        simulation.step()
-    simulation.record()
-    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def machine() -> dict[str, Any]:

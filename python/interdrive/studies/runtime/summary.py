@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 #: Parts of a step that are summarized.
 PARTS = ("observe", "predict", "plan", "collision", "update", "python")
+#: Parts of a step that tables for people show.
+STEP_PARTS = ("predict", "plan", "collision", "update")
+#: Up to this load per core times are those of a quiet machine.
+QUIET = 0.3
 #: Steps count in which at least this share of the agents drives.
 _DRIVING = 0.9
 
@@ -56,6 +60,32 @@ def summary_table(study: RuntimeStudy) -> ArrowTable:
         for name, value in values.items():
             columns[name].append(value)
     return arrow_table(SUMMARY_COLUMNS, columns)
+
+
+def step_rows(study: RuntimeStudy) -> list[tuple[str, ...]]:
+    """A row per scenario and number of agents: medians (quartiles) and, with all threads, medians of the parts [ms]."""
+    found: dict[tuple[Any, ...], dict[int, dict[str, Any]]] = {}
+    for row in summary_table(study).to_pylist():
+        found.setdefault((row["kind"], row["predictor"], row["agents"]), {})[row["threads"]] = row
+    rows = []
+    for (kind, predictor, agents), by_threads in found.items():
+        name = kind if predictor == "lane_following" else f"{kind}, {predictor}"
+        several = by_threads.get(study.threads)
+        if several is None:
+            continue
+        alone = by_threads.get(1)
+        parts = [f"{1e3 * several[part]:.2f}" for part in STEP_PARTS]
+        ratio = f"{alone['median'] / several['median']:.2f}" if alone is not None else "–"
+        share = f"{100 * several['python'] / several['median']:.1f} %"
+        rows.append((name, str(agents), _spread(alone), _spread(several), ratio, *parts, share))
+    return rows
+
+
+def _spread(row: dict[str, Any] | None) -> str:
+    if row is None:
+        return "–"
+    lower, median, upper = (f"{1e3 * row[name]:.3g}" for name in ("lower", "median", "upper"))
+    return f"{median} ({lower}–{upper})"
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,22 @@
-"""What is aimed at, next to what is measured."""
+"""The runtime study next to what is aimed at, as tables of docs/performance.md, and the memory of a large run."""
 
 from __future__ import annotations
 
+import json
+import multiprocessing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from interdrive.studies.runtime import RuntimeStudy, growth, step_rows, summary_table
 from interdrive.studies.runtime.cases import HIGHWAY, TOWN
-from interdrive.studies.runtime.summary import growth, summary_table
+from interdrive.studies.runtime.summary import QUIET, STEP_PARTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    from interdrive.studies.runtime.measure import RuntimeStudy
+#: Peak memory is told for a run of so many agents and steps.
+MEMORY_AGENTS, MEMORY_STEPS = 1000, 300
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,17 @@ TARGETS = (
     Target("python_share", f"share of Python, 24 agents, {HIGHWAY}", 5.0, "%", 1e-2),
     Target("second_thread", f"second thread, 24 agents, {HIGHWAY}", 1.8, "times", 1.0, False),
     Target("start", f"command start to first step, {HIGHWAY}", 1.5, "s", 1.0, True, _BENCH),
-    Target("memory", "peak memory, 1000 agents, 300 steps", 1.5, "GB", 1e9),
+    Target("memory", "peak memory, 1000 agents, 300 steps", 1.5, "GB", 1e9, True, "benchmarks/targets.py --memory"),
 )
+
+
+def read_study(folder: Path) -> RuntimeStudy:
+    """What `interdrive study runtime` wrote."""
+    import pyarrow.parquet as pq
+
+    told = json.loads((folder / "runtime.json").read_text(encoding="utf-8"))
+    steps = pq.read_table(folder / "steps.parquet")
+    return RuntimeStudy(steps, told["threads"], told["machine"], told["settings"], tuple(told["notes"]))
 
 
 def measured_targets(study: RuntimeStudy) -> dict[str, float]:
@@ -76,8 +90,6 @@ def measured_targets(study: RuntimeStudy) -> dict[str, float]:
         grown = growth(study, study.threads)
         if grown is not None and grown.agents[0] == 24:
             found["growth"] = grown.to_linear
-    if study.peak_memory == study.peak_memory:
-        found["memory"] = study.peak_memory
     return found
 
 
@@ -96,3 +108,73 @@ def target_rows(found: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
         verdict = "reached" if reached else f"missed by {short:.0f} %" if short >= 1.0 else f"missed by {short:.1g} %"
         rows.append((target.what, aim, f"{value:.4g} {target.unit}", verdict))
     return rows
+
+
+def targets_markdown(found: Mapping[str, float]) -> str:
+    """Targets next to what was measured."""
+    return _table(("what", "target", "measured", ""), "lrrl", target_rows(found))
+
+
+def steps_markdown(study: RuntimeStudy) -> str:
+    """Milliseconds per step of every scenario and number of agents."""
+    several = study.threads
+    header = (
+        *("scenario", "agents", "1 thread", f"{several} threads", "ratio"),
+        *STEP_PARTS,
+        "Python",
+    )
+    return _table(header, "l" + (len(header) - 1) * "r", step_rows(study))
+
+
+def growth_markdown(study: RuntimeStudy) -> str:
+    """How the time of a step grows in the town."""
+    rows = []
+    for threads in sorted({1, study.threads}):
+        found = growth(study, threads)
+        if found is None:
+            continue
+        per_agent = ", ".join(f"{1e6 * s / n:.0f} at {n}" for n, s in zip(found.agents, found.seconds, strict=True))
+        rows.append((str(threads), per_agent, f"{found.exponent:.3f}", f"{found.to_linear:.2f}"))
+    return _table(("threads", "µs per agent and step", "exponent", "growth to linear"), "rlrr", rows)
+
+
+def document(study: RuntimeStudy) -> str:
+    """All of it."""
+    what = study.machine
+    settings = study.settings
+    where = f"{what['processor']}, {what['cores']} cores, {what['system']}, Python {what['python']}"
+    busy = what["load"] > QUIET * what["cores"]
+    parts = [
+        f"{where}; up to {settings['steps']} steps per run, {settings['repetitions']} runs of each kind.",
+        *([f"**The machine was busy** (load {what['load']:.1f} before): all times are too long."] if busy else []),
+        "Milliseconds per step, median (quartiles); parts with all threads:",
+        steps_markdown(study),
+    ]
+    if growth(study, study.threads) is not None:
+        parts.append(growth_markdown(study))
+    parts += [f"- {note}" for note in study.notes]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(header: Sequence[str], sides: str, rows: Sequence[Sequence[str]]) -> str:
+    rule = "|".join("--:" if side == "r" else "---" for side in sides)
+    lines = [" | ".join(cells) for cells in (header, *rows)]
+    return "\n".join([f"| {lines[0]} |", f"|{rule}|", *(f"| {line} |" for line in lines[1:])])
+
+
+def peak_memory(agents: int = MEMORY_AGENTS, steps: int = MEMORY_STEPS) -> float:
+    """Peak memory of a process that drives the town and records it [bytes]."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return float(pool.apply(_recorded, (agents, steps)))
+
+
+def _recorded(agents: int, steps: int) -> float:
+    import resource
+
+    from interdrive.simulation import Simulation
+
+    simulation = Simulation(TOWN, agents=agents, predictor="lane_following")
+    for _ in range(steps):
+        simulation.step()
+    simulation.record()
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,0 +1,62 @@
+"""What is aimed at next to what the runtime study measured, in the tables of docs/performance.md."""
+
+from __future__ import annotations
+
+import pytest
+from benchmarks.runtime import document, measured_targets, peak_memory, read_study, target_rows
+
+from interdrive.storage import arrow_table
+from interdrive.studies.runtime import RuntimeStudy, save_runtime
+from interdrive.studies.runtime.measure import STEP_COLUMNS
+
+
+def invented(seconds, *, kind="town", scenario="town", predictor="lane_following", load=0.1):
+    """A study with given times of steps by (agents, threads), for two threads."""
+    rows = []
+    for (agents, threads), times in seconds.items():
+        for index, time in enumerate(times):
+            rows.append(
+                (kind, scenario, predictor, agents, agents, threads, 0, index, agents, time, *6 * (0.1 * time,))
+            )
+    columns = {column.name: [row[k] for row in rows] for k, column in enumerate(STEP_COLUMNS)}
+    machine = {"processor": "P", "cores": 2, "system": "S", "python": "3", "load": load}
+    settings = {"steps": 3, "repetitions": 1, "planner": "frenet"}
+    return RuntimeStudy(arrow_table(STEP_COLUMNS, columns), 2, machine, settings, ())
+
+
+def test_targets_are_compared_with_what_is_measured_and_the_others_say_who_measures_them():
+    name = "USA_US101-23_1_T-1"
+    study = invented({(24, 1): [0.0038], (24, 2): [0.0019]}, kind="six-lane highway", scenario=name)
+    found = measured_targets(study) | {"memory": 3e9}
+    assert found == pytest.approx({"step_24": 0.0019, "python_share": 0.1, "second_thread": 2.0, "memory": 3e9})
+    rows = {row[0]: row[1:] for row in target_rows(found)}
+    assert rows["24 agents, USA_US101-23_1_T-1, lane_following"] == ("≤ 2 ms", "1.9 ms", "reached")
+    assert rows["second thread, 24 agents, USA_US101-23_1_T-1"] == ("≥ 1.8 times", "2 times", "reached")
+    assert rows["peak memory, 1000 agents, 300 steps"] == ("≤ 1.5 GB", "3 GB", "missed by 100 %")
+    assert rows["step against highway-env"][1:] == ("–", "measured by benchmarks/peers/rule_based.py")
+
+
+def test_the_growth_target_needs_24_and_1000_agents():
+    small = invented({(24, 2): [0.001], (100, 2): [0.005]})
+    assert "growth" not in measured_targets(small)
+    large = invented({(24, 2): [0.001], (1000, 2): [0.05]})
+    assert measured_targets(large)["growth"] == pytest.approx(1.2)
+    assert measured_targets(large)["step_1000"] == 0.05
+
+
+def test_the_document_says_that_the_machine_was_busy():
+    quiet = document(invented({(24, 2): [0.001], (1000, 2): [0.05]}))
+    assert "| 2 | 42 at 24, 50 at 1000 | 1.049 | 1.20 |" in quiet
+    assert "busy" not in quiet
+    assert "**The machine was busy** (load 3.0 before)" in document(invented({(24, 2): [0.001]}, load=3.0))
+
+
+def test_peak_memory_is_that_of_a_process_of_its_own():
+    assert 2e7 < peak_memory(2, 2) < 1e9
+
+
+def test_a_study_is_read_from_its_folder(tmp_path):
+    study = invented({(2, 1): [0.001], (5, 1): [0.002], (2, 2): [0.001], (5, 2): [0.002]})
+    again = read_study(save_runtime(study, tmp_path / "study"))
+    assert again.steps.to_pylist() == study.steps.to_pylist()
+    assert "| town | 5 |" in document(again)
