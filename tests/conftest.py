@@ -1,5 +1,6 @@
 import os
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,9 @@ from interdrive import InputError, Scenario, _core, read_scenario
 from interdrive.predictors.models import WALENET
 
 IN_CI = os.environ.get("CI") == "true"
+
+# A shell starts its background jobs with Ctrl-C switched off, and the commands that tests interrupt would inherit that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 ROOT = Path(__file__).resolve().parent.parent
 
 

@@ -210,6 +210,9 @@ def test_ctrl_c_in_the_middle_of_a_run(here):
             assert time.monotonic() < deadline
             time.sleep(0.005)
         running.send_signal(signal.SIGINT)
-        stdout, stderr = running.communicate(timeout=60)
+        try:
+            stdout, stderr = running.communicate(timeout=60)
+        finally:
+            running.kill()
     assert (running.returncode, stdout, stderr) == (130, "", "interrupted, nothing written\n")
     assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"watched.py", "started"}
