@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
 import sys
 import time
 import warnings
@@ -198,6 +199,18 @@ def test_a_planner_that_switches_the_alarm_off_is_stopped_all_the_same():
     assert time.perf_counter() - start < 20.0
     assert run.outcomes.outcome == ("planner_error", "goal_reached")
     assert "allowed are 0.2 s" in run.outcomes.message[0]
+
+
+def test_a_profiler_works_after_a_planner_that_was_stopped_by_force():
+    profiled = (
+        "import cProfile, sys\n"
+        "sys.path.insert(0, 'tests')\n"
+        "import test_hostile_planners as hostile\n"
+        "hostile.test_a_planner_that_switches_the_alarm_off_is_stopped_all_the_same()\n"
+        "print(cProfile.Profile().runcall(lambda: (lambda: 41)() + 1))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", profiled], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "42\n"), done.stderr
 
 
 def test_a_child_that_comes_back_ends_even_if_it_raises():

@@ -78,12 +78,14 @@ def _interrupted_after(seconds: float) -> Iterator[None]:
     before = signal.signal(signal.SIGALRM, stop)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGALRM,))
     try:
-        _WATCHDOG.watch(seconds + _GRACE)
-        signal.setitimer(signal.ITIMER_REAL, seconds)
-        yield
+        try:
+            _WATCHDOG.watch(seconds + _GRACE)
+            signal.setitimer(signal.ITIMER_REAL, seconds)
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL if before is None else before)
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, signal.SIG_DFL if before is None else before)
         _WATCHDOG.rest()
 
 
@@ -92,35 +94,47 @@ class _Watchdog:
 
     def __init__(self) -> None:
         self._until, self._has_barked, self._process = math.inf, False, 0
+        self._barking = threading.Lock()
 
     def watch(self, seconds: float) -> None:
         """The block that begins now may take this long [s]."""
         self._until = time.monotonic() + seconds
         if self._process != os.getpid():  # a thread does not survive a fork
-            self._process = os.getpid()
+            self._process, self._barking = os.getpid(), threading.Lock()
             threading.Thread(target=self._guard, daemon=True, name="interdrive-planner-timeout").start()
 
     def rest(self) -> None:
-        """The block is over; an exception that is still on its way is called back."""
-        self._until = math.inf
-        if self._has_barked:
-            self._has_barked = False
-            _raise_in_main_thread(None)
+        """The block is over; an exception that is still on its way is raised and taken here.
+
+        Python can also withdraw such an exception, but then goes on looking for it: slower, and for ever under a profiler.
+        """
+        try:
+            self._until = math.inf
+            with self._barking:  # a bark that has begun is over after this, another does not begin
+                pass
+            if self._has_barked:
+                _raise_in_main_thread(_TooLong)
+                while True:
+                    time.sleep(0.0)
+        except _TooLong:
+            pass
+        self._has_barked = False
 
     def _guard(self) -> None:
         while True:
             time.sleep(_LOOK_EVERY)
-            if time.monotonic() > self._until:
-                self._has_barked = True
-                _raise_in_main_thread(_TooLong)
+            with self._barking:
+                if time.monotonic() > self._until:
+                    self._has_barked = True
+                    _raise_in_main_thread(_TooLong)
 
 
 _WATCHDOG = _Watchdog()
 
 
-def _raise_in_main_thread(kind: type[BaseException] | None) -> None:
+def _raise_in_main_thread(kind: type[BaseException]) -> None:
     number = ctypes.c_ulong(threading.main_thread().ident or 0)
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(number, None if kind is None else ctypes.py_object(kind))
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(kind))
 
 
 def _too_slow(seconds: float, timeout_s: float) -> str:
