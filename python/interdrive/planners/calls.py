@@ -106,7 +106,7 @@ class _Watchdog:
     def rest(self) -> None:
         """The block is over; an exception that is still on its way is raised and taken here.
 
-        Python can also withdraw such an exception, but then goes on looking for it: slower, and for ever under a profiler.
+        Python can also withdraw such an exception, but goes on looking for it: slower, and endless under a profiler.
         """
         try:
             self._until = math.inf
