@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.colors import to_rgba
 
 from interdrive.cli import main
 from interdrive.errors import InputError
@@ -21,6 +22,7 @@ from interdrive.plots import (
     draw_velocity,
     save_figure,
 )
+from interdrive.plots.style import agent_colors, pair_colors
 from interdrive.results import load, save
 from interdrive.results.reader import reopen, stored_plans
 from interdrive.simulation import simulate
@@ -80,6 +82,25 @@ def test_velocities_are_those_of_the_run_and_end_with_the_outcome(run):
     np.testing.assert_array_equal(line.get_ydata(), run.states.velocity[1])
     assert mark.get_xdata()[0] == pytest.approx(4.7), "it collides at time step 47"
     assert mark.get_marker() == "X"
+
+
+def test_an_agent_keeps_its_colour_in_every_figure(run, merge):
+    color = agent_colors(run)[3]
+    assert draw_velocity(run, [3]).axes[0].get_lines()[0].get_color() == color
+    bodies = draw_scene(run, run.plans, 2.0, [3]).axes[0].collections
+    assert to_rgba(color) in {tuple(one.get_facecolor()[0]) for one in bodies if len(one.get_facecolor())}
+    other = merge.agents[1].id
+    line = draw_measures(merge.criticality(), [other]).axes[0].get_lines()[0]
+    assert line.get_color() == agent_colors(merge)[other]
+
+
+def test_two_vehicles_of_a_scene_never_share_a_colour(run):
+    alone = replace(run, agents=run.agents[:1])
+    assert pair_colors([run], (3, 2)) == (agent_colors(run)[3], agent_colors(run)[2])
+    assert pair_colors([alone, run], (3, 2)) == pair_colors([run], (3, 2))
+    for pair in ((1, 20), (20, 1), (20, 21)):
+        first, second = pair_colors([run], pair)
+        assert first != second
 
 
 def test_only_chosen_agents_are_named_and_the_others_are_other_vehicles(run, tmp_path):

@@ -15,8 +15,9 @@ from PIL import Image
 from interdrive.errors import InputError, MissingExtraError, ResultsError
 from interdrive.plots import animate_run, check_animation, draw_run, save_figure
 from interdrive.plots.frames import Stage
-from interdrive.plots.participants import MARKS, outlines
 from interdrive.plots.road import road_artists
+from interdrive.plots.style import OUTCOME_MARKS
+from interdrive.plots.vehicles import outlines
 from interdrive.plots.view import View, view_of
 from interdrive.run import OUTCOMES
 from interdrive.scenario import Shape
@@ -93,8 +94,8 @@ def test_a_still_names_every_agent_and_every_outcome_that_occurred(run):
 
 
 def test_every_outcome_has_its_own_marker_and_colour():
-    assert set(MARKS) == {*OUTCOMES, "running"}
-    looks = [(mark.marker, mark.color) for mark in MARKS.values()]
+    assert set(OUTCOME_MARKS) == {*OUTCOMES, "running"}
+    looks = [(mark.marker, mark.color) for mark in OUTCOME_MARKS.values()]
     assert len(set(looks)) == len(looks)
 
 
@@ -201,7 +202,7 @@ def test_a_frame_shows_agents_in_colour_and_recorded_vehicles_in_grey(run):
     stage = Stage(run, None, follow=False)
     colors = colors_of(stage.frame(30))
     assert (0x00, 0x72, 0xB2) in colors  # agent 1
-    assert (0x8A, 0x8A, 0x8A) in colors  # the parked car
+    assert (0x6F, 0x6F, 0x6F) in colors  # the parked car
     assert (0xCC, 0x79, 0xA7) in colors  # agent 4, a bus
 
 
@@ -245,7 +246,7 @@ def test_a_film_of_a_run_without_agents_shows_recorded_traffic_that_moves(run, t
             film.seek(index)
             frames.append(np.asarray(film.convert("RGB"), dtype=int))
     assert len(frames) == 7  # 5.9 s, both ends included
-    recorded = [(np.abs(frame - (0x8A, 0x8A, 0x8A)).max(axis=-1) <= 8) for frame in frames]
+    recorded = [(np.abs(frame - (0x6F, 0x6F, 0x6F)).max(axis=-1) <= 8) for frame in frames]
     assert min(mask.sum() for mask in recorded) > 100
     assert (recorded[0] != recorded[5]).sum() > 100
     agents = [(0x00, 0x72, 0xB2), (0xCC, 0x79, 0xA7)]

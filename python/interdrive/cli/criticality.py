@@ -92,9 +92,11 @@ def _opened(what: str, out: str | None) -> tuple[Run, Path]:
 
 def _draw(run: Run, found: Criticality, folder: Path) -> None:
     from interdrive.plots import draw_critical_moment, draw_criticality, save_figure  # noqa: PLC0415
+    from interdrive.plots.style import AGENTS, agent_colors  # noqa: PLC0415
 
     moment = found.most_critical_moment()
     if moment is None:
         return
-    save_figure(draw_criticality(found, moment.agent_id), folder / "criticality.png")
+    color = agent_colors(run).get(moment.agent_id, AGENTS[0])
+    save_figure(draw_criticality(found, moment.agent_id, color=color), folder / "criticality.png")
     save_figure(draw_critical_moment(run, moment), folder / "criticality_moment.png")

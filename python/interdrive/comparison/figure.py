@@ -6,42 +6,28 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
 from interdrive.comparison.metrics import METRICS
 from interdrive.comparison.variants import ALL
+from interdrive.plots.style import AGENTS, FONT, MM, OUTCOME_MARKS, PAGE, RECORDED, add_legend, empty_figure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.comparison.result import Comparison
 
-_MM = 1.0 / 25.4
-_WIDTH = 180.0 * _MM
-_FONT = 7.5
 #: Between panels [inches].
-_GAP = 3.6 * _MM
+_GAP = 3.6 * MM
 #: Widths of a character of that size, plain and bold [inches].
-_CHARACTER, _BOLD = 1.32 * _MM, 1.5 * _MM
-_BLUE = "#0072B2"
+_CHARACTER, _BOLD = 1.32 * MM, 1.5 * MM
+_BLUE = AGENTS[0]
 #: Heights: a row, a heading above rows, the legend, between both halves, below the lower axes [inches].
-_ROW, _HEADING, _HEAD, _BETWEEN, _FOOT = 4.6 * _MM, 6.2 * _MM, 6.5 * _MM, 11.0 * _MM, 12.5 * _MM
-
-#: Outcomes with colours (Okabe and Ito) and hatches, so that they are told apart without colour, too.
-_OUTCOMES = (
-    ("goal_reached", "reached", "#009E73", ""),
-    ("goal_reached_late", "late", "#9BD7C4", "////"),
-    ("time_limit", "time limit", "#F0E442", "...."),
-    ("goal_missed", "missed", "#E69F00", "\\\\\\\\"),
-    ("infeasible", "infeasible", "#CC79A7", "xxxx"),
-    ("planner_error", "broken", "#444444", ""),
-    ("collisions", "collision", "#D55E00", ""),
-)
+_ROW, _HEADING, _HEAD, _BETWEEN, _FOOT = 4.6 * MM, 6.2 * MM, 6.5 * MM, 11.0 * MM, 12.5 * MM
 
 #: Metrics whose differences are drawn, and how they are called.
 _DRAWN = (
@@ -75,15 +61,14 @@ def draw_comparison(comparison: Comparison) -> Figure:
     upper, lower = _lines(comparison, rows), _lines(comparison, dict.fromkeys(key[:4] for key in differences))
     heights = [sum(_HEADING if not line.key else _ROW for line in lines) for lines in (upper, lower)]
     height = _HEAD + heights[0] + _BETWEEN + (heights[1] + _FOOT if lower else 0.0)
-    figure = Figure(figsize=(_WIDTH, height), dpi=300)
-    FigureCanvasAgg(figure)
+    figure = empty_figure(PAGE, height)
     longest = max(len(line.text) for line in (*upper, *lower) if line.key)
-    left, right = min(0.4, (5.0 * _MM + _CHARACTER * longest) / _WIDTH), 1.0 - 3.0 * _MM / _WIDTH
+    left, right = min(0.4, (5.0 * MM + _CHARACTER * longest) / PAGE), 1.0 - 3.0 * MM / PAGE
     shares = figure.add_axes((left, 1.0 - (_HEAD + heights[0]) / height, right - left, heights[0] / height))
-    _draw_shares(shares, upper, rows)
+    _draw_shares(figure, shares, upper, rows)
     _name_lines(figure, shares, upper, is_first=True)
     if lower:
-        gap = _GAP / _WIDTH
+        gap = _GAP / PAGE
         width = (right - left - gap * (len(_DRAWN) - 1)) / len(_DRAWN)
         for k, (name, label) in enumerate(_DRAWN):
             place = (left + k * (width + gap), _FOOT / height, width, heights[1] / height)
@@ -91,11 +76,9 @@ def draw_comparison(comparison: Comparison) -> Figure:
             _draw_differences(panel, lower, {key[:4]: row for key, row in differences.items() if key[4] == name})
             _name_lines(figure, panel, lower, is_first=k == 0)
             metric = next(metric for metric in METRICS if metric.name == name)
-            _set_range(
-                panel, [row for key, row in differences.items() if key[4] == name], metric.digits, width * _WIDTH
-            )
+            _set_range(panel, [row for key, row in differences.items() if key[4] == name], metric.digits, width * PAGE)
             arrow = "better →" if metric.better > 0 else "← better"
-            panel.set_xlabel(f"{label}\n{arrow}", fontsize=_FONT, labelpad=1.5, linespacing=1.3)
+            panel.set_xlabel(f"{label}\n{arrow}", fontsize=FONT, labelpad=1.5, linespacing=1.3)
     return figure
 
 
@@ -136,37 +119,41 @@ def _name_lines(figure: Figure, panel: Axes, lines: Sequence[_Line], *, is_first
     top = panel.get_position().y1
     for place, line in zip(places, lines, strict=True):
         if is_first and not line.key:
-            size = _FONT * min(1.0, 0.98 * _WIDTH / (_BOLD * len(line.text)))
+            size = FONT * min(1.0, 0.98 * PAGE / (_BOLD * len(line.text)))
             figure.text(
-                _MM / _WIDTH, top - place / figure.get_figheight(), line.text, va="center", ha="left",
+                MM / PAGE, top - place / figure.get_figheight(), line.text, va="center", ha="left",
                 fontsize=size, fontweight="bold", bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
             )  # fmt: skip
     _plain(panel)
 
 
-def _draw_shares(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]]) -> None:
+def _draw_shares(
+    figure: Figure, panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]]
+) -> None:
     here = [(place, rows[line.key]) for place, line in zip(_places(lines), lines, strict=True) if line.key]
     place = np.array([place for place, _ in here])
     before = np.zeros(len(here))
-    for name, label, colour, hatch in _OUTCOMES:
-        share = np.nan_to_num(np.array([row[name] for _, row in here], dtype=np.float64))
-        if not share.any():
+    bars = []
+    for metric in METRICS:
+        share = np.nan_to_num(np.array([row[metric.name] for _, row in here], dtype=np.float64))
+        if not metric.outcome or not share.any():
             continue
-        panel.barh(
-            place, share, 0.74 * _ROW, left=before, color=colour, hatch=hatch, edgecolor="white", linewidth=0.3,
-            label=label,
+        mark = OUTCOME_MARKS[metric.column]
+        bars.append(
+            panel.barh(
+                place, share, 0.74 * _ROW, left=before, color=mark.color, hatch=mark.hatch, edgecolor="white",
+                linewidth=0.3, label=mark.text,
+            )
         )  # fmt: skip
         before += share
     panel.set_xlim(0, 100)
-    panel.set_xlabel("agents [%]", fontsize=_FONT, labelpad=1.5)
-    panel.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(_OUTCOMES), fontsize=_FONT, frameon=False,
-        handlelength=1.3, columnspacing=1.2, handletextpad=0.4, borderaxespad=0.2,
-    )  # fmt: skip
+    panel.set_xlabel("agents [%]", fontsize=FONT, labelpad=1.5)
+    narrow = {"handlelength": 1.3, "columnspacing": 1.0, "handletextpad": 0.4, "borderaxespad": 0.2}
+    add_legend(figure, bars, "upper center", ncols=len(bars), **narrow)
 
 
 def _draw_differences(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]]) -> None:
-    panel.axvline(0.0, color="#999999", linewidth=0.7, zorder=0)
+    panel.axvline(0.0, color=RECORDED, linewidth=0.7, zorder=0)
     for place, line in zip(_places(lines), lines, strict=True):
         row = rows.get(line.key)
         if row is None or row["difference"] is None or not np.isfinite(row["difference"]):
@@ -206,7 +193,7 @@ def _set_range(panel: Axes, rows: Sequence[Mapping[str, Any]], digits: int, widt
 
 
 def _plain(panel: Axes) -> None:
-    panel.tick_params(labelsize=_FONT, length=2, width=0.5, pad=2)
+    panel.tick_params(labelsize=FONT, length=2, width=0.5, pad=2)
     panel.tick_params(axis="y", length=0)
     for side in ("top", "right", "left"):
         panel.spines[side].set_visible(False)

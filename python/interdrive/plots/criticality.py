@@ -5,30 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from interdrive.criticality import MEASURES, measure_named
 from interdrive.errors import InputError
-from interdrive.plots.participants import AGENTS, INK, RECORDED
 from interdrive.plots.scenes import Scene, draw_scenes
+from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, THRESHOLD, add_legend, empty_figure, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.criticality import Criticality, CriticalMoment, Measure
     from interdrive.plots.view import Floats
     from interdrive.run import Run
 
-_MM = 1.0 / 25.4
-_WIDTH, _COLUMNS, _PANEL = 180.0 * _MM, 3, 27.0 * _MM
-_FONT = 7.5
-_LINE, _MOMENT, _THRESHOLD = AGENTS[0], AGENTS[1], "#7a7a7a"
+_COLUMNS, _PANEL = 3, 27.0 * MM
 
 
-def draw_criticality(found: Criticality, agent_id: int) -> Figure:
+def draw_criticality(found: Criticality, agent_id: int, *, color: str = AGENTS[0]) -> Figure:
     """A figure, 180 mm wide, with a panel per measure: its values over time for one vehicle.
 
     The most critical moment is marked; dashed lines are thresholds: the one of the settings for the time to collision,
@@ -38,6 +33,7 @@ def draw_criticality(found: Criticality, agent_id: int) -> Figure:
     Args:
         found: What was evaluated.
         agent_id: A vehicle that was judged.
+        color: Of the vehicle; `interdrive.plots.style.agent_colors` says which one it has in other figures.
 
     Returns:
         A matplotlib figure without pyplot; `save_figure` writes it.
@@ -47,19 +43,18 @@ def draw_criticality(found: Criticality, agent_id: int) -> Figure:
     """
     row = found.row(agent_id)
     rows = -(-len(MEASURES) // _COLUMNS)
-    height = rows * _PANEL + 16.0 * _MM
-    figure = Figure(figsize=(_WIDTH, height), dpi=300)
-    FigureCanvasAgg(figure)
+    height = rows * _PANEL + 16.0 * MM
+    figure = empty_figure(PAGE, height)
     panels = figure.subplots(
         rows,
         _COLUMNS,
         sharex=True,
         squeeze=False,
         gridspec_kw={
-            "left": 10.0 * _MM / _WIDTH,
-            "right": 1.0 - 2.0 * _MM / _WIDTH,
-            "bottom": 9.0 * _MM / height,
-            "top": 1.0 - 11.0 * _MM / height,
+            "left": 10.0 * MM / PAGE,
+            "right": 1.0 - 2.0 * MM / PAGE,
+            "bottom": 9.0 * MM / height,
+            "top": 1.0 - 11.0 * MM / height,
             "wspace": 0.2,
             "hspace": 0.42,
         },
@@ -67,49 +62,37 @@ def draw_criticality(found: Criticality, agent_id: int) -> Figure:
     columns = np.flatnonzero(found.present[row])
     time = (found.first_time_step + columns).astype(np.float64) * found.dt
     for measure, axes in zip(MEASURES, panels.flat, strict=False):
-        _draw(axes, found, row, measure, time, found[measure.name][row, columns])
+        _draw(axes, found, row, measure, time, color)
     for axes in panels[-1]:
-        axes.set_xlabel("time [s]", fontsize=_FONT)
+        axes.set_xlabel("time [s]", fontsize=FONT)
         axes.set_xlim(time[0], max(time[-1], time[0] + found.dt))
     for axes in list(panels.flat)[len(MEASURES) :]:
         axes.set_axis_off()
-    figure.legend(
-        handles=[
-            Line2D([], [], color=_LINE, lw=1.3, label=f"vehicle {agent_id}"),
-            Line2D([], [], ls="", marker="o", ms=4.2, mfc="white", mec=_MOMENT, mew=1.2, label="most critical"),
-            Line2D([], [], color=_THRESHOLD, lw=0.8, ls=(0, (4, 2)), label="threshold"),
-        ],
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=3,
-        fontsize=_FONT,
-        frameon=False,
-        borderpad=0.3,
-    )
+    handles = [
+        Line2D([], [], color=color, lw=1.3, label=f"vehicle {agent_id}"),
+        Line2D([], [], ls="", marker="o", ms=4.2, mfc="white", mec=INK, mew=1.2, label="most critical"),
+        Line2D([], [], color=THRESHOLD, lw=0.8, ls=(0, (4, 2)), label="threshold"),
+    ]
+    add_legend(figure, handles, "upper center", ncols=3)
     return figure
 
 
-def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floats, values: Floats) -> None:
+def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floats, color: str) -> None:
+    values = found[measure.name][row, found.present[row]]
     shown = np.where(np.isfinite(values), values, np.nan)
-    axes.set_title(measure.label, fontsize=_FONT, pad=2.5, loc="left", color=INK)
-    axes.grid(visible=True, color="#e3e3e3", linewidth=0.5)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=_FONT - 0.5, length=2.5, width=0.5, pad=2)
-    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
-    for name, side in axes.spines.items():
-        side.set(linewidth=0.5, color=RECORDED, visible=name in ("left", "bottom"))
+    axes.set_title(measure.label, fontsize=FONT, pad=2.5, loc="left", color=INK)
+    plain(axes, ticks=4)
     if not np.isfinite(shown).any():
         text = "cannot be computed" if np.isnan(values).all() else "no conflict"
-        axes.text(0.5, 0.5, text, ha="center", va="center", fontsize=_FONT, color=_THRESHOLD, transform=axes.transAxes)
+        axes.text(0.5, 0.5, text, ha="center", va="center", fontsize=FONT, color=THRESHOLD, transform=axes.transAxes)
         axes.set_yticks([])
         return
     # A single value between two infinite ones would be invisible.
-    axes.plot(time, shown, color=_LINE, linewidth=1.3, marker="." if np.isfinite(shown).sum() == 1 else None)
+    axes.plot(time, shown, color=color, linewidth=1.3, marker="." if np.isfinite(shown).sum() == 1 else None)
     threshold = {"ttc": found.settings.ttc_threshold, "btn": 1.0, "stn": 1.0, "psd": 1.0}.get(measure.name)
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     if threshold is not None:
-        axes.axhline(threshold, color=_THRESHOLD, linewidth=0.8, linestyle=(0, (4, 2)))
+        axes.axhline(threshold, color=THRESHOLD, linewidth=0.8, linestyle=(0, (4, 2)))
         low, high = min(low, threshold), max(high, threshold)
     if measure.name in ("ttc", "thw", "psd"):
         # Far above the threshold it does not matter how far.
@@ -121,7 +104,7 @@ def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floa
     extreme = found.extremes[measure.name]
     at = int(extreme.time_step[row]) * found.dt
     if np.isfinite(extreme.value[row]):
-        axes.plot(at, extreme.value[row], "o", ms=4.2, mfc="white", mec=_MOMENT, mew=1.2, zorder=4, clip_on=False)
+        axes.plot(at, extreme.value[row], "o", ms=4.2, mfc="white", mec=INK, mew=1.2, zorder=4, clip_on=False)
 
 
 def draw_critical_moment(run: Run, moment: CriticalMoment) -> Figure:

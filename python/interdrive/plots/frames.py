@@ -13,19 +13,19 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from interdrive.plots.participants import (
+from interdrive.plots.road import road_artists
+from interdrive.plots.style import (
     INK,
-    MARKS,
+    OUTCOME_MARKS,
+    PREDICTION,
     RECORDED,
     RECORDED_EDGE,
+    STATIC,
+    TRAFFIC,
     agent_colors,
-    body_outlines,
-    heading_mark,
-    outlines,
-    placed,
 )
-from interdrive.plots.predictions import PREDICTION, ellipse_rings, strength
-from interdrive.plots.road import road_artists
+from interdrive.plots.trajectories import ellipse_rings, plan_points, strength
+from interdrive.plots.vehicles import Footprints, goal_outlines
 from interdrive.plots.view import View, view_of
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ _ELLIPSE_MASS, _ELLIPSE_EVERY, _ELLIPSE_FILL = 0.95, 0.5, 0.14
 _STRIP = 30
 
 _REJECTED, _UNKNOWN, _CHOSEN = "#b0a0a0", "#9a9a9a", "#000000"
+_WRECK = OUTCOME_MARKS["collision"].color
 
 #: Lines beyond these numbers could not be told apart.
 _REJECTED_MAX, _ADMISSIBLE_MAX = 120, 360
@@ -68,7 +69,7 @@ class _Layers:
     bodies: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.6))
     noses: Any = field(default_factory=lambda: PolyCollection([], facecolors=[(1, 1, 1, 0.85)], edgecolors="none"))
     wrecks: Any = field(
-        default_factory=lambda: PolyCollection([], facecolors="none", edgecolors="#D55E00", linewidths=0.9)
+        default_factory=lambda: PolyCollection([], facecolors="none", edgecolors=_WRECK, linewidths=0.9)
     )
 
     def __iter__(self) -> Iterator[Any]:
@@ -82,7 +83,7 @@ class Stage:
 
     def __init__(self, run: Run, agent_id: int | None, *, follow: bool) -> None:
         self.run, self.agent_id = run, agent_id
-        self.bodies = body_outlines(run)
+        self.footprints = Footprints(run)
         self.colors = agent_colors(run)
         self.crowded = len(run.agents) > 30
         self.row = {number: row for row, number in enumerate(run.states.ids.tolist())}
@@ -153,7 +154,7 @@ class Stage:
         made = []
         for agent in self.run.agents:
             if self.agent_id in (None, agent.id):
-                areas = [self.view.picture_from_world(line) for area in agent.goal_areas for line in outlines(area)]
+                areas = goal_outlines([agent], self.view)
                 color = self.colors[agent.id]
                 made.append(
                     PolyCollection(areas, facecolors="none", edgecolors=color, linewidths=0.7, linestyles=[(0, (3, 2))])
@@ -166,15 +167,13 @@ class Stage:
         areas, fills, edges, noses, labels = [], [], [], [], []
         for row in np.flatnonzero(states.valid[:, column]).tolist():
             number = int(states.ids[row])
-            pose = states.x[row, column], states.y[row, column], states.orientation[row, column]
             color = self.colors.get(number)
-            for outline in self.bodies[row]:
-                areas.append(self.view.picture_from_world(placed(outline, *pose)))
-                fills.append(color or ("#8a8a8a" if states.is_static[row] else "#b9b9b9"))
+            for outline in self.footprints.outlines(row, column, self.view):
+                areas.append(outline)
+                fills.append(color or (STATIC if states.is_static[row] else TRAFFIC))
                 edges.append(INK if color else RECORDED_EDGE)
             if not states.is_static[row] and states.kinds[row] != "pedestrian":
-                mark = heading_mark(states.length[row], states.width[row])
-                noses.append(self.view.picture_from_world(placed(mark, *pose)))
+                noses.append(self.footprints.heading_mark(row, column, self.view))
             if not states.is_static[row]:
                 labels.append((self._beside(row, column), str(number), color or RECORDED_EDGE, ""))
         self.layers.bodies.set_verts(areas)
@@ -197,8 +196,7 @@ class Stage:
         plans, lines, colors = self.run.plans, [], []
         for index in self.plan_rows.get(now, ()):
             number = int(plans.agent_id[index])
-            points = np.stack([plans.x[index], plans.y[index]], axis=1)
-            points = points[np.isfinite(points).all(axis=1)]
+            points = plan_points(plans, index)
             if len(points) > 1:
                 lines.append(self.view.picture_from_world(points))
                 colors.append(_CHOSEN if number == self.agent_id and self.snapshots else self.colors.get(number, INK))
@@ -244,12 +242,12 @@ class Stage:
             columns = np.flatnonzero(states.valid[row])
             if not len(columns):
                 continue
-            pose = tuple(table[row, columns[-1]] for table in (states.x, states.y, states.orientation))
-            place = self.view.picture_from_world(np.array(pose[:2]))
-            labels.append((place, "", MARKS[outcome].color, MARKS[outcome].marker))
+            last, mark = int(columns[-1]), OUTCOME_MARKS[outcome]
+            place = self.view.picture_from_world(np.array(self.footprints.pose(row, last)[:2]))
+            labels.append((place, "", mark.color, mark.marker))
             if outcome == "collision":
-                wrecks += [self.view.picture_from_world(placed(line, *pose)) for line in self.bodies[row]]
-                labels.append((self._beside(row, int(columns[-1])), str(number), "#D55E00", ""))
+                wrecks += self.footprints.outlines(row, last, self.view)
+                labels.append((self._beside(row, last), str(number), _WRECK, ""))
         self.layers.wrecks.set_verts(wrecks)
         return labels
 
@@ -305,7 +303,7 @@ class Stage:
             draw.line(line, fill=INK, width=1)
         draw.text((left - 6, middle), f"{metres} m", fill=INK, font=self.fonts[14], anchor="rm")
         for outcome in dict.fromkeys(self.run.outcomes.outcome):
-            mark = MARKS[outcome]
+            mark = OUTCOME_MARKS[outcome]
             width = 16 + int(draw.textlength(mark.text, font=self.fonts[14])) + 18
             if outcome != "running" and x + width < left - 60:
                 _draw_marker(draw, x + 5, middle, mark.marker, mark.color)

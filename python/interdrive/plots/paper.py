@@ -7,40 +7,43 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import patheffects
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from interdrive.criticality import measure_named
 from interdrive.errors import InputError
-from interdrive.plots.participants import (
-    AGENTS,
-    INK,
-    MARKS,
-    RECORDED,
-    RECORDED_EDGE,
-    body_outlines,
-    heading_mark,
-    outlines,
-    placed,
-)
-from interdrive.plots.road import road_artists
+from interdrive.plots.road import draw_scale, map_axes
 from interdrive.plots.still import draw_run
+from interdrive.plots.style import (
+    GOAL,
+    HALO,
+    INK,
+    MM,
+    RECORDED_EDGE,
+    STATIC,
+    THRESHOLD,
+    TRAFFIC,
+    add_legend,
+    agent_colors,
+    empty_figure,
+    line_style,
+    mark_handles,
+    mark_style,
+    plain,
+)
+from interdrive.plots.trajectories import plan_points, track
+from interdrive.plots.vehicles import Footprints, goal_outlines
 from interdrive.plots.view import View, view_around
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.criticality import Criticality
     from interdrive.plots.view import Floats
     from interdrive.run import Plans, Run
-
-_MM = 1.0 / 25.4
 
 #: Widths on paper [mm] by number of columns: those of IEEE journals (88.9 and 181.9 mm), a little less.
 WIDTHS = {1: 88.0, 2: 180.0}
@@ -48,11 +51,9 @@ WIDTHS = {1: 88.0, 2: 180.0}
 #: Lines beyond this number could not be told apart.
 LINES_MAX = 20
 
-_FONT, _PANEL = 7.0, 34.0 * _MM
+_FONT, _PANEL = 7.0, 34.0 * MM
 #: Letters in a line of a label beside a panel.
 _LABEL = 22
-_DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.6)), (0, (1.2, 1.2)))
-_HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
 
 #: Up to here values of a measure matter; further up they would only press the rest down.
 _CAPS = {"ttc": 10.0, "thw": 10.0, "psd": 10.0, "btn": 3.0, "stn": 3.0}
@@ -114,25 +115,15 @@ def draw_velocity(run: Run, agents: Sequence[int] | None = None, *, columns: int
     first = run.states.first_time_step
     time: Floats = run.scenario.dt * np.arange(first, first + run.states.n_steps, dtype=np.float64)
     lines = {number: run.states.velocity[int(np.searchsorted(run.states.ids, number))] for number in shown}
+    styles = _styles([agent.id for agent in run.agents], shown)
     figure, panels = _panels(["velocity [m/s]"], len(shown), columns)
-    _draw_lines(panels[0], time, lines)
+    _draw_lines(panels[0], time, lines, styles)
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
     for number, values in lines.items():
         last = np.flatnonzero(np.isfinite(values))[-1:]
-        mark = MARKS[ended[number]]
-        panels[0].plot(
-            time[last],
-            values[last],
-            mark.marker,
-            ms=mark.size,
-            mfc=mark.color,
-            mec=INK,
-            mew=0.5,
-            zorder=5,
-            clip_on=False,
-        )
+        panels[0].plot(time[last], values[last], **mark_style(ended[number]), zorder=5, clip_on=False)
     panels[0].set_ylim(bottom=min(0.0, panels[0].get_ylim()[0]))
-    _finish(figure, panels, shown, [ended[number] for number in shown])
+    _finish(figure, panels, styles, [ended[number] for number in shown])
     return figure
 
 
@@ -151,18 +142,19 @@ def draw_measures(
     wanted = [measure_named(name) for name in dict.fromkeys(measures)]
     first = found.first_time_step
     time: Floats = found.dt * np.arange(first, first + found.present.shape[1], dtype=np.float64)
+    styles = _styles(found.ids.tolist(), agents)
     figure, panels = _panels([measure.label for measure in wanted], len(agents), columns)
     for measure, axes in zip(wanted, panels, strict=True):
         values = found[measure.name]
         lines = {number: np.where(np.isfinite(row := values[found.row(number)]), row, np.nan) for number in agents}
-        _draw_lines(axes, time, lines)
+        _draw_lines(axes, time, lines, styles)
         level = found.settings.ttc_threshold if measure.name == "ttc" else _LEVELS.get(measure.name)
         if level is not None:
-            axes.axhline(level, color="#7a7a7a", linewidth=0.7, linestyle=(0, (4, 2)), zorder=1)
+            axes.axhline(level, color=THRESHOLD, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1)
         if not any(np.isfinite(line).any() for line in lines.values()):
             axes.text(0.5, 0.5, "no conflict", ha="center", va="center", fontsize=_FONT, transform=axes.transAxes)
         _limit(axes, list(lines.values()), level, _CAPS.get(measure.name, np.inf))
-    _finish(figure, panels, list(agents), [])
+    _finish(figure, panels, styles, [])
     return figure
 
 
@@ -188,23 +180,20 @@ def draw_scene(
     if not there:
         raise InputError(f"{run.scenario.name}: none of these agents is there at {time:g} s")
     view = _around(run, there, column)
-    width = WIDTHS[columns] * _MM
+    width = WIDTHS[columns] * MM
     view = view.shaped(0.3, 0.8)
     height = width * view.height / view.width
-    figure = Figure(figsize=(width, height), dpi=300)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.003, 0.003, 0.994, 0.994))
-    axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
-    for side in axes.spines.values():
-        side.set(color=RECORDED, linewidth=0.5)
-    for artist in road_artists(run.scenario.lanelets, view):
-        axes.add_collection(artist, autolim=False)
-    _draw_goals(axes, run, shown, view)
-    colors = {row: AGENTS[place % len(AGENTS)] for place, row in enumerate(rows)}
+    figure = empty_figure(width, height)
+    axes = map_axes(figure, (0.003, 0.003, 0.994, 0.994), run.scenario.lanelets, view)
+    areas = goal_outlines([agent for agent in run.agents if agent.id in shown], view)
+    dashed: dict[str, Any] = {"linewidths": 0.5, "linestyles": [(0, (3, 2))]}
+    axes.add_collection(PolyCollection(areas, facecolors="none", edgecolors=GOAL, zorder=2, **dashed), autolim=False)
+    known = agent_colors(run)
+    colors = {row: known[number] for row, number in zip(rows, shown, strict=True)}
     _draw_bodies(axes, run, column, colors, view)
     for row in there:
         _draw_ways(axes, run, plans, (row, column), colors[row], view)
-    _draw_scale(axes, view, width)
+    draw_scale(axes, view, view.width * MM / width, _FONT)
     return figure
 
 
@@ -214,47 +203,35 @@ def _around(run: Run, rows: Sequence[int], column: int) -> View:
     ahead = slice(column, column + round(2.0 / run.scenario.dt) + 1)
     points, motion = [], []
     for row in rows:
-        track = np.stack([states.x[row, ahead], states.y[row, ahead]], axis=1)
-        track = track[np.isfinite(track).all(axis=1)]
-        points += [track - 0.5 * states.length[row], track + 0.5 * states.length[row]]
-        motion.append(track[-1:] - track[:1])
+        way = track(run, row, ahead)
+        points += [way - 0.5 * states.length[row], way + 0.5 * states.length[row]]
+        motion.append(way[-1:] - way[:1])
     return view_around(np.concatenate(points), np.concatenate(motion))
 
 
-def _draw_goals(axes: Axes, run: Run, shown: Sequence[int], view: View) -> None:
-    areas = [a for agent in run.agents if agent.id in shown for area in agent.goal_areas for a in outlines(area)]
-    lines = [view.picture_from_world(line) for line in areas]
-    style: dict[str, Any] = {"facecolors": "none", "edgecolors": AGENTS[0], "linewidths": 0.5}
-    axes.add_collection(PolyCollection(lines, linestyles=[(0, (3, 2))], zorder=2, **style), autolim=False)
-
-
 def _draw_bodies(axes: Axes, run: Run, column: int, colors: Mapping[int, str], view: View) -> None:
-    states, bodies = run.states, body_outlines(run)
+    states, footprints = run.states, Footprints(run)
     for row in np.flatnonzero(states.valid[:, column]).tolist():
-        pose = states.x[row, column], states.y[row, column], states.orientation[row, column]
-        lines = [view.picture_from_world(placed(line, *pose)) for line in bodies[row]]
-        color = colors.get(row, "#6f6f6f" if states.is_static[row] else "#b4b4b4")
+        lines = footprints.outlines(row, column, view)
+        color = colors.get(row, STATIC if states.is_static[row] else TRAFFIC)
         edge = INK if row in colors else RECORDED_EDGE
         axes.add_collection(
             PolyCollection(lines, facecolors=color, edgecolors=edge, linewidths=0.4, zorder=4), autolim=False
         )
         if not states.is_static[row]:
-            mark = placed(heading_mark(states.length[row], states.width[row]), *pose)
-            ahead = PolyCollection([view.picture_from_world(mark)], facecolors=edge, linewidths=0.0, zorder=4)
-            axes.add_collection(ahead, autolim=False)
+            mark = [footprints.heading_mark(row, column, view)]
+            axes.add_collection(PolyCollection(mark, facecolors=edge, linewidths=0.0, zorder=4), autolim=False)
 
 
 def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], color: str, view: View) -> None:
     """Past and plan of an agent, and its id."""
     states, (row, column) = run.states, at
-    past = np.stack([states.x[row, : column + 1], states.y[row, : column + 1]], axis=1)
-    lines = [(past[np.isfinite(past).all(axis=1)], 0.7)]
+    lines = [(track(run, row, slice(column + 1)), 0.7)]
     if plans is not None:
         step = states.first_time_step + column
         own = np.flatnonzero((plans.agent_id == states.ids[row]) & (plans.time_step <= step))
         if len(own):
-            plan = np.stack([plans.x[own[-1]], plans.y[own[-1]]], axis=1)
-            lines.append((plan[np.isfinite(plan).all(axis=1)], 1.6))
+            lines.append((plan_points(plans, int(own[-1])), 1.6))
     for line, thick in lines:
         if len(line):
             points = [view.picture_from_world(line)]
@@ -268,47 +245,31 @@ def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], c
         ha="center",
         fontsize=_FONT - 0.5,
         color=INK,
-        path_effects=_HALO,
+        path_effects=HALO,
         zorder=7,
         annotation_clip=True,
     )
 
 
-def _draw_scale(axes: Axes, view: View, width: float) -> None:
-    length = next(nice for nice in (100.0, 50.0, 20.0, 10.0, 5.0, 2.0) if nice <= 0.25 * view.width or nice == 2.0)
-    millimetre = view.width * _MM / width
-    x, y = view.x_limits[0] + 2.0 * millimetre, view.y_limits[0] + 2.0 * millimetre
-    axes.add_line(Line2D([x, x + length], [y, y], color=INK, linewidth=1.0, zorder=9, path_effects=_HALO))
-    style: dict[str, Any] = {"fontsize": _FONT - 0.5, "color": INK, "va": "center", "path_effects": _HALO, "zorder": 9}
-    axes.text(x + length + millimetre, y, f"{length:g} m", **style)
-
-
 def _panels(labels: Sequence[str], n_lines: int, columns: int) -> tuple[Figure, list[Axes]]:
     """A figure with one panel above the other and room for a legend below."""
-    width = WIDTHS[columns] * _MM
+    width = WIDTHS[columns] * MM
     labels = [textwrap.fill(label, _LABEL) for label in labels]
     lines = max(label.count("\n") + 1 for label in labels)
-    legend = 4.0 * _MM * -(-(n_lines + 2) // _legend_columns(columns)) + 1.0 * _MM
-    height = len(labels) * _PANEL + 8.0 * _MM + legend
-    figure = Figure(figsize=(width, height), dpi=300)
-    FigureCanvasAgg(figure)
+    legend = 4.0 * MM * -(-(n_lines + 2) // _legend_columns(columns)) + 1.0 * MM
+    height = len(labels) * _PANEL + 8.0 * MM + legend
+    figure = empty_figure(width, height)
     grid = {
-        "left": (8.0 + 3.0 * lines) * _MM / width,
-        "right": 1.0 - 2.5 * _MM / width,
-        "bottom": (7.5 * _MM + legend) / height,
-        "top": 1.0 - 2.0 * _MM / height,
+        "left": (8.0 + 3.0 * lines) * MM / width,
+        "right": 1.0 - 2.5 * MM / width,
+        "bottom": (7.5 * MM + legend) / height,
+        "top": 1.0 - 2.0 * MM / height,
         "hspace": 0.12,
     }
     panels = figure.subplots(len(labels), 1, sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label, fontsize=_FONT)
-        axes.grid(visible=True, color="#e3e3e3", linewidth=0.5)
-        axes.set_axisbelow(True)
-        axes.tick_params(labelsize=_FONT - 0.5, length=2.5, width=0.5, pad=2)
-        axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-        axes.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
-        for name, side in axes.spines.items():
-            side.set(linewidth=0.5, color=RECORDED, visible=name in ("left", "bottom"))
+        plain(axes, _FONT, ticks=5)
     panels[-1].set_xlabel("time [s]", fontsize=_FONT)
     return figure, list(panels)
 
@@ -317,15 +278,15 @@ def _legend_columns(columns: int) -> int:
     return 4 if columns == 1 else 8
 
 
-def _style(place: int) -> dict[str, Any]:
-    """Colour and dashes together tell the lines apart."""
-    return {"color": AGENTS[place % len(AGENTS)], "linestyle": _DASHES[place // len(AGENTS)], "linewidth": 1.2}
+def _styles(known: Sequence[int], shown: Sequence[int]) -> dict[int, dict[str, Any]]:
+    """The line of each shown agent among all those that are known."""
+    return {number: {**line_style(known.index(number)), "linewidth": 1.2} for number in shown}
 
 
-def _draw_lines(axes: Axes, time: Floats, lines: Mapping[int, Floats]) -> None:
-    for place, values in enumerate(lines.values()):
+def _draw_lines(axes: Axes, time: Floats, lines: Mapping[int, Floats], styles: Mapping[int, Mapping[str, Any]]) -> None:
+    for number, values in lines.items():
         # A single value between two infinite ones would be invisible.
-        axes.plot(time, values, marker="." if np.isfinite(values).sum() == 1 else None, **_style(place))
+        axes.plot(time, values, marker="." if np.isfinite(values).sum() == 1 else None, **styles[number])
 
 
 def _limit(axes: Axes, lines: Sequence[Floats], level: float | None, cap: float) -> None:
@@ -340,28 +301,17 @@ def _limit(axes: Axes, lines: Sequence[Floats], level: float | None, cap: float)
     axes.set_ylim(low - 0.05 * (high - low), high + 0.02 * (high - low))
 
 
-def _finish(figure: Figure, panels: Sequence[Axes], shown: Sequence[int], ends: Sequence[str]) -> None:
+def _finish(
+    figure: Figure, panels: Sequence[Axes], styles: Mapping[int, Mapping[str, Any]], ends: Sequence[str]
+) -> None:
     """Limits of time and the legend: agents, then the outcomes that occur."""
     lines = [np.asarray(line.get_xdata())[np.isfinite(line.get_ydata())] for a in panels for line in a.get_lines()]
     times = np.concatenate([np.empty(0), *(line for line in lines if len(line) > 2)])
     if len(times):
         panels[0].set_xlim(times.min(), times.max() + 0.01 * np.ptp(times))
-    handles = [Line2D([], [], label=str(number), **_style(place)) for place, number in enumerate(shown)]
-    for outcome in (name for name in MARKS if name in ends):
-        mark = MARKS[outcome]
-        style: dict[str, Any] = {"marker": mark.marker, "ms": mark.size, "mfc": mark.color, "mec": INK, "mew": 0.5}
-        handles.append(Line2D([], [], ls="", label=mark.text, **style))
-    columns = 1 if figure.get_size_inches()[0] < 120.0 * _MM else 2
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        # Rows of about equal length: a legend is filled column by column.
-        ncols=-(-len(handles) // -(-len(handles) // _legend_columns(columns))),
-        fontsize=_FONT - 0.5,
-        frameon=False,
-        handlelength=1.8,
-        handletextpad=0.4,
-        columnspacing=1.0,
-        borderpad=0.2,
-        labelspacing=0.3,
-    )
+    handles = [Line2D([], [], label=str(number), **style) for number, style in styles.items()] + mark_handles(ends)
+    columns = 1 if figure.get_size_inches()[0] < 120.0 * MM else 2
+    # Rows of about equal length: a legend is filled column by column.
+    across = -(-len(handles) // -(-len(handles) // _legend_columns(columns)))
+    tight = {"handlelength": 1.8, "handletextpad": 0.4, "columnspacing": 1.0, "borderpad": 0.2, "labelspacing": 0.3}
+    add_legend(figure, handles, "lower center", ncols=across, fontsize=_FONT - 0.5, **tight)

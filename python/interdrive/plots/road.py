@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.lines import Line2D
 from matplotlib.path import Path
+
+from interdrive.plots.style import HALO, INK, RECORDED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.plots.view import Bools, Floats, View
     from interdrive.scenario import Lanelets
@@ -178,3 +184,38 @@ def _arrows(lanes: list[_Lane]) -> Iterator[Floats]:
             left = np.array([-forward[1], forward[0]])
             back = tip - 0.6 * _ARROW_LENGTH * forward
             yield np.stack([back + 0.5 * _ARROW_LENGTH * left, tip, back - 0.5 * _ARROW_LENGTH * left])
+
+
+def map_axes(figure: Figure, place: tuple[float, float, float, float], lanelets: Lanelets, view: View) -> Axes:
+    """Framed axes in picture coordinates that show the road.
+
+    Args:
+        figure: Where to draw.
+        place: Left, bottom, width and height as parts of the figure.
+        lanelets: The roads.
+        view: What is shown.
+    """
+    axes = figure.add_axes(place)
+    axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
+    for side in axes.spines.values():
+        side.set(color=RECORDED, linewidth=0.5)
+    for artist in road_artists(lanelets, view):
+        axes.add_collection(artist, autolim=False)
+    return axes
+
+
+def draw_scale(axes: Axes, view: View, metres_per_mm: float, font: float) -> None:
+    """A scale bar in the lower left corner."""
+    length = next(nice for nice in (100.0, 50.0, 20.0, 10.0, 5.0, 2.0) if nice <= 0.24 * view.width or nice == 2.0)
+    corner = view.x_limits[0] + 2.0 * metres_per_mm, view.y_limits[0] + 2.0 * metres_per_mm
+    draw_bar(axes, corner, length, 0.7 * metres_per_mm)
+    style: dict[str, Any] = {"fontsize": font - 0.5, "color": INK, "va": "center", "path_effects": HALO, "zorder": 9}
+    axes.text(corner[0] + length + metres_per_mm, corner[1], f"{length:g} m", **style)
+
+
+def draw_bar(axes: Axes, start: tuple[float, float], length: float, tick: float) -> None:
+    """A line of that length [m] to the right, with ticks at its ends."""
+    x, y = start
+    bar = Line2D([x, x, x, x + length, x + length, x + length], [y - tick, y + tick, y, y, y - tick, y + tick])
+    bar.set(color=INK, linewidth=0.9, zorder=9, path_effects=HALO)
+    axes.add_line(bar)

@@ -6,34 +6,39 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib import patheffects
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Patch
 
-from interdrive.plots.participants import AGENTS, INK, RECORDED, RECORDED_EDGE, body_outlines, placed
-from interdrive.plots.road import road_artists
+from interdrive.plots.road import draw_scale, map_axes
+from interdrive.plots.style import (
+    FONT,
+    HALO,
+    INK,
+    MM,
+    PAGE,
+    RECORDED_EDGE,
+    TRAFFIC,
+    add_legend,
+    empty_figure,
+    pair_colors,
+)
+from interdrive.plots.vehicles import Footprints
 from interdrive.plots.view import View, view_around
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.plots.view import Bools, Floats
     from interdrive.run import Run
 
-_MM = 1.0 / 25.4
-_WIDTH, _GAP, _PAD = 180.0 * _MM, 2.5 * _MM, 0.5 * _MM
-_TITLE, _STRIP = 5.0 * _MM, 6.0 * _MM
-_FONT = 7.5
-_HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
+_GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
 
-#: Colours of the two vehicles, and what is left of a colour in footprints that are not those of the nearest moment.
-_COLORS, _PALE = (AGENTS[0], AGENTS[1]), 0.22
-_TRAFFIC = "#b4b4b4"
+#: What is left of a colour in footprints that are not those of the nearest moment.
+_PALE = 0.22
 
 #: An encounter is the time in which the two are so near to each other, centre to centre [m].
 #: If they never are, it is so much time before and after the nearest moment [s].
@@ -96,33 +101,28 @@ def draw_scenes(
     stacked = view.width > _LYING * view.height
     view = view.shaped(*(_ALONE if len(scenes) == 1 else (0.05, 0.3) if stacked else (0.8, 1.6)))
     columns, rows = (1, len(scenes)) if stacked else (len(scenes), 1)
-    width = (_WIDTH - (columns - 1) * _GAP - 2.0 * _PAD) / columns
+    width = (PAGE - (columns - 1) * _GAP - 2.0 * _PAD) / columns
     height = width * view.height / view.width
     total = rows * (height + _TITLE) + _STRIP
-    figure = Figure(figsize=(_WIDTH, total), dpi=300)
-    FigureCanvasAgg(figure)
-    every = _every(scenes, pair, view)
+    figure = empty_figure(PAGE, total)
+    every, colors = _every(scenes, pair, view), pair_colors([scene.run for scene in scenes], pair)
     for index, scene in enumerate(scenes):
         left = _PAD + (index % columns) * (width + _GAP)
         bottom = total - (index // columns + 1) * (height + _TITLE)
-        axes = figure.add_axes((left / _WIDTH, bottom / total, width / _WIDTH, height / total))
-        axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
-        axes.set_title(scene.title, fontsize=_FONT, pad=2.5, loc="left")
-        for side in axes.spines.values():
-            side.set(color=RECORDED, linewidth=0.5)
-        for artist in road_artists(scene.run.scenario.lanelets, view):
-            axes.add_collection(artist, autolim=False)
+        place = left / PAGE, bottom / total, width / PAGE, height / total
+        axes = map_axes(figure, place, scene.run.scenario.lanelets, view)
+        axes.set_title(scene.title, fontsize=FONT, pad=2.5, loc="left")
         traffic = _traffic(scene, pair, view)
         axes.add_collection(
-            PolyCollection(traffic, facecolors=_TRAFFIC, edgecolors=RECORDED_EDGE, linewidths=0.4, zorder=3),
+            PolyCollection(traffic, facecolors=TRAFFIC, edgecolors=RECORDED_EDGE, linewidths=0.4, zorder=3),
             autolim=False,
         )
         stamps = _stamps(scene, pair, every, view)
-        _draw_pair(axes, scene, pair, stamps, view)
-        _draw_labels(axes, scene, stamps, traffic, view, points_per_metre=72.0 * width / view.width)
+        _draw_pair(axes, scene, dict(zip(pair, colors, strict=True)), stamps, view)
+        _draw_labels(axes, scene, stamps, colors, traffic, view, points_per_metre=72.0 * width / view.width)
         if index == 0:
-            _draw_scale(axes, view, metres_per_mm=view.width * _MM / width)
-    _legend(figure, scenes, names, filled)
+            draw_scale(axes, view, view.width * MM / width, FONT)
+    _legend(figure, scenes, dict(zip(names, colors, strict=True)), filled)
     return figure
 
 
@@ -198,9 +198,7 @@ def _stamps(scene: Scene, pair: tuple[int, int], every: float, view: View) -> li
 
 
 def _footprint(scene: Scene, row: int, column: int, view: View) -> list[Floats]:
-    states = scene.run.states
-    pose = states.x[row, column], states.y[row, column], states.orientation[row, column]
-    return [view.picture_from_world(placed(line, *pose)) for line in body_outlines(scene.run)[row]]
+    return Footprints(scene.run).outlines(row, column, view)
 
 
 def _traffic(scene: Scene, pair: tuple[int, int], view: View) -> list[Floats]:
@@ -212,16 +210,16 @@ def _traffic(scene: Scene, pair: tuple[int, int], view: View) -> list[Floats]:
     return [line for row in rows for line in _footprint(scene, row, scene.nearest, view)]
 
 
-def _draw_pair(axes: Axes, scene: Scene, pair: tuple[int, int], stamps: Sequence[_Stamp], view: View) -> None:
-    for number, color in zip(pair, _COLORS, strict=True):
+def _draw_pair(axes: Axes, scene: Scene, colors: Mapping[int, str], stamps: Sequence[_Stamp], view: View) -> None:
+    for number, color in colors.items():
         track = view.picture_from_world(_track(scene.run, number))
         axes.add_collection(LineCollection([track], colors=color, linewidths=0.9, alpha=0.8, zorder=4), autolim=False)
     for stamp in stamps:
-        color = _COLORS[stamp.place]
+        color = list(colors.values())[stamp.place]
         axes.add_collection(
             PolyCollection(
                 _footprint(scene, stamp.row, stamp.column, view),
-                facecolors=[color if stamp.strong else (*_rgb(color), _PALE)],
+                facecolors=[color if stamp.strong else to_rgba(color, _PALE)],
                 edgecolors=[INK if stamp.strong else color],
                 linewidths=0.7 if stamp.strong else 0.5,
                 zorder=6 if stamp.strong else 5,
@@ -230,13 +228,14 @@ def _draw_pair(axes: Axes, scene: Scene, pair: tuple[int, int], stamps: Sequence
         )
 
 
-def _rgb(color: str) -> tuple[float, float, float]:
-    red, green, blue = (int(color[at : at + 2], 16) / 255.0 for at in (1, 3, 5))
-    return red, green, blue
-
-
 def _draw_labels(
-    axes: Axes, scene: Scene, stamps: Sequence[_Stamp], traffic: Sequence[Floats], view: View, points_per_metre: float
+    axes: Axes,
+    scene: Scene,
+    stamps: Sequence[_Stamp],
+    colors: Sequence[str],
+    traffic: Sequence[Floats],
+    view: View,
+    points_per_metre: float,
 ) -> None:
     """Puts every time beside its footprint, where it covers the least."""
     states = scene.run.states
@@ -249,7 +248,7 @@ def _draw_labels(
         stamp, body = stamps[index], bodies[index]
         center = 0.5 * (taken[index][:2] + taken[index][2:])
         heading = states.orientation[stamp.row, stamp.column] - view.angle
-        half = 0.5 * np.array([0.56 * _FONT * len(stamp.text) + 1.0, 1.05 * _FONT])
+        half = 0.5 * np.array([0.56 * FONT * len(stamp.text) + 1.0, 1.05 * FONT])
         best, best_cost = np.zeros(4), np.inf
         for turn in np.radians([90, -90, 60, -60, 120, -120, 30, -30, 150, -150, 0, 180]):
             # The agent's times stand to its left, the other's to its right, where there is room.
@@ -275,12 +274,12 @@ def _draw_labels(
             x,
             y,
             stamp.text,
-            fontsize=_FONT,
-            color=_COLORS[stamp.place],
+            fontsize=FONT,
+            color=colors[stamp.place],
             fontweight="bold" if stamp.strong else "normal",
             ha="center",
             va="center",
-            path_effects=_HALO,
+            path_effects=HALO,
             zorder=8,
             clip_on=True,
         )
@@ -299,34 +298,11 @@ def _overlap(box: Floats, other: Floats) -> float:
     return 0.2 + float(sides.prod() / (box[2:] - box[:2]).prod())
 
 
-def _draw_scale(axes: Axes, view: View, metres_per_mm: float) -> None:
-    length = next(nice for nice in (100.0, 50.0, 20.0, 10.0, 5.0, 2.0) if nice <= 0.22 * view.width or nice == 2.0)
-    x, y = view.x_limits[0] + 2.0 * metres_per_mm, view.y_limits[0] + 2.0 * metres_per_mm
-    tick = 0.7 * metres_per_mm
-    bar = Line2D([x, x, x, x + length, x + length, x + length], [y - tick, y + tick, y, y, y - tick, y + tick])
-    bar.set(color=INK, linewidth=0.8, zorder=9, path_effects=_HALO)
-    axes.add_line(bar)
-    axes.text(
-        x + length + metres_per_mm, y, f"{length:g} m", fontsize=_FONT - 0.5, color=INK, va="center", path_effects=_HALO
-    )
-
-
-def _legend(figure: Figure, scenes: Sequence[Scene], names: tuple[str, str], filled: str) -> None:
-    handles: list[Patch] = [
-        Patch(fc=(*_rgb(color), _PALE), ec=color, lw=0.7, label=name)
-        for color, name in zip(_COLORS, names, strict=True)
-    ]
+def _legend(figure: Figure, scenes: Sequence[Scene], names: Mapping[str, str], filled: str) -> None:
+    handles = [Patch(fc=to_rgba(color, _PALE), ec=color, lw=0.7, label=name) for name, color in names.items()]
     if any(scene.nearest is not None for scene in scenes):
         handles.append(Patch(fc="#555555", ec=INK, lw=0.7, label=f"filled: {filled}"))
-        handles.append(Patch(fc=_TRAFFIC, ec=RECORDED_EDGE, lw=0.4, label="recorded traffic at that time"))
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=len(handles),
-        fontsize=_FONT,
-        frameon=False,
-        handlelength=1.8,
-        handleheight=0.8,
-        columnspacing=1.6,
-        borderpad=0.3,
+        handles.append(Patch(fc=TRAFFIC, ec=RECORDED_EDGE, lw=0.4, label="recorded traffic at that time"))
+    add_legend(
+        figure, handles, "lower center", ncols=len(handles), handlelength=1.8, handleheight=0.8, columnspacing=1.6
     )

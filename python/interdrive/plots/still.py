@@ -8,43 +8,46 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib import patheffects
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from interdrive.errors import ResultsError
-from interdrive.plots.participants import (
+from interdrive.plots.road import draw_bar, map_axes
+from interdrive.plots.style import (
     GOAL,
+    HALO,
     INK,
-    MARKS,
+    MM,
     RECORDED,
     RECORDED_EDGE,
-    body_outlines,
-    outlines,
-    placed,
+    STATIC,
+    TRAFFIC,
+    add_legend,
+    empty_figure,
+    mark_handles,
+    mark_style,
 )
-from interdrive.plots.road import road_artists
+from interdrive.plots.trajectories import track
+from interdrive.plots.vehicles import Footprints, goal_outlines
 from interdrive.plots.view import view_of
 from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.plots.view import Floats, View
     from interdrive.run import Run
 
-_MM = 1.0 / 25.4
-_ASPECT_MAX, _PAD = 150.0 / 180.0, 0.5 * _MM
+_ASPECT_MAX, _PAD = 150.0 / 180.0, 0.5 * MM
 
 #: Below this width the colour bar has a row for itself, and the legend fewer columns [in].
-_NARROW = 120.0 * _MM
+_NARROW = 120.0 * MM
 
 #: Height of the strip with legend and colour bar, per row of the legend [in].
-_STRIP, _STRIP_ROW = 3.0 * _MM, 4.2 * _MM
+_STRIP, _STRIP_ROW = 3.0 * MM, 4.2 * MM
 
 #: Viridis without its pale end, which is lost on a light road.
 _TIME_COLORS = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.0, 0.93, 256)))
@@ -52,8 +55,6 @@ _TIME_COLORS = ListedColormap(mpl.colormaps["viridis"](np.linspace(0.0, 0.93, 25
 _GOAL_FILL, _GOAL_DASHES = (0.0, 0.447, 0.698, 0.06), (0, (3, 2))
 
 _FONT = 7.0
-_HALO = [patheffects.withStroke(linewidth=1.6, foreground="white")]
-_WIDE_HALO = [patheffects.withStroke(linewidth=2.4, foreground="white")]
 
 #: Ends that get the agent's id, in this colour.
 _WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error"), "#a03000"
@@ -70,43 +71,31 @@ def draw_run(run: Run, *, width_mm: float = 180.0, others: str = "recorded traff
     Returns:
         A matplotlib figure without pyplot; `save_figure` or `savefig` write it as PNG, PDF or SVG.
     """
-    width = width_mm * _MM
+    width = width_mm * MM
     view = view_of(run).shaped(0.2, _ASPECT_MAX)
     handles = _legend_handles(run, others)
-    columns, bar_row = (4, 0.0) if width > _NARROW else (3, 6.0 * _MM)
+    columns, bar_row = (4, 0.0) if width > _NARROW else (3, 6.0 * MM)
     rows = -(-len(handles) // columns)
     strip = _STRIP + _STRIP_ROW * (rows if bar_row else max(2, rows)) + bar_row
     height = width * view.height / view.width
-    figure = Figure(figsize=(width, height + strip), dpi=300)
-    FigureCanvasAgg(figure)
     total = height + strip
-    axes = figure.add_axes((_PAD / width, strip / total, 1.0 - 2.0 * _PAD / width, (height - _PAD) / total))
-    axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
+    figure = empty_figure(width, total)
+    place = _PAD / width, strip / total, 1.0 - 2.0 * _PAD / width, (height - _PAD) / total
+    axes = map_axes(figure, place, run.scenario.lanelets, view)
     axes.set_aspect("equal", adjustable="box")
-    for side in axes.spines.values():
-        side.set(color=RECORDED, linewidth=0.5)
-    for artist in road_artists(run.scenario.lanelets, view):
-        axes.add_collection(artist, autolim=False)
-    _draw_goals(axes, run, view)
-    _draw_recorded(axes, run, view)
-    times = _draw_trajectories(axes, run, view)
+    dashed: dict[str, Any] = {"linewidths": 0.4, "linestyles": [_GOAL_DASHES], "zorder": 2}
+    areas = goal_outlines(run.agents, view)
+    axes.add_collection(PolyCollection(areas, facecolors=[_GOAL_FILL], edgecolors=GOAL, **dashed), autolim=False)
+    footprints = Footprints(run)
+    _draw_recorded(axes, run, footprints, view)
+    times = _draw_trajectories(axes, run, footprints, view)
     ends = _draw_ends(axes, run, view)
     _draw_labels(axes, run, view, ends, width)
     _draw_scale(axes, run, view, width)
-    figure.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 0.0),
-        ncols=columns,
-        fontsize=_FONT,
-        frameon=False,
-        handletextpad=0.3,
-        columnspacing=1.0,
-        borderpad=0.2,
-        labelspacing=0.35,
-    )
+    tight = {"handletextpad": 0.3, "columnspacing": 1.0, "borderpad": 0.2, "labelspacing": 0.35}
+    add_legend(figure, handles, "lower left", ncols=columns, fontsize=_FONT, **tight)
     # Beside the legend, or between it and the picture.
-    _draw_color_bar(figure, times, (strip - 4.0 * _MM) if bar_row else 6.2 * _MM)
+    _draw_color_bar(figure, times, (strip - 4.0 * MM) if bar_row else 6.2 * MM)
     return figure
 
 
@@ -129,58 +118,32 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         partial.write_bytes(drawn.getbuffer())
 
 
-def _tracks(run: Run, row: int, view: View) -> tuple[Floats, Floats]:
-    """Positions in the picture [m], shape (steps, 2), and times [s] of a participant while it is present."""
+def _draw_recorded(axes: Axes, run: Run, footprints: Footprints, view: View) -> None:
     states = run.states
-    steps = np.flatnonzero(states.valid[row])
-    points = np.stack([states.x[row, steps], states.y[row, steps]], axis=1)
-    times: Floats = run.scenario.dt * (states.first_time_step + steps).astype(np.float64)
-    return view.picture_from_world(points), times
-
-
-def _footprint(run: Run, row: int, step: int, body: list[Floats], view: View) -> list[Floats]:
-    states = run.states
-    pose = states.x[row, step], states.y[row, step], states.orientation[row, step]
-    return [view.picture_from_world(placed(line, *pose)) for line in body]
-
-
-def _draw_goals(axes: Axes, run: Run, view: View) -> None:
-    areas = [
-        view.picture_from_world(line) for agent in run.agents for area in agent.goal_areas for line in outlines(area)
-    ]
-    axes.add_collection(
-        PolyCollection(
-            areas, facecolors=[_GOAL_FILL], edgecolors=GOAL, linewidths=0.4, linestyles=[_GOAL_DASHES], zorder=2
-        ),
-        autolim=False,
-    )
-
-
-def _draw_recorded(axes: Axes, run: Run, view: View) -> None:
-    states, bodies = run.states, body_outlines(run)
     lines, areas, colors = [], [], []
     for row in np.flatnonzero(~states.is_agent & states.valid.any(axis=1)).tolist():
-        lines.append(_tracks(run, row, view)[0])
+        lines.append(view.picture_from_world(track(run, row)))
         last = int(np.flatnonzero(states.valid[row])[-1])
-        for outline in _footprint(run, row, last, bodies[row], view):
+        for outline in footprints.outlines(row, last, view):
             areas.append(outline)
-            colors.append("#6f6f6f" if states.is_static[row] else "#b4b4b4")
+            colors.append(STATIC if states.is_static[row] else TRAFFIC)
     axes.add_collection(LineCollection(lines, colors=RECORDED, linewidths=0.5, alpha=0.7, zorder=3), autolim=False)
     axes.add_collection(
         PolyCollection(areas, facecolors=colors, edgecolors=RECORDED_EDGE, linewidths=0.3, zorder=3), autolim=False
     )
 
 
-def _draw_trajectories(axes: Axes, run: Run, view: View) -> Normalize:
+def _draw_trajectories(axes: Axes, run: Run, footprints: Footprints, view: View) -> Normalize:
     """Draws lines and footprints of the agents; returns the range of times."""
-    states, bodies, dt = run.states, body_outlines(run), run.scenario.dt
+    states, dt = run.states, run.scenario.dt
     agents = np.flatnonzero(states.is_agent & states.valid.any(axis=1)).tolist()
     width = float(np.clip(2.2 - 0.04 * len(agents), 1.0, 1.8))
     spans = [np.flatnonzero(states.valid[row])[[0, -1]] for row in agents] or [np.zeros(2, dtype=np.int64)]
     first, last = min(span[0] for span in spans), max(span[1] for span in spans)
     times = Normalize((states.first_time_step + first) * dt, (states.first_time_step + max(last, first + 1)) * dt)
     for order, row in enumerate(agents):
-        points, at = _tracks(run, row, view)
+        points = view.picture_from_world(track(run, row))
+        at = dt * (states.first_time_step + np.flatnonzero(states.valid[row])).astype(np.float64)
         zorder = 4.0 + 0.5 * order / max(1, len(agents))
         axes.add_collection(
             LineCollection([points], colors="white", linewidths=width + 0.9, alpha=0.7, zorder=zorder), autolim=False
@@ -195,7 +158,7 @@ def _draw_trajectories(axes: Axes, run: Run, view: View) -> Normalize:
             color = _TIME_COLORS(times((states.first_time_step + step) * dt))
             axes.add_collection(
                 PolyCollection(
-                    _footprint(run, row, step, bodies[row], view),
+                    footprints.outlines(row, step, view),
                     facecolors=[(*color[:3], 0.16)],
                     edgecolors=[color],
                     linewidths=0.5,
@@ -226,11 +189,10 @@ def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floa
     for row, number in enumerate(run.states.ids.tolist()):
         if number not in ended or not run.states.valid[row].any():
             continue
-        points, _ = _tracks(run, row, view)
+        points = view.picture_from_world(track(run, row))
         ends[number] = points[0], points[-1]
-        mark = MARKS[ended[number]]
         axes.plot(*points[0], "o", ms=2.2, mfc="white", mec=INK, mew=0.6, zorder=5)
-        axes.plot(*points[-1], mark.marker, ms=mark.size, mfc=mark.color, mec=INK, mew=0.5, zorder=6)
+        axes.plot(*points[-1], **mark_style(ended[number]), zorder=6)
     return ends
 
 
@@ -261,34 +223,27 @@ def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats,
         place = 0.5 * (best[:2] + best[2:]) / scale
         if np.hypot(*(place - anchor)) * scale > 12.0:
             axes.plot(*np.stack([anchor, place]).T, "-", color=color, lw=0.3, zorder=6.5)
-        style: dict[str, Any] = {
-            "fontsize": size,
-            "color": color,
-            "ha": "center",
-            "va": "center",
-            "path_effects": _HALO,
-        }
+        style: dict[str, Any] = {"fontsize": size, "color": color, "ha": "center", "va": "center", "path_effects": HALO}
         axes.text(place[0], place[1], str(number), zorder=7, clip_on=True, **style)
 
 
 def _crowd(run: Run, view: View) -> Floats:
     """Points [m] that labels had better not cover: the agents' tracks."""
     rows = np.flatnonzero(run.states.is_agent & run.states.valid.any(axis=1)).tolist()
-    tracks = [_tracks(run, row, view)[0] for row in rows]
-    return np.concatenate([np.empty((0, 2)), *(track[:: max(1, len(track) // 60)] for track in tracks)])
+    tracks = [view.picture_from_world(track(run, row)) for row in rows]
+    return np.concatenate([np.empty((0, 2)), *(points[:: max(1, len(points) // 60)] for points in tracks)])
 
 
 def _draw_scale(axes: Axes, run: Run, view: View, width: float) -> None:
     """A scale bar and, in a turned picture, the world's axes, in the emptiest corners."""
-    metre = view.width / (width / _MM)  # metres per millimetre of paper
+    metre = view.width / (width / MM)  # metres per millimetre of paper
     corners = _free_corners(run, view)
     nice = np.array([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
     length = float(nice[np.argmin(np.abs(np.log(nice / (0.12 * view.width))))])
     inside = corners[0] - np.sign(corners[0] - view.center) * 5.0 * metre
     x, y = inside[0] - (length if corners[0][0] > view.center[0] else 0.0), inside[1] - metre
-    ends = ([x, x, x, x + length, x + length, x + length], [y + metre * tick for tick in (-0.7, 0.7, 0, 0, -0.7, 0.7)])
-    axes.add_line(Line2D(*ends, color=INK, linewidth=0.9, zorder=8, path_effects=_WIDE_HALO))
-    style: dict[str, Any] = {"fontsize": _FONT, "color": INK, "ha": "center", "path_effects": _HALO, "zorder": 8}
+    draw_bar(axes, (x, y), length, 0.7 * metre)
+    style: dict[str, Any] = {"fontsize": _FONT, "color": INK, "ha": "center", "path_effects": HALO, "zorder": 8}
     axes.text(x + 0.5 * length, y + metre, f"{length:g} m", va="bottom", **style)
     if view.angle:
         origin = corners[1] - np.sign(corners[1] - view.center) * 8.0 * metre
@@ -308,24 +263,19 @@ def _free_corners(run: Run, view: View) -> list[Floats]:
 
 
 def _legend_handles(run: Run, others: str) -> list[Any]:
-    handles: list[Any] = []
-    for outcome, mark in MARKS.items():
-        count = run.outcomes.outcome.count(outcome)
-        if count:
-            style: dict[str, Any] = {"marker": mark.marker, "ms": mark.size, "mfc": mark.color, "mec": INK, "mew": 0.5}
-            handles.append(Line2D([], [], ls="", label=f"{mark.text} ({count})", **style))
+    handles: list[Any] = list(mark_handles(run.outcomes.outcome, count=True))
     handles.append(Line2D([], [], ls="", marker="o", ms=2.6, mfc="white", mec=INK, mew=0.6, label="start"))
     if any(agent.goal_areas for agent in run.agents):
         handles.append(Patch(fc=_GOAL_FILL, ec=GOAL, lw=0.4, ls=_GOAL_DASHES, label="goal area"))
     if (~run.states.is_agent).any():
-        handles.append(Patch(fc="#b4b4b4", ec=RECORDED_EDGE, lw=0.3, label=others))
+        handles.append(Patch(fc=TRAFFIC, ec=RECORDED_EDGE, lw=0.3, label=others))
     return handles
 
 
 def _draw_color_bar(figure: Figure, times: Normalize, bottom: float) -> None:
     """A bar of times whose lower edge is so far above that of the figure [in]."""
     width, total = figure.get_size_inches()
-    place = 1.0 - 47.0 * _MM / width, bottom / total, 44.0 * _MM / width, 1.8 * _MM / total
+    place = 1.0 - 47.0 * MM / width, bottom / total, 44.0 * MM / width, 1.8 * MM / total
     bar = figure.add_axes(place)
     bar.imshow(
         np.linspace(0.0, 1.0, 256)[None],

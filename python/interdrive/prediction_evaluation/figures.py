@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
-from interdrive.plots.participants import AGENTS, INK
+from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, RECORDED, add_legend, empty_figure, plain
 from interdrive.prediction_evaluation.curves import MOVING, STAYING, calibration_table, error_table
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import CATEGORIES
@@ -20,13 +18,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
 
-_MM = 1.0 / 25.4
-_WIDTH, _PANEL, _LEGEND, _TITLE, _AXIS = 180.0 * _MM, 46.0 * _MM, 5.0 * _MM, 6.0 * _MM, 9.0 * _MM
+_PANEL, _LEGEND, _TITLE, _AXIS = 46.0 * MM, 5.0 * MM, 6.0 * MM, 9.0 * MM
 _COLUMNS = 3
-_FONT = 7.5
 _BEST = (0, (3.0, 1.5))
 
 
@@ -39,7 +36,7 @@ def error_figure(found: PredictionEvaluation) -> Figure:
     for index, (axes, category) in enumerate(zip(panels, shown, strict=True)):
         count = np.isfinite(found.samples.values[found.predictors[0]]["error"][:, -1])
         count = count if category == ALL else count & (found.samples.category == category)
-        axes.set_title(f"{category} ({int(count.sum())} samples at 3 s)", fontsize=_FONT, pad=3, loc="left")
+        axes.set_title(f"{category} ({int(count.sum())} samples at 3 s)", fontsize=FONT, pad=3, loc="left")
         for name, color in _colors(found).items():
             line = [row for row in rows if row["predictor"] == name and row["category"] == category]
             time = [0.0, *(row["time"] for row in line)]
@@ -47,9 +44,9 @@ def error_figure(found: PredictionEvaluation) -> Figure:
                 values = [0.0, *(np.nan if row[measure] is None else row[measure] for row in line)]
                 axes.plot(time, values, color=color, linestyle=dashes, linewidth=1.3 if dashes == "-" else 1.0)
         axes.set(xlim=(0.0, 3.05), ylim=(0.0, None), xticks=[0, 1, 2, 3])
-        axes.set_xlabel("time from now [s]", fontsize=_FONT)
+        axes.set_xlabel("time from now [s]", fontsize=FONT)
         if index % _COLUMNS == 0:
-            axes.set_ylabel("mean distance [m]", fontsize=_FONT)
+            axes.set_ylabel("mean distance [m]", fontsize=FONT)
     return figure
 
 
@@ -68,8 +65,8 @@ def calibration_figure(found: PredictionEvaluation) -> Figure:
     for index, axes in enumerate(panels):
         vehicles, h = shown[index // len(HORIZONS)], HORIZONS[index % len(HORIZONS)]
         rows = [row for row in table if row["vehicles"] == vehicles and row["horizon"] == h]
-        axes.plot([0, 1], [0, 1], color="#b0b0b0", linewidth=0.8)
-        axes.set_title(f"{vehicles}, after {h} s ({rows[0]['samples']} samples)", fontsize=_FONT, pad=3, loc="left")
+        axes.plot([0, 1], [0, 1], color=RECORDED, linewidth=0.8)
+        axes.set_title(f"{vehicles}, after {h} s ({rows[0]['samples']} samples)", fontsize=FONT, pad=3, loc="left")
         for name, color in _colors(found).items():
             curve = [row for row in rows if row["predictor"] == name]
             nominal = [row["nominal"] for row in curve]
@@ -79,9 +76,9 @@ def calibration_figure(found: PredictionEvaluation) -> Figure:
         axes.set(xlim=(0, 1), ylim=(0, 1.01), aspect="equal")
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.set_xlabel("nominal", fontsize=_FONT)
+        axes.set_xlabel("nominal", fontsize=FONT)
         if h == HORIZONS[0]:
-            axes.set_ylabel("observed", fontsize=_FONT)
+            axes.set_ylabel("observed", fontsize=FONT)
     return figure
 
 
@@ -98,31 +95,16 @@ def _panels(
     handles += [Line2D([], [], color=INK, linewidth=1.1, linestyle=style, label=text) for text, style in dashes]
     legend = _LEGEND * -(-len(handles) // 4)
     height = legend + rows * (_PANEL + _TITLE + _AXIS)
-    figure = Figure(figsize=(_WIDTH, height), dpi=300)
-    FigureCanvasAgg(figure)
-    left, gap = 13.0 * _MM, 10.0 * _MM
-    width = (_WIDTH - left - 3.0 * _MM - (_COLUMNS - 1) * gap) / _COLUMNS
+    figure = empty_figure(PAGE, height)
+    left, gap = 13.0 * MM, 10.0 * MM
+    width = (PAGE - left - 3.0 * MM - (_COLUMNS - 1) * gap) / _COLUMNS
     panels = []
     for index in range(count):
         row, column = divmod(index, _COLUMNS)
         bottom = height - legend - (row + 1) * (_PANEL + _TITLE + _AXIS) + _AXIS
-        place = (left + column * (width + gap)) / _WIDTH, bottom / height, width / _WIDTH, _PANEL / height
+        place = (left + column * (width + gap)) / PAGE, bottom / height, width / PAGE, _PANEL / height
         axes = figure.add_axes(place)
-        axes.grid(visible=True, color="#e3e3e3", linewidth=0.5)
-        axes.set_axisbelow(True)
-        axes.tick_params(labelsize=_FONT - 0.5, length=2.5, width=0.5, pad=2)
-        for side in axes.spines.values():
-            side.set(color="#8c8c8c", linewidth=0.5)
+        plain(axes)
         panels.append(axes)
-    figure.legend(
-        handles=handles,
-        loc="upper center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=min(4, len(handles)),
-        fontsize=_FONT,
-        frameon=False,
-        handlelength=2.4,
-        columnspacing=1.4,
-        borderpad=0.3,
-    )
+    add_legend(figure, handles, "upper center", ncols=min(4, len(handles)), handlelength=2.4, columnspacing=1.4)
     return figure, panels

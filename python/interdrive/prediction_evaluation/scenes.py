@@ -6,18 +6,28 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from interdrive.config.specs import bound_predictor, predictor_name
 from interdrive.files import read_scenario
-from interdrive.plots.participants import INK, RECORDED, RECORDED_EDGE, outlines, placed
-from interdrive.plots.predictions import PREDICTION, ellipse_rings, strength
-from interdrive.plots.road import road_artists
+from interdrive.plots.road import map_axes
+from interdrive.plots.style import (
+    FONT,
+    INK,
+    MM,
+    PAGE,
+    PREDICTION,
+    RECORDED,
+    RECORDED_EDGE,
+    THRESHOLD,
+    add_legend,
+    empty_figure,
+)
+from interdrive.plots.trajectories import ellipse_rings, strength
+from interdrive.plots.vehicles import outlines, placed
 from interdrive.plots.view import View, view_around
 from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, step_of
 from interdrive.prediction_evaluation.recordings import Recording
@@ -27,14 +37,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
     from interdrive.prediction_evaluation.recordings import Moment
     from interdrive.prediction_evaluation.samples import Samples
 
-_MM = 1.0 / 25.4
-_WIDTH, _GAP, _PAD, _TITLE, _STRIP = 180.0 * _MM, 2.5 * _MM, 0.5 * _MM, 5.0 * _MM, 6.0 * _MM
-_FONT = 7.5
+_GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
 _OTHERS = "#d2d2d2"
 #: Mass of the ellipses.
 _MASS = 0.9
@@ -111,26 +120,21 @@ def scene_figure(scene: ExampleScene) -> Figure:
     count = len(scene.predicted)
     columns = 1 if stacked else min(count, 2 if count == 4 else 3)
     rows = -(-count // columns)
-    width = (_WIDTH - (columns - 1) * _GAP - 2.0 * _PAD) / columns
+    width = (PAGE - (columns - 1) * _GAP - 2.0 * _PAD) / columns
     height = width * view.height / view.width
     total = rows * (height + _TITLE) + _STRIP
-    figure = Figure(figsize=(_WIDTH, total), dpi=300)
-    FigureCanvasAgg(figure)
+    figure = empty_figure(PAGE, total)
     for index, (name, predicted) in enumerate(scene.predicted.items()):
         left = _PAD + (index % columns) * (width + _GAP)
         bottom = total - (index // columns + 1) * (height + _TITLE)
-        axes = figure.add_axes((left / _WIDTH, bottom / total, width / _WIDTH, height / total))
-        axes.set(xlim=view.x_limits, ylim=view.y_limits, xticks=[], yticks=[])
-        axes.set_title(name, fontsize=_FONT, pad=2.5, loc="left")
+        place = left / PAGE, bottom / total, width / PAGE, height / total
+        axes = map_axes(figure, place, scene.recording.scenario.lanelets, view)
+        axes.set_title(name, fontsize=FONT, pad=2.5, loc="left")
         if index == 0:
             where = (
                 f"{scene.recording.scenario.name}, {scene.moment.scene.time_step * scene.recording.scenario.dt:.1f} s"
             )
-            axes.set_title(where, fontsize=_FONT - 1.0, pad=2.5, loc="right", color="#707070")
-        for side in axes.spines.values():
-            side.set(color=RECORDED, linewidth=0.5)
-        for artist in road_artists(scene.recording.scenario.lanelets, view):
-            axes.add_collection(artist, autolim=False)
+            axes.set_title(where, fontsize=FONT - 1.0, pad=2.5, loc="right", color=THRESHOLD)
         _draw_bodies(axes, scene, view)
         _draw_predicted(axes, scene, predicted, view)
         _draw_truth(axes, scene, view)
@@ -223,13 +227,4 @@ def _legend(figure: Figure) -> None:
         Patch(fc=_OTHERS, ec=RECORDED_EDGE, lw=0.4, label="others"),
         Patch(fc=to_rgba(PREDICTION, 0.13), ec=PREDICTION, lw=0.6, label=f"{100 * _MASS:.0f} % ellipses (1, 2, 3 s)"),
     ]
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=len(handles),
-        fontsize=_FONT,
-        frameon=False,
-        handlelength=1.8,
-        columnspacing=1.6,
-        borderpad=0.3,
-    )
+    add_legend(figure, handles, "lower center", ncols=len(handles), handlelength=1.8, columnspacing=1.6)

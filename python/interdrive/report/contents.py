@@ -10,7 +10,8 @@ import numpy as np
 
 from interdrive.criticality import MEASURES
 from interdrive.errors import InterdriveError
-from interdrive.plots.participants import agent_colors, body_outlines, outlines
+from interdrive.plots.style import agent_colors
+from interdrive.plots.vehicles import body_outlines, outlines
 from interdrive.plots.view import View, view_of
 from interdrive.report.events import Event, events_of
 from interdrive.report.measured import measured_of

@@ -8,6 +8,7 @@ import numpy as np
 
 from interdrive.plots.profiles import Profile, draw_profiles
 from interdrive.plots.scenes import Scene, draw_scenes
+from interdrive.plots.style import pair_colors
 from interdrive.studies.lateral import lateral_offsets
 from interdrive.studies.measures import collided, distance_of_closest_encounter, footprint_distances
 
@@ -28,7 +29,8 @@ def profile_figure(study: CaseStudy) -> Figure:
         degree.replace("_", "-"): [_profile(study, run, number) for number in (study.agent, study.other)]
         for degree, run in study.runs.items()
     }
-    titles = (f"agent {study.agent}", f"other vehicle {study.other}")
+    colors = pair_colors(list(study.runs.values()), (study.agent, study.other))
+    titles = dict(zip((f"agent {study.agent}", f"other vehicle {study.other}"), colors, strict=True))
     return draw_profiles(profiles, titles, f"lateral position\nin lane of {study.other} [m]")
 
 

@@ -5,22 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
+from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, empty_figure, plain
 from interdrive.studies.runtime.summary import growth, summary_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from interdrive.studies.runtime.measure import RuntimeStudy
 
-_MM = 1.0 / 25.4
-_WIDTH, _PANEL, _FONT = 180.0 * _MM, 52.0 * _MM, 7.5
+_PANEL = 52.0 * MM
 #: Duration of a step in real time [ms].
 _REAL_TIME = 100.0
-#: One thread and several (Okabe and Ito).
-_COLOURS = ("#0072B2", "#D55E00")
 
 
 def runtime_figure(study: RuntimeStudy) -> Figure:
@@ -36,25 +33,24 @@ def runtime_figure(study: RuntimeStudy) -> Figure:
     scenarios = list(dict.fromkeys((row["kind"], row["scenario"]) for row in rows))
     across = min(3, len(scenarios)) or 1
     down = -(-len(scenarios) // across) or 1
-    figure = Figure(figsize=(_WIDTH, down * _PANEL + 6.0 * _MM), dpi=300, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = empty_figure(PAGE, down * _PANEL + 6.0 * MM, layout="constrained")
     panels = figure.subplots(down, across, squeeze=False).ravel()
     for panel, (kind, scenario) in zip(panels, scenarios, strict=False):
         _draw_scenario(panel, [row for row in rows if row["scenario"] == scenario], study.threads)
-        panel.set_title(kind if kind == scenario else f"{kind}\n{scenario}", fontsize=_FONT)
+        panel.set_title(kind if kind == scenario else f"{kind}\n{scenario}", fontsize=FONT)
     for place, panel in enumerate(panels):
         panel.set_visible(place < len(scenarios))
         if place % across == 0:
-            panel.set_ylabel("time per step [ms]", fontsize=_FONT)
+            panel.set_ylabel("time per step [ms]", fontsize=FONT)
         if place >= len(scenarios) - across:
-            panel.set_xlabel("agents", fontsize=_FONT)
+            panel.set_xlabel("agents", fontsize=FONT)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=_FONT, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=FONT, frameon=False)
     return figure
 
 
 def _draw_scenario(panel: Axes, rows: list[dict[str, Any]], several: int) -> None:
-    for threads, colour in zip(sorted({1, several}), _COLOURS, strict=False):
+    for threads, colour in zip(sorted({1, several}), AGENTS, strict=False):
         own = sorted((row for row in rows if row["threads"] == threads), key=lambda row: row["agents"])
         if not own:
             continue
@@ -66,13 +62,13 @@ def _draw_scenario(panel: Axes, rows: list[dict[str, Any]], several: int) -> Non
         panel.fill_between(agents, lower, upper, color=colour, alpha=0.2, linewidth=0)
         panel.plot(agents, median, "o-", color=colour, linewidth=1.0, markersize=2.2, label=f"step, {name}")
         panel.plot(agents, plan, "--", color=colour, linewidth=0.8, label=f"planning per batch, {name}")
-    panel.axhline(_REAL_TIME, color="#222222", linewidth=0.8, linestyle=":", label="real time")
+    panel.axhline(_REAL_TIME, color=INK, linewidth=0.8, linestyle=":", label="real time")
     panel.set_xscale("log", base=2)
     panel.set_yscale("log")
     shown = sorted({row["agents"] for row in rows})
     panel.set_xticks(shown, [str(n) for n in shown])
     panel.minorticks_off()
-    _plain(panel)
+    plain(panel)
 
 
 def growth_figure(study: RuntimeStudy) -> Figure | None:
@@ -80,11 +76,10 @@ def growth_figure(study: RuntimeStudy) -> Figure | None:
     grown = {threads: growth(study, threads) for threads in sorted({1, study.threads})}
     if not any(grown.values()):
         return None
-    figure = Figure(figsize=(0.5 * _WIDTH, _PANEL + 10.0 * _MM), dpi=300, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = empty_figure(0.5 * PAGE, _PANEL + 10.0 * MM, layout="constrained")
     panel = figure.subplots()
     ticks: set[int] = set()
-    for (threads, found), colour in zip(grown.items(), _COLOURS, strict=False):
+    for (threads, found), colour in zip(grown.items(), AGENTS, strict=False):
         if found is None:
             continue
         agents = np.array(found.agents, dtype=np.float64)
@@ -92,21 +87,13 @@ def growth_figure(study: RuntimeStudy) -> Figure | None:
         panel.plot(agents, 1e3 * np.array(found.seconds), "o", color=colour, markersize=3.0)
         label = f"{threads} thread{'s' * (threads > 1)}: agents$^{{{found.exponent:.2f}}}$"
         panel.plot(agents, 1e3 * found.factor * agents**found.exponent, color=colour, linewidth=1.0, label=label)
-    panel.axhline(_REAL_TIME, color="#222222", linewidth=0.8, linestyle=":", label="real time")
+    panel.axhline(_REAL_TIME, color=INK, linewidth=0.8, linestyle=":", label="real time")
     panel.set_xscale("log")
     panel.set_yscale("log")
     panel.set_xticks(sorted(ticks), [str(n) for n in sorted(ticks)])
     panel.minorticks_off()
-    panel.set_xlabel("agents", fontsize=_FONT)
-    panel.set_ylabel("time per step [ms]", fontsize=_FONT)
-    panel.legend(fontsize=_FONT, frameon=False)
-    _plain(panel)
+    panel.set_xlabel("agents", fontsize=FONT)
+    panel.set_ylabel("time per step [ms]", fontsize=FONT)
+    panel.legend(fontsize=FONT, frameon=False)
+    plain(panel)
     return figure
-
-
-def _plain(panel: Axes) -> None:
-    panel.tick_params(labelsize=_FONT - 0.5, length=2, width=0.5, pad=2)
-    for side in ("top", "right"):
-        panel.spines[side].set_visible(False)
-    for side in ("bottom", "left"):
-        panel.spines[side].set_linewidth(0.5)

@@ -1,8 +1,7 @@
-"""How participants look: outlines, heading marks, colours of agents, markers of outcomes."""
+"""Footprints of participants: outlines, heading marks, and where they are."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,50 +9,10 @@ import numpy as np
 from interdrive.scenario import Shape
 
 if TYPE_CHECKING:
-    from interdrive.plots.view import Floats
-    from interdrive.run import Run
+    from collections.abc import Iterable
 
-RECORDED = "#8c8c8c"
-RECORDED_EDGE = "#5f5f5f"
-GOAL = "#0072B2"
-INK = "#222222"
-
-#: Colours of agents, told apart with every common kind of colour blindness (Okabe and Ito; Tol); used in turn.
-AGENTS = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#E69F00",
-    "#332288",
-    "#56B4E9",
-    "#882255",
-    "#44AA99",
-    "#999933",
-)
-
-
-@dataclass(frozen=True)
-class Mark:
-    """Marker of an outcome: matplotlib's marker, fill colour, size [pt], and what the legend says."""
-
-    marker: str
-    color: str
-    size: float
-    text: str
-
-
-#: Shape and colour both tell the outcome.
-MARKS = {
-    "goal_reached": Mark("o", "#009E73", 4.0, "goal reached"),
-    "goal_reached_late": Mark("^", "#56B4E9", 4.8, "goal reached late"),
-    "time_limit": Mark("s", "#E69F00", 4.0, "time limit"),
-    "goal_missed": Mark("D", "#CC79A7", 3.8, "goal missed"),
-    "infeasible": Mark("v", "#F0E442", 5.0, "no feasible plan"),
-    "collision": Mark("X", "#D55E00", 6.0, "collision"),
-    "planner_error": Mark("*", "#000000", 6.5, "planner error"),
-    "running": Mark("o", "#ffffff", 4.0, "still running"),
-}
+    from interdrive.plots.view import Floats, View
+    from interdrive.run import AgentRecord, Run
 
 
 def outlines(shape: Shape) -> list[Floats]:
@@ -92,6 +51,29 @@ def placed(points: Floats, x: float, y: float, orientation: float) -> Floats:
     return turned
 
 
-def agent_colors(run: Run) -> dict[int, str]:
-    """A colour per agent id."""
-    return {agent.id: AGENTS[index % len(AGENTS)] for index, agent in enumerate(run.agents)}
+class Footprints:
+    """Where the participants of a run are in a picture."""
+
+    def __init__(self, run: Run) -> None:
+        """Of a run."""
+        self._states, self._bodies = run.states, body_outlines(run)
+
+    def outlines(self, row: int, column: int, view: View) -> list[Floats]:
+        """Outlines [m] of a participant (row of the states) at a time step (column)."""
+        return [view.picture_from_world(placed(line, *self.pose(row, column))) for line in self._bodies[row]]
+
+    def heading_mark(self, row: int, column: int, view: View) -> Floats:
+        """Its heading mark [m]."""
+        mark = heading_mark(self._states.length[row], self._states.width[row])
+        return view.picture_from_world(placed(mark, *self.pose(row, column)))
+
+    def pose(self, row: int, column: int) -> tuple[float, float, float]:
+        """Its position [m] and heading [rad]."""
+        states = self._states
+        return float(states.x[row, column]), float(states.y[row, column]), float(states.orientation[row, column])
+
+
+def goal_outlines(agents: Iterable[AgentRecord], view: View) -> list[Floats]:
+    """Outlines of the goal areas of agents in the picture [m]."""
+    areas = [area for agent in agents for area in agent.goal_areas]
+    return [view.picture_from_world(line) for area in areas for line in outlines(area)]

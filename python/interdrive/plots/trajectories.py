@@ -1,4 +1,4 @@
-"""How predictions look: ellipses around means, and the stronger the more probable a mode is."""
+"""How motion looks: tracks driven, plans, predictions with ellipses that are the stronger the more probable."""
 
 from __future__ import annotations
 
@@ -8,11 +8,29 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive.plots.view import Floats
+    from interdrive.run import Plans, Run
 
-#: Colour of what is predicted.
-PREDICTION = "#7a3b8f"
 #: The least probable mode keeps so much of its strength.
 _FAINTEST = 0.15
+
+
+def track(run: Run, row: int, columns: slice = slice(None)) -> Floats:
+    """Positions [m] of a participant while it is present, shape (points, 2).
+
+    Args:
+        run: What happened.
+        row: Of the states.
+        columns: Time steps to look at.
+    """
+    states = run.states
+    points: Floats = np.stack([states.x[row, columns], states.y[row, columns]], axis=1)
+    return points[states.valid[row, columns]]
+
+
+def plan_points(plans: Plans, index: int) -> Floats:
+    """Positions [m] of a plan, shape (points, 2)."""
+    points: Floats = np.stack([plans.x[index], plans.y[index]], axis=1)
+    return points[np.isfinite(points).all(axis=1)]
 
 
 def ellipse_rings(means: Floats, covariance: Floats, mass: float) -> Floats:
