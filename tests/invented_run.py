@@ -13,10 +13,11 @@ import numpy as np
 from interdrive.run import (
     PHASES,
     AgentRecord,
+    Considered,
     Outcomes,
     Plans,
+    Predicted,
     Run,
-    Snapshot,
     States,
     Timings,
 )
@@ -192,42 +193,36 @@ def plans(recorded, points=31):
     )
 
 
-def snapshots(recorded, agent=2, n_candidates=120):
-    chance = np.random.default_rng(1)
-    made = []
-    row = int(np.flatnonzero(recorded.ids == agent)[0])
-    others = [other for other in range(len(recorded.ids)) if other != row]
-    for step in np.flatnonzero(recorded.valid[row]):
-        ahead = np.linspace(0.0, 3.0, 31)
-        d = chance.uniform(-4, 4, (n_candidates, 1)) * np.clip(ahead / 3.0, 0, 1) ** 2
+def with_agent_view(run, n_candidates=120):
+    """The run with what agent 2 chose from, and predictions of everybody, at every time step at which it drives."""
+    chance, recorded = np.random.default_rng(1), run.states
+    row = int(np.flatnonzero(recorded.ids == 2)[0])
+    considered, predicted = [], []
+    for step in np.flatnonzero(recorded.valid[row]).tolist():
+        ahead = np.linspace(0.0, 3.0, 7)
+        d = chance.uniform(-4, 4, (n_candidates, 1)) * (ahead / 3.0) ** 2
         s = recorded.velocity[row, step] * chance.uniform(0.2, 1.2, (n_candidates, 1)) * ahead
         heading = recorded.orientation[row, step]
         cost = np.abs(d[:, -1]) + 0.1 * np.abs(s[:, -1] - 40.0) + 1.0
-        seen = [other for other in others if recorded.valid[other, step]]
-        future = np.arange(1, 31) * DT
-        speed = recorded.velocity[seen, step][:, None]
-        direction = recorded.orientation[seen, step][:, None]
-        growth = (0.2 + 0.5 * future) ** 2
-        covariance = np.zeros((len(seen), 30, 2, 2))
-        covariance[..., 0, 0] = growth
-        covariance[..., 1, 1] = 0.3 * growth
-        made.append(
-            Snapshot(
-                time_step=int(step),
-                agent_id=agent,
-                candidate_x=recorded.x[row, step] + s * np.cos(heading) - d * np.sin(heading),
-                candidate_y=recorded.y[row, step] + s * np.sin(heading) + d * np.cos(heading),
-                cost=np.where(np.arange(n_candidates) % 10 == 9, np.nan, cost),
-                rejection=tuple("curvature" if abs(end) > 2.5 else "" for end in d[:, -1]),
-                chosen=int(np.argmin(cost)),
-                prediction_id=recorded.ids[seen],
-                prediction_probability=np.ones(len(seen)),
-                prediction_x=recorded.x[seen, step][:, None] + speed * future * np.cos(direction),
-                prediction_y=recorded.y[seen, step][:, None] + speed * future * np.sin(direction),
-                prediction_covariance=covariance,
+        x = recorded.x[row, step] + s * np.cos(heading) - d * np.sin(heading)
+        y = recorded.y[row, step] + s * np.sin(heading) + d * np.cos(heading)
+        for i in range(n_candidates):
+            rejection = "curvature" if abs(d[i, -1]) > 2.5 else ""
+            known = np.nan if i % 10 == 9 else cost[i]
+            considered.append((step, 2, known, rejection, i == np.argmin(cost), x[i], y[i]))
+        for other in np.flatnonzero(recorded.valid[:, step]).tolist():
+            way, heading = recorded.velocity[other, step] * ahead[1:], recorded.orientation[other, step]
+            x_mean, y_mean = (
+                recorded.x[other, step] + way * np.cos(heading),
+                recorded.y[other, step] + way * np.sin(heading),
             )
-        )
-    return tuple(made)
+            covariance = (0.2 + 0.5 * ahead[1:, None, None]) ** 2 * np.diag([1.0, 0.3])
+            predicted.append((step, recorded.ids[other], 0, 1.0, x_mean, y_mean, covariance))
+    step, agent, cost, rejection, chosen, x, y = zip(*considered, strict=True)
+    arrays = (np.array(column) for column in (step, agent, cost))
+    kept = Considered(np.arange(7) * 5, *arrays, rejection, *(np.array(column) for column in (chosen, x, y)))
+    told = Predicted(np.arange(1, 7) * 5, *(np.array(column) for column in zip(*predicted, strict=True)))
+    return replace(run, considered=kept, predicted=told)
 
 
 def invented_run(**changes):
@@ -273,6 +268,5 @@ def invented_run(**changes):
         timings=Timings(np.repeat(np.arange(N_STEPS), len(PHASES)), PHASES * N_STEPS, seconds),
         notes=("vehicle 21 stays recorded: it leaves the map",),
         digest="0" * 64,
-        snapshots=snapshots(recorded),
     )
     return replace(run, **changes)

@@ -22,7 +22,7 @@ from interdrive.cli import main
 from interdrive.config.plugins import Choice
 from interdrive.errors import InputError
 from interdrive.results import load, save
-from invented_run import invented_run
+from invented_run import invented_run, with_agent_view
 
 RUN = invented_run()
 GOOD = replace(
@@ -31,13 +31,17 @@ GOOD = replace(
 
 
 class Simulated:
-    """Stands in for `simulate`: keeps its arguments, returns a run or raises."""
+    """Stands in for `Simulation`: keeps its arguments, returns a run or raises."""
 
     def __init__(self):
-        self.arguments, self.result = None, GOOD
+        self.arguments, self.result, self.agents = None, GOOD, GOOD.agents
 
-    def __call__(self, scenario, *, on_step=None, **arguments):
+    def __call__(self, scenario, **arguments):
         self.arguments = {"scenario": scenario, **arguments}
+        return self
+
+    def run(self, on_step):
+        scenario = self.arguments["scenario"]
         for step in range(3):
             on_step(step, 3 - step, 3, 10)
         if isinstance(self.result, BaseException):
@@ -54,7 +58,7 @@ class Simulated:
 @pytest.fixture
 def simulated(monkeypatch):
     stand_in = Simulated()
-    monkeypatch.setattr(simulation, "simulate", stand_in)
+    monkeypatch.setattr(simulation, "Simulation", stand_in)
     monkeypatch.setattr(files, "write_scenario", lambda run: b"<commonRoad/>")
     return stand_in
 
@@ -152,9 +156,11 @@ def test_a_planner_error_is_saved_and_exits_with_1(simulated, here):
 
 
 def test_pictures_lie_beside_the_tables(simulated, here):
+    simulated.result = with_agent_view(GOOD, n_candidates=3)
     assert invoke("run", "bend.xml", "--out", "made", "--png", "--agent-view", "2").exit_code == 0
-    assert simulated.arguments["snapshots_of"] == 2
-    assert {"run.png", "run.gif"} <= {path.name for path in (here / "made").iterdir()}
+    recorded = simulated.arguments["settings"].record
+    assert (recorded.views, recorded.predictions, recorded.candidates) == (True, True, 30)
+    assert {"run.png", "run.gif", "agent_view.png"} <= {path.name for path in (here / "made").iterdir()}
     again = invoke("run", "bend.xml", "--out", "made", "--overwrite")
     assert again.exit_code == 0
     assert not (here / "made" / "run.png").exists()
@@ -440,7 +446,7 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
         ),
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
         (["--predictor", "lane_folowing"], "did you mean lane_following?"),
-        (["--agent-view", "99"], "agent 99: pictures of its candidates are asked for, but it is not an agent"),
+        (["--agent-view", "99"], "agent 99: a film of it is asked for, but it is not an agent"),
     ],
 )
 def test_what_the_simulation_refuses_is_one_line_and_nothing_is_written(real, arguments, message):

@@ -14,20 +14,21 @@ from PIL import Image
 
 from interdrive.errors import InputError, MissingExtraError, ResultsError
 from interdrive.plots import animate_run, check_animation, draw_run, save_figure
+from interdrive.plots.agent_view import AgentViews
 from interdrive.plots.frames import Stage
 from interdrive.plots.road import road_artists
 from interdrive.plots.style import OUTCOME_MARKS
 from interdrive.plots.vehicles import outlines
 from interdrive.plots.view import View, view_of
-from interdrive.run import OUTCOMES
+from interdrive.run import OUTCOMES, Views
 from interdrive.scenario import Shape
-from invented_run import along, invented_run
+from invented_run import along, invented_run, with_agent_view
 from work import calls_in
 
 
 @pytest.fixture(scope="module")
 def run():
-    return invented_run()
+    return with_agent_view(invented_run())
 
 
 def without_agents(run):
@@ -44,7 +45,7 @@ def without_agents(run):
         message=(),
     )
     states = replace(run.states, is_agent=np.zeros(len(run.states.ids), dtype=bool))
-    return replace(run, agents=(), outcomes=nobody, states=states, snapshots=())
+    return replace(run, agents=(), outcomes=nobody, states=states, considered=None, predicted=None)
 
 
 def turned(run, angle):
@@ -216,8 +217,9 @@ def test_a_chosen_agent_shows_what_it_considered_and_the_camera_follows_it(run):
     stage = Stage(run, 2, follow=True)
     stage.frame(10)
     assert len(stage.layers.candidates.get_segments()) == 120
-    assert len(stage.layers.predictions.get_segments()) == len(run.snapshots[10].prediction_id)
-    assert len(stage.layers.ellipses.get_paths()) == 6 * len(run.snapshots[10].prediction_id)
+    seen = (run.predicted.time_step == 10) & (run.predicted.participant_id != 2)
+    assert len(stage.layers.predictions.get_segments()) == seen.sum()
+    assert len(stage.layers.ellipses.get_paths()) == 6 * seen.sum()
     before = np.array(stage.view.center)
     stage.frame(30)
     moved = np.array(stage.view.center) - before
@@ -226,14 +228,24 @@ def test_a_chosen_agent_shows_what_it_considered_and_the_camera_follows_it(run):
     assert not stage.layers.candidates.get_segments()
 
 
+def test_candidates_stay_until_the_next_ones_are_recorded_and_only_those_in_view_are_predicted(run):
+    half = replace(run.considered, time_step=run.considered.time_step // 5 * 5)
+    sighting = Views(np.array([2]), np.array([21]), np.array([0]), np.array([20]))
+    views = AgentViews(replace(run, considered=half, views=sighting), 2)
+    np.testing.assert_array_equal(views.at(14).candidates, views.at(10).candidates)
+    assert not np.array_equal(views.at(15).cost, views.at(10).cost)
+    assert len(views.at(20).means) == 1
+    assert len(views.at(21).means) == 0
+    assert views.at(48) is None, "it collides at time step 47"
+
+
 def test_an_ellipse_holds_95_percent_of_what_its_covariance_says(run):
     stage = Stage(run, 2, follow=True)
     stage.frame(0)
     chance = np.random.default_rng(0)
-    shot = run.snapshots[0]
-    samples = chance.multivariate_normal(
-        [shot.prediction_x[0, 4], shot.prediction_y[0, 4]], shot.prediction_covariance[0, 4], 4000
-    )
+    told = run.predicted
+    row = np.flatnonzero(told.participant_id != 2)[0]
+    samples = chance.multivariate_normal([told.x[row, 0], told.y[row, 0]], told.covariance[row, 0], 4000)
     ring = stage.layers.ellipses.get_paths()[0]
     assert ring.contains_points(stage.view.picture_from_world(samples)).mean() == pytest.approx(0.95, abs=0.02)
 

@@ -6,6 +6,7 @@ import pytest
 from drivers import Straight
 from interdrive import Frenet, InputError, Simulation, SimulationSettings, simulate
 from interdrive.config.binding import bind
+from interdrive.config.schema import RecordSettings
 from interdrive.predictors import Neural
 from interdrive.run import PHASES
 from interdrive.run.assemble import digest
@@ -148,10 +149,21 @@ def test_a_plan_is_recorded_for_every_agent_and_step_and_is_what_was_driven():
     assert np.array_equal(run.plans.x[own, 1], run.states.x[row, 1 : own.sum() + 1])
 
 
-@pytest.mark.parametrize("change", [{"threads": 2}, {"threads": 8}, {"agents": [200, 100]}, {"snapshots_of": 100}])
+@pytest.mark.parametrize("change", [{"threads": 2}, {"threads": 8}, {"agents": [200, 100]}])
 def test_the_same_run_has_the_same_bits(change):
     options = {"agents": [100, 200], "threads": 1}
     assert simulate(two_lanes(), **options).digest == simulate(two_lanes(), **(options | change)).digest
+
+
+def test_all_candidates_of_a_plan_can_be_recorded_with_their_reasons():
+    settings = SimulationSettings(record=RecordSettings(candidates=10_000))
+    simulation = Simulation(two_lanes(), agents=[200], settings=settings, threads=1)
+    simulation.step()
+    kept = simulation.record().considered
+    # 8 end times, 10 end speeds and 9 offsets (the present one, 0, is on the grid); stops and braking come on top.
+    assert len(kept.cost) >= 720
+    assert {kept.rejection[row] for row in np.flatnonzero(kept.chosen)} == {""}
+    assert any(kept.rejection)
 
 
 def test_the_digest_tells_one_bit():
@@ -179,15 +191,6 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
 
 
-def test_snapshots_hold_all_candidates_with_their_reasons():
-    run = simulate(two_lanes(), agents=[100, 200], snapshots_of=200, threads=1)
-    snapshot = run.snapshots[0]
-    # 8 end times, 10 end speeds and 9 offsets (the present one, 0, is on the grid); stops and braking come on top.
-    assert len(snapshot.candidate_x) >= 720
-    assert snapshot.rejection[snapshot.chosen] == ""
-    assert np.allclose(snapshot.candidate_x[snapshot.chosen], run.plans.x[run.plans.agent_id == 200][0])
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -202,7 +205,6 @@ def test_snapshots_hold_all_candidates_with_their_reasons():
         ({"planner": {55: "frenet"}}, "agent 55"),
         ({"predictor": "lane_folowing"}, "did you mean lane_following?"),
         ({"predictor": 3}, "is no predictor"),
-        ({"snapshots_of": 7, "agents": [100]}, "agent 7"),
     ],
 )
 def test_an_impossible_wish_is_refused_in_one_line(options, words):

@@ -21,8 +21,8 @@ from interdrive.foreign import same_folder
 from interdrive.planners import Planner, PlannerSettings, native_planner
 from interdrive.planners.calls import ask
 from interdrive.planners.workers import Workers, can_be_sent
-from interdrive.run import Plans, Run, Snapshot, Views
-from interdrive.run.assemble import agent_record, digest, outcomes_of, snapshot, states_of, timings_of
+from interdrive.run import Plans, Run, Views
+from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.agents import normalized, select
@@ -62,7 +62,6 @@ class Simulation:
         settings: SimulationSettings | None = None,
         seed: int = 0,
         threads: int | None = None,
-        snapshots_of: int | None = None,
     ) -> None:
         """Prepares agents, routes and the world.
 
@@ -78,7 +77,6 @@ class Simulation:
             settings: Settings; the defaults otherwise.
             seed: For the choice of agents.
             threads: Threads that plan; the number of cores otherwise. Results do not depend on it.
-            snapshots_of: Agent whose candidates and predictions are kept for pictures.
 
         Raises:
             InputError: Anything about the input that cannot be used, in one line.
@@ -90,7 +88,6 @@ class Simulation:
         self.settings = settings or SimulationSettings()
         self.scenario = _scenario(scenario)
         self.seed, self.threads = seed, threads or os.cpu_count() or 1
-        self._snapshots_of = snapshots_of
         self.settings, planner, predictor = named(self.settings, planner, predictor)
         self._agents_wanted, self._predictor_choice = normalized(agents), predictor
         road_settings = self.settings.road
@@ -106,8 +103,6 @@ class Simulation:
             seed=seed,
         )
         self._notes = [*self.scenario.notes, *notes]
-        if snapshots_of is not None and snapshots_of not in {agent.id for agent in self.agents}:
-            raise InputError(f"agent {snapshots_of}: pictures of its candidates are asked for, but it is not an agent")
         self._choices = per_agent(planner, views or {}, self.agents, self.settings)
         self._workers: Workers | None = None
         self.reset()
@@ -154,7 +149,6 @@ class Simulation:
         self._hire()
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
-        self._snapshots: list[Snapshot] = []
         record = self.settings.record
         self._predicted = PredictionLog(self.scenario.dt) if record.predictions else None
         self._considered = (
@@ -198,8 +192,6 @@ class Simulation:
         marks.append(clock())
         self._plan_python(scene, predictions, plans)
         marks.append(clock())
-        if self._snapshots_of is not None and self._snapshots_of in world.driving:
-            self._snapshots.append(snapshot(world, scene, predictions, self._snapshots_of))
         if self._predicted is not None:
             self._predicted.add(predictions)
         if self._considered is not None:
@@ -305,7 +297,6 @@ class Simulation:
             ),
             digest=digest(states),
             finished=self.world.is_done,
-            snapshots=tuple(self._snapshots),
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
             predicted=None if self._predicted is None else self._predicted.table(),
             considered=None if self._considered is None else self._considered.table(),
@@ -342,7 +333,6 @@ def simulate(
     settings: SimulationSettings | None = None,
     seed: int = 0,
     threads: int | None = None,
-    snapshots_of: int | None = None,
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> Run:
     """Runs a scenario until every agent has its outcome; the arguments are those of `Simulation`.
@@ -363,7 +353,6 @@ def simulate(
         settings=settings,
         seed=seed,
         threads=threads,
-        snapshots_of=snapshots_of,
     )
     return simulation.run(on_step)
 

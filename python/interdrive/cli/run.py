@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from interdrive.run import Run
 
 
-#: What a report shows besides what every run keeps; any of it can be switched off again.
-_RECORDED_FOR_REPORT = {"record.views": True, "record.predictions": True, "record.candidates": 30}
+#: What a report or a film of an agent shows besides what every run keeps; any of it can be switched off again.
+_RECORDED = {"record.views": True, "record.predictions": True, "record.candidates": 30}
 
 
 @click.command()
@@ -92,14 +92,14 @@ def run(
 
     from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
     from interdrive.results import save  # noqa: PLC0415
-    from interdrive.simulation import simulate  # noqa: PLC0415
+    from interdrive.simulation import Simulation  # noqa: PLC0415
 
     source = scenario_named(choices.scenario)
     planner: object = {"default": choices.planner, **{str(agent): choice for agent, choice in own.items()}}
     folder = _target(choices)
     with progress(quiet=quiet) as report:
         report.say(f"reading {choices.scenario}")
-        done = simulate(
+        simulation = Simulation(
             source,
             agents=choices.agents,
             planner=planner if own else choices.planner,
@@ -107,9 +107,10 @@ def run(
             settings=settings,
             seed=choices.seed,
             threads=choices.threads,
-            snapshots_of=choices.agent_view,
-            on_step=report.step,
         )
+        if choices.agent_view not in {None, *(agent.id for agent in simulation.agents)}:
+            raise InputError(f"agent {choices.agent_view}: a film of it is asked for, but it is not an agent")
+        done = simulation.run(report.step)
         if not done.finished:
             raise KeyboardInterrupt
         report.say("writing")
@@ -146,7 +147,7 @@ def _configured(
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{str(error).replace('agent_view', 'agent-view')}") from None
-    settings = bind(SimulationSettings(), _RECORDED_FOR_REPORT if choices.report else {})
+    settings = bind(SimulationSettings(), _RECORDED if choices.report or choices.agent_view is not None else {})
     try:
         settings = bind(settings, values)
     except InputError as error:
@@ -176,7 +177,7 @@ def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str]
 
     if choices.png:
         save_figure(draw_run(done), folder / "run.png")
-        if choices.agent_view is not None and done.snapshots:
+        if choices.agent_view is not None and (done.considered or done.predicted):
             draw_agent_view(done, folder / "agent_view.png", choices.agent_view)
     for wanted, name in ((choices.gif, "run.gif"), (choices.mp4, "run.mp4")):
         if wanted:

@@ -11,13 +11,15 @@ import numpy as np
 from PIL import Image
 
 from interdrive.errors import InputError, MissingExtraError, ResultsError
+from interdrive.plots.agent_view import AgentViews
 from interdrive.plots.frames import Stage
 from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from interdrive.run import Run, Snapshot
+    from interdrive.plots.agent_view import AgentView
+    from interdrive.run import Run
 
 #: The last frame stays for this long [s].
 _HOLD = 2.0
@@ -57,7 +59,8 @@ def animate_run(
     Args:
         run: Finished or interrupted.
         path: Ends in .gif or .mp4 (needs ffmpeg).
-        agent_id: Agent whose sampled candidates and predictions are shown as well; the run must have its snapshots.
+        agent_id: Agent whose recorded candidates and predictions are shown as well (`record.candidates`,
+            `record.predictions`, `record.views`).
         fps: Frames per second, at most one per time step.
         follow: Camera follows the chosen agent; by default if one is chosen. Otherwise it shows where agents move.
         on_frame: Called after every frame with the number of frames done and in all.
@@ -87,33 +90,40 @@ def draw_agent_view(run: Run, path: str | Path, agent_id: int, time_step: int | 
     """Writes one frame of the film that follows an agent: its candidates, and the predictions that it sees, as PNG.
 
     Args:
-        run: Finished or interrupted; it must have the agent's snapshots.
+        run: Finished or interrupted, with recorded candidates or predictions.
         path: Ends in .png.
         agent_id: Whose.
         time_step: When; when it sees the most modes of others near it otherwise.
 
     Raises:
-        InputError: There is no snapshot of that agent, or none at that time step.
+        InputError: Nothing was recorded of that agent, or it does not drive at that time step.
         ResultsError: The file cannot be written.
     """
     if Path(path).suffix.lower() != ".png":
         raise ResultsError(f"{path}: pictures of what an agent sees end in .png")
-    shots = {shot.time_step: shot for shot in run.snapshots if shot.agent_id == agent_id}
-    if not shots:
-        raise InputError(f"agent {agent_id}: the run kept no snapshots of it")
-    chosen = max(shots, key=lambda step: _modes_near(run, shots[step])) if time_step is None else time_step
-    if chosen not in shots:
-        raise InputError(f"time step {chosen}: agent {agent_id} drives from {min(shots)} to {max(shots)}")
+    views = AgentViews(run, agent_id)
+    steps = views.time_steps
+    if not steps:
+        raise InputError(f"agent {agent_id}: the run recorded neither candidates nor predictions of it")
+    chosen = (
+        max(steps, key=lambda step: _modes_near(run, agent_id, step, views.at(step)))
+        if time_step is None
+        else time_step
+    )
+    if chosen not in steps:
+        raise InputError(f"time step {chosen}: agent {agent_id} drives from {steps[0]} to {steps[-1]}")
     with replacing(path) as partial:
         Stage(run, agent_id, follow=True).frame(chosen - run.states.first_time_step).save(partial, "PNG")
 
 
-def _modes_near(run: Run, shot: Snapshot) -> int:
+def _modes_near(run: Run, agent_id: int, time_step: int, shown: AgentView | None) -> int:
     """Modes of others that begin so near to the agent that a picture shows them."""
+    if shown is None:
+        return 0
     states = run.states
-    row, column = int(np.searchsorted(states.ids, shot.agent_id)), shot.time_step - states.first_time_step
-    x, y = shot.prediction_x[:, 0] - states.x[row, column], shot.prediction_y[:, 0] - states.y[row, column]
-    return int((np.hypot(x, y) < _NEAR).sum())
+    row, column = int(np.searchsorted(states.ids, agent_id)), time_step - states.first_time_step
+    x, y = shown.means[:, 0].T
+    return int((np.hypot(x - states.x[row, column], y - states.y[row, column]) < _NEAR).sum())
 
 
 def _write_gif(

@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
+from interdrive.plots.agent_view import AgentViews
 from interdrive.plots.road import road_artists
 from interdrive.plots.style import (
     INK,
@@ -31,8 +32,9 @@ from interdrive.plots.view import View, view_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.plots.view import Floats, Ints
-    from interdrive.run import Run, Snapshot
+    from interdrive.plots.agent_view import AgentView
+    from interdrive.plots.view import Floats
+    from interdrive.run import Run
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
 _WIDTH, _ASPECT_MIN, _ASPECT_MAX = 1200, 0.22, 0.66
@@ -43,17 +45,14 @@ _FOLLOW_WIDTH, _FOLLOW_ASPECT, _AHEAD = 110.0, 0.5, 18.0
 #: An agent that is done leaves its marker for this long; a collision stays marked [s].
 _MARK_TIME = 2.0
 
-#: Predictions are drawn with an ellipse of this probability every so many seconds; their fill, if the mode is certain.
-_ELLIPSE_MASS, _ELLIPSE_EVERY, _ELLIPSE_FILL = 0.95, 0.5, 0.14
+#: Probability of the ellipses of predictions; their fill, if the mode is certain.
+_ELLIPSE_MASS, _ELLIPSE_FILL = 0.95, 0.14
 
 #: Height of the strip with the legend [px].
 _STRIP = 30
 
 _REJECTED, _UNKNOWN, _CHOSEN = "#b0a0a0", "#9a9a9a", "#000000"
 _WRECK = OUTCOME_MARKS["collision"].color
-
-#: Lines beyond these numbers could not be told apart.
-_REJECTED_MAX, _ADMISSIBLE_MAX = 120, 360
 
 _COST_COLORS = mpl.colormaps["viridis"]
 
@@ -88,7 +87,7 @@ class Stage:
         self.crowded = len(run.agents) > 30
         self.row = {number: row for row, number in enumerate(run.states.ids.tolist())}
         self.plan_rows = _rows_by_time_step(run.plans.time_step)
-        self.snapshots = {shot.time_step: shot for shot in run.snapshots if shot.agent_id == agent_id}
+        self.agent_views = AgentViews(run, agent_id)
         self.view = view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
         self.centers: Floats | None = None
         if follow and agent_id is not None:
@@ -180,7 +179,7 @@ class Stage:
         self.layers.bodies.set(facecolors=fills, edgecolors=edges)
         self.layers.noses.set_verts(noses)
         self._fill_plans(now)
-        self._fill_snapshot(self.snapshots.get(now))
+        self._fill_agent_view(self.agent_views.at(now))
         return labels + self._fill_ended(now)
 
     def _beside(self, row: int, column: int) -> Floats:
@@ -199,33 +198,30 @@ class Stage:
             points = plan_points(plans, index)
             if len(points) > 1:
                 lines.append(self.view.picture_from_world(points))
-                colors.append(_CHOSEN if number == self.agent_id and self.snapshots else self.colors.get(number, INK))
+                colors.append(
+                    _CHOSEN if number == self.agent_id and self.agent_views.exist else self.colors.get(number, INK)
+                )
         self.layers.plans.set_segments(lines)
         self.layers.plans.set_color(colors)
 
-    def _fill_snapshot(self, shot: Snapshot | None) -> None:
+    def _fill_agent_view(self, shown: AgentView | None) -> None:
         candidates, predictions, ellipses = self.layers.candidates, self.layers.predictions, self.layers.ellipses
-        if shot is None:
+        if shown is None:
             candidates.set_segments([])
             predictions.set_segments([])
             ellipses.set_verts([])
             return
-        lines = self.view.picture_from_world(np.stack([shot.candidate_x, shot.candidate_y], axis=-1))
-        order, colors = _candidate_colors(shot)
+        lines = self.view.picture_from_world(shown.candidates)
+        order, colors = _candidate_colors(shown)
         candidates.set_segments([line[np.isfinite(line).all(axis=1)] for line in lines[order]])
         candidates.set_color(colors)
-        means = np.stack([shot.prediction_x, shot.prediction_y], axis=-1)
         # Every mode, the stronger the more probable; the probable ones on top.
-        order = np.argsort(shot.prediction_probability, kind="stable")
-        means, covariance = means[order], shot.prediction_covariance[order]
-        strong = strength(shot.prediction_probability[order])
-        predictions.set_segments(list(self.view.picture_from_world(means)))
+        order = np.argsort(shown.probability, kind="stable")
+        means, covariance, strong = shown.means[order], shown.covariance[order], strength(shown.probability[order])
+        ways = self.view.picture_from_world(means)
+        predictions.set_segments([way[np.isfinite(way).all(axis=1)] for way in ways])
         predictions.set_color([mpl.colors.to_rgba(PREDICTION, alpha) for alpha in strong])
-        every = max(1, round(_ELLIPSE_EVERY / self.run.scenario.dt))
-        rings = [
-            ellipse_rings(m[every - 1 :: every], c[every - 1 :: every], _ELLIPSE_MASS)
-            for m, c in zip(means, covariance, strict=True)
-        ]
+        rings = [ellipse_rings(m[1:], c, _ELLIPSE_MASS) for m, c in zip(means, covariance, strict=True)]
         alphas = [alpha for alpha, group in zip(strong, rings, strict=True) for _ in group]
         ellipses.set_verts(self.view.picture_from_world(np.concatenate([*rings, np.empty((0, 24, 2))])))
         ellipses.set_facecolor([mpl.colors.to_rgba(PREDICTION, _ELLIPSE_FILL * alpha) for alpha in alphas])
@@ -274,7 +270,7 @@ class Stage:
         draw.line((0, 0, self.size[0], 0), fill="#cccccc")
         middle, x = _STRIP // 2 + 1, 12
         items: list[tuple[str, str]] = [(RECORDED, "recorded traffic"), ("agents", "agents and their plans")]
-        if self.snapshots:
+        if self.agent_views.exist:
             items[1:] = [
                 ("agents", "agents"),
                 (_CHOSEN, f"plan of {self.agent_id}"),
@@ -332,23 +328,17 @@ def _camera_path(run: Run, row: int) -> Floats:
     return np.stack([np.convolve(padded[:, axis], window, mode="valid") for axis in (0, 1)], axis=1)
 
 
-def _candidate_colors(shot: Snapshot) -> tuple[Any, list[Any]]:
+def _candidate_colors(shown: AgentView) -> tuple[Any, list[Any]]:
     """Candidates to draw, in drawing order (rejected, not evaluated, costly, cheap), and their colours."""
-    rejected = np.array([bool(reason) for reason in shot.rejection], dtype=bool)
-    known = np.isfinite(shot.cost) & ~rejected
+    rejected = shown.rejected
+    known = np.isfinite(shown.cost) & ~rejected
     # By rank: a few very costly ones would otherwise use up all the colours.
-    cheapest_first = np.flatnonzero(known)[np.argsort(shot.cost[known], kind="stable")]
+    cheapest_first = np.flatnonzero(known)[np.argsort(shown.cost[known], kind="stable")]
     ranks = np.linspace(0.0, 1.0, max(1, len(cheapest_first)))[: len(cheapest_first)]
-    bad, unknown = _thinned(np.flatnonzero(rejected), _REJECTED_MAX), np.flatnonzero(~rejected & ~known)
-    good = _thinned(np.arange(len(ranks)), _ADMISSIBLE_MAX)[::-1]
+    bad, unknown = np.flatnonzero(rejected), np.flatnonzero(~rejected & ~known)
     colors = [mpl.colors.to_rgba(_REJECTED, 0.3)] * len(bad) + [mpl.colors.to_rgba(_UNKNOWN, 0.35)] * len(unknown)
-    colors += [(*_COST_COLORS(0.95 * rank)[:3], 0.8 - 0.45 * rank) for rank in ranks[good]]
-    return np.concatenate([bad, unknown, cheapest_first[good]]).astype(np.int64), colors
-
-
-def _thinned(items: Ints, most: int) -> Ints:
-    """At most so many of the items, evenly spread, the first one included."""
-    return items if len(items) <= most else items[np.linspace(0, len(items) - 1, most).astype(np.int64)]
+    colors += [(*_COST_COLORS(0.95 * rank)[:3], 0.8 - 0.45 * rank) for rank in ranks[::-1]]
+    return np.concatenate([bad, unknown, cheapest_first[::-1]]).astype(np.int64), colors
 
 
 def _draw_marker(draw: ImageDraw.ImageDraw, x: float, y: float, marker: str, color: str) -> None:

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import PHASES, AgentRecord, Outcomes, Plans, Run, Snapshot, States, Timings
+from interdrive.run.record import PHASES, AgentRecord, Outcomes, Plans, Run, States, Timings
 from interdrive.scenario import KINDS
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
-    from interdrive import _core
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
 
@@ -81,30 +80,6 @@ def timings_of(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
         time_step=np.repeat(np.array([time_step for time_step, _ in rows], dtype=np.int64), len(PHASES)),
         phase=PHASES * len(rows),
         seconds=np.array([seconds for _, phases in rows for seconds in phases], dtype=np.float64),
-    )
-
-
-def snapshot(world: _core.World, scene: _core.Scene, predictions: _core.Predictions, agent_id: int) -> Snapshot:
-    """What an agent considers now: its samples and the predictions that it sees."""
-    view = world.view(scene, agent_id)
-    found = world.candidates(agent_id, scene, predictions)
-    seen = np.isin(predictions.ids, view.ids)
-    used = seen[:, None] & (predictions.probability > 0)
-    rows, modes = np.nonzero(used)
-    empty = np.empty((0, 0))
-    return Snapshot(
-        time_step=world.time_step,
-        agent_id=agent_id,
-        candidate_x=found["x"] if found else empty,
-        candidate_y=found["y"] if found else empty,
-        cost=found["cost"] if found else np.empty(0),
-        rejection=tuple(found["rejection"]) if found else (),
-        chosen=int(found["chosen"]) if found else -1,
-        prediction_id=predictions.ids[rows],
-        prediction_probability=predictions.probability[rows, modes],
-        prediction_x=predictions.x[rows, modes],
-        prediction_y=predictions.y[rows, modes],
-        prediction_covariance=predictions.covariance[rows, modes],
     )
 
 

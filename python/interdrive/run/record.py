@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -209,36 +209,6 @@ class Timings:
 
 
 @dataclass(frozen=True)
-class Snapshot:
-    """What one agent considered at one time step, for pictures.
-
-    Attributes:
-        time_step: When. agent_id: Who.
-        candidate_x: Centre of every sampled trajectory [m], shape (candidates, points). candidate_y: The same.
-        cost: Total cost, nan where it was not needed, shape (candidates,).
-        rejection: Why a candidate was rejected, "" where it was not.
-        chosen: Row of the chosen one, -1 for none.
-        prediction_id: Participants in view with a prediction, one row per mode, shape (rows,).
-        prediction_probability: Probability of the mode, shape (rows,).
-        prediction_x: Mean [m], shape (rows, steps). prediction_y: Mean [m].
-        prediction_covariance: Shape (rows, steps, 2, 2) [m²].
-    """
-
-    time_step: int
-    agent_id: int
-    candidate_x: Floats
-    candidate_y: Floats
-    cost: Floats
-    rejection: tuple[str, ...]
-    chosen: int
-    prediction_id: Ints
-    prediction_probability: Floats
-    prediction_x: Floats
-    prediction_y: Floats
-    prediction_covariance: Floats
-
-
-@dataclass(frozen=True)
 class AgentRecord:
     """Facts about one agent that do not change during a run.
 
@@ -270,7 +240,6 @@ class Run:
         notes: One line per thing the user should know (vehicles that stayed recorded, and why, ...).
         digest: SHA-256 of all states; equal digests mean equal bits.
         finished: False if the run was stopped from outside.
-        snapshots: What was asked to be kept for pictures, sorted by time step.
         views: Who saw whom; None unless `record.views` asked for it.
         predicted: What agents planned against; None unless `record.predictions` asked for it.
         considered: What they chose from; None unless `record.candidates` asked for it.
@@ -286,7 +255,6 @@ class Run:
     notes: tuple[str, ...]
     digest: str
     finished: bool = True
-    snapshots: tuple[Snapshot, ...] = field(default=())
     views: Views | None = None
     predicted: Predicted | None = None
     considered: Considered | None = None
