@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from interdrive.config.schema import SimulationSettings
-from interdrive.config.specs import predictor_name
+from interdrive.config.specs import spec_label
 from interdrive.errors import InterdriveError, PredictorError
 from interdrive.prediction_evaluation.evaluation import chosen_predictors
 from interdrive.prediction_evaluation.recordings import CATEGORIES, Recording, category_of, found_files
@@ -84,7 +84,7 @@ def drive(path: Path, trained_on: bool, predictor: object, planner: str) -> list
     agents = set(ended.agent_id.tolist())
     return [
         Ended(
-            predictor_name(predictor),
+            spec_label(predictor),
             category_of(path),
             path.name,
             trained_on,
@@ -211,7 +211,7 @@ def main() -> None:
         choices, notes = chosen_predictors(arguments.predictors.split(), settings, nowhere)
     except InterdriveError as error:
         sys.exit(f"error: {error}")
-    names = [predictor_name(choice) for choice in choices]
+    names = [spec_label(choice) for choice in choices]
     rows: list[Ended] = []
     refused: dict[tuple[str, str], Refused] = {}
     with ProcessPoolExecutor(arguments.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
@@ -219,11 +219,11 @@ def main() -> None:
             start = time.perf_counter()
             for path, found in drive_all(paths, split, choice, arguments.planner, pool):
                 if isinstance(found, Refused):
-                    refused[path.name, predictor_name(choice)] = found
+                    refused[path.name, spec_label(choice)] = found
                 else:
                     rows += found
             write(rows, arguments.out)
-            print(f"{predictor_name(choice)}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
+            print(f"{spec_label(choice)}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     for table in (summary, kinds, pairs):
         print("\n".join(table(rows, names)), end="\n\n")
     print(f"Planner {arguments.planner}, all agents.")

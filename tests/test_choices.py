@@ -280,12 +280,12 @@ def test_a_planning_problem_may_be_named_by_its_own_id():
             "agent 100: planner frenet: horizn: there is no such setting; did you mean",
         ),
         ({"planner": {100: "frenet,horizon=long"}}, "planner frenet: horizon: expected a number [s], not 'long'"),
-        ({"planner": {100: "frenet,level=9"}}, "agent 100: planner frenet: planner.frenet.level must be 0 to 4"),
+        ({"planner": {100: "frenet,level=9"}}, "agent 100: planner frenet: level: must be 0 to 4"),
         ({"planner": {100: "frent"}}, "agent 100: unknown planner 'frent': did you mean frenet?"),
         ({"planner": {100: "frenet,view.sensr_radius=2"}}, "agent 100: view.sensr_radius: there is no such setting"),
         (
             {"planner": {100: "frenet,view.sensor_radius=-2"}},
-            "agent 100: view.sensor_radius must be positive, not -2.0",
+            "agent 100: view.sensor_radius: must be positive, not -2.0",
         ),
         (
             {"planner": {100: "drivers:Straight,gain=2"}},
@@ -295,7 +295,7 @@ def test_a_planning_problem_may_be_named_by_its_own_id():
         ({"planner": "test_choices:Steady,calls=[2]"}, "calls: there is no such setting"),
         (
             {"planner": {100: "test_choices:Demanding,speed=-3"}},
-            "agent 100: planner test_choices:Demanding cannot be made (ValueError: only forwards)",
+            "agent 100: planner test_choices:Demanding: cannot be made (ValueError: only forwards)",
         ),
         ({"planner": {100: 3}}, "agent 100: 3 is no planner"),
         ({"planner": {3.5: "frenet"}}, "a planner is given for 3.5, which is no agent id"),

@@ -134,9 +134,9 @@ def test_a_planner_per_agent_comes_from_the_command_line_and_from_the_file(simul
     assert invoke("run", "bend.xml", "--config", "run.toml", *given).exit_code == 0
     assert simulated.arguments["planner"] == {
         "default": "frenet,lazy=false",
-        "1": Choice("a.b:C", {"weights.speed": 0.5, "view.sensor_radius": 40}),
-        "2": Choice("frenet", {"level": "3"}),
-        "5": Choice(None, {"view.occlusion": "true"}),
+        1: Choice("a.b:C", {"weights.speed": 0.5, "view.sensor_radius": 40}),
+        2: Choice("frenet", {"level": "3"}),
+        5: Choice(None, {"view.occlusion": "true"}),
     }
     assert simulated.arguments["settings"].planner.frenet.horizon == 2.0
 
@@ -203,7 +203,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--set", "planner.frenet.horizon=long"], "expected a number [s], not 'long'"),
         (
             ["run", "bend.xml", "--set", "step.replan_every=0"],
-            "step.replan_every must be at least 1 and at most 10000, not 0",
+            "step.replan_every: must be at least 1 and at most 10000, not 0",
         ),
         (["run", "bend.xml", "--set", "seed"], "--set seed: write it as name=value"),
         (["run", "bend.xml", "--seed", "x"], "--seed: expected a whole number, not 'x'"),

@@ -194,10 +194,10 @@ def test_settings_reach_the_core():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"radius": 0.0}, "radius must be positive"),
-        ({"deceleration": -1.0}, "deceleration must be positive"),
-        ({"opposite_angle": 3.2}, "opposite_angle must be at most pi"),
-        ({"erosion": float("nan")}, "erosion must not be negative"),
+        ({"radius": 0.0}, "radius: must be positive"),
+        ({"deceleration": -1.0}, "deceleration: must be positive"),
+        ({"opposite_angle": 3.2}, "opposite_angle: must be at most pi"),
+        ({"erosion": float("nan")}, "erosion: must not be negative"),
     ],
 )
 def test_impossible_settings_are_refused(change, text):
@@ -405,7 +405,7 @@ def test_the_command_judges_whom_it_is_told_with_settings(tmp_path):
         (("highway", "--ids", ","), "--ids ,: write them as"),
         (("highway", "--ids", ""), "--ids : write them as"),
         (("highway", "--ids", "424242"), "there is no participant with id 424242"),
-        (("highway", "--set", "radius=-1"), "radius must be positive"),
+        (("highway", "--set", "radius=-1"), "radius: must be positive"),
         (("highway", "--set", "radiu=1"), "did you mean radius?"),
         (("highway", "--set", "thw_mode=quick"), "expected one of normalized, recorded"),
     ],

@@ -180,7 +180,7 @@ def test_values_that_were_changed_after_training_are_refused(file):
 
 @pytest.mark.parametrize("modes_max", [0, 9])
 def test_an_impossible_number_of_modes_is_refused_by_its_name(modes_max):
-    with pytest.raises(InputError, match=r"predictor\.neural\.modes_max must be 1 to 8"):
+    with pytest.raises(InputError, match=r"modes_max: must be 1 to 8"):
         Neural(modes_max)
 
 

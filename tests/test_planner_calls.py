@@ -107,7 +107,7 @@ def test_a_planner_beyond_its_time_is_stopped_and_the_others_go_on():
 
 
 def test_an_impossible_time_limit_is_refused_by_name():
-    with pytest.raises(InputError, match=r"step\.planner_timeout_s must be positive"):
+    with pytest.raises(InputError, match=r"planner_timeout_s: must be positive"):
         StepSettings(planner_timeout_s=0.0)
 
 

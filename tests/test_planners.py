@@ -19,9 +19,9 @@ def test_the_defaults_of_the_record_are_those_of_the_core():
 
 
 def test_an_impossible_setting_is_refused_by_its_name():
-    with pytest.raises(InputError, match=r"planner\.frenet\.level must be 0 to 4"):
+    with pytest.raises(InputError, match=r"level: must be 0 to 4"):
         Frenet(level=9)
-    with pytest.raises(InputError, match=r"planner\.frenet\.weights\.jerk"):
+    with pytest.raises(InputError, match=r"weights\.jerk"):
         Frenet(weights=FrenetWeights(jerk=-1.0))
 
 

@@ -226,9 +226,9 @@ def test_what_was_recorded_survives_the_folder(run, folder):
 
 
 def test_a_negative_number_of_candidates_is_refused():
-    with pytest.raises(InputError, match=r"record\.candidates must be at least 0"):
+    with pytest.raises(InputError, match=r"candidates: must be at least 0"):
         RecordSettings(candidates=-1)
-    with pytest.raises(InputError, match=r"record\.candidate_spacing must not be negative"):
+    with pytest.raises(InputError, match=r"candidate_spacing: must not be negative"):
         RecordSettings(candidate_spacing=-0.1)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.config.schema import RoadSettings
-from interdrive.config.specs import resolve_predictor
+from interdrive.config.specs import resolved_predictor
 from interdrive.files import read_scenario
 from interdrive.predictors import PredictorSettings, native
 from interdrive.scenario.native import core_road, core_scenario
@@ -89,7 +89,7 @@ def rows_of(scenario: Scenario, interval: float = INTERVAL, only: NDArray[np.int
     core = core_scenario(scenario, road)
     world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
     settings = PredictorSettings()
-    rivals = {name: native(resolve_predictor(name, settings), settings, core) for name in RIVALS}
+    rivals = {name: native(resolved_predictor(name, settings).make(), settings, core) for name in RIVALS}
     stride = max(1, round(interval / scenario.dt))
     parts = []
     for time_step in range(0, scenario.obstacles.n_steps - 1, stride):

@@ -16,9 +16,17 @@ if TYPE_CHECKING:
 
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.batches import batch, read_batch
-    from interdrive.config.schema import SimulationSettings, ViewSettings
+    from interdrive.config.agents import PlannersSpec, ViewsSpec
+    from interdrive.config.schema import SettingsSpec, SimulationSettings, ViewSettings
+    from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
-    from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
+    from interdrive.files import (
+        ScenarioSpec,
+        read_scenario,
+        scenario_from_commonroad,
+        shipped_scenario,
+        shipped_scenarios,
+    )
     from interdrive.planners import (
         Frenet,
         Idm,
@@ -61,6 +69,7 @@ _HOME = {
     "NoRouteError": "errors",
     "PredictorError": "errors",
     "ResultsError": "errors",
+    "ScenarioSpec": "files",
     "read_scenario": "files",
     "scenario_from_commonroad": "files",
     "shipped_scenario": "files",
@@ -89,6 +98,11 @@ _HOME = {
     "Simulation": "simulation",
     "SimulationSettings": "config.schema",
     "ViewSettings": "config.schema",
+    "SettingsSpec": "config.schema",
+    "PlannerSpec": "config.specs",
+    "PredictorSpec": "config.specs",
+    "PlannersSpec": "config.agents",
+    "ViewsSpec": "config.agents",
     "simulate": "simulation",
     "CaseStudy": "studies",
     "case_study": "studies",
@@ -110,22 +124,28 @@ __all__ = [
     "NoRouteError",
     "Planner",
     "PlannerSettings",
+    "PlannerSpec",
+    "PlannersSpec",
     "PredictionEvaluation",
     "Predictions",
     "Predictor",
     "PredictorError",
     "PredictorSettings",
+    "PredictorSpec",
     "Recorded",
     "ResultsError",
     "Run",
     "Scenario",
+    "ScenarioSpec",
     "Scene",
+    "SettingsSpec",
     "Simulation",
     "SimulationSettings",
     "Trajectory",
     "VelocityAdjusting",
     "View",
     "ViewSettings",
+    "ViewsSpec",
     "Walenet",
     "__version__",
     "batch",

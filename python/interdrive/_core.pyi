@@ -21,11 +21,8 @@ __all__ = [
     "Goal",
     "IdmMobilSettings",
     "IdmSettings",
-    "InputError",
-    "InterdriveError",
     "NeuralInputs",
     "NeuralNetwork",
-    "NoRouteError",
     "Plans",
     "Predictions",
     "Predictor",
@@ -35,7 +32,6 @@ __all__ = [
     "Scenario",
     "Scene",
     "Shape",
-    "StepOrderError",
     "Vehicle",
     "VelocityAdjustingSettings",
     "View",
@@ -63,11 +59,6 @@ CODES: dict[str, list[str]]
 #: mirrored world of every feature; `slots`: names of the paths; `path_mirror_columns`, `mirror_slots`: their order in a
 #: mirrored world.
 NEURAL: dict[str, Any]
-
-class InterdriveError(Exception): ...
-class InputError(InterdriveError): ...
-class NoRouteError(InputError): ...
-class StepOrderError(InterdriveError): ...
 
 @final
 class Shape:

@@ -1,6 +1,48 @@
 """Every exception that interdrive raises on purpose; all descend from `InterdriveError`."""
 
-from interdrive._core import InputError, InterdriveError, NoRouteError, StepOrderError
+from __future__ import annotations
+
+TYPE_CHECKING = False  # typing takes longer to import than this module
+if TYPE_CHECKING:
+    from typing import Self
+
+
+class InterdriveError(Exception):
+    """Anything interdrive reports on purpose.
+
+    The last argument is the message, those before it are the location, the outermost first:
+    `InputError("agent 5", "view.sensor_radius", "must be positive, not -1")`.
+    """
+
+    @property
+    def location(self) -> str:
+        """File, agent, setting or option; "" if the message says it."""
+        return ": ".join(self.args[:-1])
+
+    @property
+    def message(self) -> str:
+        """What is wrong, without the location."""
+        return str(self.args[-1]) if self.args else ""
+
+    def __str__(self) -> str:
+        """Location and message on one line."""
+        return ": ".join(map(str, self.args))
+
+    def within(self, *location: str) -> Self:
+        """The same error with a location around its own."""
+        return type(self)(*location, *self.args)
+
+
+class InputError(InterdriveError):
+    """Input that cannot be used: where it is, what is wrong with it, and what to do."""
+
+
+class NoRouteError(InputError):
+    """The road network does not connect an agent's start with its goal."""
+
+
+class StepOrderError(InterdriveError):
+    """Scene, predictions or plans belong to another time step than the world's."""
 
 
 class PredictorError(InterdriveError):
@@ -13,14 +55,3 @@ class ResultsError(InterdriveError):
 
 class MissingExtraError(InterdriveError):
     """An optional part is not installed; the text says what to install."""
-
-
-__all__ = [
-    "InputError",
-    "InterdriveError",
-    "MissingExtraError",
-    "NoRouteError",
-    "PredictorError",
-    "ResultsError",
-    "StepOrderError",
-]

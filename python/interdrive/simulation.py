@@ -7,18 +7,17 @@ import time
 from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
-from interdrive.config.agents import named, per_agent, stored
+from interdrive.config.agents import agent_configs, run_config, stored
 from interdrive.config.binding import flatten
-from interdrive.config.schema import SimulationSettings
-from interdrive.config.specs import bound_predictor, planner_name, resolve_planner
+from interdrive.config.schema import settings_of
+from interdrive.config.specs import bound_predictor
 from interdrive.errors import InputError
-from interdrive.files import read_scenario, scenario_from_commonroad, shipped_scenario, shipped_scenarios
+from interdrive.files import open_scenario
 from interdrive.foreign import same_folder
-from interdrive.planners import Planner, PlannerSettings, native_planner
+from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import ask
 from interdrive.planners.workers import Workers, can_be_sent
 from interdrive.run import Plans, Run, Views
@@ -26,14 +25,15 @@ from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.agents import normalized, select
-from interdrive.scenario.limits import require_scenario
 from interdrive.scenario.native import core_road, core_scenario, core_shape
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
-    from interdrive.config.plugins import Choice
-    from interdrive.config.schema import ViewSettings
+    from interdrive.config.agents import PlannersSpec, ViewsSpec
+    from interdrive.config.schema import SettingsSpec, SimulationSettings, ViewSettings
+    from interdrive.config.specs import PredictorSpec
+    from interdrive.files import ScenarioSpec
     from interdrive.planners.calls import Answer
     from interdrive.run import Outcomes
 
@@ -53,28 +53,25 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: Scenario | str | os.PathLike[str] | object,
+        scenario: ScenarioSpec,
         *,
         agents: str | int | Sequence[int] = "all",
-        planner: object = "frenet",
-        predictor: object = "neural",
-        views: Mapping[Any, object] | None = None,
-        settings: SimulationSettings | None = None,
+        planner: PlannersSpec = "frenet",
+        predictor: PredictorSpec = "neural",
+        views: ViewsSpec | None = None,
+        settings: SettingsSpec | None = None,
         seed: int = 0,
         threads: int | None = None,
     ) -> None:
         """Prepares agents, routes and the world.
 
         Args:
-            scenario: A `Scenario`, the path of a CommonRoad file, the name of a shipped scenario, or a
-                `commonroad.scenario.scenario.Scenario` (alone or as a pair with its planning problem set).
+            scenario: See `interdrive.ScenarioSpec`.
             agents: "all", a number, or ids; see `interdrive.scenario.agents.select`.
-            planner: A name, a record such as `Frenet(level=1)`, an object, a class, a factory without arguments, a text
-                "frenet,level=1" or a table `{"planner": "frenet", "level": 1}` with settings; or a mapping from agent
-                ids (and "default") to these.
-            predictor: The same for the predictor of all agents.
+            planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
+            predictor: Of all agents; see `interdrive.PredictorSpec`.
             views: From agent ids (and "default") to what they see; the others see as `settings.view` says.
-            settings: Settings; the defaults otherwise.
+            settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             seed: For the choice of agents.
             threads: Threads that plan; the number of cores otherwise. Results do not depend on it.
 
@@ -85,11 +82,11 @@ class Simulation:
             raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
         if seed < 0:
             raise InputError(f"the seed must not be negative, is {seed}")
-        self.settings = settings or SimulationSettings()
-        self.scenario = _scenario(scenario)
+        self.scenario = open_scenario(scenario)
         self.seed, self.threads = seed, threads or os.cpu_count() or 1
-        self.settings, planner, predictor = named(self.settings, planner, predictor)
-        self._agents_wanted, self._predictor_choice = normalized(agents), predictor
+        config = run_config(settings_of(settings), planner, predictor)
+        self.settings, self._predictor_config = config.settings, config.predictor
+        self._agents_wanted = normalized(agents)
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings.gap_tolerance, road_settings.open_end_length)
         self._core_scenario = core_scenario(self.scenario, self.road)
@@ -103,23 +100,23 @@ class Simulation:
             seed=seed,
         )
         self._notes = [*self.scenario.notes, *notes]
-        self._choices = per_agent(planner, views or {}, self.agents, self.settings)
+        self._configs = agent_configs(config, views or {}, self.agents)
         self._workers: Workers | None = None
         self.reset()
 
     def reset(self) -> None:
         """Back to the first time step; planners and predictor are made anew."""
-        self._predictor = bound_predictor(self._predictor_choice, self.settings.predictor, self._core_scenario)
+        self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
-        self._dismiss()
+        self._stop_workers()
         self._planner_notes: list[str] = []
         handles = []
         for agent in self.agents:
-            record = resolve_planner(self._choices[agent.id].planner, self.settings.planner)
-            native_record = native_planner(record)
-            if native_record is None:
-                self._python_planners[agent.id] = cast("Planner", record)
-            state = agent.initial_state
+            config, state = self._configs[agent.id], agent.initial_state
+            planner = config.planner.make()
+            native_settings = native_planner(planner)
+            if native_settings is None:
+                self._python_planners[agent.id] = planner
             handles.append(
                 _core.Agent(
                     agent.id,
@@ -130,9 +127,9 @@ class Simulation:
                     state.time_step,
                     agent.native_goal,
                     agent.route,
-                    native_record,
-                    sensor_radius=self._choices[agent.id].view.sensor_radius,
-                    occlusion=self._choices[agent.id].view.occlusion,
+                    native_settings,
+                    sensor_radius=config.view.sensor_radius,
+                    occlusion=config.view.occlusion,
                 )
             )
         step = self.settings.step
@@ -146,7 +143,7 @@ class Simulation:
             threads=self.threads,
             record_views=self.settings.record.views,
         )
-        self._hire()
+        self._start_workers()
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
         record = self.settings.record
@@ -200,7 +197,7 @@ class Simulation:
         collision = world.step(plans)
         marks.append(clock())
         if world.is_done:
-            self._dismiss()
+            self._stop_workers()
         *before, advance = (end - begin for begin, end in pairwise(marks))
         self._timings.append((time_step, (*before, collision, advance - collision)))
 
@@ -208,27 +205,27 @@ class Simulation:
         horizon = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
         return self._predictor.predict(self.world, scene, horizon)
 
-    def _hire(self) -> None:
+    def _start_workers(self) -> None:
         """Planners in Python that allow it move to processes of their own, if there is more than one core for them."""
         willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
         if self.threads == 1 or not willing:
             return
-        make = {i: partial(_made, self._choices[i].planner, self.settings.planner) for i in willing}
+        make = {i: self._configs[i].planner.make for i in willing}
         unfit = [i for i in willing if not can_be_sent(make[i])]
         if unfit:
-            name = planner_name(self._choices[unfit[0]].planner)
+            name = self._configs[unfit[0]].planner.name
             self._planner_notes.append(
                 f"planner {name} is parallel, but cannot be sent to another process: it runs in this one"
             )
         make = {i: factory for i, factory in make.items() if i not in unfit}
         if make:
-            views = {i: choice.view for i, choice in self._choices.items()}
+            views = {i: config.view for i, config in self._configs.items()}
             stage = partial(_staged, self.scenario, views, self.settings)
             self._workers = Workers(stage, make, self.threads, self.settings.step.planner_timeout_s)
             for i in make:
                 del self._python_planners[i]
 
-    def _dismiss(self) -> None:
+    def _stop_workers(self) -> None:
         if self._workers is not None:
             self._workers.close()
         self._workers = None
@@ -253,7 +250,7 @@ class Simulation:
                     continue
             except InputError as error:
                 answer = str(error)
-            name = planner_name(self._choices[agent_id].planner)
+            name = self._configs[agent_id].planner.name
             answer = answer.encode("utf-8", "replace").decode()  # names of files need not be text
             plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {answer}")
 
@@ -276,7 +273,7 @@ class Simulation:
     def record(self) -> Run:
         """What happened so far, as arrays."""
         states = states_of(self.world.states())
-        names = {agent.id: planner_name(self._choices[agent.id].planner) for agent in self.agents}
+        names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names)
         return Run(
             scenario=self.scenario,
@@ -316,7 +313,7 @@ class Simulation:
     def _repeatable_settings(self) -> dict[str, Any]:
         return {
             "agents": self._agents_wanted,
-            **stored(self._choices, self._predictor_choice, self.settings),
+            **stored(self._configs, self._predictor_config, self.settings),
             "seed": self.seed,
             "threads": self.threads,
             "settings": flatten(self.settings),
@@ -324,13 +321,13 @@ class Simulation:
 
 
 def simulate(
-    scenario: Scenario | str | os.PathLike[str] | object,
+    scenario: ScenarioSpec,
     *,
     agents: str | int | Sequence[int] = "all",
-    planner: object = "frenet",
-    predictor: object = "neural",
-    views: Mapping[Any, object] | None = None,
-    settings: SimulationSettings | None = None,
+    planner: PlannersSpec = "frenet",
+    predictor: PredictorSpec = "neural",
+    views: ViewsSpec | None = None,
+    settings: SettingsSpec | None = None,
     seed: int = 0,
     threads: int | None = None,
     on_step: Callable[[int, int, int, int], None] | None = None,
@@ -357,31 +354,16 @@ def simulate(
     return simulation.run(on_step)
 
 
-class _Nobody:
+class _NeverAsked:
     """Stands for the planners of a world that never steps."""
 
-    def plan(self, _view: object, _predictions: object) -> None:
+    def plan(self, view: _core.View, predictions: _core.Predictions) -> Trajectory:
         """Is not called."""
+        raise NotImplementedError
 
 
 def _staged(scenario: Scenario, views: dict[int, ViewSettings], settings: SimulationSettings) -> _core.World:
     """The world of a simulation with these agents, made anew in another process."""
-    return Simulation(scenario, agents=list(views), planner=_Nobody, views=views, settings=settings, threads=1).world
-
-
-def _made(choice: Choice, settings: PlannerSettings) -> Planner:
-    return cast("Planner", resolve_planner(choice, settings))
-
-
-def _scenario(source: object) -> Scenario:
-    if isinstance(source, Scenario):
-        require_scenario(source, source.name)
-        return source
-    if isinstance(source, str | os.PathLike):
-        path = Path(source)
-        if str(source) in shipped_scenarios() and not path.exists():
-            path = shipped_scenario(str(source))
-        return read_scenario(path)
-    if isinstance(source, tuple):
-        return scenario_from_commonroad(*source)
-    return scenario_from_commonroad(source)
+    return Simulation(
+        scenario, agents=list(views), planner=_NeverAsked, views=views, settings=settings, threads=1
+    ).world

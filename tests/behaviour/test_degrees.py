@@ -409,7 +409,7 @@ def test_every_native_planner_has_its_defaults_from_the_core(kind):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Idm(time_gap=0.0), r"planner\.idm\.time_gap must be positive"),
+        (lambda: Idm(time_gap=0.0), r"time_gap: must be positive"),
         (lambda: Idm(desired_velocity_max=-1.0), r"planner\.idm\.desired_velocity_max"),
         (lambda: VelocityAdjusting(minimum_gap=-1.0), r"planner\.velocity_adjusting\.minimum_gap"),
         (lambda: IdmMobil(politeness=float("nan")), r"planner\.idm_mobil\.politeness"),

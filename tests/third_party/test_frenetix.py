@@ -84,5 +84,5 @@ def test_between_two_plans_the_first_one_is_followed_exactly():
 
 
 def test_settings_out_of_range_are_refused_by_name():
-    with pytest.raises(idr.InputError, match="planner frenetix: level must be at least 0 and at most 4"):
+    with pytest.raises(idr.InputError, match="planner frenetix: level: must be at least 0 and at most 4"):
         idr.Simulation("t_junction", agents=1, planner="frenetix,level=7")

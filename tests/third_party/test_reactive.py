@@ -48,5 +48,5 @@ def test_reactive_starts_at_once_at_the_edge_of_the_road():
 
 
 def test_settings_out_of_range_are_refused_by_name():
-    with pytest.raises(idr.InputError, match="planner reactive: level must be at least 1 and at most 3"):
+    with pytest.raises(idr.InputError, match="planner reactive: level: must be at least 1 and at most 3"):
         idr.Simulation("t_junction", agents=1, planner="reactive,level=7")

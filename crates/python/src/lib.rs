@@ -36,7 +36,6 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CODES", codes(module.py())?)?;
-    errors::register(module)?;
     criticality::register(module)?;
     neural::register(module)?;
     module.add_class::<scenario::PyShape>()?;

@@ -40,9 +40,15 @@ where
     value.extract().map_err(|_| InputError::new_err(format!("planner.{planner}.{name} cannot be {value}")))
 }
 
-/// The core's refusal with the planner's name before that of the field.
-fn named(planner: &str, checked: interdrive_core::error::Result<()>) -> PyResult<()> {
-    checked.map_err(|error| InputError::new_err(format!("planner.{planner}.{error}")))
+/// The core's refusal, which begins with the field: field and message apart.
+fn located(checked: interdrive_core::error::Result<()>) -> PyResult<()> {
+    checked.map_err(|error| {
+        let text = error.to_string();
+        match text.split_once(' ') {
+            Some((field, message)) => InputError::new_err((field.to_owned(), message.to_owned())),
+            None => InputError::new_err(text),
+        }
+    })
 }
 
 /// Writes a record's fields from a dict and back, by one list of names.
@@ -136,7 +142,7 @@ impl PyFrenetSettings {
         read_planner(values, "frenet", &mut settings)?;
         read_weights(values, "frenet", &mut settings.weights)?;
         read_comfort(values, "frenet", &mut settings.comfort)?;
-        named("frenet", settings.validate())?;
+        located(settings.validate())?;
         Ok(Self(settings))
     }
 
@@ -173,7 +179,7 @@ impl PyVelocityAdjustingSettings {
     fn new(values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let mut law = CarFollowing::default();
         read_car_following(values, "velocity_adjusting", &mut law)?;
-        named("velocity_adjusting", law.validate())?;
+        located(law.validate())?;
         Ok(Self(law))
     }
 
@@ -197,7 +203,7 @@ impl PyIdmSettings {
         let mut settings = IdmSettings::default();
         read_car_following(values, "idm", &mut settings.law)?;
         read_idm(values, "idm", &mut settings)?;
-        named("idm", settings.validate())?;
+        located(settings.validate())?;
         Ok(Self(settings))
     }
 
@@ -223,7 +229,7 @@ impl PyIdmMobilSettings {
         read_car_following(values, "idm_mobil", &mut settings.idm.law)?;
         read_idm(values, "idm_mobil", &mut settings.idm)?;
         read_mobil(values, "idm_mobil", &mut settings)?;
-        named("idm_mobil", settings.validate())?;
+        located(settings.validate())?;
         Ok(Self(settings))
     }
 

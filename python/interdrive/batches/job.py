@@ -8,6 +8,7 @@ import tarfile
 import tempfile
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from interdrive.batches.plan import RunSpec
+    from interdrive.config.agents import PlannersSpec
+    from interdrive.config.specs import PlannerSpec
     from interdrive.run import Run
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
@@ -167,22 +170,21 @@ def _read(job: Job) -> tuple[Scenario, float]:
 
 def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
     """The run, and the ids of the agents under test."""
-    choice = {"predictor": spec.predictor, "settings": spec.settings, "seed": spec.seed, "threads": 1}
+    simulated = partial(simulate, scenario, predictor=spec.predictor, settings=spec.settings, seed=spec.seed, threads=1)
     if spec.agents == "all":
-        run = simulate(scenario, agents="all", planner=spec.planner, **choice)  # type: ignore[arg-type]
+        run = simulated(agents="all", planner=spec.planner)
         return run, set(run.outcomes.agent_id.tolist())
-    ids = _ids(spec, scenario)
-    planner, others = spec.planner, []
+    ids, others = _ids(spec, scenario), []
     if spec.traffic != "recorded":
         able = _able(spec, scenario, "all")
         # A planning problem that nobody was recorded for is no traffic: it has no recording to keep to.
         recorded = set(scenario.obstacles.ids.tolist())
         others = [agent.id for agent in able if agent.id not in ids and agent.id in recorded]
+    planner: PlannersSpec = spec.planner
     if spec.traffic == "velocity_adjusting":
-        planners: dict[object, object] = {"default": spec.traffic}
-        planner = planners | dict.fromkeys(ids, spec.planner)
-    run = simulate(scenario, agents=[*ids, *others], planner=planner, **choice)  # type: ignore[arg-type]
-    return run, set(ids)
+        by_agent: dict[int | str, PlannerSpec] = dict.fromkeys(ids, spec.planner)
+        planner = by_agent | {"default": spec.traffic}
+    return simulated(agents=[*ids, *others], planner=planner), set(ids)
 
 
 def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:

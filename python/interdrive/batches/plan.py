@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from interdrive import _core
-from interdrive.config.agents import AgentChoice, named, stored
+from interdrive.config.agents import AgentConfig, run_config, stored
 from interdrive.config.binding import flatten
-from interdrive.config.plugins import Choice, read_choice, versions
+from interdrive.config.plugins import read_choice, versions
 from interdrive.config.schema import SimulationSettings
-from interdrive.config.specs import planner_name
+from interdrive.config.specs import Resolved, spec_label
 from interdrive.errors import InputError
 from interdrive.files import content_of_input, scenario_parts, shipped_scenario, shipped_scenarios
 from interdrive.planners.workers import can_be_sent
@@ -25,6 +25,8 @@ from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+
+    from interdrive.config.specs import PlannerSpec, PlannerSpecs, PredictorSpec, PredictorSpecs
 
 #: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
 FORMAT = 2
@@ -100,9 +102,9 @@ class RunSpec:
     sha256: str
     parts_sha256: str
     size: int
-    planner: object
+    planner: PlannerSpec
     planner_label: str
-    predictor: object
+    predictor: PredictorSpec
     predictor_label: str
     agents: str | int | tuple[int, ...]
     traffic: str
@@ -148,8 +150,8 @@ class BatchPlan:
 def planned(
     paths: Iterable[str | Path],
     *,
-    planner: object,
-    predictor: object,
+    planner: PlannerSpecs,
+    predictor: PredictorSpecs,
     agents: str | int,
     traffic: str | None,
     alone: bool,
@@ -282,7 +284,7 @@ def parts_hash(parts: Sequence[bytes]) -> str:
     return hashlib.sha256(" ".join(hashes).encode()).hexdigest() if hashes else ""
 
 
-def choices(given: object, what: Literal["planner", "predictor"]) -> dict[str, object]:
+def choices(given: Any, what: Literal["planner", "predictor"]) -> dict[str, Any]:  # noqa: ANN401 - as `batch` takes it
     """Planners or predictors by their labels.
 
     Args:
@@ -293,12 +295,12 @@ def choices(given: object, what: Literal["planner", "predictor"]) -> dict[str, o
     Raises:
         InputError: None, a label twice, or a text that is not spelled like that.
     """
-    found: dict[str, object] = {}
+    found: dict[str, Any] = {}
     if isinstance(given, Mapping) and given and what not in given:
         return dict(given)
     for item in given if isinstance(given, list | tuple | Mapping) and what not in given else [given]:
         for choice in _separated(item, what) if isinstance(item, str) else [item]:
-            label = choice if isinstance(choice, str) else _label(read_choice(choice, what))
+            label = choice if isinstance(choice, str) else spec_label(read_choice(choice, what))
             if label in found:
                 raise InputError(f"{what} {label} is there twice; in Python give a mapping from labels to {what}s")
             found[label] = choice
@@ -328,10 +330,6 @@ def _separated(text: str, what: str) -> list[str]:
     return found
 
 
-def _label(choice: Choice) -> str:
-    return ",".join([planner_name(choice), *(f"{name}={value}" for name, value in choice.settings.items())])
-
-
 def _keyed(spec: RunSpec) -> RunSpec:
     """The run with its key."""
     content = {
@@ -348,22 +346,23 @@ def _keyed(spec: RunSpec) -> RunSpec:
     return replace(spec, key=hashlib.sha256(text.encode()).hexdigest()[:32])
 
 
-def _plain(planner: object, predictor: object, settings: SimulationSettings) -> dict[str, Any]:
+def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationSettings) -> dict[str, Any]:
     """Planner, predictor and settings as plain values, with the content of the user's modules and of files they name.
 
     Raises:
         InputError: One that cannot be used, or that other processes would not find by its name.
     """
-    own, chosen, expected = named(settings, planner, predictor)
-    if not isinstance(chosen, Choice):
+    config = run_config(settings, planner, predictor)
+    own, chosen, expected = config.settings, config.planner, config.predictor
+    if not isinstance(chosen, Resolved):
         raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
-    found = stored({0: AgentChoice(chosen, own.view)}, expected, own)
+    found = stored({0: AgentConfig(chosen, own.view)}, expected, own)
     if not found["repeatable"]:
         raise InputError(
-            f"planner {planner_name(chosen)} or predictor {planner_name(expected)}: other processes cannot find it by "
+            f"planner {chosen.name} or predictor {expected.name}: other processes cannot find it by "
             "its name; put it into a module"
         )
-    modules = {name.partition(":")[0] for name in (planner_name(chosen), planner_name(expected)) if ":" in name}
+    modules = {name.partition(":")[0] for name in (chosen.name, expected.name) if ":" in name}
     plain = {
         "base": flatten(settings),
         "planner": found["planner"],
@@ -373,11 +372,11 @@ def _plain(planner: object, predictor: object, settings: SimulationSettings) -> 
     }
     given = [*flatten(own).values(), *chosen.settings.values(), *expected.settings.values()]
     files = {value: _hash(Path(value).expanduser()) for value in given if _names_a_file(value)}
-    if planner_name(expected) == "neural":
+    if expected.name == "neural":
         files["neural"] = _hash(SHIPPED)
     if files:
         plain["files"] = files
-    libraries = versions(planner_name(chosen), "planner") | versions(planner_name(expected), "predictor")
+    libraries = versions(chosen.name, "planner") | versions(expected.name, "predictor")
     if libraries:
         plain["libraries"] = libraries
     return plain

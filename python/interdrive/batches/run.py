@@ -15,7 +15,7 @@ from interdrive.batches.job import KEEP, Finished, Job, agents_of, content_of, e
 from interdrive.batches.plan import Problem, planned
 from interdrive.batches.pool import Pool, Task
 from interdrive.batches.store import BatchFolder
-from interdrive.config.schema import SimulationSettings
+from interdrive.config.schema import settings_of
 from interdrive.errors import InputError, InterdriveError
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from interdrive.batches.plan import BatchPlan, RunSpec
     from interdrive.batches.pool import End
     from interdrive.batches.store import Done
+    from interdrive.config.schema import SettingsSpec
+    from interdrive.config.specs import PlannerSpecs, PredictorSpecs
     from interdrive.storage import ArrowTable
 
 #: How often it is looked whether another batch has done the runs that it claimed [s].
@@ -91,13 +93,13 @@ def batch(
     paths: Iterable[str | Path] | str | Path,
     out: str | Path,
     *,
-    planner: object = "frenet",
-    predictor: object = "neural",
+    planner: PlannerSpecs = "frenet",
+    predictor: PredictorSpecs = "neural",
     agents: str | int = "all",
     traffic: str | None = None,
     alone: bool = False,
     seeds: int = 1,
-    settings: SimulationSettings | None = None,
+    settings: SettingsSpec | None = None,
     workers: int | None = None,
     run_timeout: float = math.inf,
     memory: float = math.inf,
@@ -113,7 +115,8 @@ def batch(
     Args:
         paths: CommonRoad files, folders of them, or names of shipped scenarios.
         out: Folder of the batch: new, or one that holds a batch.
-        planner: Under test: a choice, several separated by commas or in a list, or a mapping from labels to choices.
+        planner: Under test: one (see `interdrive.PlannerSpec`), several separated by commas or in a list, or a mapping
+            from labels to planners.
         predictor: The same for predictors.
         agents: Who is under test: "all", or at most so many vehicles per scenario, chosen with the seed.
         traffic: What vehicles do that could be agents but are not under test: "recorded" (replay, the default),
@@ -121,7 +124,7 @@ def batch(
             it is "same".
         alone: Every agent under test gets a run of its own; in it all others are traffic.
         seeds: So many seeds, from 0 on; they choose agents.
-        settings: Settings; the defaults otherwise.
+        settings: Settings, or a mapping of dotted names.
         workers: Processes; as many as there are cores otherwise. With Ray, so many tasks at once (its CPUs otherwise).
         run_timeout: A run may take this long [s].
         memory: A worker process may occupy this much memory [bytes].
@@ -151,7 +154,7 @@ def batch(
         traffic=traffic,
         alone=alone,
         seeds=seeds,
-        settings=settings or SimulationSettings(),
+        settings=settings_of(settings),
     )
     workers_max = workers or os.cpu_count() or 1
     if ray is None:

@@ -54,7 +54,7 @@ def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
         try:
             found[agent] = read_choice(choice, "planner")
         except InputError as error:
-            raise InputError(f"--agent {number}: {error}") from None
+            raise error.within(f"--agent {number}") from None
     return found
 
 

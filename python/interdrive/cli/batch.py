@@ -140,9 +140,9 @@ def _configured(
         try:
             choices, settings = bind(choices, in_file), bind(settings, values)
         except InputError as error:
-            raise InputError(f"{config}: {error}") from None
+            raise error.within(config) from None
     try:
         choices = bind(choices, given)
     except InputError as error:
-        raise InputError(f"--{str(error).replace('run_timeout', 'run-timeout')}") from None
+        raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
     return choices, bind(settings, assigned(assignments))

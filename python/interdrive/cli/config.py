@@ -154,5 +154,5 @@ def _per_agent(path: Path, tables: object) -> dict[int, Choice]:
         try:
             found[int(key)] = read_choice(table, "planner")
         except InputError as error:
-            raise InputError(f"{path}: agent.{key}: {error}") from None
+            raise error.within(str(path), f"agent.{key}") from None
     return found

@@ -18,8 +18,10 @@ from interdrive.errors import InputError, InterdriveError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from interdrive.config.agents import PlannersSpec
     from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
+    from interdrive.config.specs import PlannerSpec
     from interdrive.run import Run
 
 
@@ -95,14 +97,17 @@ def run(
     from interdrive.simulation import Simulation  # noqa: PLC0415
 
     source = scenario_named(choices.scenario)
-    planner: object = {"default": choices.planner, **{str(agent): choice for agent, choice in own.items()}}
+    planner: PlannersSpec = choices.planner
+    if own:
+        planners: dict[int | str, PlannerSpec] = {"default": choices.planner}
+        planner = planners | own
     folder = _target(choices)
     with progress(quiet=quiet) as report:
         report.say(f"reading {choices.scenario}")
         simulation = Simulation(
             source,
             agents=choices.agents,
-            planner=planner if own else choices.planner,
+            planner=planner,
             predictor=choices.predictor,
             settings=settings,
             seed=choices.seed,
@@ -141,17 +146,17 @@ def _configured(
         try:
             choices = bind(choices, in_file)
         except InputError as error:
-            raise InputError(f"{config}: {error}") from None
+            raise error.within(config) from None
     values_given = assigned(assignments)
     try:
         choices = bind(choices, given)
     except InputError as error:
-        raise InputError(f"--{str(error).replace('agent_view', 'agent-view')}") from None
+        raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
     settings = bind(SimulationSettings(), _RECORDED if choices.report or choices.agent_view is not None else {})
     try:
         settings = bind(settings, values)
     except InputError as error:
-        raise InputError(f"{config}: {error}") from None
+        raise error.within(str(config)) from None
     for text, what in ((choices.planner, "planner"), (choices.predictor, "predictor")):
         read_choice(text, what)  # refused before the scenario is read
     return choices, own | choices_by_agent(by_agent), bind(settings, values_given)

@@ -9,16 +9,19 @@ import math
 import re
 import types
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from _typeshed import DataclassInstance
 
 T = TypeVar("T", bound="DataclassInstance")
+
+#: The value of a setting: of its type, or a text as typed on a command line.
+Setting: TypeAlias = "str | int | float | bool | Sequence[Setting] | None"
 
 _WORDS: dict[object, str] = {
     int: "a whole number",
@@ -51,7 +54,7 @@ def bind(defaults: T, values: Mapping[str, Any]) -> T:
     known = flatten(defaults)
     for key in values:
         if key not in known:
-            raise InputError(_unknown(key, list(known)))
+            raise InputError(key, _unknown(key, list(known)))
     return _rebuilt(defaults, values, "")
 
 
@@ -69,7 +72,7 @@ def constructed(kind: type[T], values: Mapping[str, Any]) -> T:
     for item in fields(kind):
         if item.init and item.default is MISSING and item.default_factory is MISSING:
             if item.name not in values:
-                raise InputError(f"{item.name}: this setting has no default and must be given")
+                raise InputError(item.name, "this setting has no default and must be given")
             needed[item.name] = _fitting(item.name, values[item.name], kind)
     return bind(kind(**needed), values)
 
@@ -148,13 +151,13 @@ def _plain(value: object) -> object:
 def _unknown(key: str, known: list[str]) -> str:
     inside = [name for name in known if name.startswith(f"{key}.")]
     if inside:
-        return f"{key}: this is a group of settings, name one of {', '.join(inside[:6])}{', ...' * (len(inside) > 6)}"
+        return f"this is a group of settings, name one of {', '.join(inside[:6])}{', ...' * (len(inside) > 6)}"
     same_ending = [name for name in known if name.endswith(f".{key}")]
     near = same_ending or difflib.get_close_matches(key, known, n=1, cutoff=0.5)
     if not near:
         leaf = {name.rpartition(".")[2]: name for name in known}
         near = [leaf[name] for name in difflib.get_close_matches(key.rpartition(".")[2], list(leaf), n=1)]
-    return f"{key}: there is no such setting" + (f"; did you mean {' or '.join(near[:3])}?" if near else "")
+    return "there is no such setting" + (f"; did you mean {' or '.join(near[:3])}?" if near else "")
 
 
 def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
@@ -174,8 +177,8 @@ def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
     try:
         return replace(instance, **changes)
     except InputError as refusal:
-        text, group = str(refusal), prefix.rstrip(".")
-        raise InputError(text if text.startswith(prefix) or not group else f"{group}: {text}") from None
+        name = f"{prefix}{refusal.location}".rstrip(".")
+        raise InputError(*([name] if name else []), refusal.message) from None
 
 
 def _fitting(name: str, value: object, owner: type) -> object:
@@ -186,7 +189,7 @@ def _fitting(name: str, value: object, owner: type) -> object:
     except _MismatchError:
         unit = re.search(r"\[[^\]]+\]", _documentation(owner, name.rpartition(".")[2]))
         expected = _expectation(hint) + (f" {unit.group()}" if unit else "")
-        raise InputError(f"{name}: expected {expected}, not {value!r}") from None
+        raise InputError(name, f"expected {expected}, not {value!r}") from None
 
 
 def _hint(owner: type, field: str) -> object:

@@ -60,12 +60,12 @@ def _spelled(text: str, what: str) -> Choice:
     for part in parts:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not name:
-            raise InputError(f"{what} {text!r}: {part or 'nothing'} behind a comma; {form}")
+            raise InputError(f"{what} {text!r}", f"{part or 'nothing'} behind a comma; {form}")
         if name in settings:
-            raise InputError(f"{what} {text!r}: {name} is there twice")
+            raise InputError(f"{what} {text!r}", f"{name} is there twice")
         settings[name] = value
     if chosen == "":
-        raise InputError(f"{what} {text!r}: the name is missing; {form}")
+        raise InputError(f"{what} {text!r}", f"the name is missing; {form}")
     return Choice(chosen, settings)
 
 
@@ -88,10 +88,10 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
         except (InterdriveError, KeyboardInterrupt):
             raise
         except BaseException as error:
-            raise InputError(f"{what} {name}: module {module_name} does not import ({_why(error)})") from error
+            raise InputError(f"{what} {name}", f"module {module_name} does not import ({_why(error)})") from error
         for part in attribute.split("."):
             if not hasattr(found, part):
-                raise InputError(f"{what} {name}: module {module_name} has no {attribute}")
+                raise InputError(f"{what} {name}", f"module {module_name} has no {attribute}")
             found = getattr(found, part)
         return found
     offered = [entry_point for entry_point in _entry_points(what) if entry_point.name == name]
@@ -103,7 +103,7 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
     names = sorted({*native, *(entry_point.name for entry_point in _entry_points(what))})
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}, or module:object"
-    raise InputError(f"unknown {what} {name!r}: {hint}")
+    raise InputError(f"unknown {what} {name!r}", hint)
 
 
 def _why(error: BaseException) -> str:
@@ -191,7 +191,7 @@ def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # no
         lacking = _missing_extra(entry_point)
         if lacking and isinstance(error, ImportError):
             raise MissingExtraError(f"{what} {name} {lacking}") from error
-        raise InputError(f"{what} {name}: its entry point does not load ({_failure(error)})") from error
+        raise InputError(f"{what} {name}", f"its entry point does not load ({_failure(error)})") from error
 
 
 def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
@@ -221,48 +221,37 @@ def _versions(distributions: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def made(choice: Any, method: str, what: str, settings: Mapping[str, object] | None = None) -> Any:  # noqa: ANN401
+def made(source: Any, method: str, name: str, settings: Mapping[str, object]) -> Any:  # noqa: ANN401
     """An object of its own for one agent and one run: a class or factory is called, an object is copied.
 
     Args:
-        choice: A class, a factory without arguments, or an object.
+        source: A class, a factory without arguments, or an object.
         method: The method that it must have: "plan" or "predict".
-        what: "planner" or "predictor".
+        name: For messages, such as "planner mine:Follow".
         settings: Values of its fields by dotted names; it must be a dataclass then.
 
     Raises:
         InputError: It cannot be made or copied, or the settings do not fit.
     """
-    is_object = hasattr(choice, method) and not isinstance(choice, type)
-    settings = settings or {}
+    is_object = hasattr(source, method) and not isinstance(source, type)
     try:
-        if is_object or not callable(choice):
-            found = copy.deepcopy(choice)
-        elif isinstance(choice, type) and is_dataclass(choice):
-            return constructed(choice, settings)
+        if is_object or not callable(source):
+            found = copy.deepcopy(source)
+        elif isinstance(source, type) and is_dataclass(source):
+            return constructed(source, settings)
         else:
-            found = choice()
+            found = source()
         if not settings:
             return found
         if is_dataclass(found) and not isinstance(found, type):
             return bind(found, settings)
+    except InputError as error:
+        raise error.within(name) from error
     except (InterdriveError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        kind = choice if hasattr(choice, "__qualname__") else type(choice)
-        name = f"{kind.__module__}:{kind.__qualname__}"
-        raise InputError(f"{what} {name} cannot be made ({_failure(error)})") from error
-    raise InputError(f"{next(iter(settings))}: it has no settings; only those that are dataclasses have")
-
-
-def named_error(error: InputError, name: str) -> InputError:
-    """The same refusal with the name of what it is about in front, unless it stands there already."""
-    text = str(error)
-    return (
-        error
-        if text.removeprefix("unknown ").startswith(name.split(maxsplit=1)[0] + " ")
-        else InputError(f"{name}: {text}")
-    )
+        raise InputError(name, f"cannot be made ({_failure(error)})") from error
+    raise InputError(name, next(iter(settings)), "it has no settings; only those that are dataclasses have")
 
 
 def _failure(error: BaseException) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
+from interdrive.config.binding import Setting, bind
 from interdrive.errors import InputError
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
@@ -32,7 +34,7 @@ class ViewSettings:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         if not self.sensor_radius > 0:
-            raise InputError(f"view.sensor_radius must be positive, not {self.sensor_radius}")
+            raise InputError("sensor_radius", f"must be positive, not {self.sensor_radius}")
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,11 @@ class StepSettings:
         for name, most in (("replan_every", 10_000), ("grace_factor", 1_000), ("history_steps", 10_000)):
             value = getattr(self, name)
             if not 1 <= value <= most:
-                raise InputError(f"step.{name} must be at least 1 and at most {most}, not {value}")
+                raise InputError(name, f"must be at least 1 and at most {most}, not {value}")
         if not 0 <= self.max_steps <= 1_000_000:
-            raise InputError(f"step.max_steps must be at least 0 and at most 1000000, not {self.max_steps}")
+            raise InputError("max_steps", f"must be at least 0 and at most 1000000, not {self.max_steps}")
         if not self.planner_timeout_s > 0:
-            raise InputError(f"step.planner_timeout_s must be positive (inf: no limit), not {self.planner_timeout_s}")
+            raise InputError("planner_timeout_s", f"must be positive (inf: no limit), not {self.planner_timeout_s}")
 
     def steps_at_most(self, scenario: Scenario) -> int:
         """Number of time steps after which a run of the scenario ends."""
@@ -93,9 +95,9 @@ class RoadSettings:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         if not 0 < self.gap_tolerance < 1:
-            raise InputError(f"road.gap_tolerance must be between 0 and 1 m, not {self.gap_tolerance}")
+            raise InputError("gap_tolerance", f"must be between 0 and 1 m, not {self.gap_tolerance}")
         if not self.open_end_length >= 0:
-            raise InputError(f"road.open_end_length must not be negative, is {self.open_end_length}")
+            raise InputError("open_end_length", f"must not be negative, is {self.open_end_length}")
 
 
 @dataclass(frozen=True)
@@ -118,9 +120,9 @@ class RecordSettings:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         if not 0 <= self.candidates <= 10_000:
-            raise InputError(f"record.candidates must be at least 0 and at most 10000, not {self.candidates}")
+            raise InputError("candidates", f"must be at least 0 and at most 10000, not {self.candidates}")
         if not self.candidate_spacing >= 0:
-            raise InputError(f"record.candidate_spacing must not be negative, is {self.candidate_spacing}")
+            raise InputError("candidate_spacing", f"must not be negative, is {self.candidate_spacing}")
 
 
 @dataclass(frozen=True)
@@ -135,3 +137,16 @@ class SimulationSettings:
     step: StepSettings = field(default_factory=StepSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
+
+
+#: Settings of a run, or dotted names of those that are not the defaults: `{"view.sensor_radius": 40.0}`.
+SettingsSpec: TypeAlias = SimulationSettings | Mapping[str, Setting]
+
+
+def settings_of(spec: SettingsSpec | None) -> SimulationSettings:
+    """Settings as you wrote them; the defaults for None.
+
+    Raises:
+        InputError: A name that does not exist, or a value that does not fit; the location is the dotted name.
+    """
+    return spec if isinstance(spec, SimulationSettings) else bind(SimulationSettings(), spec or {})

@@ -49,10 +49,10 @@ class CriticalitySettings:
         for name in ("radius", "ttc_threshold", "deceleration", "lateral_acceleration", "opposite_angle"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
-                raise InputError(f"{name} must be positive, not {value}")
+                raise InputError(name, f"must be positive, not {value}")
         if self.opposite_angle > math.pi:
-            raise InputError(f"opposite_angle must be at most pi, not {self.opposite_angle}")
+            raise InputError("opposite_angle", f"must be at most pi, not {self.opposite_angle}")
         for name in ("erosion", "overlap_min"):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
-                raise InputError(f"{name} must not be negative, is {value}")
+                raise InputError(name, f"must not be negative, is {value}")

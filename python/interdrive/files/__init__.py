@@ -1,13 +1,15 @@
 """CommonRoad files in and out. The only package that imports commonroad-io."""
 
 from interdrive.files.content import content_of_file, content_of_input
-from interdrive.files.read import read_scenario, scenario_from_commonroad, scenario_parts
+from interdrive.files.read import ScenarioSpec, open_scenario, read_scenario, scenario_from_commonroad, scenario_parts
 from interdrive.files.shipped import shipped_scenario, shipped_scenarios
 from interdrive.files.write import write_scenario
 
 __all__ = [
+    "ScenarioSpec",
     "content_of_file",
     "content_of_input",
+    "open_scenario",
     "read_scenario",
     "scenario_from_commonroad",
     "scenario_parts",

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import logging
+import os
 import re
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -20,12 +21,21 @@ from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.convert import converted
 from interdrive.files.numbers import check_message
 from interdrive.files.shapes import Foreign
+from interdrive.files.shipped import shipped_scenario, shipped_scenarios
+from interdrive.scenario import Scenario
+from interdrive.scenario.limits import require_scenario
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Iterator
 
-    from interdrive.scenario import Scenario
+    from commonroad.planning.planning_problem import PlanningProblemSet
+    from commonroad.scenario.scenario import Scenario as CommonRoadScenario
+
+#: A scenario: one that was read, the path of a CommonRoad file, the name of a shipped scenario, or an object of
+#: commonroad-io, alone or as a pair with its planning problems.
+ScenarioSpec: TypeAlias = (
+    "Scenario | str | os.PathLike[str] | CommonRoadScenario | tuple[CommonRoadScenario, PlanningProblemSet]"
+)
 
 #: Endings of protobuf files; everything else is taken for XML.
 PROTOBUF_ENDINGS = (".pb", ".proto", ".protobuf")
@@ -237,3 +247,22 @@ def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:
             kinds.setdefault(re.sub(r"\d+", "#", text), []).append(text)
     lines = (texts[0] + (f" ({len(texts)} like this)" if len(texts) > 1 else "") for texts in kinds.values())
     return dataclasses.replace(scenario, notes=(*scenario.notes, *(f"commonroad-io: {line}" for line in lines)))
+
+
+def open_scenario(spec: ScenarioSpec) -> Scenario:
+    """The scenario that a specification means.
+
+    Raises:
+        InputError: There is no such file or scenario, or it cannot be used; one line that says why.
+    """
+    if isinstance(spec, Scenario):
+        require_scenario(spec, spec.name)
+        return spec
+    if isinstance(spec, str | os.PathLike):
+        path = Path(spec)
+        if str(spec) in shipped_scenarios() and not path.exists():
+            path = shipped_scenario(str(spec))
+        return read_scenario(path)
+    if isinstance(spec, tuple):
+        return scenario_from_commonroad(*spec)
+    return scenario_from_commonroad(spec)

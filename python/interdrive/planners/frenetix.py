@@ -110,7 +110,7 @@ class Frenetix:
         ):
             value = getattr(self, name)
             if not low <= value <= high:
-                raise InputError(f"{name} must be at least {low} and at most {high}, not {value}")
+                raise InputError(name, f"must be at least {low} and at most {high}, not {value}")
         self._frame: _Frame | None = None
         self._last: _Plan | None = None
 

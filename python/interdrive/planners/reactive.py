@@ -104,7 +104,7 @@ class Reactive:
         ):
             value = getattr(self, name)
             if not low <= value <= high:
-                raise InputError(f"{name} must be at least {low} and at most {high}, not {value}")
+                raise InputError(name, f"must be at least {low} and at most {high}, not {value}")
         self._planner: Any = None
         self._last: tuple[int, Trajectory] | None = None
 

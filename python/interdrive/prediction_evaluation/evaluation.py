@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import Choice, read_choice
-from interdrive.config.schema import SimulationSettings
-from interdrive.config.specs import bound_predictor, predictor_name
+from interdrive.config.schema import SimulationSettings, settings_of
+from interdrive.config.specs import bound_predictor, spec_label
 from interdrive.errors import InputError, InterdriveError
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import category_of, found_files, opened
@@ -21,6 +21,8 @@ from interdrive.predictors import NATIVE
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from interdrive.config.schema import SettingsSpec
+    from interdrive.config.specs import PredictorSpec
     from interdrive.prediction_evaluation.recordings import Recording
     from interdrive.prediction_evaluation.split import Split
 
@@ -54,7 +56,7 @@ class PredictionEvaluation:
 
 
 def chosen_predictors(
-    predictors: object, settings: SimulationSettings, recording: Recording
+    predictors: PredictorSpec | Sequence[PredictorSpec], settings: SimulationSettings, recording: Recording
 ) -> tuple[list[Choice], list[str]]:
     """Predictors by choice; "all" are the native ones that can be used here, without `ground_truth`.
 
@@ -77,7 +79,7 @@ def chosen_predictors(
             bound_predictor(choices[-1], settings.predictor, recording.core_scenario)
             continue
         for name in NATIVE:
-            if name in _FOR_STUDIES or name in map(predictor_name, choices):
+            if name in _FOR_STUDIES or name in map(spec_label, choices):
                 continue
             try:
                 bound_predictor(name, settings.predictor, recording.core_scenario)
@@ -85,7 +87,7 @@ def chosen_predictors(
                 notes.append(f"{name} is left out: {error}")
             else:
                 choices.append(Choice(name))
-    names = [predictor_name(choice) for choice in choices]
+    names = [spec_label(choice) for choice in choices]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"predictor {name} is there twice")
@@ -96,10 +98,10 @@ def chosen_predictors(
 
 def evaluate_predictors(
     files: str | Path | Sequence[str | Path],
-    predictors: object = "all",
+    predictors: PredictorSpec | Sequence[PredictorSpec] = "all",
     *,
     every: int = 5,
-    settings: SimulationSettings | None = None,
+    settings: SettingsSpec | None = None,
     split: str | Path | None = None,
     part: str = "validation",
     with_timing: bool = True,
@@ -115,7 +117,7 @@ def evaluate_predictors(
         files: CommonRoad files, folders of them, and names of shipped scenarios.
         predictors: "all", a choice as `simulate` takes it, or a list of choices; "all" may be among them.
         every: Time steps between two questions.
-        settings: Settings of the predictors, and of what counts as road; predictor.horizon is 3 s here.
+        settings: Settings, or a mapping of dotted names, for predictors and road; predictor.horizon is 3 s here.
         split: File that says which recordings are for what (`interdrive.prediction_evaluation.split`), and which
             category and traffic they have. None: all are taken, with the category of their folder and unknown traffic.
         part: The part of the split that is judged; the other files are left out.
@@ -131,8 +133,8 @@ def evaluate_predictors(
     """
     if every < 1:
         raise InputError(f"every must be at least 1, not {every}")
-    settings = settings or SimulationSettings()
-    settings = replace(settings, predictor=replace(settings.predictor, horizon=float(HORIZONS[-1])))
+    simulation = settings_of(settings)
+    simulation = replace(simulation, predictor=replace(simulation.predictor, horizon=float(HORIZONS[-1])))
     choices: list[Choice] = []
     notes: list[str] = []
     gathered = Gathered()
@@ -145,22 +147,22 @@ def evaluate_predictors(
     for number, (path, is_needed) in enumerate(paths):
         if on_step is not None:
             on_step(path.name, number, len(paths))
-        recording = opened(path, settings, is_needed=is_needed)
+        recording = opened(path, simulation, is_needed=is_needed)
         if isinstance(recording, str):
             notes.append(recording if path.name in recording else f"{path.name}: {recording}")
             continue
         if not choices:
-            choices, lines = chosen_predictors(predictors, settings, recording)
+            choices, lines = chosen_predictors(predictors, simulation, recording)
             notes += lines
-        asked = [bound_predictor(choice, settings.predictor, recording.core_scenario) for choice in choices]
+        asked = [bound_predictor(choice, simulation.predictor, recording.core_scenario) for choice in choices]
         gathered.add(path, labels[path], recording, asked, every)
     notes += gathered.note()
     if not gathered.files:
         raise InputError("no vehicle can be judged: none in these files is recorded for a second")
-    timings = measured_timings(choices, settings, on_step) if with_timing else ()
+    timings = measured_timings(choices, simulation, on_step) if with_timing else ()
     return PredictionEvaluation(
         tuple(gathered.files),
-        tuple(predictor_name(choice) for choice in choices),
+        tuple(spec_label(choice) for choice in choices),
         gathered.samples(),
         timings,
         tuple(notes),
@@ -171,12 +173,12 @@ def evaluate_predictors(
             "files": [str(path) for path in gathered.files],
             "settings": {
                 name: value
-                for name, value in flatten(settings).items()
+                for name, value in flatten(simulation).items()
                 if name.startswith(("predictor.", "road.", "step."))
             },
         },
         tuple(choices),
-        settings,
+        simulation,
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.config.specs import bound_predictor, predictor_name
+from interdrive.config.specs import bound_predictor, spec_label
 from interdrive.files import read_scenario, shipped_scenario
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import JUDGED_KINDS, Recording
@@ -114,7 +114,7 @@ def measured_timings(
         n_steps = round(HORIZONS[-1] / recording.scenario.dt)
         for choice in choices:
             if on_step is not None:
-                on_step(f"timing {predictor_name(choice)}", place, len(VEHICLES))
+                on_step(f"timing {spec_label(choice)}", place, len(VEHICLES))
             predictor = bound_predictor(choice, settings.predictor, recording.core_scenario)
             recording.at(0)
             seconds: list[float] = []
@@ -124,6 +124,6 @@ def measured_timings(
                 start = time.perf_counter()
                 predictor.predict(recording.world, scene, n_steps)
                 seconds.append(time.perf_counter() - start)
-            found.append(Timing(predictor_name(choice), n, 1000.0 * float(np.median(seconds)), len(seconds)))
-    order = {predictor_name(choice): place for place, choice in enumerate(choices)}
+            found.append(Timing(spec_label(choice), n, 1000.0 * float(np.median(seconds)), len(seconds)))
+    order = {spec_label(choice): place for place, choice in enumerate(choices)}
     return tuple(sorted(found, key=lambda timing: (order[timing.predictor], timing.vehicles)))

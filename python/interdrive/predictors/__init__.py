@@ -48,10 +48,10 @@ class Predictor(Protocol):
         ...
 
 
-def _positive(owner: str, **values: float) -> None:
+def _positive(**values: float) -> None:
     for name, value in values.items():
         if not 0 < value < math.inf:
-            raise InputError(f"predictor.{owner}.{name} must be a positive number, not {value}")
+            raise InputError(name, f"must be a positive number, not {value}")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,6 @@ class ConstantVelocity:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         _positive(
-            "constant_velocity",
             position_sigma=self.position_sigma,
             acceleration_sigma=self.acceleration_sigma,
             lateral_rate=self.lateral_rate,
@@ -104,7 +103,6 @@ class LaneFollowing:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         _positive(
-            "lane_following",
             position_sigma=self.position_sigma,
             acceleration_sigma=self.acceleration_sigma,
             lateral_rate=self.lateral_rate,
@@ -113,7 +111,7 @@ class LaneFollowing:
             return_time=self.return_time,
         )
         if not 1 <= self.modes_max <= 8:
-            raise InputError(f"predictor.lane_following.modes_max must be 1 to 8, not {self.modes_max}")
+            raise InputError("modes_max", f"must be 1 to 8, not {self.modes_max}")
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ class Neural:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         if not 1 <= self.modes_max <= 8:
-            raise InputError(f"predictor.neural.modes_max must be 1 to 8, not {self.modes_max}")
+            raise InputError("modes_max", f"must be 1 to 8, not {self.modes_max}")
 
 
 @dataclass(frozen=True)
@@ -187,7 +185,7 @@ class PredictorSettings:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         if not 0 < self.horizon <= 30:
-            raise InputError(f"predictor.horizon must be more than 0 and at most 30 s, not {self.horizon}")
+            raise InputError("horizon", f"must be more than 0 and at most 30 s, not {self.horizon}")
 
 
 #: The record of each native predictor.

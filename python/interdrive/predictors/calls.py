@@ -48,9 +48,9 @@ class BoundPredictor:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            raise PredictorError(f"{where}: {failure(error, 'scene')}") from error
+            raise PredictorError(where, failure(error, "scene")) from error
         if not isinstance(answer, Predictions):
-            raise PredictorError(f"{where}: it returned {type(answer).__name__}, interdrive.Predictions expected")
+            raise PredictorError(where, f"it returned {type(answer).__name__}, interdrive.Predictions expected")
         if answer.time_step != scene.time_step:
-            raise PredictorError(f"{where}: it returned predictions of time step {answer.time_step}")
+            raise PredictorError(where, f"it returned predictions of time step {answer.time_step}")
         return answer

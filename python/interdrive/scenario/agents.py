@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive import _core
-from interdrive.errors import InputError, NoRouteError
+from interdrive.errors import InputError
 from interdrive.scenario.inspection import candidates
 from interdrive.scenario.limits import LARGEST_VELOCITY
 from interdrive.scenario.model import KINDS, GoalState, InitialState, Shape
@@ -63,13 +63,13 @@ class GoalSettings:
         """Checks the ranges."""
         for name in ("length_before", "length_after", "time_early", "time_late"):
             if not getattr(self, name) >= 0:
-                raise InputError(f"goal.{name} must not be negative, is {getattr(self, name)}")
+                raise InputError(name, f"must not be negative, is {getattr(self, name)}")
         for name in ("length_before", "length_after", "time_late"):
             if not getattr(self, name) <= 1e5:
-                raise InputError(f"goal.{name} must be at most 100000, not {getattr(self, name)}")
+                raise InputError(name, f"must be at most 100000, not {getattr(self, name)}")
         for name in ("velocity_tolerance", "orientation_tolerance"):
             if not getattr(self, name) > 0:
-                raise InputError(f"goal.{name} must be positive, is {getattr(self, name)}")
+                raise InputError(name, f"must be positive, is {getattr(self, name)}")
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def possible_agents(
             _build(proposal, road)
             able.append(proposal.id)
         except InputError as error:
-            reasons[proposal.id] = str(error).removeprefix(f"agent {proposal.id}: ")
+            reasons[proposal.id] = error.message
     return sorted(able), dict(sorted(reasons.items()))
 
 
@@ -243,7 +243,8 @@ def _choose(
         if found is None:
             known = ", ".join(str(p.id) for p in proposals[:20]) or "none"
             why = reasons.get(int(wanted), "there is no such vehicle")
-            raise InputError(f"agent {wanted}: {why}; possible agents: {known}{', ...' if len(proposals) > 20 else ''}")
+            more = ", ..." if len(proposals) > 20 else ""
+            raise InputError(f"agent {wanted}", f"{why}; possible agents: {known}{more}")
         if found not in chosen:
             chosen.append(found)
     return chosen
@@ -390,10 +391,8 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
             ]
         )
         route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal)
-    except NoRouteError as error:
-        raise NoRouteError(f"agent {proposal.id}: {error}") from None
     except InputError as error:
-        raise InputError(f"agent {proposal.id}: {error}") from None
+        raise error.within(f"agent {proposal.id}") from None
     length, width = core_shape(proposal.shape).extent
     code = KINDS.index(proposal.kind)
     vehicle = _core.Vehicle(code, length, width)

@@ -23,7 +23,7 @@ def _naming(scenario: Scenario) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(f"{scenario.path or scenario.name}: {error}") from None
+        raise error.within(str(scenario.path or scenario.name)) from None
 
 
 def core_shape(shape: Shape) -> _core.Shape:
@@ -91,4 +91,4 @@ def _footprint(number: int, shape: Shape) -> _core.Shape:
     try:
         return core_shape(shape)
     except InputError as error:
-        raise InputError(f"obstacle {number}: {error}") from None
+        raise error.within(f"obstacle {number}") from None

@@ -11,33 +11,34 @@ from interdrive.simulation import Simulation
 from interdrive.studies.result import CaseStudy
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Callable
 
-    from interdrive.config.schema import SimulationSettings
-    from interdrive.scenario import Scenario
+    from interdrive.config.agents import PlannersSpec
+    from interdrive.config.schema import SettingsSpec
+    from interdrive.config.specs import PlannerSpec, PredictorSpec
+    from interdrive.files import ScenarioSpec
 
 
 def case_study(
-    scenario: Scenario | str | os.PathLike[str],
+    scenario: ScenarioSpec,
     *,
     agent: int,
     other: int,
-    planner: object = "frenet",
-    predictor: object = "neural",
-    settings: SimulationSettings | None = None,
+    planner: PlannerSpec = "frenet",
+    predictor: PredictorSpec = "neural",
+    settings: SettingsSpec | None = None,
     threads: int | None = None,
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> CaseStudy:
     """Simulates an encounter of two vehicles in every degree of interaction; everybody else replays the recording.
 
     Args:
-        scenario: A `Scenario`, the path of a CommonRoad file, or the name of a shipped scenario.
+        scenario: See `interdrive.ScenarioSpec`.
         agent: Id of a planning problem or recorded vehicle, which always plans.
         other: Id of a recorded vehicle, whose behaviour is varied.
-        planner: Of the agent and, in the interactive degree, of the other vehicle: name, record, object or factory.
-        predictor: Of both: name, record, object or factory.
-        settings: Settings; the defaults otherwise.
+        planner: Of the agent and, in the interactive degree, of the other vehicle; see `interdrive.PlannerSpec`.
+        predictor: Of both; see `interdrive.PredictorSpec`.
+        settings: Settings, or a mapping of dotted names.
         threads: Threads that plan; the number of cores otherwise. Results do not depend on it.
         on_step: Called after every step with time step, agents driving, agents in all, latest possible time step.
 
@@ -51,12 +52,12 @@ def case_study(
     if agent == other:
         raise InputError(f"agent {agent} and the other vehicle must be two vehicles")
 
-    def prepared(agents: list[int], planners: object) -> Simulation:
+    def prepared(agents: list[int], planners: PlannersSpec) -> Simulation:
         return Simulation(
             source, agents=agents, planner=planners, predictor=predictor, settings=settings, threads=threads
         )
 
-    source: object = scenario
+    source: ScenarioSpec = scenario
     alone = prepared([agent], planner)
     source = alone.scenario
     # A planning problem that starts where a recorded vehicle is has become that vehicle.

@@ -16,6 +16,7 @@ from interdrive.testing.worlds import Car, crossing, straight_road, world
 
 if TYPE_CHECKING:
     from interdrive._core import Predictions, Scene
+    from interdrive.config.specs import PredictorSpec
     from interdrive.predictors.calls import BoundPredictor
     from interdrive.scenario import Scenario
 
@@ -53,7 +54,7 @@ def _worlds() -> dict[str, Scenario]:
     }
 
 
-def check_predictor(factory: object, *, horizon: float = 3.0, seconds_max: float = 1.0) -> dict[str, float]:
+def check_predictor(factory: PredictorSpec, *, horizon: float = 3.0, seconds_max: float = 1.0) -> dict[str, float]:
     """Asks a predictor in small worlds and checks the contract.
 
     Checked are: predictions of the right time step for nobody but those who are present, long enough, with shapes,
@@ -87,7 +88,7 @@ def check_predictor(factory: object, *, horizon: float = 3.0, seconds_max: float
             try:
                 seconds = _check(recording, scene, (first, second), horizon)
             except (PredictorError, PredictorContractError) as error:
-                text = str(error).removeprefix(f"predictor {first.name}, time step {time_step}: ")
+                text = error.message if isinstance(error, PredictorError) else str(error)
                 raise PredictorContractError(f"{name}, time step {time_step}: {text}") from error
             longest[name] = max(longest[name], seconds)
             allowed = seconds_max * max(1.0, len(scene.ids) / _FEW)

@@ -20,7 +20,8 @@ from interdrive.studies.runtime.cases import RuntimeCase
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.config.schema import SimulationSettings
+    from interdrive.config.schema import SettingsSpec
+    from interdrive.config.specs import PlannerSpec
     from interdrive.scenario import Scenario
     from interdrive.storage import ArrowTable
 
@@ -73,8 +74,8 @@ def runtime_study(
     steps: int = 50,
     repetitions: int = 3,
     threads: int | None = None,
-    planner: object = "frenet",
-    settings: SimulationSettings | None = None,
+    planner: PlannerSpec = "frenet",
+    settings: SettingsSpec | None = None,
     on_run: Callable[[str, int, int], None] | None = None,
     notes: tuple[str, ...] = (),
 ) -> RuntimeStudy:
@@ -133,7 +134,7 @@ def runtime_study(
     )
 
 
-def _numbers(case: RuntimeCase, scenario: Scenario, planner: object, settings: SimulationSettings | None) -> list[int]:
+def _numbers(case: RuntimeCase, scenario: Scenario, planner: PlannerSpec, settings: SettingsSpec | None) -> list[int]:
     """The numbers of agents that the scenario has, ascending."""
     wanted = [n for n in case.counts if n is not None]
     most = len(Simulation(scenario, planner=planner, predictor=case.predictor, settings=settings, threads=1).agents)
