@@ -251,10 +251,16 @@ def test_a_scenario_from_memory_keeps_the_same_bounds():
 
 
 def test_what_is_derived_from_a_jump_keeps_within_the_bounds(read, tmp_path):
-    jumping = [state(t, 1e6 * t, orientation=0.0) for t in (1, 2)]
+    jumping = [state(t, 4e4 * t, orientation=0.0) for t in (1, 2)]
     scenario = read(document(car(30, initial(0.0, velocity=None), jumping)))
     assert scenario.obstacles.velocity.max() == limits.LARGEST_VELOCITY
     written(run_of(scenario), tmp_path)
+
+
+def test_a_recording_through_which_no_path_can_lead_is_refused_with_the_obstacle(read):
+    away = document(car(30, initial(0.0), [state(1, 1e6, orientation=0.0)]))
+    message = "obstacle 30 travels 1000000 m; at most 100000 are possible, correct its positions"
+    assert refusal(read, away) == message
 
 
 # Runs without end

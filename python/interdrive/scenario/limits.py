@@ -36,6 +36,8 @@ LARGEST_COORDINATE = 1e9
 ROOM_BEYOND_MAP = 1e6
 #: Speeds [m/s], accelerations [m/s²] and yaw rates [rad/s] beyond these are errors of units.
 LARGEST_VELOCITY, LARGEST_ACCELERATION, LARGEST_YAW_RATE = 1e4, 1e7, 1e4
+#: Distance travelled in a recording [m]: an agent's reference path leads through all its positions.
+LONGEST_RECORDING = 1e5
 #: commonroad-io takes off one turn at a time, which for larger angles [rad] takes for ever.
 LARGEST_ANGLE = 1000.0
 #: Size of a footprint [m]: walls and buildings are obstacles, too.
@@ -202,6 +204,9 @@ def require_states(values: Floats, what: str, file: str) -> None:
     ):
         stated = column if name == "coordinate" else column[~np.isnan(column)]
         require_values(stated, most, what, file, name)
+    travelled = float(np.hypot(*np.diff(values[:, :2], axis=0).T).sum())
+    problem = f"travels {travelled:.0f} m; at most {LONGEST_RECORDING:.0f} are possible, correct its positions"
+    require(travelled <= LONGEST_RECORDING, file, what, problem)
 
 
 def require_footprint(shape: Shape, what: str, file: str) -> None:
