@@ -265,7 +265,7 @@ class Scene:
 class NeuralInputs:
     """What the neural predictor is told about the vehicles of a scene (n rows, ascending ids; P slots for paths).
 
-    Rows are those who are present, can move, are no pedestrians and do not drive backwards. Path coordinates are arc
+    Rows are the vehicles that are present, can move and do not drive backwards. Path coordinates are arc
     length `s` from where the vehicle is now and offset `d` to the left [m].
     """
 
@@ -544,7 +544,7 @@ class World:
         grace_factor: float,
         replan_every: int,
         history_steps: int,
-        max_steps: int = 10_000,
+        max_steps: int | None = None,
         threads: int,
         record_views: bool = False,
     ) -> World: ...

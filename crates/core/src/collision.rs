@@ -28,7 +28,7 @@ pub struct Mover<'a> {
 
 /// The motion of one body during the step.
 #[derive(Debug, Clone, Copy)]
-struct Motion {
+struct RigidMotion {
     from: Pose,
     /// Displacement over the whole step [m].
     shift: Point,
@@ -36,7 +36,7 @@ struct Motion {
     turn: f64,
 }
 
-impl Motion {
+impl RigidMotion {
     fn new(from: Pose, to: Pose) -> Self {
         Self { from, shift: to.position - from.position, turn: wrap_angle(to.orientation - from.orientation) }
     }
@@ -56,7 +56,7 @@ impl Motion {
 /// Earliest fraction of the step, in [0, 1], at which two bodies touch; `None` if they do not. Exact to
 /// 1e-4 m: bodies that pass nearer than that may be reported, those that touch are.
 pub fn first_contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pose) -> Option<f64> {
-    let (motion_a, motion_b) = (Motion::new(a0, a1), Motion::new(b0, b1));
+    let (motion_a, motion_b) = (RigidMotion::new(a0, a1), RigidMotion::new(b0, b1));
     let shift = motion_b.shift - motion_a.shift;
     if nearest_approach(b0.position - a0.position, shift) > a.bounding_radius() + b.bounding_radius() + CONTACT {
         return None;
@@ -84,7 +84,7 @@ fn nearest_approach(offset: Point, shift: Point) -> f64 {
 }
 
 /// Upper bound of the way that turning alone moves a point of the part over the whole step [m].
-fn swing(part: &ConvexPart, motion: &Motion) -> f64 {
+fn swing(part: &ConvexPart, motion: &RigidMotion) -> f64 {
     part.lever() * motion.turn.abs()
 }
 
@@ -92,9 +92,9 @@ fn swing(part: &ConvexPart, motion: &Motion) -> f64 {
 /// its own direction, at the speed they have in that direction plus all that turning can add, they cannot touch.
 fn first_contact_of_parts(
     a: &ConvexPart,
-    motion_a: &Motion,
+    motion_a: &RigidMotion,
     b: &ConvexPart,
-    motion_b: &Motion,
+    motion_b: &RigidMotion,
     latest: f64,
 ) -> Option<f64> {
     let shift = motion_b.shift - motion_a.shift;
@@ -161,7 +161,7 @@ fn swept_box(mover: &Mover<'_>) -> Aabb {
 /// Earliest fraction of the step at which the footprint is not covered by the road, looked at every 0.25 m of motion and
 /// at both ends; `None` if it stays on the road.
 pub fn departs_road(road: &RoadNetwork, shape: &Shape, from: Pose, to: Pose) -> Option<f64> {
-    let motion = Motion::new(from, to);
+    let motion = RigidMotion::new(from, to);
     let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
     let looks = (travel / ROAD_CHECK_SPACING).ceil().clamp(1.0, ROAD_CHECKS_MAX) as usize;
     (0..=looks).map(|look| look as f64 / looks as f64).find(|fraction| !road.covers(shape, motion.pose_at(*fraction)))

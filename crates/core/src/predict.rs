@@ -1,7 +1,7 @@
 //! Native predictors. Each answers for all participants that are present, from present and past alone; the one that
 //! looks into the recording is called `GroundTruth` and must be built from the scenario.
 
-mod lanes;
+mod lane_candidates;
 pub mod neural;
 mod product;
 mod standing;
@@ -20,13 +20,13 @@ use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
-use lanes::Lanes;
+use lane_candidates::LaneCandidates;
 use walenet::Walenet;
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.
-const STANDING: f64 = 0.3;
+const STATIONARY_SPEED: f64 = 0.3;
 /// Variance of the position of something that stands [m²].
-const STANDING_VARIANCE: f64 = 0.02;
+const STATIONARY_VARIANCE: f64 = 0.02;
 
 /// How the spread of a moving participant grows: along its heading like an unknown constant acceleration, across it
 /// linearly.
@@ -40,7 +40,7 @@ pub struct Spread {
     pub lateral_rate: f64,
 }
 
-/// Of who goes straight on because no other predictor answers: that of `constant_velocity`.
+/// Of participants that go straight on because no other predictor answers: that of `constant_velocity`.
 const STRAIGHT: Spread = Spread { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.25 };
 
 impl Default for Spread {
@@ -89,7 +89,7 @@ pub enum Predictor {
     ConstantVelocity(Spread),
     /// Along every lane that fits, speed kept, slower in curves.
     LaneFollowing(LaneFollowing),
-    /// The recorded future of those who replay it; agents follow their lanes. For studies only: no planner in a car
+    /// The recorded future of recorded participants; agents follow their lanes. For studies only: no planner in a car
     /// could know it.
     GroundTruth(Arc<Scenario>, LaneFollowing),
     /// The published network WALENET, made for the scenario's roads.
@@ -106,20 +106,20 @@ const MODES_LIMIT: usize = 8;
 /// Memory that predictions reuse: after the first few nothing but the table is allocated. Holds no state: a prediction
 /// does not depend on what was predicted before with the same memory.
 #[derive(Debug, Default)]
-pub struct Memory(Mutex<Vec<Scratch>>);
+pub struct Memory(Mutex<Vec<PredictionMemory>>);
 
 /// Memory of a thread.
 #[derive(Debug, Default)]
-struct Scratch {
+struct PredictionMemory {
     /// Some rows of the result.
     table: Predictions,
-    lanes: Lanes,
-    neural: neural::Scratch,
+    lanes: LaneCandidates,
+    neural: neural::NeuralMemory,
 }
 
 impl Memory {
-    /// Calls a function with memory that nobody else uses meanwhile.
-    fn with<T>(&self, work: impl FnOnce(&mut Scratch) -> T) -> T {
+    /// Calls a function with memory of its own.
+    fn with<T>(&self, work: impl FnOnce(&mut PredictionMemory) -> T) -> T {
         // What is inside holds no state, so a panic in between spoils nothing.
         let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let mut scratch = all().pop().unwrap_or_default();
@@ -129,7 +129,7 @@ impl Memory {
     }
 }
 
-/// Who calls `work(i)` once for every i below `n`, in any order, on any threads: `each(n, work)`.
+/// Calls `work(i)` once for every i below `n`, in any order, on any threads: `each(n, work)`.
 pub type Each<'a> = &'a dyn Fn(usize, &(dyn Fn(usize) + Sync));
 
 /// The calling thread alone.
@@ -143,7 +143,7 @@ pub fn one_by_one(n: usize, work: &(dyn Fn(usize) + Sync)) {
 /// # Errors
 /// `InvalidInput` for zero steps, zero modes or more than 8, or a predictor that was made for another road network.
 pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Result<Predictions> {
-    // Threads of nobody in particular are left alone.
+    // The global thread pool is left alone.
     let is_shared = rayon::current_thread_index().is_some();
     let shared: Each<'_> = &|n, work| (0..n).into_par_iter().for_each(work);
     predict_with(predictor, scene, road, n_steps, &Memory::default(), if is_shared { shared } else { &one_by_one })
@@ -184,7 +184,7 @@ pub fn predict_with(
     let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
     let parts = out.parts(CHUNK);
     each(parts.len(), &|part| {
-        memory.with(|Scratch { table, lanes, .. }| {
+        memory.with(|PredictionMemory { table, lanes, .. }| {
             let rows = rows_of(scene, part, CHUNK);
             table.clear(scene.time_step, rows.len(), n_modes, n_steps);
             for (i, row) in rows.iter().copied().enumerate() {
@@ -209,7 +209,7 @@ fn predict_one(
     row: usize,
     out: &mut Predictions,
     i: usize,
-    lanes: &mut Lanes,
+    lanes: &mut LaneCandidates,
 ) {
     let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
     match predictor {
@@ -218,16 +218,16 @@ fn predict_one(
         {
             replay(out, i, scenario, scene.participants.ids[row]);
         }
-        _ if scene.participants.is_static[row] || state.velocity.abs() < STANDING => stand(out, i, &state),
+        _ if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED => stand(out, i, &state),
         Predictor::ConstantVelocity(spread) => go_straight(out, i, &state, spread, scene.dt),
-        Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("networks answer for everybody at once"),
+        Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("networks predict all vehicles at once"),
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
-            lanes::follow_lanes(out, i, row, &state, settings, (scene, road), lanes);
+            lane_candidates::follow_lanes(out, i, row, &state, settings, (scene, road), lanes);
         }
     }
 }
 
-/// Completes a table so that it has a row for everybody who is present: who is missing or has no valid mode goes
+/// Completes a table to a row for every participant present: one that is missing or has no valid mode goes
 /// straight on, or stays if standing.
 pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Predictions> {
     let ids = || scene.present.iter().map(|row| scene.participants.ids[*row]);
@@ -246,7 +246,7 @@ pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Pre
             continue;
         }
         let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
-        if scene.participants.is_static[row] || state.velocity.abs() < STANDING {
+        if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED {
             stand(&mut out, i, &state);
         } else {
             go_straight(&mut out, i, &state, &STRAIGHT, scene.dt);
@@ -268,7 +268,7 @@ fn stand(out: &mut Predictions, row: usize, state: &State) {
     out.probability[row * out.n_modes] = 1.0;
     let start = out.offset(row, 0);
     for k in 0..out.n_steps {
-        write(out, start + k, state.pose(), 0.0, (STANDING_VARIANCE, 0.0, STANDING_VARIANCE));
+        write(out, start + k, state.pose(), 0.0, (STATIONARY_VARIANCE, 0.0, STATIONARY_VARIANCE));
     }
 }
 
@@ -289,9 +289,9 @@ fn replay(out: &mut Predictions, row: usize, scenario: &Scenario, id: i64) {
     out.probability[row * out.n_modes] = 1.0;
     let start = out.offset(row, 0);
     for k in 0..out.n_steps {
-        // Who leaves the recording is not expected anywhere afterwards.
+        // A participant that leaves the recording has no prediction afterwards.
         if let Some(state) = scenario.obstacles.states.get(recorded, out.time_step + 1 + k as i64) {
-            write(out, start + k, state.pose(), state.velocity, (STANDING_VARIANCE, 0.0, STANDING_VARIANCE));
+            write(out, start + k, state.pose(), state.velocity, (STATIONARY_VARIANCE, 0.0, STATIONARY_VARIANCE));
         }
     }
 }

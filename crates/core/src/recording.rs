@@ -1,4 +1,4 @@
-//! What happened: states of everybody, plans and outcomes, and who saw whom if asked. Append-only.
+//! What happened: states, plans, outcomes and, if requested, visibility intervals. Append-only.
 
 use std::collections::BTreeMap;
 
@@ -40,7 +40,7 @@ impl OutcomeKind {
     ];
 }
 
-/// How, when and against whom an agent ended.
+/// How and when an agent ended, and its partner in a contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// How.
@@ -79,16 +79,16 @@ pub struct Recording {
     /// One block of participants per time step.
     columns: Vec<Vec<Option<State>>>,
     plans: Vec<Plans>,
-    /// First and last time steps of every stretch in which an observer saw somebody, by the ids of both.
+    /// Visibility intervals (first and last time step) by the ids of observer and seen participant.
     sightings: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
 }
 
 /// A stretch of time steps in which an agent saw another participant without a break.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sighting {
-    /// Who saw.
+    /// The observer.
     pub observer: i64,
-    /// Who was seen.
+    /// The seen participant.
     pub seen: i64,
     /// First time step.
     pub first: i64,
@@ -123,7 +123,7 @@ impl Recording {
         }
     }
 
-    /// Who saw whom when, sorted by observer, seen and time; nothing unless it was asked for.
+    /// Visibility intervals, sorted by observer, seen and time; empty unless requested.
     pub fn sightings(&self) -> impl Iterator<Item = Sighting> {
         self.sightings.iter().flat_map(|((observer, seen), stretches)| {
             stretches.iter().map(|(first, last)| Sighting {

@@ -51,6 +51,21 @@ impl GoalState {
 }
 
 impl Goal {
+    /// Some alternative is satisfied at a time step.
+    pub fn is_met(&self, state: &State, time_step: i64) -> bool {
+        self.states.iter().any(|alternative| alternative.is_met(state, time_step))
+    }
+
+    /// Some alternative is satisfied except for its time.
+    pub fn is_met_at_any_time(&self, state: &State) -> bool {
+        self.states.iter().any(|alternative| alternative.is_met_at_any_time(state))
+    }
+
+    /// First time step at which the goal can be reached; `None` without any alternative.
+    pub fn earliest_time_step(&self) -> Option<i64> {
+        self.states.iter().map(|state| state.time_step.0).min()
+    }
+
     /// Last time step at which the goal can be reached in time; `None` without any alternative.
     pub fn latest_time_step(&self) -> Option<i64> {
         self.states.iter().map(|state| state.time_step.1).max()

@@ -1,5 +1,5 @@
-//! What can be seen: everybody who is present at one time step, with their past. Neither the recorded future nor
-//! anybody's plan is here.
+//! All participants present at one time step, with their past. Neither the recorded future nor
+//! any plan is here.
 
 mod contact;
 pub mod line_of_sight;
@@ -31,9 +31,9 @@ pub struct Participants {
 /// What an agent can see.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewLimits {
-    /// Who is further away [m] is not seen: centre to centre, to the nearest point of a circle around static obstacles.
+    /// Participants further away [m] are not seen: centre to centre, to the nearest point of a circle around static obstacles.
     pub sensor_radius: f64,
-    /// Who is hidden behind others is not seen; see [`line_of_sight::seen_from`]. The eye is the centre of the own footprint.
+    /// Participants hidden behind others are not seen; see [`line_of_sight::seen_from`]. The eye is the centre of the own footprint.
     /// Everything hides but pedestrians, bicycles and motorcycles, past which one can look.
     pub occlusion: bool,
 }
@@ -51,12 +51,12 @@ pub struct Scene {
     pub time_step: i64,
     /// Time between steps [s].
     pub dt: f64,
-    /// Who takes part in the world, present or not.
+    /// The participants of the world, present or not.
     pub participants: Arc<Participants>,
     /// Rows of `participants` that are present now, ascending.
     pub present: Vec<usize>,
     /// Present and past of all participants; the last column is now. A row is cut where the participant left, so
-    /// somebody who is gone has no past either.
+    /// a participant that has left has no past either.
     pub past: States,
 }
 
@@ -125,7 +125,7 @@ impl Scene {
         Some(if (moved - stated).abs() > CONTRADICTION { moved } else { then.velocity })
     }
 
-    /// Positions of those who are present, in the order of `present`.
+    /// Positions of the participants present, in the order of `present`.
     pub(crate) fn positions(&self) -> Vec<Point> {
         self.present.iter().map(|row| self.state(*row).pose().position).collect()
     }
@@ -137,8 +137,8 @@ impl Scene {
         visible.into_iter().map(|place| self.present[place]).collect()
     }
 
-    /// Writes whom the participant in a row sees, as places in `present`, ascending, without itself. `positions` are those
-    /// of everybody present. The one place that decides who is seen.
+    /// Writes which participants the one in a row sees, as indices into `present`, ascending, without itself. `positions` are those
+    /// of all participants present. The one place that decides about visibility.
     pub(crate) fn see(&self, row: usize, limits: &ViewLimits, positions: &[Point], visible: &mut Vec<usize>) {
         let participants = &self.participants;
         let eye = self.state(row).pose().position;
@@ -155,11 +155,11 @@ impl Scene {
             return;
         }
         visible.extend(others);
-        let bodies: Vec<line_of_sight::Body<'_>> = visible
+        let bodies: Vec<line_of_sight::SightBody<'_>> = visible
             .iter()
             .map(|place| {
                 let other = self.present[*place];
-                line_of_sight::Body {
+                line_of_sight::SightBody {
                     shape: &participants.shape[other],
                     pose: self.state(other).pose(),
                     hides: participants.is_static[other] || participants.kind[other].blocks_sight(),
@@ -176,27 +176,21 @@ impl Scene {
 mod tests {
     use super::*;
 
-    /// Everybody stands at (x, 0), ids are 0, 1, ...; an entry is (kind, is_static, footprint, x).
-    fn scene(everybody: &[(ParticipantKind, bool, Shape, f64)]) -> Scene {
-        let ids: Vec<i64> = (0..everybody.len() as i64).collect();
+    /// All participants stand at (x, 0), ids are 0, 1, ...; an entry is (kind, is_static, footprint, x).
+    fn scene(all: &[(ParticipantKind, bool, Shape, f64)]) -> Scene {
+        let ids: Vec<i64> = (0..all.len() as i64).collect();
         let mut past = States::absent(ids.clone(), 0, 1);
-        for (row, (.., x)) in everybody.iter().enumerate() {
+        for (row, (.., x)) in all.iter().enumerate() {
             past.set(row, 0, &State { x: *x, ..State::default() });
         }
         let participants = Participants {
             ids,
-            kind: everybody.iter().map(|(kind, ..)| *kind).collect(),
-            shape: everybody.iter().map(|(_, _, shape, _)| shape.clone()).collect(),
-            is_static: everybody.iter().map(|(_, is_static, ..)| *is_static).collect(),
-            is_agent: vec![false; everybody.len()],
+            kind: all.iter().map(|(kind, ..)| *kind).collect(),
+            shape: all.iter().map(|(_, _, shape, _)| shape.clone()).collect(),
+            is_static: all.iter().map(|(_, is_static, ..)| *is_static).collect(),
+            is_agent: vec![false; all.len()],
         };
-        Scene {
-            time_step: 0,
-            dt: 0.1,
-            participants: Arc::new(participants),
-            present: (0..everybody.len()).collect(),
-            past,
-        }
+        Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..all.len()).collect(), past }
     }
 
     #[test]

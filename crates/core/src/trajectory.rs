@@ -91,7 +91,7 @@ impl States {
         Ok(())
     }
 
-    /// A table in which everybody is absent.
+    /// A table in which all participants are absent.
     pub fn absent(ids: Vec<i64>, first_time_step: i64, n_steps: usize) -> Self {
         let n = ids.len() * n_steps;
         let nan = || vec![f64::NAN; n];
@@ -284,13 +284,41 @@ impl Predictions {
 }
 
 impl Predictions {
+    /// Takes over covariances from an array of shape (participants, modes, steps, 2, 2).
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the participant whose covariance is not symmetric at a valid step.
+    pub fn set_covariances(&mut self, covariances: &[f64]) -> Result<()> {
+        // Products in another order differ in their last bits.
+        let is_asymmetric = |c: &[f64; 4]| (c[1] - c[2]).abs() > 1e-6 * (c[0].abs() + c[3].abs());
+        let (covariances, _) = covariances.as_chunks::<4>();
+        if let Some(i) = covariances.iter().zip(&self.valid).position(|(c, valid)| *valid && is_asymmetric(c)) {
+            let id = self.ids[i / (self.n_modes * self.n_steps)];
+            return Err(Error::invalid(format!(
+                "predictions: participant {id} has a covariance that is not symmetric"
+            )));
+        }
+        self.covariance_xx = covariances.iter().map(|c| c[0]).collect();
+        self.covariance_xy = covariances.iter().map(|c| c[1]).collect();
+        self.covariance_yy = covariances.iter().map(|c| c[3]).collect();
+        Ok(())
+    }
+
     /// Checks what a predictor from outside handed over.
     ///
     /// # Errors
-    /// `InvalidInput` naming the participant: a valid step that is not a number, a covariance that is not positive
-    /// definite, probabilities that do not add up to 1 although a mode is valid.
+    /// `InvalidInput`: ids that are not ascending, no mode or no step; or naming the participant: a valid step that is
+    /// not a number, a covariance that is not positive definite, probabilities that do not add up to 1 although a mode
+    /// is valid.
     pub fn validate(&self) -> Result<()> {
         const TOLERANCE: f64 = 1e-6;
+        if !self.ids.is_sorted_by(|a, b| a < b) {
+            return Err(Error::invalid("predictions: ids must be unique and ascending"));
+        }
+        if self.n_modes == 0 || self.n_steps == 0 {
+            let (n_modes, n_steps) = (self.n_modes, self.n_steps);
+            return Err(Error::invalid(format!("predictions: {n_modes} modes of {n_steps} steps are no prediction")));
+        }
         for (row, id) in self.ids.iter().enumerate() {
             let modes = &self.probability[row * self.n_modes..(row + 1) * self.n_modes];
             let start = self.offset(row, 0);
@@ -343,7 +371,7 @@ impl Parts<'_> {
     /// Writes a part: the rows of a table with as many rows.
     pub(crate) fn copy_from(&self, part: usize, table: &Predictions) {
         let Predictions { x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy, .. } = table;
-        // Nobody else writes this part, and what a panic leaves in it is never looked at.
+        // No other thread writes this part, and what a panic leaves in it is never read.
         let mut rows = self.0[part].lock().unwrap_or_else(PoisonError::into_inner);
         rows.probability.copy_from_slice(&table.probability);
         rows.valid.copy_from_slice(&table.valid);
@@ -358,7 +386,7 @@ impl Parts<'_> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum PlanStatus {
-    /// Nobody planned (row of an agent that has not planned yet).
+    /// No plan yet.
     None = 0,
     /// A trajectory was chosen by the planner.
     Planned = 1,

@@ -104,6 +104,21 @@ pub struct Vehicle {
     pub lateral_acceleration_max: f64,
 }
 
+/// Limits that replace those of a vehicle, in the units of [`Vehicle`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct VehicleLimits {
+    /// Largest acceleration and deceleration.
+    pub acceleration_max: Option<f64>,
+    /// Largest speed.
+    pub velocity_max: Option<f64>,
+    /// Largest steering angle.
+    pub steering_angle_max: Option<f64>,
+    /// Largest rate of the steering angle.
+    pub steering_rate_max: Option<f64>,
+    /// Largest lateral acceleration.
+    pub lateral_acceleration_max: Option<f64>,
+}
+
 impl Vehicle {
     /// BMW 320i: CommonRoad vehicle type 2 (commonroad-vehicle-models 3.0.2). The lateral limit is ours: dry road with
     /// the tyres' friction not used to the end.
@@ -153,6 +168,27 @@ impl Vehicle {
             _ => {}
         }
         Ok(vehicle)
+    }
+
+    /// The vehicle with other limits; `None` keeps one.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the limit that is not a positive number.
+    pub fn with_limits(mut self, limits: &VehicleLimits) -> Result<Self> {
+        for (name, field, limit) in [
+            ("acceleration_max", &mut self.acceleration_max, limits.acceleration_max),
+            ("velocity_max", &mut self.velocity_max, limits.velocity_max),
+            ("steering_angle_max", &mut self.steering_angle_max, limits.steering_angle_max),
+            ("steering_rate_max", &mut self.steering_rate_max, limits.steering_rate_max),
+            ("lateral_acceleration_max", &mut self.lateral_acceleration_max, limits.lateral_acceleration_max),
+        ] {
+            let limit = limit.unwrap_or(*field);
+            if !(limit > 0.0 && limit.is_finite()) {
+                return Err(Error::invalid(format!("vehicle.{name} must be positive, not {limit}")));
+            }
+            *field = limit;
+        }
+        Ok(self)
     }
 
     /// Largest curvature of the rear axle's path [1/m].

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use interdrive_core::criticality::harm::{self, Body, ImpactArea, Sides};
+use interdrive_core::criticality::harm::{self, CrashBody, ImpactArea, Sides};
 use interdrive_core::criticality::{
     ConflictAreas, Connector, Criticality, LeadMembership, Measure, Request, Settings, ThwMode, Traffic, evaluate,
     kernels, overlapping_lanelets as core_overlapping_lanelets,
@@ -157,13 +157,13 @@ pub fn collision_harm<'py>(
     positions: ((f64, f64), (f64, f64)),
     asymmetric: bool,
 ) -> PyResult<Bound<'py, PyTuple>> {
-    let body = |kind: i64, mass: f64, velocity: f64, orientation: f64, (x, y): (f64, f64)| -> PyResult<Body> {
+    let body = |kind: i64, mass: f64, velocity: f64, orientation: f64, (x, y): (f64, f64)| -> PyResult<CrashBody> {
         if mass.is_nan() || mass <= 0.0 {
             return Err(InputError::new_err(format!("a mass must be positive, not {mass} kg")));
         }
         let state = State { orientation, velocity, ..State::default() };
         let kind = ParticipantKind::from_code(kind).map_err(exception)?;
-        Ok(Body { kind, mass, state, before: Point::new(x, y) })
+        Ok(CrashBody { kind, mass, state, before: Point::new(x, y) })
     };
     let first = body(kinds.0, masses.0, velocities.0, orientations.0, positions.0)?;
     let second = body(kinds.1, masses.1, velocities.1, orientations.1, positions.1)?;

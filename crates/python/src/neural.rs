@@ -14,7 +14,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::errors::{InputError, exception};
-use crate::view::PyScene;
+use crate::scene::PyScene;
 
 /// Input of the neural predictor for the vehicles of a scene, one row each, ascending ids.
 #[pyclass(frozen, name = "NeuralInputs", module = "interdrive._core")]

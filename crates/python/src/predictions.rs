@@ -1,9 +1,8 @@
-//! Native predictors and tables of predictions as handles.
+//! Tables of predictions as handles.
 
 use std::sync::Arc;
 
-use interdrive_core::predict::neural::Neural;
-use interdrive_core::predict::{LaneFollowing, Predictor, Spread, completed};
+use interdrive_core::predict::completed;
 use interdrive_core::trajectory::Predictions;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
@@ -11,48 +10,7 @@ use pyo3::types::PyTuple;
 
 use crate::arrays;
 use crate::errors::{InputError, exception};
-use crate::neural::PyNeuralNetwork;
-use crate::scenario::PyScenario;
-use crate::view::{PyScene, PyView};
-
-#[pyclass(frozen, name = "Predictor", module = "interdrive._core")]
-pub struct PyPredictor(pub Predictor);
-
-#[pymethods]
-impl PyPredictor {
-    #[staticmethod]
-    fn constant_velocity(position_sigma: f64, acceleration_sigma: f64, lateral_rate: f64) -> Self {
-        Self(Predictor::ConstantVelocity(Spread { position_sigma, acceleration_sigma, lateral_rate }))
-    }
-
-    #[staticmethod]
-    #[pyo3(signature = (
-        position_sigma, acceleration_sigma, lateral_rate, modes_max, lateral_acceleration, deceleration, return_time,
-        recorded=None
-    ))]
-    fn lane_following(
-        position_sigma: f64,
-        acceleration_sigma: f64,
-        lateral_rate: f64,
-        modes_max: usize,
-        lateral_acceleration: f64,
-        deceleration: f64,
-        return_time: f64,
-        recorded: Option<&PyScenario>,
-    ) -> Self {
-        let spread = Spread { position_sigma, acceleration_sigma, lateral_rate };
-        let settings = LaneFollowing { spread, modes_max, lateral_acceleration, deceleration, return_time };
-        Self(match recorded {
-            Some(scenario) => Predictor::GroundTruth(Arc::clone(&scenario.0), settings),
-            None => Predictor::LaneFollowing(settings),
-        })
-    }
-
-    #[staticmethod]
-    fn neural(network: &PyNeuralNetwork, modes_max: usize) -> Self {
-        Self(Predictor::Neural(Neural { network: Arc::clone(&network.0), modes_max }))
-    }
-}
+use crate::scene::PyScene;
 
 /// A table of predictions, or some of its rows: what one agent may know is not copied before it is looked at.
 #[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
@@ -116,30 +74,17 @@ impl PyPredictions {
         valid: PyReadonlyArrayDyn<'_, bool>,
     ) -> PyResult<Self> {
         let ids: Vec<i64> = ids.as_array().to_vec();
-        if !ids.is_sorted_by(|a, b| a < b) {
-            return Err(InputError::new_err("predictions: ids must be unique and ascending"));
-        }
         let shape = x.as_array().shape().to_vec();
         let [n, n_modes, n_steps] = shape[..] else {
             return Err(InputError::new_err(format!(
                 "predictions: x has shape {shape:?}, (participants, modes, steps) expected"
             )));
         };
-        if n != ids.len() || n_modes == 0 || n_steps == 0 {
+        if n != ids.len() {
             return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {} ids", ids.len())));
         }
         let covariance = arrays::read_grid("predictions: covariance", &covariance, &[n, n_modes, n_steps, 2, 2])?;
-        let valid: Vec<bool> = arrays::read_grid("predictions: valid", &valid, &shape)?;
-        // Products in another order differ in their last bits.
-        let is_lopsided = |c: &[f64]| (c[1] - c[2]).abs() > 1e-6 * (c[0].abs() + c[3].abs());
-        if let Some(cell) = covariance.chunks(4).zip(&valid).position(|(c, valid)| *valid && is_lopsided(c)) {
-            return Err(InputError::new_err(format!(
-                "predictions: participant {} has a covariance that is not symmetric",
-                ids[cell / (n_modes * n_steps)]
-            )));
-        }
-        let entry = |k: usize| covariance.iter().skip(k).step_by(4).copied().collect::<Vec<f64>>();
-        let predictions = Predictions {
+        let mut predictions = Predictions {
             time_step,
             ids,
             n_modes,
@@ -149,11 +94,10 @@ impl PyPredictions {
             y: arrays::read_grid("predictions: y", &y, &shape)?,
             orientation: arrays::read_grid("predictions: orientation", &orientation, &shape)?,
             velocity: arrays::read_grid("predictions: velocity", &velocity, &shape)?,
-            covariance_xx: entry(0),
-            covariance_xy: entry(1),
-            covariance_yy: entry(3),
-            valid,
+            valid: arrays::read_grid("predictions: valid", &valid, &shape)?,
+            ..Predictions::default()
         };
+        predictions.set_covariances(&covariance).map_err(exception)?;
         predictions.validate().map_err(exception)?;
         Ok(Self::whole(predictions))
     }
@@ -166,14 +110,7 @@ impl PyPredictions {
         self.only(ids.into_iter())
     }
 
-    /// The rows that an agent may know: of those in its view, and its own.
-    fn seen_by(&self, view: &PyView) -> Self {
-        let mut rows = view.visible.clone();
-        rows.insert(rows.partition_point(|row| *row < view.row), view.row);
-        self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
-    }
-
-    /// With a row for everybody who is present in the scene: who is missing or has no valid mode goes straight on. This
+    /// With a row for every participant present in the scene: one that is missing or has no valid mode goes straight on. This
     /// is what planners work with.
     fn completed(&self, scene: &PyScene) -> Self {
         Self::whole(completed(&self.table(), &scene.scene).into_owned())
@@ -244,7 +181,7 @@ impl PyPredictions {
         let flat: Vec<f64> = (0..xx.len()).flat_map(|i| [xx[i], xy[i], xy[i], yy[i]]).collect();
         arrays::grid(py, flat, [self.n_shown(), self.table.n_modes, self.table.n_steps, 2, 2])
     }
-    /// Who is expected to be there, shape (participants, modes, steps); the numbers of others are nan.
+    /// Where there is a prediction, shape (participants, modes, steps); nan elsewhere.
     #[getter]
     fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.steps(py, &self.table.valid)
@@ -252,7 +189,8 @@ impl PyPredictions {
 }
 
 impl PyPredictions {
-    fn only(&self, ids: impl Iterator<Item = i64>) -> Self {
+    /// The rows of these participants.
+    pub fn only(&self, ids: impl Iterator<Item = i64>) -> Self {
         let shown = self.rows.as_deref();
         let rows = ids.filter_map(|id| self.table.row(id)).filter(|row| shown.is_none_or(|rows| rows.contains(row)));
         Self { table: Arc::clone(&self.table), rows: Some(rows.collect()) }

@@ -1,4 +1,4 @@
-//! Scene and view: what can be seen, as arrays.
+//! What one agent knows, as arrays.
 
 use std::sync::Arc;
 
@@ -12,134 +12,13 @@ use interdrive_core::trajectory::State;
 use interdrive_core::world::Agent;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
 
 use crate::arrays;
 use crate::errors::{InputError, exception};
 use crate::predictions::PyPredictions;
-use crate::scenario::{PyGoal, PyRoadNetwork, PyRoute, PyVehicle};
-
-/// One field of the past of some rows: shape (rows, history), the last column is now.
-fn past<'py, T: numpy::Element + Copy>(
-    py: Python<'py>,
-    scene: &Scene,
-    rows: &[usize],
-    values: &[T],
-) -> PyResult<Bound<'py, PyAny>> {
-    let n = scene.past.n_steps;
-    let flat: Vec<T> = rows.iter().flat_map(|row| values[row * n..(row + 1) * n].iter().copied()).collect();
-    arrays::grid(py, flat, [rows.len(), n])
-}
-
-macro_rules! participants_seen {
-    ($class:ident) => {
-        #[pymethods]
-        impl $class {
-            /// Time step now.
-            #[getter]
-            fn time_step(&self) -> i64 {
-                self.scene.time_step
-            }
-            /// Time between steps [s].
-            #[getter]
-            fn dt(&self) -> f64 {
-                self.scene.dt
-            }
-            /// Ids, ascending, shape (participants,).
-            #[getter]
-            fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.ids[*row]).collect())
-            }
-            /// Codes of their kinds, shape (participants,); `interdrive.scenario.KINDS` has the names.
-            #[getter]
-            fn kinds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.kind[*row] as i64).collect())
-            }
-            /// Who is a static obstacle, shape (participants,).
-            #[getter]
-            fn is_static<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.is_static[*row]).collect())
-            }
-            /// Length of the footprints' bounding boxes [m], shape (participants,).
-            #[getter]
-            fn length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().0).collect())
-            }
-            /// Width of the footprints' bounding boxes [m], shape (participants,).
-            #[getter]
-            fn width<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().1).collect())
-            }
-            /// Centres [m], shape (participants, history); the last column is now, nan where absent.
-            #[getter]
-            fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.x)
-            }
-            /// Centres [m], world frame, shape (participants, history); nan where absent.
-            #[getter]
-            fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.y)
-            }
-            /// Headings [rad], world frame, shape (participants, history); nan where absent.
-            #[getter]
-            fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.orientation)
-            }
-            /// Speeds along the heading [m/s], shape (participants, history); nan where absent.
-            #[getter]
-            fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.velocity)
-            }
-            /// Accelerations along the heading [m/s²], shape (participants, history); nan where absent.
-            #[getter]
-            fn acceleration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.acceleration)
-            }
-            /// Changes of heading [rad/s], shape (participants, history); nan where absent.
-            #[getter]
-            fn yaw_rate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.yaw_rate)
-            }
-            /// Who was present when, shape (participants, history).
-            #[getter]
-            fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.valid)
-            }
-        }
-    };
-}
-
-#[pyclass(frozen, name = "Scene", module = "interdrive._core")]
-pub struct PyScene {
-    pub scene: Arc<Scene>,
-    pub road: Arc<RoadNetwork>,
-}
-
-impl PyScene {
-    fn rows(&self) -> Vec<usize> {
-        self.scene.present.clone()
-    }
-}
-
-participants_seen!(PyScene);
-
-#[pymethods]
-impl PyScene {
-    /// The roads.
-    #[getter]
-    fn road(&self) -> PyRoadNetwork {
-        PyRoadNetwork(Arc::clone(&self.road))
-    }
-    /// What `World.scene_from` of another process needs: plain numbers and arrays.
-    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let past = &self.scene.past;
-        let fields = [&past.x, &past.y, &past.orientation, &past.velocity, &past.acceleration, &past.yaw_rate];
-        let fields = fields.map(|values| arrays::row(py, values.clone()));
-        let valid = arrays::row(py, past.valid.clone());
-        let present = self.scene.present.clone();
-        (self.scene.time_step, present, past.first_time_step, past.n_steps, fields, valid).into_pyobject(py)
-    }
-}
+use crate::route::{PyGoal, PyRoute};
+use crate::scene::{participants_seen, past};
+use crate::vehicle::PyVehicle;
 
 /// What one agent knows. `ids`, `x`, ... are the participants that it sees; its own state is `state`.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
@@ -246,7 +125,7 @@ impl PyView {
         Ok(self.swept(&x, &y, &orientation)?.iter().all(|swept| self.road.box_is_covered(swept, &mut scratch)))
     }
 
-    /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with somebody else of the
+    /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with another participant of the
     /// predictions in their most probable mode, longer and wider by the margins [m], in all; None: no contact.
     #[pyo3(signature = (x, y, orientation, predictions, margin_length=0.0, margin_width=0.0))]
     fn first_contact(
@@ -260,6 +139,16 @@ impl PyView {
     ) -> PyResult<Option<(i64, usize)>> {
         let drive = self.swept(&x, &y, &orientation)?;
         Ok(self.scene.first_contact(self.agent.id, &drive, &predictions.table(), [margin_length, margin_width]))
+    }
+}
+
+#[pymethods]
+impl PyPredictions {
+    /// The rows that an agent may know: of those in its view, and its own.
+    fn seen_by(&self, view: &PyView) -> Self {
+        let mut rows = view.visible.clone();
+        rows.insert(rows.partition_point(|row| *row < view.row), view.row);
+        self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
     }
 }
 
@@ -337,8 +226,7 @@ impl PyEgo {
     #[getter]
     fn goal_time_step(&self) -> (i64, i64) {
         let goal = &self.view.get().agent.goal;
-        let first = goal.states.iter().map(|state| state.time_step.0).min().unwrap_or(0);
-        (first, goal.latest_time_step().unwrap_or(i64::MAX))
+        (goal.earliest_time_step().unwrap_or(0), goal.latest_time_step().unwrap_or(i64::MAX))
     }
     /// Border of the drivable area within the sensor radius, shape (edges, 2, 2).
     #[getter]

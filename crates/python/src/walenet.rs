@@ -14,7 +14,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::errors::{InputError, detached};
-use crate::predictions::PyPredictor;
+use crate::predictor::PyPredictor;
 use crate::scenario::{PyRoadNetwork, PyScenario};
 
 /// Side of a picture.

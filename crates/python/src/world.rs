@@ -18,9 +18,13 @@ use pyo3::types::PyDict;
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
 use crate::planner::NativePlanner;
-use crate::predictions::{PyPredictions, PyPredictor};
-use crate::scenario::{PyGoal, PyRoute, PyScenario, PyShape, PyVehicle};
-use crate::view::{PyScene, PyView};
+use crate::predictions::PyPredictions;
+use crate::predictor::PyPredictor;
+use crate::route::{PyGoal, PyRoute};
+use crate::scenario::{PyScenario, PyShape};
+use crate::scene::PyScene;
+use crate::vehicle::PyVehicle;
+use crate::view::PyView;
 
 /// Time step, rows present, first time step and number of columns of the past, its six fields row-major, its mask.
 type SceneParts<'py> = (i64, Vec<usize>, i64, usize, [PyReadonlyArray1<'py, f64>; 6], PyReadonlyArray1<'py, bool>);
@@ -143,7 +147,7 @@ fn nanoseconds(time: Duration) -> u64 {
 impl PyWorld {
     #[new]
     #[pyo3(signature = (
-        scenario, agents, *, grace_factor, replan_every, history_steps, max_steps=10_000, threads, record_views=false
+        scenario, agents, *, grace_factor, replan_every, history_steps, max_steps=None, threads, record_views=false
     ))]
     fn new(
         py: Python<'_>,
@@ -152,11 +156,12 @@ impl PyWorld {
         grace_factor: f64,
         replan_every: usize,
         history_steps: usize,
-        max_steps: usize,
+        max_steps: Option<usize>,
         threads: usize,
         record_views: bool,
     ) -> PyResult<Self> {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
+        let max_steps = max_steps.unwrap_or(WorldSettings::default().max_steps);
         let settings = WorldSettings { grace_factor, replan_every, history_steps, max_steps, threads, record_views };
         let scenario = Arc::clone(&scenario.0);
         let world = detached(py, || World::new(scenario, agents, settings))?;
@@ -252,7 +257,7 @@ impl PyWorld {
         self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
     }
 
-    /// Moves everybody; returns the seconds that the search for contacts and road departures took.
+    /// Moves all participants; returns the seconds that the search for contacts and road departures took.
     fn step(&mut self, py: Python<'_>, plans: &PyPlans) -> PyResult<f64> {
         let (world, begin) = (&mut self.0, now());
         let mut marks = [begin; 2];
@@ -322,7 +327,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Who saw whom from when to when so far as a dict of arrays; empty unless the world records views.
+    /// Visibility intervals per observer and participant so far as a dict of arrays; empty unless the world records views.
     fn sightings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sightings: Vec<_> = self.0.recording().sightings().collect();
         let dict = PyDict::new(py);

@@ -68,7 +68,7 @@ fn the_fraction_of_straight_contacts_agrees_with_hand_computed_values() {
         // Touching exactly at the end.
         (car(), at(0.0, 0.0, 0.0), at(3.0, 0.0, 0.0), car(), at(7.0, 0.0, 0.0), at(7.0, 0.0, 0.0), Some(1.0)),
         (car(), at(0.0, 0.0, 0.0), at(2.99, 0.0, 0.0), car(), at(7.0, 0.0, 0.0), at(7.0, 0.0, 0.0), None),
-        // Nobody moves.
+        // Neither moves.
         (car(), at(0.0, 0.0, 0.0), at(0.0, 0.0, 0.0), car(), at(0.0, 2.1, 0.0), at(0.0, 2.1, 0.0), None),
     ];
     for (case, (a, a0, a1, b, b0, b1, expected)) in table.into_iter().enumerate() {
@@ -146,7 +146,7 @@ fn random_motions_agree_with_dense_sampling() {
     let mut counts = [0, 0];
     for round in 0..1000 {
         let [a, b] = [random_mover(&mut random, &shapes, 6.0), random_mover(&mut random, &shapes, 6.0)];
-        let (motion_a, motion_b) = (Motion::new(a.from, a.to), Motion::new(b.from, b.to));
+        let (motion_a, motion_b) = (RigidMotion::new(a.from, a.to), RigidMotion::new(b.from, b.to));
         let distance = |t: f64| a.shape.distance(motion_a.pose_at(t), b.shape, motion_b.pose_at(t));
         let sampled = (0..=SAMPLES).map(|i| i as f64 / SAMPLES as f64).find(|t| distance(*t) == 0.0);
         let found = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);

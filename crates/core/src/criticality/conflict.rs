@@ -1,11 +1,11 @@
-//! Conflict areas: where the lanelets of two vehicles cross inside an intersection, who is there when, and the measures
+//! Conflict areas: where the lanelets of two vehicles cross inside an intersection, when each participant is there, and the measures
 //! that follow: encroachment time, post-encroachment time, and the distance that remains.
 
 use std::collections::BTreeMap;
 
 use super::evaluation_step::{Decisive, Via};
 use super::overlap::{Area, Overlaps};
-use super::traffic::{ALONG, Track, Traffic};
+use super::traffic::{ALONG, LaneletTrack, Traffic};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
@@ -42,7 +42,7 @@ pub(super) fn crossing_connectors(road: &RoadNetwork, overlaps: &Overlaps) -> Ve
     found
 }
 
-/// Who uses which connector.
+/// Which participants use which connector.
 pub(super) struct Conflicts<'a> {
     traffic: &'a Traffic,
     overlap_min: f64,
@@ -80,7 +80,12 @@ pub(super) struct Encroachment {
 }
 
 impl<'a> Conflicts<'a> {
-    pub(super) fn new(traffic: &'a Traffic, tracks: &[Track], connectors: &[Connector], overlap_min: f64) -> Self {
+    pub(super) fn new(
+        traffic: &'a Traffic,
+        tracks: &[LaneletTrack],
+        connectors: &[Connector],
+        overlap_min: f64,
+    ) -> Self {
         let mut incomings: BTreeMap<usize, Vec<i64>> = BTreeMap::new();
         for connector in connectors {
             incomings.entry(connector.lanelet).or_default().push(connector.incoming);
@@ -122,7 +127,7 @@ impl<'a> Conflicts<'a> {
 
     /// Column at which the area is free again; `None` if it stays occupied to the end.
     fn free_at(&self, row: usize, stay: Stay) -> Option<usize> {
-        let (_, last) = self.traffic.span(row).expect("who stays somewhere is there");
+        let (_, last) = self.traffic.span(row).expect("a participant in an area is present");
         stay.out.or((last + 1 < self.traffic.states.n_steps).then_some(last + 1))
     }
 
@@ -130,7 +135,7 @@ impl<'a> Conflicts<'a> {
     pub(super) fn of(&self, row: usize) -> Encroachment {
         let n = self.traffic.states.n_steps;
         let dt = self.traffic.dt;
-        let far = Decisive::nobody(f64::INFINITY);
+        let far = Decisive::without_partner(f64::INFINITY);
         let mut found = Encroachment {
             et: far,
             et_series: vec![far; n],
@@ -245,7 +250,12 @@ impl<'a> Conflicts<'a> {
 
 /// Connectors on the recorded route of a vehicle: driven along, and entered from a lanelet before it or left to one
 /// behind it. Of those that start or end in the same lanelet it is the one that was followed best.
-fn connectors_of(traffic: &Traffic, track: &Track, row: usize, incomings: &BTreeMap<usize, Vec<i64>>) -> Vec<usize> {
+fn connectors_of(
+    traffic: &Traffic,
+    track: &LaneletTrack,
+    row: usize,
+    incomings: &BTreeMap<usize, Vec<i64>>,
+) -> Vec<usize> {
     if incomings.is_empty() || traffic.is_static[row] {
         return Vec::new();
     }

@@ -21,7 +21,7 @@ pub(super) struct Curve {
 
 /// Where a point is beside a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Foot {
+pub(super) struct CurveFoot {
     /// Arc length [m].
     pub s: f64,
     /// Offset [m], left positive.
@@ -78,8 +78,8 @@ impl Curve {
 
     /// The nearest foot at which the tangent is at right angles to the way to the point; `None` beyond the ends and
     /// farther away than `reach` [m].
-    pub(super) fn project(&self, point: Point, reach: f64) -> Option<Foot> {
-        let mut best: Option<Foot> = None;
+    pub(super) fn project(&self, point: Point, reach: f64) -> Option<CurveFoot> {
+        let mut best: Option<CurveFoot> = None;
         let mut nearest = reach;
         let mut ahead = (point - self.points[0]).dot(self.tangents[0]);
         for i in 0..self.points.len() - 1 {
@@ -97,7 +97,7 @@ impl Curve {
     }
 
     /// The foot on a segment, which has one: `ahead` is positive at its start and not at its end.
-    fn foot(&self, i: usize, point: Point, ahead: f64) -> Foot {
+    fn foot(&self, i: usize, point: Point, ahead: f64) -> CurveFoot {
         let (side, turn) = (self.points[i + 1] - self.points[i], self.tangents[i + 1] - self.tangents[i]);
         let offset = point - self.points[i];
         // (offset - u * side) . (tangent + u * turn) = 0
@@ -115,7 +115,7 @@ impl Curve {
         let tangent = self.tangents[i] + turn * fraction;
         let tangent = tangent * (1.0 / tangent.norm());
         let away = offset - side * fraction;
-        Foot {
+        CurveFoot {
             s: self.arc_lengths[i] + fraction * (self.arc_lengths[i + 1] - self.arc_lengths[i]),
             d: away.norm().copysign(tangent.cross(away)),
             tangent,

@@ -1,4 +1,4 @@
-//! One judged vehicle at one time step: who is around it, who of them counts, and what it follows.
+//! One judged vehicle at one time step: the participants around it, which of them count, and what it follows.
 
 use std::cell::OnceCell;
 
@@ -6,14 +6,14 @@ use super::kernels;
 use super::overlap::Overlaps;
 use super::paths::{Path, PathCode, PathSystems, starts};
 use super::settings::{LeadMembership, Settings, ThwMode};
-use super::traffic::{Extents, Track, Traffic};
+use super::traffic::{Extents, LaneletTrack, Traffic};
 use crate::geometry::{Point, wrap_angle};
 
 /// Everything that does not change from one moment to the next.
 pub(super) struct Context<'a> {
     pub traffic: &'a Traffic,
     pub settings: &'a Settings,
-    pub tracks: &'a [Track],
+    pub tracks: &'a [LaneletTrack],
     pub columns: &'a [Vec<(u32, Point)>],
     pub paths: &'a PathSystems,
     /// There if something needs it.
@@ -22,11 +22,11 @@ pub(super) struct Context<'a> {
     pub contacts: &'a [(u32, u32, u32)],
 }
 
-/// A value with who and which path made it so.
+/// A value with the partner and the path that were decisive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Decisive {
     pub value: f64,
-    /// Row; `u32::MAX`: nobody.
+    /// Row; `u32::MAX`: no partner.
     pub partner: u32,
     pub via: Via,
 }
@@ -42,7 +42,7 @@ pub(super) enum Via {
 }
 
 impl Decisive {
-    pub(super) const fn nobody(value: f64) -> Self {
+    pub(super) const fn without_partner(value: f64) -> Self {
         Self { value, partner: u32::MAX, via: Via::Nothing }
     }
 
@@ -74,12 +74,12 @@ impl Following {
     const FREE: Self = Self::starting_with(f64::INFINITY, 0.0);
 
     const fn starting_with(far: f64, none: f64) -> Self {
-        let (far, none) = (Decisive::nobody(far), Decisive::nobody(none));
+        let (far, none) = (Decisive::without_partner(far), Decisive::without_partner(none));
         Self { hw: far, thw: far, ttc: far, a_long_req: none, a_lat_req: none }
     }
 }
 
-/// Somebody within the radius.
+/// A participant within the radius.
 struct Neighbour {
     row: u32,
     /// The footprints cannot be nearer than this [m].
@@ -150,7 +150,7 @@ impl<'a> Moment<'a> {
             let touches = (distance_at_least <= 1e-6
                 && shape.overlaps(pose, other_shape, traffic.pose(other as usize, column)))
                 || contacts.binary_search(&(first, second, column as u32)).is_ok();
-            // In contact also those count whose centres are far apart.
+            // Participants in contact count however far apart their centres are.
             if !(is_near || touches) {
                 continue;
             }
@@ -187,7 +187,7 @@ impl<'a> Moment<'a> {
         }
     }
 
-    /// Headway, time headway, time to collision and the accelerations that are required, with everybody ahead.
+    /// Headway, time headway, time to collision and the required accelerations, over all participants ahead.
     pub(super) fn following(&self) -> Following {
         if self.own.is_empty() {
             return Following::UNKNOWN;
@@ -273,7 +273,7 @@ impl<'a> Moment<'a> {
         reached.map_or(f64::INFINITY, |column| (column - self.column) as f64 * traffic.dt)
     }
 
-    /// Smallest distance of the footprints to anybody who counts [m], and to whom; infinite without anybody.
+    /// Smallest distance of the footprints to any participant that counts [m], and its row; infinite without one.
     pub(super) fn nearest(&self) -> (f64, u32) {
         let Context { traffic, .. } = self.context;
         let (pose, shape) = (traffic.pose(self.row, self.column), &traffic.shape[self.row]);
@@ -292,7 +292,7 @@ impl<'a> Moment<'a> {
                 nearest = (distance, neighbour.row);
             }
         };
-        // Whoever seems to be nearest first: then most of the others need no exact distance.
+        // Apparently nearest participants first: then most others need no exact distance.
         let by_bound = |a: &&Neighbour, b: &&Neighbour| a.distance_at_least.total_cmp(&b.distance_at_least);
         if let Some(first) = self.neighbours.iter().min_by(by_bound) {
             consider(first);

@@ -61,7 +61,7 @@ pub enum Sides {
 
 /// One of those involved.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
+pub struct CrashBody {
     /// Kind.
     pub kind: ParticipantKind,
     /// Mass [kg].
@@ -154,7 +154,7 @@ pub fn relative_speed(first: &State, second: &State) -> f64 {
 }
 
 /// Harm of a perfectly plastic collision for both.
-pub fn collision_harm(first: &Body, second: &Body, sides: Sides) -> [Harm; 2] {
+pub fn collision_harm(first: &CrashBody, second: &CrashBody, sides: Sides) -> [Harm; 2] {
     let relative = relative_speed(&first.state, &second.state);
     [(first, second), (second, first)].map(|(own, other)| {
         let speed_change = match (own.mass.is_finite(), other.mass.is_finite()) {
@@ -184,12 +184,12 @@ mod tests {
     use super::*;
     use crate::geometry::Point;
 
-    fn body(kind: ParticipantKind, mass: f64, x: f64, y: f64, orientation: f64, velocity: f64) -> Body {
+    fn body(kind: ParticipantKind, mass: f64, x: f64, y: f64, orientation: f64, velocity: f64) -> CrashBody {
         let state = State { x, y, orientation, velocity, ..State::default() };
-        Body { kind, mass, state, before: Point::new(x, y) }
+        CrashBody { kind, mass, state, before: Point::new(x, y) }
     }
 
-    fn car(mass: f64, x: f64, y: f64, orientation: f64, velocity: f64) -> Body {
+    fn car(mass: f64, x: f64, y: f64, orientation: f64, velocity: f64) -> CrashBody {
         body(ParticipantKind::Car, mass, x, y, orientation, velocity)
     }
 
@@ -269,10 +269,10 @@ mod tests {
     #[test]
     fn harm_is_the_same_wherever_the_world_is_turned_and_swaps_with_the_bodies() {
         let (a, b) = (car(1500.0, 1.0, 2.0, 0.2, 12.0), car(1100.0, 4.0, 0.0, 2.0, 7.0));
-        let turned = |body: &Body| {
+        let turned = |body: &CrashBody| {
             let to = |p: Point| Point::new(-p.y + 100.0, p.x - 50.0);
             let state = State { orientation: body.state.orientation + 0.5 * PI, ..body.state };
-            Body { state, before: to(body.before), ..*body }
+            CrashBody { state, before: to(body.before), ..*body }
         };
         let [first, second] = collision_harm(&a, &b, Sides::Symmetric);
         let there = collision_harm(&turned(&a), &turned(&b), Sides::Symmetric);

@@ -1,8 +1,8 @@
 //! The formulas on numbers: one vehicle behind another one on one path. Derivations and sources: docs/criticality.md.
-//! An infinite headway is nobody ahead; where an argument is not a number, neither is the result.
+//! An infinite headway means that no participant is ahead; where an argument is not a number, neither is the result.
 
 /// Slower than this [m/s] is standing.
-pub const STANDING: f64 = 1e-3;
+pub const STANDSTILL_SPEED: f64 = 1e-3;
 /// Denominators below this are no approach.
 const NO_APPROACH: f64 = 1e-12;
 
@@ -13,7 +13,7 @@ pub fn time_headway(headway: f64, velocity: f64) -> f64 {
         f64::NAN
     } else if headway <= 0.0 {
         0.0
-    } else if velocity <= STANDING {
+    } else if velocity <= STANDSTILL_SPEED {
         f64::INFINITY
     } else {
         headway / velocity
@@ -105,9 +105,16 @@ pub fn proportion_of_stopping_distance(remaining: f64, stopping: f64) -> f64 {
 /// Time exposed [s] to a time to collision of at most `threshold` [s], and its integral below the threshold [s²]
 /// (Minderhoud and Bovy 2001), of samples `dt` [s] apart; NaN is not exposed.
 pub fn exposure(ttc: &[f64], threshold: f64, dt: f64) -> (f64, f64) {
-    let exposed = ttc.iter().filter(|ttc| **ttc <= threshold);
-    let (n, below) = exposed.fold((0_u32, 0.0), |(n, below), ttc| (n + 1, below + (threshold - ttc)));
-    (dt * f64::from(n), dt * below)
+    let add = |(time, integral): (f64, f64), ttc: &f64| {
+        let (more_time, more_integral) = exposure_of_sample(*ttc, threshold, dt);
+        (time + more_time, integral + more_integral)
+    };
+    ttc.iter().fold((0.0, 0.0), add)
+}
+
+/// What one sample adds to both sums of [`exposure`].
+pub fn exposure_of_sample(ttc: f64, threshold: f64, dt: f64) -> (f64, f64) {
+    if ttc <= threshold { (dt, dt * (threshold - ttc)) } else { (0.0, 0.0) }
 }
 
 #[cfg(test)]
@@ -346,7 +353,7 @@ mod tests {
     #[test]
     fn limits_between_cases_belong_to_the_side_that_is_stated() {
         for (headway, velocity, expected) in
-            [(-1.0, 10.0, 0.0), (-1.0, 0.0, 0.0), (10.0, STANDING, INF), (10.0, 2.0 * STANDING, 5000.0)]
+            [(-1.0, 10.0, 0.0), (-1.0, 0.0, 0.0), (10.0, STANDSTILL_SPEED, INF), (10.0, 2.0 * STANDSTILL_SPEED, 5000.0)]
         {
             assert_eq!(time_headway(headway, velocity), expected, "{headway} m, {velocity} m/s");
         }

@@ -128,7 +128,7 @@ pub struct Request {
 pub struct Series {
     /// Infinite: no conflict. NaN: absent, or cannot be computed.
     pub value: Vec<f64>,
-    /// Id of the participant that was decisive; -1: nobody.
+    /// Id of the decisive participant; -1: none.
     pub partner: Vec<i64>,
     /// Index into [`Criticality::ways`]; -1: none.
     pub way: Vec<i64>,
@@ -143,7 +143,7 @@ pub struct Extreme {
     /// it the moment of the smallest time to collision (without any, the first state), of an encroachment time when it
     /// is entered, of a post-encroachment time when the first one has left.
     pub time_step: i64,
-    /// Id; -1: nobody.
+    /// Id; -1: none.
     pub partner: i64,
     /// Index into [`Criticality::ways`]; -1: none.
     pub way: i64,
@@ -169,14 +169,14 @@ pub struct Exposure {
     pub psd_below_one: f64,
     /// The conflict area of the encroachment time was occupied from the first state on.
     pub et_left_censored: bool,
-    /// Who was first in the conflict area of the post-encroachment time; -1: nobody.
+    /// Id of the participant that was first in the conflict area of the post-encroachment time; -1: none.
     pub pet_first: i64,
 }
 
 /// All measures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Criticality {
-    /// Who was judged, ascending.
+    /// Ids of the judged participants, ascending.
     pub ids: Vec<i64>,
     /// Time step of the first column.
     pub first_time_step: i64,
@@ -315,10 +315,10 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
     let Context { traffic, settings, .. } = context;
     let (n, dt) = (traffic.states.n_steps, traffic.dt);
     let there: Vec<bool> = (0..n).map(|column| traffic.is_there(row, column)).collect();
-    let mut series = vec![vec![Decisive::nobody(f64::NAN); n]; Measure::ALL.len()];
+    let mut series = vec![vec![Decisive::without_partner(f64::NAN); n]; Measure::ALL.len()];
     let mut write = |measure: Measure, column: usize, value: Decisive| series[measure as usize][column] = value;
     let encroachment = conflicts.of(row);
-    let (mut closest, mut closest_column) = (Decisive::nobody(f64::INFINITY), None);
+    let (mut closest, mut closest_column) = (Decisive::without_partner(f64::INFINITY), None);
     let (mut exposed_time, mut exposed_integral) = (0.0, 0.0);
     let alive = there.iter().filter(|there| **there).count() as f64 * dt;
     let (mut n_before, mut n_cannot_stop) = (0_u32, 0_u32);
@@ -334,12 +334,11 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
         write(Measure::Btn, column, times(a_long_req, 1.0 / deceleration));
         write(Measure::ALatReq, column, a_lat_req);
         write(Measure::Stn, column, times(a_lat_req, 1.0 / settings.lateral_acceleration));
-        if ttc.value <= settings.ttc_threshold {
-            exposed_time += dt;
-            exposed_integral += dt * (settings.ttc_threshold - ttc.value);
-        }
-        write(Measure::Tet, column, Decisive::nobody(exposed_time / alive));
-        write(Measure::Tit, column, Decisive::nobody(exposed_integral));
+        let (time, integral) = kernels::exposure_of_sample(ttc.value, settings.ttc_threshold, dt);
+        exposed_time += time;
+        exposed_integral += integral;
+        write(Measure::Tet, column, Decisive::without_partner(exposed_time / alive));
+        write(Measure::Tit, column, Decisive::without_partner(exposed_integral));
         let (distance, partner) = moment.nearest();
         if distance <= closest.value + SAME_DISTANCE && partner != u32::MAX {
             let value = distance.min(closest.value);
@@ -350,7 +349,7 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
         write(Measure::Ttce, column, Decisive { value: time, ..closest });
         let velocity = traffic.states.velocity[traffic.index(row, column)];
         let stopping = kernels::minimal_stopping_distance(velocity, deceleration);
-        write(Measure::Msd, column, Decisive::nobody(stopping));
+        write(Measure::Msd, column, Decisive::without_partner(stopping));
         let remaining = encroachment.remaining[column];
         let proportion = kernels::proportion_of_stopping_distance(remaining.value, stopping);
         write(Measure::Psd, column, Decisive { value: proportion, ..remaining });

@@ -11,9 +11,9 @@ use crate::geometry::polyline::Polyline;
 use crate::limits::CHAIN_MAX;
 use crate::road::RoadNetwork;
 
-/// A path starts at least this far [m] before its first lanelet, so that who has just entered it has a foot on it.
+/// A path starts at least this far [m] before its first lanelet, so that a participant that has just entered it has a foot on it.
 const LEAD_IN: f64 = 10.0;
-/// More paths than this from one lanelet are not followed: nobody could tell them apart, and maps with many short
+/// More paths than this from one lanelet are not followed: they could not be told apart, and maps with many short
 /// lanelets would have millions.
 const PATHS_MAX: usize = 512;
 

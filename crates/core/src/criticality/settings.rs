@@ -4,13 +4,13 @@ use std::f64::consts::PI;
 
 use crate::error::{Error, Result};
 
-/// Who counts as ahead on a path.
+/// Which participants count as ahead on a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LeadMembership {
-    /// Whose centre lies on one of its lanelets.
+    /// Those whose centre lies on one of its lanelets.
     #[default]
     Center,
-    /// Whose footprint reaches into one of its lanelets.
+    /// Those whose footprint reaches into one of its lanelets.
     Footprint,
 }
 
@@ -43,7 +43,7 @@ pub struct Settings {
     pub erosion: f64,
     /// Overlaps up to this size do not count [m²].
     pub overlap_min: f64,
-    /// Who counts as ahead.
+    /// Which participants count as ahead.
     pub lead_membership: LeadMembership,
     /// What time headway is.
     pub thw_mode: ThwMode,

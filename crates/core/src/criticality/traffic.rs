@@ -1,4 +1,4 @@
-//! What is judged: recorded states of everybody with their footprints, completed, and where on the road each of them is.
+//! What is judged: recorded states with footprints, completed, and the position of each participant on the road.
 
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
@@ -135,7 +135,7 @@ pub(super) struct Here {
 
 /// The way of one participant over the lanelets.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Track {
+pub(super) struct LaneletTrack {
     starts: Vec<u32>,
     here: Vec<Here>,
     /// Unit vectors of the heading, per column.
@@ -145,7 +145,7 @@ pub(super) struct Track {
     is_static: bool,
 }
 
-impl Track {
+impl LaneletTrack {
     fn of(traffic: &Traffic, row: usize) -> Self {
         let is_static = traffic.is_static[row];
         let n = traffic.states.n_steps;
@@ -207,12 +207,12 @@ fn lanelets_here(road: &RoadNetwork, pose: Pose) -> Vec<Here> {
     road.lanelets_at(pose.position).into_iter().map(place).collect()
 }
 
-/// Everybody's way over the lanelets.
-pub(super) fn tracks(traffic: &Traffic) -> Vec<Track> {
-    (0..traffic.states.ids.len()).into_par_iter().map(|row| Track::of(traffic, row)).collect()
+/// The lanelets that each participant passes.
+pub(super) fn tracks(traffic: &Traffic) -> Vec<LaneletTrack> {
+    (0..traffic.states.ids.len()).into_par_iter().map(|row| LaneletTrack::of(traffic, row)).collect()
 }
 
-/// Who is there at each column, with positions: (row, position).
+/// The participants present at each column: (row, position).
 pub(super) fn columns(traffic: &Traffic) -> Vec<Vec<(u32, Point)>> {
     let there = |column: usize| {
         let rows = (0..traffic.states.ids.len()).filter(|row| traffic.is_there(*row, column));

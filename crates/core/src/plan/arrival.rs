@@ -12,7 +12,7 @@ const GOAL_DEPTH: f64 = 20.0;
 const GOAL_END_GAP: f64 = 1.0;
 /// ... and arrives this long before the last moment [s], ...
 const ARRIVAL_RESERVE: f64 = 1.0;
-/// ... or by this share of the time that is left, if that is more: who plans to be just in time will be late.
+/// ... or by this share of the time that is left, if that is more: a plan to be just in time ends late.
 const ARRIVAL_SHARE: f64 = 0.15;
 
 /// Desired speed for the goal alone, and where to wait if the agent is early.

@@ -7,6 +7,11 @@
 use crate::error::{Error, Result};
 use crate::vehicle::Vehicle;
 
+/// A leader slower than this is stationary, whatever its heading [m/s].
+pub(super) const LEADER_STATIONARY_SPEED: f64 = 0.5;
+/// A moving leader heads within 60 degrees of the path (cosine).
+pub(super) const LEADER_HEADING_COSINE: f64 = 0.5;
+
 /// Smaller gaps count as this one [m].
 const GAP_MIN: f64 = 0.1;
 /// Slower desired speeds count as this one [m/s].
@@ -100,7 +105,7 @@ pub(super) fn limited(acceleration: f64, velocity: f64, vehicle: &Vehicle) -> f6
 
 /// The drive at one point of a plan: way (counted from the arc length of the start), speed and acceleration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Motion {
+pub(super) struct PathMotion {
     pub(super) s: f64,
     pub(super) velocity: f64,
     /// Constant up to the next point (or until the vehicle stands).
@@ -113,7 +118,7 @@ pub(super) fn integrate(
     (s, velocity): (f64, f64),
     n_points: usize,
     dt: f64,
-    out: &mut Vec<Motion>,
+    out: &mut Vec<PathMotion>,
     mut law: impl FnMut(usize, f64, f64) -> f64,
 ) {
     out.clear();
@@ -122,12 +127,12 @@ pub(super) fn integrate(
         let acceleration = law(point, s, velocity);
         let next = velocity + acceleration * dt;
         if next >= 0.0 {
-            out.push(Motion { s, velocity, acceleration });
+            out.push(PathMotion { s, velocity, acceleration });
             s += (velocity + 0.5 * acceleration * dt) * dt;
             velocity = next;
         } else {
             // It stands within the interval; the mean acceleration is what its speeds show.
-            out.push(Motion { s, velocity, acceleration: -velocity / dt });
+            out.push(PathMotion { s, velocity, acceleration: -velocity / dt });
             s += 0.5 * velocity * velocity / -acceleration;
             velocity = 0.0;
         }

@@ -1,16 +1,16 @@
-//! Who will be on a path, where and when, and how hard to brake for them.
+//! Conflicts with other participants on a path: where and when they occupy it, and how hard to brake for them.
 //!
 //! Every participant is projected onto the path, now and at every predicted step, for every mode that is likely enough.
 //! Where its box lies in the corridor of the vehicle it occupies a stretch of the path. Consecutive steps of one kind
-//! make an occupancy: somebody who moves along the path (or stands) is a leader; somebody who crosses makes the entry of the
-//! stretch a standing virtual leader until it has left; somebody who joins later is a virtual leader already now,
+//! make an occupancy: a participant that moves along the path or is stationary is a leader; one that crosses puts a
+//! stationary virtual leader at the entry of the stretch until it has left; one that joins later is a virtual leader now,
 //! moved back along the path. Whether the vehicle has to wait for an occupancy that begins later is decided once per plan.
 
 mod path_interval;
 
 pub(super) use path_interval::Ego;
 
-use super::car_following::{CarFollowing, Motion};
+use super::car_following::{CarFollowing, PathMotion};
 use super::{Other, PlanRequest};
 use crate::geometry::{Point, wrap_angle};
 use path_interval::{
@@ -32,7 +32,7 @@ const COURTESY: f64 = 2.0;
 /// A vehicle whose front is further into the stretch than this cannot wait before it any more [m].
 const COMMITTED: f64 = 1.0;
 
-/// Consecutive points at which somebody occupies a stretch of the path in one way.
+/// Consecutive points at which a participant occupies a stretch of the path in one way.
 #[derive(Debug, Clone, Copy)]
 struct PathOccupancy {
     /// First of its intervals among `intervals`, that of point 0.
@@ -50,7 +50,7 @@ struct PathOccupancy {
     counts: bool,
 }
 
-/// Everybody who counts for one plan; the memory is reused.
+/// All conflicts of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Conflicts {
     intervals: Vec<PathInterval>,
@@ -131,7 +131,7 @@ impl Conflicts {
         self.intervals[at] = projection.interval.unwrap_or(OUTSIDE);
     }
 
-    /// The points between two, halving until somebody is away from the corridor in between.
+    /// The points between two, by bisection until the participant stays away from the corridor in between.
     fn fill(
         &mut self,
         predicted: &PredictedMode,
@@ -196,8 +196,8 @@ impl Conflicts {
         }
     }
 
-    /// Decides for whom among those who come later the vehicle waits, from the motion that it would have without them.
-    pub(super) fn decide(&mut self, request: &PlanRequest, ego: &Ego, free: &[Motion]) {
+    /// Decides for which later occupancies the vehicle waits, from the motion that it would have without them.
+    pub(super) fn decide(&mut self, request: &PlanRequest, ego: &Ego, free: &[PathMotion]) {
         for occupancy in &mut self.occupancies {
             if occupancy.first > 0 {
                 let intervals = &self.intervals[occupancy.row..occupancy.row + self.n_points];
@@ -210,7 +210,7 @@ impl Conflicts {
         }
     }
 
-    /// Least of the accelerations that those who count allow at a point of the plan [m/s²]; infinite if nobody counts.
+    /// Smallest acceleration that the occupancies allow at a point of the plan [m/s²]; infinite without any.
     pub(super) fn allowed(&self, point: usize, ego: &Ego, s: f64, velocity: f64, law: &CarFollowing) -> f64 {
         let front = s + ego.to_front;
         let mut least = f64::INFINITY;
@@ -270,13 +270,19 @@ fn not_before(distance: f64, velocity: f64, end_velocity: f64, time: f64) -> f64
     }
 }
 
-/// Somebody in the corridor behind the vehicle who drives the same way: keeping the distance is up to them.
+/// A participant behind the vehicle in its corridor with the same heading keeps the distance itself.
 fn is_follower(ego: &Ego, interval: &PathInterval) -> bool {
     interval.inside && interval.along && 0.5 * (interval.low + interval.high) <= ego.s + ego.middle()
 }
 
-/// Somebody who will join the path does so ahead of the vehicle, as far as one can tell from both present speeds.
-fn is_joined_ahead(ego: &Ego, occupancy: &PathOccupancy, intervals: &[PathInterval], free: &[Motion], dt: f64) -> bool {
+/// A participant that will join the path does so ahead of the vehicle if both keep their present speeds.
+fn is_joined_ahead(
+    ego: &Ego,
+    occupancy: &PathOccupancy,
+    intervals: &[PathInterval],
+    free: &[PathMotion],
+    dt: f64,
+) -> bool {
     let interval = &intervals[occupancy.first];
     let middle = 0.5 * (interval.low + interval.high);
     let clear = free[occupancy.first].s + ego.to_rear > interval.high + CLEARANCE;
@@ -284,14 +290,14 @@ fn is_joined_ahead(ego: &Ego, occupancy: &PathOccupancy, intervals: &[PathInterv
     !clear && middle >= at_present_speed
 }
 
-/// The vehicle waits for somebody who will cross, unless it will have passed by then, or can wait no more, or the other
+/// The vehicle waits for a crossing participant, unless it will have passed by then, can no longer stop, or the other
 /// has to wait.
 fn must_wait(
     request: &PlanRequest,
     ego: &Ego,
     occupancy: &PathOccupancy,
     intervals: &[PathInterval],
-    free: &[Motion],
+    free: &[PathMotion],
     dt: f64,
 ) -> bool {
     let passes_first =
@@ -303,7 +309,7 @@ fn must_wait(
         return false;
     }
     let other = &request.others[occupancy.other];
-    // Both at their present speeds, as others see it: so two who meet agree about who is first.
+    // Both at their present speeds, as others see them: so both agents agree about the order.
     let (own_time, other_time) = (distance / ego.velocity.max(1e-3), occupancy.first as f64 * dt);
     if other.velocity.abs() > 2.0 * COURTESY * other_time {
         return true;
@@ -314,7 +320,7 @@ fn must_wait(
     !has_priority(request, ego, occupancy)
 }
 
-/// Who comes at the same time: who goes straight on before who turns, otherwise who comes from the right.
+/// Order of simultaneous arrivals: straight on before turning, otherwise priority to the right.
 fn has_priority(request: &PlanRequest, ego: &Ego, occupancy: &PathOccupancy) -> bool {
     const SAME_TURN: f64 = 0.2;
     let (other, predictions) = (&request.others[occupancy.other], request.predictions);
@@ -342,7 +348,7 @@ mod tests {
             (20.0, 10.0, 0.0, 3.0, -20.0 / 9.0),
             // Longer than it takes to stop: brake to rest, 10² / (2 * 20).
             (20.0, 10.0, 0.0, 10.0, -2.5),
-            // Behind somebody with 6 m/s: (36 - 100) / 40.
+            // Behind a leader with 6 m/s: (36 - 100) / 40.
             (20.0, 10.0, 6.0, 10.0, -1.6),
             (-1.0, 10.0, 0.0, 1.0, f64::NEG_INFINITY),
         ] {

@@ -1,4 +1,4 @@
-//! Plans from outside the core: what they must hold before anybody drives them.
+//! Plans from outside the core: what is checked before they are driven.
 
 use crate::error::{Error, Result};
 use crate::geometry::wrap_angle;

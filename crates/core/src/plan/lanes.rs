@@ -180,7 +180,7 @@ impl Lane {
             expected = path.project_near(end, expected, FOOT_WINDOW).map_or(expected, |foot| foot.0);
             pieces.push(Piece { lanelet, end: expected, changes: changes[lanelet], last_chance: f64::INFINITY });
         }
-        // Nobody needs to go on changing beyond the goal.
+        // No lane change is needed beyond the goal.
         let goal_s = goal_place.and_then(|place| path.project(place)).map_or(f64::INFINITY, |foot| foot.0);
         for i in 0..pieces.len() {
             if pieces[i].changes == 0 {

@@ -34,20 +34,20 @@ use lanes::Lanes;
 use recorded_path::RecordedPath;
 use speed_profile::SpeedLimits;
 
-/// Who plans for an agent.
+/// The planner of an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Planner {
     /// Sampling in the Frenet frame of the reference path.
     Frenet(Box<frenet::FrenetSettings>),
     /// The recording, state by state.
     Recorded,
-    /// The recorded path at the recorded speed, slower where somebody is in the way.
+    /// The recorded path at the recorded speed, slower behind other participants.
     VelocityAdjusting(CarFollowing),
     /// The reference path with the Intelligent Driver Model.
     Idm(IdmSettings),
     /// The same with lane changes by MOBIL.
     IdmMobil(Box<IdmMobilSettings>),
-    /// Somebody outside the core, who writes a row of `Plans`.
+    /// A planner outside the core that writes a row of `Plans`.
     External,
 }
 
@@ -89,7 +89,7 @@ pub struct PlanRequest<'a> {
     pub road: &'a RoadNetwork,
     /// Participants in view, sorted by id.
     pub others: &'a [Other<'a>],
-    /// Expectations for everybody; only the rows of `others` may be looked at.
+    /// Predictions for all participants; only the rows of `others` may be read.
     pub predictions: &'a Predictions,
     /// What all plans share about them.
     pub prediction_index: &'a PredictionIndex,
@@ -154,16 +154,16 @@ impl Prepared {
 /// not depend on what was planned before with the same memory.
 #[derive(Debug, Clone, Default)]
 pub struct PlanningMemory {
-    /// Whom the agent sees, as places among those who are present.
+    /// The participants that the agent sees, as positions among those present.
     pub(crate) visible: Vec<usize>,
     /// Always empty between plans.
     pub(crate) others: Vec<Other<'static>>,
     frenet: frenet::FrenetMemory,
     conflicts: conflicts::Conflicts,
     speed_profile: speed_profile::SpeedProfile,
-    /// Motions of the plan, and of a plan for which those who come later do not count.
-    motions: Vec<car_following::Motion>,
-    free: Vec<car_following::Motion>,
+    /// Motions of the plan, and of a plan that ignores later occupancies.
+    motions: Vec<car_following::PathMotion>,
+    free: Vec<car_following::PathMotion>,
     road: Vec<u32>,
     effort: usize,
 }

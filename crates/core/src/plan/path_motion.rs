@@ -1,7 +1,7 @@
 //! From a motion along a path, with a lateral offset that is given up, to states of the vehicle.
 
 use super::PlanRequest;
-use super::car_following::Motion;
+use super::car_following::PathMotion;
 use super::frame::{FrenetPoint, STRETCH_MIN, Start, Waypoint};
 use super::polynomial::Polynomial;
 use crate::geometry::polyline::{PathPoint, ReferencePath};
@@ -21,7 +21,7 @@ const ATTEMPTS: usize = 4;
 const BESIDE: [f64; 9] = [0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0];
 /// ... reached within this time [s].
 const BESIDE_TIME: f64 = 1.5;
-/// Near the middle of a lane that is as straight as this nobody leaves the road: offset [m], curvature [1/m], looked at
+/// Near the middle of a lane that is as straight as this no vehicle leaves the road: offset [m], curvature [1/m], looked at
 /// every so many metres.
 const HARMLESS_OFFSET: f64 = 0.4;
 const STRAIGHT_CURVATURE: f64 = 0.02;
@@ -77,7 +77,7 @@ pub(super) fn trajectory(
     request: &PlanRequest,
     path: &ReferencePath,
     start: &Start,
-    motions: &[Motion],
+    motions: &[PathMotion],
     time: f64,
 ) -> Option<Trajectory> {
     let mut points = Vec::with_capacity(motions.len());
@@ -91,7 +91,7 @@ pub(super) fn trajectory_on_road(
     request: &PlanRequest,
     path: &ReferencePath,
     start: &Start,
-    motions: &[Motion],
+    motions: &[PathMotion],
     time: f64,
     memory: &mut Vec<u32>,
 ) -> Option<Trajectory> {
@@ -119,7 +119,7 @@ pub(super) fn trajectory_on_road(
 }
 
 /// The path does not bend more than any lane leaves room for.
-fn is_straight(path: &ReferencePath, s: f64, motions: &[Motion]) -> bool {
+fn is_straight(path: &ReferencePath, s: f64, motions: &[PathMotion]) -> bool {
     let end = motions.last().map_or(s, |motion| motion.s) + 5.0;
     let n = path.steps_from(s, STRAIGHT_STEP, ((end - s) / STRAIGHT_STEP).ceil());
     (0..=n).all(|i| path.curvature_at(s + i as f64 * STRAIGHT_STEP).abs() < STRAIGHT_CURVATURE)
@@ -142,7 +142,7 @@ fn shifted(
     request: &PlanRequest,
     path: &ReferencePath,
     start: &Start,
-    motions: &[Motion],
+    motions: &[PathMotion],
     (end, time): (f64, f64),
     points: &mut Vec<State>,
 ) -> Option<()> {
@@ -172,7 +172,7 @@ fn write(
     request: &PlanRequest,
     path: &ReferencePath,
     start: &Start,
-    motions: &[Motion],
+    motions: &[PathMotion],
     lateral: &Shift,
     points: &mut Vec<State>,
 ) -> Option<bool> {

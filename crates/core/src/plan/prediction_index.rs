@@ -9,7 +9,7 @@ use crate::trajectory::Predictions;
 /// Directions and regions of all modes.
 #[derive(Debug, Clone, Default)]
 pub struct PredictionIndex {
-    /// Unit vectors along the headings, first all x, then all y; (0, 0) where nobody is expected.
+    /// Unit vectors along the headings, first all x, then all y; (0, 0) where there is no prediction.
     axes: Vec<f64>,
     /// Boxes around the positions, now and expected, along the way; shape (participants, modes).
     pub(super) regions: Vec<OrientedBox>,

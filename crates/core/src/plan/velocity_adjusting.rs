@@ -1,4 +1,4 @@
-//! Keeping the recorded path and, where nobody is in the way, the recorded speed.
+//! Keeping the recorded path and, on a free path, the recorded speed.
 
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Conflicts, Ego};
@@ -23,9 +23,9 @@ const SAME_PLACE: f64 = 0.02;
 /// Lateral acceleration in curves beyond the end of the recording [m/s²].
 const LATERAL_ACCELERATION: f64 = 3.0;
 /// A recording that ends (nearly) standing goes on with this speed, so that the vehicle follows its lane [m/s].
-const STANDING: f64 = 0.1;
+const RECORDING_STOPPED_SPEED: f64 = 0.1;
 
-/// Acceleration if nobody is in the way [m/s²].
+/// Acceleration on a free path [m/s²].
 fn undisturbed(
     recorded_path: &RecordedPath,
     law: &CarFollowing,
@@ -41,7 +41,7 @@ fn undisturbed(
     let clock = if on_schedule { clock_now } else { latest };
     if clock >= last {
         let wish = recorded_path.last_velocity().min(speed_limit);
-        let wish = if wish < STANDING { 0.0 } else { wish };
+        let wish = if wish < RECORDING_STOPPED_SPEED { 0.0 } else { wish };
         return if velocity < wish || velocity > wish + SLOW {
             law.free(velocity, wish)
         } else {

@@ -1,14 +1,14 @@
-//! Who stands: one rule for every predictor that looks at the past.
+//! Which participants are stationary: one rule for every predictor that uses the past.
 
-use super::STANDING;
+use super::STATIONARY_SPEED;
 use crate::scene::Scene;
 
-/// Who moved less than this [m] has not moved.
+/// Less than this is no motion [m].
 const UNMOVED: f64 = 0.1;
-/// Who has not moved for this long [s] stands, whatever speed is stated.
-const STANDING_TIME: f64 = 0.5;
+/// A participant that has not moved for this long [s] is stationary, whatever its stated speed.
+const STATIONARY_TIME: f64 = 0.5;
 
-/// How long somebody's past is known without a gap, and how long it has not moved until now [s].
+/// How long a participant's past is known without a gap, and how long it has not moved until now [s].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Stillness {
     pub(super) known: f64,
@@ -33,6 +33,6 @@ impl Stillness {
 
     /// It stands: its positions say so for half a second, or all that is known of it does and it is slow.
     pub(super) fn is_standing(&self, velocity: f64) -> bool {
-        self.unmoved >= STANDING_TIME - 1e-9 || (self.unmoved >= self.known && velocity.abs() < STANDING)
+        self.unmoved >= STATIONARY_TIME - 1e-9 || (self.unmoved >= self.known && velocity.abs() < STATIONARY_SPEED)
     }
 }

@@ -119,8 +119,8 @@ fn an_offset_from_the_lane_is_given_up_and_the_prediction_starts_at_the_car() {
 #[test]
 fn who_is_missing_in_a_table_from_outside_goes_straight_on() {
     let now = scene(&[at(0.0, 0.0, 10.0), at(20.0, 0.0, 0.0)]);
-    let nobody = Predictions::empty(0, Vec::new(), 2, N_STEPS);
-    let all = completed(&nobody, &now);
+    let absent = Predictions::empty(0, Vec::new(), 2, N_STEPS);
+    let all = completed(&absent, &now);
     assert!(matches!(completed(&all, &now), Cow::Borrowed(_)), "what is complete is not copied");
     assert_eq!(all.ids, [1, 2]);
     assert!((all.x[all.offset(0, 0) + 9] - 10.0).abs() < 1e-9, "1 s at 10 m/s");

@@ -44,7 +44,7 @@ pub(super) struct GoalPlace {
 
 /// What the search finds.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct FoundRoute {
     pub(super) steps: Vec<Step>,
     /// Arc length of the start on the first lanelet [m].
     pub(super) start_s: f64,
@@ -164,7 +164,12 @@ impl Search<'_> {
 }
 
 /// The best sequence from one of the starts to one of the goals.
-pub(super) fn search(road: &RoadNetwork, starts: &[LaneMatch], position: Point, goals: &[GoalPlace]) -> Result<Found> {
+pub(super) fn search(
+    road: &RoadNetwork,
+    starts: &[LaneMatch],
+    position: Point,
+    goals: &[GoalPlace],
+) -> Result<FoundRoute> {
     let n = road.lanelets().len();
     let mut search =
         Search { road, costs: vec![Cost::UNREACHED; 2 * n], from: vec![None; 2 * n], heap: BinaryHeap::new() };
@@ -212,7 +217,7 @@ pub(super) fn search(road: &RoadNetwork, starts: &[LaneMatch], position: Point, 
 }
 
 /// Walks back from the goal's node.
-fn trace(search: &Search, starts: &[LaneMatch], node: usize, goal: &GoalPlace) -> Found {
+fn trace(search: &Search, starts: &[LaneMatch], node: usize, goal: &GoalPlace) -> FoundRoute {
     let mut steps = Vec::new();
     let mut at = node;
     while let Some((before, is_change)) = search.from[at] {
@@ -223,5 +228,5 @@ fn trace(search: &Search, starts: &[LaneMatch], node: usize, goal: &GoalPlace) -
     steps.reverse();
     let first = steps[0].lanelet;
     let start_s = starts.iter().find(|start| start.lanelet == first).map_or(0.0, |start| start.s);
-    Found { steps, start_s, goal: *goal }
+    FoundRoute { steps, start_s, goal: *goal }
 }

@@ -1,4 +1,4 @@
-//! Contact of a drive that somebody considers with those who are expected to be in its way.
+//! Contact of a considered drive with predicted participants.
 
 use super::Scene;
 use crate::geometry::Pose;
@@ -6,7 +6,7 @@ use crate::geometry::shape::{OrientedBox, Shape};
 use crate::trajectory::Predictions;
 
 impl Scene {
-    /// Id and interval of the first contact of a drive of `agent` that begins now with somebody else of the predictions,
+    /// Id and interval of the first contact of a drive of `agent` that begins now with another predicted participant,
     /// where the most probable mode expects them; of several in one interval, the smallest id.
     ///
     /// `drive` holds the swept boxes of the intervals from now on. Participants are longer and wider by `margin` [m],

@@ -11,9 +11,9 @@ use crate::geometry::{Point, Pose};
 /// Gaps between hiding bodies that are narrower than this are closed [rad]: 0.1 mm at 100 m.
 const NARROWEST: f64 = 1e-6;
 
-/// Somebody who may be seen or hide others.
+/// A body that may be seen and may hide others.
 #[derive(Debug, Clone, Copy)]
-pub struct Body<'a> {
+pub struct SightBody<'a> {
     /// Footprint in its body frame.
     pub shape: &'a Shape,
     /// Where it is.
@@ -93,7 +93,7 @@ struct Surroundings {
 
 impl Surroundings {
     /// Adds the parts of a body; false if the eye lies in one of them, then none is added.
-    fn add(&mut self, index: usize, body: &Body<'_>, eye: Point, near: f64, far: f64) -> bool {
+    fn add(&mut self, index: usize, body: &SightBody<'_>, eye: Point, near: f64, far: f64) -> bool {
         let placement = Placement::new(body.pose);
         let (n_parts, n_corners) = (self.parts.len(), self.corners.len());
         for part in body.shape.parts() {
@@ -222,8 +222,8 @@ fn extremes(corners: &[Point]) -> Option<Range> {
 /// A body is seen unless every direction in which it lies is taken by a nearer body that hides. Bodies around the eye
 /// are seen and hide nothing; a body hides nothing of itself. Where two bodies overlap, the one that is nearer in the
 /// middle of the directions they share counts as nearer. The order of the bodies does not matter.
-pub fn seen_from(eye: Point, bodies: &[Body<'_>]) -> Vec<bool> {
-    let bounds = |body: &Body<'_>| {
+pub fn seen_from(eye: Point, bodies: &[SightBody<'_>]) -> Vec<bool> {
+    let bounds = |body: &SightBody<'_>| {
         let (distance, radius) = (body.pose.position.distance(eye), body.shape.bounding_radius());
         (distance - radius, distance + radius)
     };

@@ -1,4 +1,4 @@
-//! One step: everybody moves at once; then contacts, road departure, goals; then who comes and who goes.
+//! One step: all participants move at once; then contacts, road departure and goals; then participants enter and leave.
 
 use std::collections::BTreeSet;
 
@@ -27,7 +27,7 @@ impl World {
     }
 
     /// As [`World::step`]; `mark` is called right before and right after contacts and road departures are looked for, so
-    /// that whoever has a clock can time them.
+    /// so that a caller with a clock can time them.
     ///
     /// # Errors
     /// As [`World::step`].
@@ -65,7 +65,7 @@ impl World {
         Ok(())
     }
 
-    /// Records whom the agents see that drive now.
+    /// Records what each driving agent sees.
     fn note_sightings(&mut self) {
         let scene = self.scene_with_past(0);
         let ids = &self.participants.ids;
@@ -75,7 +75,7 @@ impl World {
         }
     }
 
-    /// Keeps the plans; ends those who have none.
+    /// Adopts the plans; agents without one end.
     fn adopt(&mut self, plans: &Plans) {
         let (time_step, dt) = (self.time_step, self.scenario.dt);
         for (row, id) in plans.ids.iter().enumerate() {
@@ -115,7 +115,7 @@ impl World {
         }
     }
 
-    /// State of everybody one step later; `None` for those who are gone.
+    /// States one step later; `None` for participants that have left.
     fn next_states(&self) -> Vec<Option<State>> {
         let mut next: Vec<Option<State>> = self
             .recorded_row
@@ -218,7 +218,7 @@ impl World {
         }
     }
 
-    /// Ends everybody at the largest number of time steps.
+    /// Ends all agents at the largest number of time steps.
     fn judge_length(&mut self) {
         if self.time_step < self.final_time_step() {
             return;
@@ -230,7 +230,7 @@ impl World {
         }
     }
 
-    /// Brings in who starts at this time step, and notes whom they touch.
+    /// Lets agents enter that start at this time step, and notes which participants they touch.
     pub(super) fn enter(&mut self, time_step: i64) {
         let mut entered = Vec::new();
         for row in 0..self.states.len() {
@@ -299,7 +299,7 @@ impl Drive {
             return None;
         }
         let goal = &self.agent.goal;
-        if goal.states.iter().any(|alternative| alternative.is_met(state, time_step)) {
+        if goal.is_met(state, time_step) {
             return Some(OutcomeKind::GoalReached);
         }
         let is_late = goal.latest_time_step().is_some_and(|latest| time_step > latest);

@@ -46,7 +46,7 @@ pub struct Agent {
     pub goal: Goal,
     /// How to get there.
     pub route: Arc<Route>,
-    /// Who plans.
+    /// Its planner.
     pub planner: Planner,
     /// What it sees.
     pub view: ViewLimits,
@@ -61,11 +61,11 @@ pub struct WorldSettings {
     pub replan_every: usize,
     /// Number of past time steps in a scene.
     pub history_steps: usize,
-    /// After so many time steps the world ends: whoever still drives or is still to come has run out of time.
+    /// The world ends after this many time steps; agents that still drive or have not started have run out of time.
     pub max_steps: usize,
     /// Number of threads that plan.
     pub threads: usize,
-    /// Record at every step whom each driving agent sees.
+    /// Record at every step which participants each driving agent sees.
     pub record_views: bool,
 }
 
@@ -75,7 +75,7 @@ impl Default for WorldSettings {
             grace_factor: 1.7,
             replan_every: 1,
             history_steps: 30,
-            max_steps: 10_000,
+            max_steps: usize::MAX,
             threads: 1,
             record_views: false,
         }
@@ -99,7 +99,7 @@ struct Drive {
     was_on_road: bool,
     /// Fraction of the step at which the collision that ended it happened.
     contact_fraction: f64,
-    /// How much work its last plan was, 0 if that was kept: who needs long begins first. Nothing but time depends on it.
+    /// Effort of its last plan, 0 if that was kept: agents with the largest effort are planned first. Affects run time only.
     effort: AtomicUsize,
 }
 
@@ -206,7 +206,7 @@ impl World {
         &self.scenario
     }
 
-    /// Who takes part.
+    /// The participants.
     pub fn participants(&self) -> &Arc<Participants> {
         &self.participants
     }
@@ -282,7 +282,7 @@ impl World {
         Ok(scene.visible_from(drive.row, &drive.agent.view))
     }
 
-    /// Expectations of a native predictor for everybody present, on the threads of the world.
+    /// Predictions of a native predictor for all participants present, on the threads of the world.
     ///
     /// # Errors
     /// As [`predict_with`].

@@ -82,7 +82,7 @@ impl World {
         rows
     }
 
-    /// The memory of a thread. Nobody else uses it meanwhile, so nobody waits for it.
+    /// The memory of a thread; the lock is never contended.
     fn memory(&self, thread: usize) -> MutexGuard<'_, PlanningMemory> {
         // Plans do not depend on what is left in it, so a panic in between spoils nothing.
         self.memories[thread].lock().unwrap_or_else(PoisonError::into_inner)
@@ -153,10 +153,10 @@ impl World {
     }
 }
 
-/// Everybody who is present, as planners meet them.
+/// All participants present, as planners see them.
 struct Crowd<'a> {
     positions: Vec<Point>,
-    everybody: Vec<Other<'a>>,
+    all: Vec<Other<'a>>,
 }
 
 impl<'a> Crowd<'a> {
@@ -169,13 +169,13 @@ impl<'a> Crowd<'a> {
             shape: &participants.shape[*row],
             is_static: participants.is_static[*row],
         };
-        Self { positions: scene.positions(), everybody: scene.present.iter().enumerate().map(other).collect() }
+        Self { positions: scene.positions(), all: scene.present.iter().enumerate().map(other).collect() }
     }
 
-    /// Writes whom an agent sees; `visible` is memory.
+    /// Writes the participants that an agent sees; `visible` is memory.
     fn see(&self, drive: &Drive, scene: &Scene, visible: &mut Vec<usize>, others: &mut Vec<Other<'a>>) {
         scene.see(drive.row, &drive.agent.view, &self.positions, visible);
         others.clear();
-        others.extend(visible.iter().map(|place| self.everybody[*place]));
+        others.extend(visible.iter().map(|place| self.all[*place]));
     }
 }

@@ -34,7 +34,7 @@ fn far() -> GoalState {
 /// An agent of 4.5 m by 2 m and what it wants; its route leads to the first goal.
 fn agent(id: i64, initial_state: State, goals: Vec<GoalState>) -> Agent {
     let road = open(parallel_lanes(2, 200.0));
-    // Also for those who start beside the road.
+    // Also for agents that start beside the road.
     let start = Pose::new(initial_state.x, initial_state.y.clamp(-1.0, 4.5), 0.0);
     let route = find_route(&road, start, 10.0, &goals[0].areas, &RouteSettings::default()).expect("a straight road");
     let vehicle = Vehicle::for_footprint(ParticipantKind::Car, 2.0 * HALF, 2.0).expect("a car");
@@ -52,7 +52,7 @@ fn agent(id: i64, initial_state: State, goals: Vec<GoalState>) -> Agent {
     }
 }
 
-/// Somebody recorded: a square of 2 m by 2 m with a state per time step, or standing.
+/// A recorded participant: a square of 2 m by 2 m with a state per time step, or standing.
 struct Recorded {
     id: i64,
     is_static: bool,
@@ -102,11 +102,11 @@ fn state(world: &World, id: i64) -> Option<State> {
     world.states[row]
 }
 
-/// Plans that bring agents where they are told to be next; the others of those who drive stay where they are.
+/// Plans that bring some agents to given positions; all other driving agents stay in place.
 fn towards(world: &World, next: &[(i64, State)]) -> Plans {
     let mut plans = Plans::none(world.time_step(), world.driving(), 2);
     for id in world.driving() {
-        let now = state(world, id).expect("who drives is there");
+        let now = state(world, id).expect("a driving agent is present");
         let next = next.iter().find(|(agent, _)| *agent == id).map_or(now, |(_, next)| *next);
         plans.set_row(id, &[now, next]).expect("it drives");
     }
@@ -115,7 +115,7 @@ fn towards(world: &World, next: &[(i64, State)]) -> Plans {
 
 fn move_to(world: &mut World, next: &[(i64, State)]) {
     let plans = towards(world, next);
-    world.step(&plans).expect("plans of those who drive");
+    world.step(&plans).expect("plans of all driving agents");
 }
 
 fn outcome(world: &World, id: i64) -> Outcome {

@@ -1,4 +1,4 @@
-//! The threads of a world: whoever calls it works, too, and others help.
+//! The threads of a world: the calling thread works, too, and others help.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -26,7 +26,7 @@ impl Threads {
     }
 
     /// Calls `work(thread, i)` once for every i below `n`. They are handed out one by one in their order, the next one to
-    /// whoever is free; `thread` counts from 0, and no two calls with the same one run at the same time.
+    /// any free thread; `thread` counts from 0, and no two calls with the same one run at the same time.
     ///
     /// The calling thread begins at once; the others need some time to wake up.
     pub(super) fn each(&self, n: usize, work: impl Fn(usize, usize) + Sync) {
@@ -64,7 +64,7 @@ mod tests {
             let threads = Threads::new(n).expect("threads");
             let (done, busy) = (Mutex::new(Vec::new()), [const { Mutex::new(()) }; 5]);
             threads.each(200, |thread, i| {
-                let _own = busy[thread].try_lock().expect("nobody else is this thread");
+                let _own = busy[thread].try_lock().expect("thread indices are unique");
                 done.lock().expect("no panic").push(i);
             });
             let mut done = done.into_inner().expect("no panic");

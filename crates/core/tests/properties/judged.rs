@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use interdrive_core::criticality::harm::{Body, Sides, boundary_harm, collision_harm, mass};
+use interdrive_core::criticality::harm::{CrashBody, Sides, boundary_harm, collision_harm, mass};
 use interdrive_core::criticality::{
     ConflictAreas, Connector, Criticality, LeadMembership, Request, Settings, ThwMode, Traffic, evaluate, kernels,
     overlapping_lanelets,
@@ -97,7 +97,7 @@ fn kernels_of(source: &mut Source) {
     kernels::exposure(&[a, b, c], d, 0.1);
     let mut body = || {
         let kind = ParticipantKind::ALL[source.below(13)];
-        Body {
+        CrashBody {
             kind,
             mass: mass(kind, source.any(1.0, 10.0), source.any(0.5, 3.0)),
             state: traffic::state(source, Pose::new(a, b, c)),

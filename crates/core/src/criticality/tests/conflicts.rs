@@ -88,7 +88,7 @@ fn stopping_before_the_area_is_a_share_of_the_way_that_is_left() {
 fn who_never_enters_or_has_no_partner_has_no_conflict() {
     let alone = crossing_scene(-64.55, 25, None);
     for measure in [Measure::Et, Measure::Pet, Measure::Psd] {
-        assert_eq!(extreme(&alone, measure), INF, "{measure:?}: nobody reached the area");
+        assert_eq!(extreme(&alone, measure), INF, "{measure:?}: no participant reached the area");
         assert_eq!(alone.extremes[measure as usize][0].time_step, 0);
     }
     let (road, connectors) = right_angles();

@@ -1,4 +1,4 @@
-//! Distance of and time to the closest encounter; who counts.
+//! Distance of and time to the closest encounter, and which participants count.
 
 use std::f64::consts::PI;
 

@@ -121,7 +121,7 @@ fn values_belong_to_vehicles_and_not_to_their_ids() {
 
 #[test]
 fn pairs_agree_about_distance_and_post_encroachment() {
-    // Whose ways meet depends on who asks.
+    // Which paths meet depends on the judged vehicle.
     let mut wanted = request(&[1, 2]);
     wanted.settings.oncoming_filter = false;
     wanted.conflict_areas = ConflictAreas::Crossing;

@@ -20,7 +20,7 @@ pub(super) fn state(x: f64, y: f64, orientation: f64, velocity: f64) -> State {
     State { x, y, orientation, velocity, ..State::default() }
 }
 
-/// Somebody with a state per time step.
+/// A participant with a state per time step.
 #[derive(Clone)]
 pub(super) struct Actor {
     pub id: i64,

@@ -79,9 +79,9 @@ fn states_that_are_no_numbers_are_refused_with_participant_and_time_step() {
 fn impossible_requests_are_refused_with_a_reason() {
     let mut parked = Actor::car(2, [state(60.0, 0.0, 0.0, 0.0)]);
     parked.is_static = true;
-    let mut nobody = Actor::car(3, [state(60.0, 0.0, 0.0, 0.0)]);
-    nobody.states[0] = None;
-    let scene = traffic(straight_road(1), &[Actor::car(1, [state(20.0, 0.0, 0.0, 10.0)]), parked, nobody]);
+    let mut absent = Actor::car(3, [state(60.0, 0.0, 0.0, 0.0)]);
+    absent.states[0] = None;
+    let scene = traffic(straight_road(1), &[Actor::car(1, [state(20.0, 0.0, 0.0, 10.0)]), parked, absent]);
     let refused = |change: &dyn Fn(&mut Request)| {
         let mut wanted = request(&[1]);
         change(&mut wanted);

@@ -474,7 +474,7 @@ impl Target {
         };
         let mut knots = Vec::with_capacity(n + 1);
         knots.push(knot);
-        let mut place = Place { segment: 0, u: 0.0 };
+        let mut place = TargetPosition { segment: 0, u: 0.0 };
         for _ in 0..n {
             self.move_beside(&mut place, knot.position);
             let slope = self.slope(place.segment, place.u);
@@ -489,7 +489,7 @@ impl Target {
     }
 
     /// Moves to the foot of a position that is not far ahead.
-    fn move_beside(&self, place: &mut Place, position: Point) {
+    fn move_beside(&self, place: &mut TargetPosition, position: Point) {
         for _ in 0..4 {
             let slope = self.slope(place.segment, place.u);
             let ahead = (position - self.position(place.segment, place.u)).dot(slope) / slope.norm_squared().max(1e-6);
@@ -498,21 +498,21 @@ impl Target {
     }
 
     /// `place` moved by a number of segments, within the curve.
-    fn moved(&self, place: Place, by: f64) -> Place {
+    fn moved(&self, place: TargetPosition, by: f64) -> TargetPosition {
         let parameter = (place.segment as f64 + place.u + by).clamp(0.0, (self.points.len() - 1) as f64);
         let segment = (parameter as usize).min(self.points.len() - 2);
-        Place { segment, u: parameter - segment as f64 }
+        TargetPosition { segment, u: parameter - segment as f64 }
     }
 
-    fn curvature_ahead(&self, place: Place, by: f64) -> f64 {
-        let Place { segment, u } = self.moved(place, by);
+    fn curvature_ahead(&self, place: TargetPosition, by: f64) -> f64 {
+        let TargetPosition { segment, u } = self.moved(place, by);
         self.curvatures[segment] + u * (self.curvatures[segment + 1] - self.curvatures[segment])
     }
 }
 
 /// Position on a `Target`: segment and fraction of it.
 #[derive(Clone, Copy)]
-struct Place {
+struct TargetPosition {
     segment: usize,
     u: f64,
 }

@@ -1,33 +1,30 @@
-//! What somebody occupies of a path: feet, boxes in the corridor, structures.
+//! The interval of a path that a participant occupies at one time.
 
 use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::shape::{OrientedBox, Shape};
 use crate::geometry::{Aabb, Point, Pose};
+use crate::plan::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
 use crate::plan::{Other, PlanRequest};
 
 /// The corridor is wider than the vehicle by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.2;
 /// In bends by at most this more, on the outside [m].
 const WIDENING_MAX: f64 = 2.0;
-/// Somebody slower than this stands, whatever the heading [m/s].
-const STANDING: f64 = 0.5;
-/// Somebody moves along the path within 60 degrees of it (cosine).
-const SAME_DIRECTION: f64 = 0.5;
 /// From a foot that is off by less than this along the path [m] the last step is made without a look.
 const FOOT_TOLERANCE: f64 = 0.3;
 /// Structures are looked for every so many metres of the path.
 const STRUCTURE_STEP: f64 = 1.0;
-/// Somebody who is further away from the corridor, on one side of it, than this times the time between two looks [m/s] is
+/// A participant that is further from the corridor, on one side, than this times the time between two samples [m/s] is
 /// not in it in between.
 const SWERVE: f64 = 0.4;
-/// Who is further behind the rear axle than this, and its size, is not looked at [m].
+/// Participants further behind the rear axle than this plus their size are ignored [m].
 const BEHIND: f64 = 3.0;
 /// Where the path turns by less than this [rad], the foot of a point within 20 m of it lies within this distance of where it
 /// would be on a straight path [m]: 20 m times the sine, and 6 % of the reach.
 const STRAIGHT_TURN: f64 = 0.35;
 const STRAIGHT_WINDOW: f64 = 20.0;
 
-/// What somebody occupies of the path at one point of the plan.
+/// What a participant occupies of the path at one point of the plan.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathInterval {
     /// Arc lengths of the nearest and the furthest point [m].
@@ -169,7 +166,7 @@ impl Region {
     }
 }
 
-/// Where on the path somebody is.
+/// The foot of a participant on the path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PathFoot {
     /// Arc length and offset [m].
@@ -223,8 +220,8 @@ pub(super) fn interval_of(
     } else {
         (right, left)
     };
-    let along = velocity.abs() < STANDING || cos * velocity.signum() > SAME_DIRECTION;
-    let velocity = if velocity.abs() < STANDING { 0.0 } else { (velocity * cos).max(0.0) };
+    let along = velocity.abs() < LEADER_STATIONARY_SPEED || cos * velocity.signum() > LEADER_HEADING_COSINE;
+    let velocity = if velocity.abs() < LEADER_STATIONARY_SPEED { 0.0 } else { (velocity * cos).max(0.0) };
     let clearance = (d - half_d - left).max(0.0) + (d + half_d - right).min(0.0);
     let inside = clearance == 0.0;
     let crosses = inside && !along;
@@ -232,7 +229,7 @@ pub(super) fn interval_of(
     Some(PathInterval { low: s + low, high: s + high, velocity, along, inside, clearance })
 }
 
-/// Where one mode of somebody is predicted.
+/// One predicted mode of a participant.
 pub(super) struct PredictedMode<'a> {
     pub(super) request: &'a PlanRequest<'a>,
     pub(super) other: &'a Other<'a>,
@@ -244,7 +241,7 @@ pub(super) struct PredictedMode<'a> {
     pub(super) dt: f64,
 }
 
-/// Somebody at one point of the plan.
+/// A participant at one point of the plan, projected onto the path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projection {
     /// Centre of the box; NaN if unknown.
@@ -280,7 +277,7 @@ impl PredictedMode<'_> {
 }
 
 impl Projection {
-    /// Between this and a later projection nobody gets into the corridor, unless they swerve.
+    /// Between this and a later projection the participant does not enter the corridor unless it swerves.
     pub(super) fn stays_away(&self, later: &Self, time: f64, region: &Region) -> bool {
         match (&self.interval, &later.interval) {
             (Some(a), Some(b)) => {

@@ -2,8 +2,8 @@
 
 use super::super::frame::{FrenetPoint, STRETCH_MIN, Waypoint};
 use super::feasibility::{Limits, Turning};
-use super::grid::{PathPoints, ProfilePoints};
 use super::lateral::LateralPoints;
+use super::profiles::{PathPoints, ProfilePoints};
 use crate::geometry::Point;
 use crate::geometry::polyline::PathPoint;
 use crate::simd::multiversion;

@@ -111,15 +111,15 @@ fn spread_at(points: &LateralPoints, [first, last]: [f64; 2], out: &mut [f32]) {
     for i in 0..n {
         let outer = |k: usize| (home[k][i] + first * step[k][i], home[k][i] + last * step[k][i]);
         let (offset, speed) = (outer(0), outer(1));
-        widest[i] = largest(offset.0, offset.1) as f32;
-        let (slow, fast) = (smallest(speed.0, speed.1), largest(speed.0, speed.1));
+        widest[i] = largest_magnitude(offset.0, offset.1) as f32;
+        let (slow, fast) = (smallest_magnitude(speed.0, speed.1), largest_magnitude(speed.0, speed.1));
         (low[i], high[i]) = ((slow * slow) as f32, (fast * fast) as f32);
     }
 }
 
 /// The smallest absolute value of numbers between two.
 #[inline(always)]
-pub(super) fn smallest(a: f64, b: f64) -> f64 {
+pub(super) fn smallest_magnitude(a: f64, b: f64) -> f64 {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
     let near = if low > -high { low } else { -high };
     if near > 0.0 { near } else { 0.0 }
@@ -127,7 +127,7 @@ pub(super) fn smallest(a: f64, b: f64) -> f64 {
 
 /// The largest absolute value of numbers between two.
 #[inline(always)]
-pub(super) fn largest(a: f64, b: f64) -> f64 {
+pub(super) fn largest_magnitude(a: f64, b: f64) -> f64 {
     let (a, b) = (a.abs(), b.abs());
     if a > b { a } else { b }
 }

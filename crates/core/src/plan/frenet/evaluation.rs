@@ -6,13 +6,14 @@ use std::ops::Range;
 use super::super::PlanRequest;
 use super::super::frame::{Start, Waypoint};
 use super::cartesian::{self, FrenetTrajectory};
-use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
+use super::cost::TableCosts;
 use super::feasibility::{Limits, Rejection};
 use super::grid::SampleGrid;
 use super::obstacles::Contact;
 use super::obstacles::Obstacles;
 use super::search::{Entry, Refined, SearchSpace};
 use super::settings::{FrenetSettings, N_TERMS};
+use super::terms::{FrenetMotion, has_world_terms, weighted_world_terms, world_terms};
 use super::warm_start::WarmStart;
 use crate::collision::departs_road;
 use crate::geometry::shape::OrientedBox;
@@ -289,7 +290,8 @@ impl<'a> Evaluation<'a> {
                 FrenetMotion::new(&samples.motions(profile).at(i), d, samples.profiles[profile].is_over_arc)
             }
         };
-        world_terms(&self.tables.memory.points, motion, self.tables.obstacles, self.problem.request)
+        let (points, request) = (&self.tables.memory.points, self.problem.request);
+        world_terms(points, motion, self.tables.obstacles.distance_cost(points, request), request.dt)
     }
 
     /// The first four terms of a sample.

@@ -17,7 +17,7 @@ use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::{PlanStatus, State, Trajectory};
 
 /// Slower agents stand [m/s].
-pub(super) const STANDING: f64 = 0.1;
+pub(super) const AGENT_STOPPED_SPEED: f64 = 0.1;
 /// Worth of one second before a contact [m/s²].
 const WORTH_OF_TIME: f64 = 2.0;
 /// Full braking as a fraction of the largest deceleration.
@@ -143,7 +143,7 @@ fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> 
     let turn = wrap_angle(state.orientation - first.orientation);
     let is_near = first.pose().position.distance(state.pose().position) < POSITION_TOLERANCE
         && turn.abs() < HEADING_TOLERANCE
-        && state.velocity > STANDING;
+        && state.velocity > AGENT_STOPPED_SPEED;
     if !is_near || old.len() < 2 || old.iter().any(|point| !point.is_finite() || point.velocity < 0.0) {
         return None;
     }
@@ -171,7 +171,7 @@ fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> 
             + rotation * offset.x
             + rotation.left() * offset.y
             + Point::from_angle(orientation) * request.vehicle.rear_axle_to_center;
-        let curvature = |p: &State| if p.velocity > STANDING { p.yaw_rate / p.velocity } else { 0.0 };
+        let curvature = |p: &State| if p.velocity > AGENT_STOPPED_SPEED { p.yaw_rate / p.velocity } else { 0.0 };
         let curvature = curvature(a) + (curvature(b) - curvature(a)) * fraction;
         let yaw_rate = curvature * velocity;
         points.push(State { x: position.x, y: position.y, orientation, velocity, acceleration, yaw_rate });

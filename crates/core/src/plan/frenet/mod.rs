@@ -15,12 +15,15 @@ mod candidates;
 mod search;
 mod cost;
 mod targets;
+mod terms;
 mod evaluation;
 mod fallback;
 mod velocity_keeping_profiles;
 mod feasibility;
 mod lateral;
 mod obstacles;
+mod profile_speeds;
+mod profiles;
 mod warm_start;
 mod grid;
 mod settings;
@@ -141,7 +144,7 @@ fn attempt(
         let trajectory = trajectory(request, start, evaluation.points());
         return PlanResult { trajectory, status: PlanStatus::Planned, cost, message: String::new() };
     }
-    if start.velocity > fallback::STANDING
+    if start.velocity > fallback::AGENT_STOPPED_SPEED
         && let Some(trajectory) = least_bad(&mut evaluation)
     {
         return PlanResult { trajectory, status: PlanStatus::EmergencyBraking, cost: f64::NAN, message: String::new() };
@@ -228,7 +231,7 @@ pub(super) fn without_plan(
 
 /// Standing still or full braking.
 fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
-    if request.state.velocity.abs() <= fallback::STANDING {
+    if request.state.velocity.abs() <= fallback::AGENT_STOPPED_SPEED {
         fallback::stay(request, n_points)
     } else {
         fallback::brake(request, n_points, road, reason)

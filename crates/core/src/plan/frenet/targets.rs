@@ -1,6 +1,7 @@
 //! How fast the agent wants to be: in time at the goal, comfortable in curves, at a safe distance to its leader.
 
 use super::super::arrival::{self, LOOK_AHEAD};
+use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
@@ -10,10 +11,6 @@ use crate::geometry::{Aabb, Point};
 /// Distance of the samples of the path's curvature [m], and how far they reach at most.
 const CURVE_STEP: f64 = 1.0;
 const CURVE_REACH: f64 = 250.0;
-/// Somebody slower than this stands, whatever the heading [m/s].
-const STANDING: f64 = 0.5;
-/// A leader heads within 60 degrees of the path (cosine).
-const SAME_DIRECTION: f64 = 0.5;
 /// The corridor of the path is wider than the agent by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.3;
 /// More than any rounding of a distance [m].
@@ -154,8 +151,8 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     let half_d = body.half_length * sin.abs() + body.half_width * cos.abs();
     let beside = d - half_d > start.d.max(0.0) + corridor || d + half_d < start.d.min(0.0) - corridor;
     let ahead = s > middle;
-    let stands = other.is_static || other.velocity.abs() < STANDING;
-    let moves_along = cos * other.velocity.signum() > SAME_DIRECTION;
+    let stands = other.is_static || other.velocity.abs() < LEADER_STATIONARY_SPEED;
+    let moves_along = cos * other.velocity.signum() > LEADER_HEADING_COSINE;
     let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };
     (ahead && !beside && (stands || moves_along)).then_some(Leader { rear: s - half_s, velocity })
 }

@@ -3,9 +3,9 @@
 
 use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
-use super::cost::{FrenetMotion, from_tables};
 use super::feasibility::Limits;
 use super::settings::CostWeights;
+use super::terms::{FrenetMotion, from_tables};
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::State;
 

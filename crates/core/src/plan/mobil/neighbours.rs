@@ -1,14 +1,14 @@
-//! Who is next in a lane, ahead and behind, and what a change would do to them.
+//! Leader and follower in a lane, and how a lane change would affect them.
 
 use super::{CarFollowing, Ego, Lane, PlanRequest};
 use crate::geometry::Point;
 
 /// Feet of others are searched within this distance of where they are on a straight lane [m].
 const WINDOW: f64 = 12.0;
-/// Somebody within this distance of the edge of the corridor beside the agent is in it [m].
+/// A participant within this distance of the edge of the corridor beside the agent is in it [m].
 const SIDE_MARGIN: f64 = 0.2;
 
-/// Who is next in a lane.
+/// Leader and follower in a lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Next {
     /// From bumper to bumper [m]; negative if beside.
@@ -64,7 +64,7 @@ impl Neighbours {
         found
     }
 
-    /// Nobody is beside the agent.
+    /// No participant is beside the agent.
     pub(super) fn is_free(&self) -> bool {
         [self.leader, self.follower].iter().flatten().all(|next| next.gap > 0.0)
     }

@@ -7,7 +7,7 @@ use super::network::{MODE_OUTPUTS, Merging, Network};
 use super::profile::Profile;
 use super::tail;
 use crate::geometry::{Point, Pose, wrap_angle};
-use crate::predict::{STANDING_VARIANCE, write};
+use crate::predict::{STATIONARY_VARIANCE, write};
 use crate::scene::Scene;
 use crate::trajectory::Predictions;
 
@@ -17,7 +17,7 @@ const SIGMA_NOW: f64 = 0.05;
 const SIGMA_MIN: f64 = 0.02;
 /// Bounds of the logarithm of how fast a standard deviation grows [m/s].
 const LOG_RATE: (f64, f64) = (-5.0, 2.0);
-/// A mode that moves less than this within the knots [m] is one of standing for somebody who stands.
+/// A mode that moves less than this within the knots [m] counts as standing still for a stationary vehicle.
 const STAYS: f64 = 1.0;
 /// From this speed on [m/s] a vehicle turns with its motion; slower, it turns less the slower it is.
 const TURNING_SPEED: f64 = 1.5;
@@ -179,7 +179,7 @@ impl<'a> Vehicle<'a> {
         let velocity = self.inputs.velocity[self.i];
         let [first_s, first_d] = [0, 1].map(|axis| spread[axis] * network.calibration[axis][0] * SIGMA_NOW);
         let mut mode = Mode {
-            // The temperature is fitted to those who drive.
+            // The temperature is fitted to moving vehicles.
             probability: f64::from(values[0]) / if self.inputs.standing[self.i] { 1.0 } else { network.temperature },
             slot,
             s: [0.0; N_KNOTS + 1],
@@ -242,7 +242,7 @@ impl<'a> Vehicle<'a> {
         let start = out.offset(row, k);
         if mode.stays {
             for step in 0..out.n_steps {
-                write(out, start + step, self.pose, 0.0, (STANDING_VARIANCE, 0.0, STANDING_VARIANCE));
+                write(out, start + step, self.pose, 0.0, (STATIONARY_VARIANCE, 0.0, STATIONARY_VARIANCE));
             }
             return;
         }
@@ -254,7 +254,7 @@ impl<'a> Vehicle<'a> {
         let mut segment = path.segment_at(0.0);
         for step in 0..out.n_steps {
             let time = (step + 1) as f64 * dt;
-            let motion = Motion::at(time, &along, &beside, &settling, path, &mut segment);
+            let motion = MovingPoint::at(time, &along, &beside, &settling, path, &mut segment);
             let turn = wrap_angle(motion.direction - orientation) * (motion.speed / TURNING_SPEED).min(1.0);
             orientation += turn;
             let pose = Pose { position: motion.position, orientation: wrap_angle(orientation) };
@@ -264,7 +264,7 @@ impl<'a> Vehicle<'a> {
     }
 }
 
-/// For somebody who stands: all modes that hardly move become one that does not move at all.
+/// For a stationary vehicle: all modes that hardly move become one that does not move at all.
 fn stay_or_go(modes: &mut Vec<Mode>) {
     let stays = |mode: &Mode| mode.s[N_KNOTS] < STAYS;
     if let Some(first) = modes.iter().copied().find(stays) {
@@ -275,7 +275,7 @@ fn stay_or_go(modes: &mut Vec<Mode>) {
 }
 
 /// Where a vehicle is and how it moves.
-struct Motion {
+struct MovingPoint {
     position: Point,
     /// Unit vector along the path.
     axis: Point,
@@ -285,7 +285,7 @@ struct Motion {
     speed: f64,
 }
 
-impl Motion {
+impl MovingPoint {
     /// `segment` is that of the last call; the arc length never decreases.
     fn at(
         time: f64,

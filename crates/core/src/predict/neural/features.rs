@@ -5,7 +5,7 @@ use super::feature_table::{Feature, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH, NEIGHBOUR
 use super::history::{History, INSTANT, N_INSTANTS};
 use super::motion_smoothness::motion_smoothness;
 use super::paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT};
-use super::surroundings::{Body, Surroundings};
+use super::surroundings::{PresentBody, Surroundings};
 use super::traffic::{GAP_MAX, Traffic};
 use crate::geometry::Point;
 use crate::scene::Scene;
@@ -13,7 +13,7 @@ use crate::vehicle::ParticipantKind;
 
 /// Neighbours are within this distance [m].
 const NEIGHBOUR_DISTANCE: f64 = 60.0;
-/// Who is farther away [m] in x or y of the world is not looked at, up to the size of a cell.
+/// Participants farther away [m] in x or y of the world are ignored, up to the size of a cell.
 const SIGHT: f64 = 100.0;
 /// Curves are driven with this lateral acceleration [m/s²].
 const LATERAL_ACCELERATION: f64 = 3.0;
@@ -38,7 +38,7 @@ fn flag(value: bool) -> f64 {
 }
 
 /// Writes the features of a vehicle, `N_AGENT` of them.
-pub fn write_agent(out: &mut [f32], scene: &Scene, body: &Body, history: &History) {
+pub fn write_agent(out: &mut [f32], scene: &Scene, body: &PresentBody, history: &History) {
     let (past, now) = out.split_at_mut(N_INSTANTS * PAST.len());
     let (now, even) = now.split_at_mut(NOW.len());
     let mut known = [None; N_INSTANTS];
@@ -84,14 +84,14 @@ pub fn write_agent(out: &mut [f32], scene: &Scene, body: &Body, history: &Histor
 pub fn write_surroundings<'a>(
     neighbours: &mut [f32],
     paths: &mut [f32],
-    own: &Body,
+    own: &PresentBody,
     velocity: f64,
     candidates: &[Option<CandidatePath>; N_PATHS],
     surroundings: &'a Surroundings,
 ) {
     neighbours.fill(0.0);
     paths.fill(0.0);
-    let mut nearest: [Option<(f64, &'a Body)>; N_NEIGHBOURS] = [None; N_NEIGHBOURS];
+    let mut nearest: [Option<(f64, &'a PresentBody)>; N_NEIGHBOURS] = [None; N_NEIGHBOURS];
     let mut traffic: [Traffic<'a>; N_PATHS] = [Traffic::default(); N_PATHS];
     surroundings.visit(own.position, SIGHT, |other| {
         if other.row == own.row {
@@ -119,8 +119,8 @@ pub fn write_surroundings<'a>(
 }
 
 /// Keeps the nearest ones in order; equal distances by row.
-fn insert<'a>(nearest: &mut [Option<(f64, &'a Body)>; N_NEIGHBOURS], distance: f64, body: &'a Body) {
-    let is_before = |other: &Option<(f64, &Body)>| {
+fn insert<'a>(nearest: &mut [Option<(f64, &'a PresentBody)>; N_NEIGHBOURS], distance: f64, body: &'a PresentBody) {
+    let is_before = |other: &Option<(f64, &PresentBody)>| {
         other.is_none_or(|(d, known)| distance.total_cmp(&d).then(body.row.cmp(&known.row)).is_lt())
     };
     if !is_before(&nearest[N_NEIGHBOURS - 1]) {
@@ -134,7 +134,7 @@ fn insert<'a>(nearest: &mut [Option<(f64, &'a Body)>; N_NEIGHBOURS], distance: f
     nearest[i] = Some((distance, body));
 }
 
-fn neighbour(own: &Body, velocity: f64, other: &Body) -> [f64; N_NEIGHBOUR] {
+fn neighbour(own: &PresentBody, velocity: f64, other: &PresentBody) -> [f64; N_NEIGHBOUR] {
     let delta = other.position - own.position;
     let relative: Point = other.axis * other.velocity - own.axis * velocity;
     [

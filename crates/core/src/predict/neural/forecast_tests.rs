@@ -211,7 +211,7 @@ fn who_stands_stays_exactly_or_goes() {
     }
     let end = found.offset(0, 1) + N_STEPS - 1;
     assert!((found.x[end] - 26.0).abs() < 0.3, "the mode that goes is there: {} m", found.x[end]);
-    // Who rolls is not held.
+    // A rolling vehicle is not held.
     let rolling = scene(&[car(20.0, 0.0, 0.0, 1.0, 30, 0.1)], 0.1);
     let found = predicted(network(), 3, &rolling, &straight_road(1), N_STEPS);
     assert!((found.x[N_STEPS - 1] - 23.3).abs() < 0.01, "{} m", found.x[N_STEPS - 1]);
@@ -278,9 +278,9 @@ fn what_comes_out_for_a_vehicle_does_not_depend_on_the_batch() {
 fn a_thousand_vehicles_and_nobody_at_all_are_predicted() {
     let found = predicted(random_network(), 4, &crowd(1000), &fork(), N_STEPS);
     assert_eq!(found.ids.len(), 1000);
-    assert!((0..1000).all(|row| found.valid[found.offset(row, 0)]), "everybody has a mode");
-    let nobody = Track(ParticipantKind::Car, vec![None]);
-    assert!(predicted(random_network(), 4, &scene(&[nobody], 0.1), &fork(), N_STEPS).ids.is_empty());
+    assert!((0..1000).all(|row| found.valid[found.offset(row, 0)]), "every vehicle has a mode");
+    let absent = Track(ParticipantKind::Car, vec![None]);
+    assert!(predicted(random_network(), 4, &scene(&[absent], 0.1), &fork(), N_STEPS).ids.is_empty());
 }
 
 #[test]

@@ -11,7 +11,7 @@ pub const INSTANT: f64 = 0.2;
 /// The past is looked at this far back [s].
 const SPAN: f64 = N_INSTANTS as f64 * INSTANT;
 
-/// Where somebody was.
+/// Past positions of a participant.
 #[derive(Debug, Clone, Copy)]
 pub struct Instant {
     /// Position [m], world frame.

@@ -5,7 +5,7 @@ use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::features::{write_agent, write_surroundings};
 use super::history::History;
 use super::paths::{Memory, N_PATHS, candidates};
-use super::surroundings::{Body, Surroundings};
+use super::surroundings::{PresentBody, Surroundings};
 use crate::geometry::Point;
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
@@ -16,7 +16,7 @@ pub const N_KNOTS: usize = 6;
 /// Time between them [s]: 0.5, 1.0, ... 3.0 s from now.
 pub const KNOT_TIME: f64 = 0.5;
 
-/// Who drives backwards faster than this [m/s] is left to constant velocity.
+/// Vehicles that reverse faster than this [m/s] are predicted with constant velocity.
 const REVERSING: f64 = -0.3;
 /// A future position farther than this [m] beside a path is not on it.
 const OFFSET_MAX: f64 = 20.0;
@@ -47,13 +47,13 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Rows of the participants that the network predicts: who is present, can move on wheels, does not drive backwards
+    /// Rows of the participants that the network predicts: present, on wheels, not driving backwards
     /// and has a state that is a number.
     pub fn rows_of(scene: &Scene) -> Vec<usize> {
         scene.present.iter().copied().filter(|row| Self::has(*row, scene)).collect()
     }
 
-    /// Whether somebody who is present is one of them.
+    /// Whether a participant present is one of them.
     pub(super) fn has(row: usize, scene: &Scene) -> bool {
         let participants = &scene.participants;
         !participants.is_static[row]
@@ -101,7 +101,7 @@ impl Inputs {
         }
         for (i, row) in self.rows.iter().copied().enumerate() {
             let history = History::of(scene, row);
-            let body: &Body = surroundings.body(row).expect("vehicles have a body");
+            let body: &PresentBody = surroundings.body(row).expect("vehicles have a body");
             let pose = scene.state(row).pose();
             let on_lanes = scene.participants.kind[row] != ParticipantKind::Train;
             let found = candidates(pose, history.velocity, on_lanes, road, memory);

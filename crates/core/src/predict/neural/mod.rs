@@ -32,7 +32,7 @@ pub use paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT, SLOTS};
 
 use std::sync::Arc;
 
-use super::{STANDING, STRAIGHT, go_straight, rows_of, stand};
+use super::{STATIONARY_SPEED, STRAIGHT, go_straight, rows_of, stand};
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
@@ -62,10 +62,10 @@ impl Neural {
     }
 }
 
-/// Expectations for everybody who is present. Vehicles are predicted by the network; static obstacles stay, pedestrians
-/// and who drives backwards go straight on. Who has a state that is not a number gets no expectation.
+/// Predictions for all participants present. Vehicles are predicted by the network; static obstacles stay, pedestrians
+/// and reversing vehicles go straight on. Participants with a state that is not a number get no prediction.
 ///
-/// What comes out depends neither on the threads that share the work nor on who else is there to be computed.
+/// The result depends neither on the number of threads nor on the other vehicles of the batch.
 pub(super) fn predict(
     settings: &Neural,
     scene: &Scene,
@@ -93,7 +93,7 @@ pub(super) fn predict(
 
 /// Memory of a thread.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub(super) struct NeuralMemory {
     inputs: Inputs,
     paths: paths::Memory,
     valid: Vec<bool>,
@@ -101,7 +101,7 @@ pub(super) struct Scratch {
     modes: Modes,
 }
 
-impl Scratch {
+impl NeuralMemory {
     /// Writes expectations for some of those present.
     fn answer(
         &mut self,
@@ -120,7 +120,7 @@ impl Scratch {
         let mut outputs = outputs.chunks_exact(N_PATHS * network.n_outputs()).enumerate();
         for (i, row) in present.iter().copied().enumerate() {
             let is_decoded = inputs.rows.binary_search(&row).is_ok() && {
-                let (k, outputs) = outputs.next().expect("an answer for everybody who is asked about");
+                let (k, outputs) = outputs.next().expect("an answer for every vehicle in question");
                 Vehicle::new(scene, inputs, k).decode(network, outputs, out, i, scene.dt, modes)
             };
             if !is_decoded {
@@ -138,7 +138,7 @@ fn without_network(out: &mut Predictions, i: usize, row: usize, scene: &Scene) {
     }
     let is_static = scene.participants.is_static[row];
     let state = State { velocity: scene.observed_velocity(row), ..now };
-    if is_static || state.velocity.abs() < STANDING {
+    if is_static || state.velocity.abs() < STATIONARY_SPEED {
         return stand(out, i, &state);
     }
     go_straight(out, i, &state, &STRAIGHT, scene.dt);

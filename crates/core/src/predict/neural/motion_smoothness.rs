@@ -1,4 +1,4 @@
-//! How even the past of a vehicle was: exact motion is simulated, or driven by somebody who keeps on; what cameras
+//! How even the past of a vehicle was: exact motion is simulated, or driven steadily; what cameras
 //! measure is rough.
 
 use super::history::N_INSTANTS;

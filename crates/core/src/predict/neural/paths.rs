@@ -3,7 +3,7 @@
 
 use super::candidate_path::{BEHIND, CandidatePath};
 use crate::geometry::{Point, Pose};
-use crate::predict::lanes::Lanes;
+use crate::predict::lane_candidates::LaneCandidates;
 use crate::road::RoadNetwork;
 
 /// Slots of candidate paths; each has its fixed meaning, and may be empty.
@@ -39,7 +39,7 @@ fn reach(velocity: f64) -> f64 {
 }
 
 /// A lane to make a path of.
-struct Lane<'a> {
+struct LaneChain<'a> {
     /// Lanelets one after the other.
     chain: &'a [usize],
     /// Arc length of the vehicle on the first of them [m]; negative if that begins ahead.
@@ -52,13 +52,13 @@ struct Lane<'a> {
 /// Memory that is reused.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
-    lanes: Lanes,
+    lanes: LaneCandidates,
     chain: Vec<usize>,
     /// Paths that are not needed any more.
     pub(super) spare: Vec<CandidatePath>,
 }
 
-/// All paths of a vehicle with a speed along its heading [m/s]; `on_lanes` is false for who follows none.
+/// All paths of a vehicle with a speed along its heading [m/s]; `on_lanes` is false for vehicles that follow no lane.
 pub(super) fn candidates(
     pose: Pose,
     velocity: f64,
@@ -77,7 +77,7 @@ pub(super) fn candidates(
     let total: f64 = lanes.found.iter().map(|lane| lane.weight).sum();
     for (slot, lane) in lanes.found.iter().enumerate() {
         let chain = lanes.chain(lane);
-        let own = Lane { chain, s: lane.s, share: lane.weight / total, here: chain[0] };
+        let own = LaneChain { chain, s: lane.s, share: lane.weight / total, here: chain[0] };
         paths[slot] = CandidatePath::along(&own, pose, reach, road, (memory, spare.pop()));
     }
     let Some(best) = lanes.found.first() else { return paths };
@@ -85,7 +85,7 @@ pub(super) fn candidates(
     for (slot, is_left) in [(LEFT, true), (RIGHT, false)] {
         let Some((neighbour, s)) = neighbour(lanes.chain(best), best.s, ahead, is_left, pose, road) else { continue };
         if !lanes.found.iter().any(|lane| lanes.chain(lane).contains(&neighbour)) {
-            let beside = Lane { chain: &[neighbour], s, share: 0.0, here: neighbour };
+            let beside = LaneChain { chain: &[neighbour], s, share: 0.0, here: neighbour };
             paths[slot] = CandidatePath::along(&beside, pose, reach, road, (memory, spare.pop()));
         }
     }
@@ -132,7 +132,7 @@ impl CandidatePath {
     /// Along a lane, straightest where the chain ends, straight on where the map ends. `None` where a map is so broken
     /// that no path remains.
     fn along(
-        lane: &Lane<'_>,
+        lane: &LaneChain<'_>,
         pose: Pose,
         reach: f64,
         road: &RoadNetwork,
@@ -207,7 +207,7 @@ impl CandidatePath {
 }
 
 /// Writes the chain with lanelets behind and ahead; the arc length of its start, seen from the vehicle.
-fn extend(lane: &Lane<'_>, reach: f64, road: &RoadNetwork, chain: &mut Vec<usize>) -> f64 {
+fn extend(lane: &LaneChain<'_>, reach: f64, road: &RoadNetwork, chain: &mut Vec<usize>) -> f64 {
     let length = |lanelet: usize| road.lanelets()[lanelet].length;
     chain.clear();
     let mut start = -lane.s;

@@ -1,4 +1,4 @@
-//! Everybody in a scene as the others meet them, in a grid.
+//! The participants of a scene in a spatial grid.
 
 use super::history::change_of_speed;
 use crate::geometry::{Aabb, Point};
@@ -10,9 +10,9 @@ const CELL: f64 = 25.0;
 /// Most cells in a direction.
 const CELLS_MAX: f64 = 256.0;
 
-/// Somebody who is present.
+/// A participant that is present.
 #[derive(Debug, Clone, Copy)]
-pub struct Body {
+pub struct PresentBody {
     /// Row of the participants.
     pub row: usize,
     /// Position [m], world frame.
@@ -31,7 +31,7 @@ pub struct Body {
     pub is_static: bool,
 }
 
-impl Body {
+impl PresentBody {
     /// Half the extent of the footprint along a unit vector and across it [m].
     pub fn half_extent(&self, along: Point) -> (f64, f64) {
         let (cos, sin) = (self.axis.dot(along).abs(), self.axis.cross(along).abs());
@@ -39,11 +39,11 @@ impl Body {
     }
 }
 
-/// All bodies of a scene; ascending rows in every cell. Walls and other structures are left out, and so is whoever has
+/// All bodies of a scene; ascending rows in every cell. Walls and other structures are left out, and so are participants with
 /// a state that is not a number.
 #[derive(Debug, Clone)]
 pub struct Surroundings {
-    bodies: Vec<Body>,
+    bodies: Vec<PresentBody>,
     min: Point,
     cell: f64,
     n_x: usize,
@@ -57,7 +57,7 @@ impl Surroundings {
     /// Of a scene.
     pub fn of(scene: &Scene) -> Self {
         let participants = &scene.participants;
-        let bodies: Vec<Body> = scene
+        let bodies: Vec<PresentBody> = scene
             .present
             .iter()
             .copied()
@@ -67,7 +67,7 @@ impl Surroundings {
                 let velocity = if is_static { 0.0 } else { scene.observed_velocity(row) };
                 let (length, width) = participants.shape[row].extent();
                 let change = if is_static { None } else { change_of_speed(scene, row, velocity) };
-                Body {
+                PresentBody {
                     row,
                     position: state.pose().position,
                     axis: Point::from_angle(state.orientation),
@@ -107,12 +107,12 @@ impl Surroundings {
     }
 
     /// The body of a row.
-    pub fn body(&self, row: usize) -> Option<&Body> {
+    pub fn body(&self, row: usize) -> Option<&PresentBody> {
         self.bodies.binary_search_by_key(&row, |body| body.row).ok().map(|i| &self.bodies[i])
     }
 
     /// Visits all bodies in the cells that a square of half side `reach` [m] around a point touches.
-    pub fn visit<'a>(&'a self, point: Point, reach: f64, mut visit: impl FnMut(&'a Body)) {
+    pub fn visit<'a>(&'a self, point: Point, reach: f64, mut visit: impl FnMut(&'a PresentBody)) {
         if self.bodies.is_empty() {
             return;
         }

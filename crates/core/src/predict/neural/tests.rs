@@ -260,7 +260,7 @@ fn gaps_and_garbage_in_the_past_are_unknown_and_nothing_is_nan() {
     let broken = Track(kind, vec![Some(State { velocity: f64::NAN, ..State::default() })]);
     let one_state = car(80.0, 0.0, 0.0, 12.0, 0, 0.1);
     let inputs = inputs(&[Track(kind, states), gone, broken, one_state], &straight_road(1));
-    assert_eq!(inputs.rows, [0, 3], "who is gone or broken has no row");
+    assert_eq!(inputs.rows, [0, 3], "absent participants and those with invalid states have no row");
     let known = |ago: &str| of_agent(&inputs, 0, &format!("past_known_{ago}"));
     assert_eq!(["0.2", "0.4", "0.6", "1.0", "1.2"].map(known), [0.0, 0.0, 1.0, 0.0, 1.0]);
     close(of_agent(&inputs, 0, "seconds_known"), 0.1, 1e-6);

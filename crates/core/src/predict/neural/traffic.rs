@@ -1,7 +1,7 @@
-//! Who is on a path: leader and the one before it, follower, and whose way crosses the path.
+//! Traffic on a path: leader, the leader's leader, follower, and crossing participants.
 
 use super::candidate_path::CandidatePath;
-use super::surroundings::Body;
+use super::surroundings::PresentBody;
 
 /// Gaps are capped at this length [m].
 pub const GAP_MAX: f64 = 80.0;
@@ -12,13 +12,13 @@ const CROSSING_SPEED: f64 = 0.5;
 /// Footprints pass each other on a path if this much room [m] is left.
 const ROOM: f64 = 0.2;
 
-/// Somebody on a path: bumper gap [m], velocity along the path [m/s], offset [m], body.
+/// A participant on a path: bumper gap [m], velocity along the path [m/s], offset [m], body.
 #[derive(Clone, Copy)]
 pub struct OnPath<'a> {
     pub gap: f64,
     pub velocity: f64,
     pub offset: f64,
-    pub body: &'a Body,
+    pub body: &'a PresentBody,
 }
 
 impl OnPath<'_> {
@@ -27,7 +27,7 @@ impl OnPath<'_> {
     }
 }
 
-/// Somebody whose way crosses a path.
+/// A participant that crosses a path.
 #[derive(Clone, Copy)]
 pub struct Crossing {
     pub s: f64,
@@ -38,7 +38,7 @@ pub struct Crossing {
     pub sin: f64,
 }
 
-/// Who matters on a path.
+/// The relevant participants on a path.
 #[derive(Clone, Copy, Default)]
 pub struct Traffic<'a> {
     pub leader: Option<OnPath<'a>>,
@@ -48,8 +48,8 @@ pub struct Traffic<'a> {
 }
 
 impl<'a> Traffic<'a> {
-    /// Takes somebody in who is on the path or is going to cross it.
-    pub fn meet(&mut self, path: &CandidatePath, own: &Body, other: &'a Body) {
+    /// Adds a participant that is on the path or is going to cross it.
+    pub fn meet(&mut self, path: &CandidatePath, own: &PresentBody, other: &'a PresentBody) {
         let reach = own.half_width + other.half_length + ROOM;
         let way = other.axis * (other.velocity * CROSSING_TIME);
         let candidates = path.look(other.position, reach, way);

@@ -3,7 +3,7 @@
 use super::STEP;
 use super::network::{N_OUTPUT, Output};
 use crate::geometry::{Point, Pose, wrap_angle};
-use crate::predict::{STANDING, write};
+use crate::predict::{STATIONARY_SPEED, write};
 use crate::trajectory::Predictions;
 
 /// Smallest and largest standard deviation [m] and largest correlation: numbers that a covariance can have.
@@ -75,7 +75,7 @@ pub(super) fn write_forecast(out: &mut Predictions, row: usize, output: &Output,
             (positions[to] - positions[from]) * ((to - from) as f64 * dt).recip()
         };
         let speed = velocity.norm();
-        let turned = if speed < STANDING { 0.0 } else { wrap_angle(velocity.angle() - anchor.orientation) };
+        let turned = if speed < STATIONARY_SPEED { 0.0 } else { wrap_angle(velocity.angle() - anchor.orientation) };
         let pose = Pose { position: positions[k], orientation: anchor.orientation + turned };
         // Axes of the vehicle's frame are `right` and `forward`.
         let turn = |a: Point, b: Point| -> f64 { xx * a.x * b.x + xy * (a.x * b.y + a.y * b.x) + yy * a.y * b.y };

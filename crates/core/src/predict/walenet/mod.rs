@@ -131,7 +131,7 @@ impl Walenet {
                 Some(track) => {
                     if is_asked {
                         asked.push((i, tracks.len()));
-                    } else if participants.kind[row].is_vehicle() || state.velocity.abs() < super::STANDING {
+                    } else if participants.kind[row].is_vehicle() || state.velocity.abs() < super::STATIONARY_SPEED {
                         stand(out, i, &state);
                     } else {
                         go_straight(out, i, &state, &Spread::default(), scene.dt);

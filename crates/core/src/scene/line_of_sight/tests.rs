@@ -6,10 +6,10 @@ fn car() -> Shape {
     Shape::rectangle(4.0, 2.0)
 }
 
-/// Who of the bodies is seen from the origin; all are wanted, all hide.
+/// Which bodies are seen from the origin; all are wanted, all hide others.
 fn seen(bodies: &[(&Shape, Pose)]) -> Vec<bool> {
-    let bodies: Vec<Body<'_>> =
-        bodies.iter().map(|(shape, pose)| Body { shape, pose: *pose, hides: true, is_wanted: true }).collect();
+    let bodies: Vec<SightBody<'_>> =
+        bodies.iter().map(|(shape, pose)| SightBody { shape, pose: *pose, hides: true, is_wanted: true }).collect();
     seen_from(Point::default(), &bodies)
 }
 
@@ -106,8 +106,8 @@ fn what_does_not_hide_hides_nothing_and_what_is_not_wanted_is_not_seen() {
         (false, false, [false, true]),
     ] {
         let bodies = [
-            Body { shape: &truck, pose: ahead, hides, is_wanted },
-            Body { shape: &car, pose: behind, hides: true, is_wanted: true },
+            SightBody { shape: &truck, pose: ahead, hides, is_wanted },
+            SightBody { shape: &car, pose: behind, hides: true, is_wanted: true },
         ];
         assert_eq!(seen_from(Point::default(), &bodies), expected, "{hides} {is_wanted}");
     }
@@ -140,8 +140,8 @@ fn a_body_of_several_parts_is_seen_if_any_of_them_is_and_does_not_hide_itself() 
     assert_eq!(seen(&[(&building, at), (&small, Pose::new(8.0, 0.0, 0.0))]), [true, true]);
 }
 
-/// The same question answered by rays: whoever is met first by one of many rays is seen.
-fn by_rays(bodies: &[Body<'_>], n: usize) -> Vec<bool> {
+/// The same by casting many rays: a body that some ray meets first is seen.
+fn by_rays(bodies: &[SightBody<'_>], n: usize) -> Vec<bool> {
     let mut seen = vec![false; bodies.len()];
     for i in 0..n {
         let direction = Point::from_angle(std::f64::consts::TAU * i as f64 / n as f64);
@@ -175,13 +175,13 @@ fn random_crowds_are_seen_as_by_rays() {
     for _ in 0..200 {
         let shapes: Vec<Shape> =
             (0..14).map(|_| Shape::rectangle(random.within(2.0, 9.0), random.within(0.5, 3.0))).collect();
-        let mut bodies: Vec<Body<'_>> = Vec::new();
+        let mut bodies: Vec<SightBody<'_>> = Vec::new();
         for shape in &shapes {
             let pose = Pose::new(random.within(-35.0, 35.0), random.within(-35.0, 35.0), random.within(-3.0, 3.0));
             let apart =
                 pose.position.norm() > 8.0 && bodies.iter().all(|other| !shape.overlaps(pose, other.shape, other.pose));
             if apart {
-                bodies.push(Body { shape, pose, hides: true, is_wanted: true });
+                bodies.push(SightBody { shape, pose, hides: true, is_wanted: true });
             }
         }
         let (exact, sampled) = (seen_from(Point::default(), &bodies), by_rays(&bodies, 20_000));
@@ -192,6 +192,6 @@ fn random_crowds_are_seen_as_by_rays() {
             hidden += usize::from(!exact);
         }
     }
-    assert!(hidden > 200, "{hidden}: the crowds must hide somebody");
+    assert!(hidden > 200, "{hidden}: some body must be hidden");
     assert!(narrow <= 4, "{narrow} bodies are seen that no ray meets");
 }

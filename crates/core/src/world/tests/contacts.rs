@@ -94,7 +94,7 @@ fn an_agent_that_has_ended_is_in_nobodys_way() {
 
 #[test]
 fn contacts_among_recorded_ones_do_not_count() {
-    // Id 0 is not there yet, so that rows and those who move are numbered differently.
+    // Id 0 is not present yet, so that rows and moving participants are numbered differently.
     let found = one_step(&[
         Recorded::moving(0, [None, None]),
         Recorded::moving(5, [Some(at(100.0, 0.0, 0.0)), Some(at(101.0, 0.0, 10.0))]),

@@ -1,4 +1,4 @@
-//! Which plans are driven, and who comes and goes.
+//! Which plans are driven, and which participants enter and leave.
 
 use super::*;
 use crate::error::Error;
@@ -30,9 +30,9 @@ fn plans_of_another_time_step_or_of_other_agents_are_refused_and_nothing_moves()
     let mut late = towards(&world, &[]);
     late.time_step = 1;
     assert!(matches!(world.step(&late), Err(Error::WrongTimeStep { expected: 0, found: 1, .. })));
-    let nobody = Plans::none(0, vec![], 2);
+    let absent = Plans::none(0, vec![], 2);
     let other = Plans::none(0, vec![2], 2);
-    for plans in [nobody, other] {
+    for plans in [absent, other] {
         assert!(world.step(&plans).unwrap_err().to_string().contains("[1] are driving"));
     }
     assert_eq!((world.time_step(), world.recording().n_steps()), (0, 1));

@@ -1,4 +1,4 @@
-//! What is known about profiles before anybody looks at their samples.
+//! What is known about profiles before their samples are evaluated.
 
 use super::super::cost::TableCosts;
 use super::super::feasibility::Limits;

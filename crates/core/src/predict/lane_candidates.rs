@@ -13,7 +13,7 @@ const ACCELERATION: f64 = 1.0;
 
 /// One lane to follow: a chain of lanelets, where on it, and how well it fits.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lane {
+pub(super) struct LaneCandidate {
     /// Index of the chain.
     chain: usize,
     pub(super) s: f64,
@@ -24,17 +24,17 @@ pub(super) struct Lane {
 
 /// The lanes on which a participant may be, in memory that is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Lanes {
+pub(super) struct LaneCandidates {
     matching: Matching,
     chains: Chains,
     /// The lanes that count, best fit first.
-    pub(super) found: Vec<Lane>,
-    all: Vec<Lane>,
+    pub(super) found: Vec<LaneCandidate>,
+    all: Vec<LaneCandidate>,
 }
 
-impl Lanes {
+impl LaneCandidates {
     /// Lanelets of a lane in driving order.
-    pub(super) fn chain(&self, lane: &Lane) -> &[usize] {
+    pub(super) fn chain(&self, lane: &LaneCandidate) -> &[usize] {
         self.chains.get(lane.chain)
     }
 
@@ -57,7 +57,7 @@ impl Lanes {
             road.find_paths(found.lanelet, found.s, reach, lanes_max, chains);
             let weight = fit / (chains.n() - first).max(1) as f64;
             let LaneMatch { s, d, heading_error, .. } = *found;
-            all.extend((first..chains.n()).map(|chain| Lane { chain, s, d, heading_error, weight }));
+            all.extend((first..chains.n()).map(|chain| LaneCandidate { chain, s, d, heading_error, weight }));
         }
         // Best first; equal weights keep the order in which the road network lists them.
         all.sort_unstable_by(|a, b| b.weight.total_cmp(&a.weight).then(a.chain.cmp(&b.chain)));
@@ -89,7 +89,7 @@ pub(super) fn follow_lanes(
     state: &State,
     settings: &LaneFollowing,
     (scene, road): (&Scene, &RoadNetwork),
-    lanes: &mut Lanes,
+    lanes: &mut LaneCandidates,
 ) {
     let horizon = out.n_steps as f64 * scene.dt;
     let follows = scene.participants.kind[row].is_vehicle() && state.velocity > 0.0;
@@ -113,7 +113,7 @@ fn follow_lane(
     i: usize,
     mode: usize,
     state: &State,
-    (lane, chain): (&Lane, &[usize]),
+    (lane, chain): (&LaneCandidate, &[usize]),
     settings: &LaneFollowing,
     dt: f64,
     road: &RoadNetwork,

@@ -1,0 +1,158 @@
+//! Goals and the routes that lead to them as handles.
+
+use std::sync::Arc;
+
+use interdrive_core::geometry::shape::PlacedShape;
+use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::road::RoadNetwork;
+use interdrive_core::route::{Route, RouteSettings, find_route};
+use interdrive_core::scenario::{Goal, GoalState};
+use interdrive_core::trajectory::State;
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::arrays;
+use crate::errors::detached;
+use crate::scenario::{PyRoadNetwork, PyShape};
+
+#[pyclass(frozen, name = "Goal", module = "interdrive._core")]
+pub struct PyGoal(pub Goal);
+
+type Interval = (f64, f64);
+/// One alternative: areas in the world frame, time steps, velocity and orientation intervals.
+type Alternative<'py> = (Vec<PyRef<'py, PyShape>>, (i64, i64), Option<Interval>, Option<Interval>);
+/// The same on its way up, with outlines for the areas.
+type Stated<'py> = (Vec<Bound<'py, PyAny>>, (i64, i64), Option<Interval>, Option<Interval>);
+
+#[pymethods]
+impl PyGoal {
+    #[new]
+    fn new(states: Vec<Alternative<'_>>) -> Self {
+        let placed = |shape: &PyRef<'_, PyShape>| PlacedShape { shape: shape.0.clone(), pose: Pose::default() };
+        let states = states
+            .into_iter()
+            .map(|(areas, time_step, velocity, orientation)| GoalState {
+                areas: areas.iter().map(placed).collect(),
+                time_step,
+                velocity,
+                orientation,
+            })
+            .collect();
+        Self(Goal { states })
+    }
+
+    /// Every alternative: outlines of its areas in the world frame (none: anywhere), time steps, velocity interval,
+    /// orientation interval.
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Vec<Stated<'py>>> {
+        let placed = |area: &PlacedShape| -> PyResult<Vec<Bound<'py, PyAny>>> {
+            let in_world = |part: Vec<Point>| part.into_iter().map(|point| area.pose.world_from_body(point));
+            area.shape.outline().into_iter().map(|part| arrays::points(py, in_world(part))).collect()
+        };
+        let stated = |state: &GoalState| {
+            let outlines: PyResult<Vec<_>> = state.areas.iter().map(placed).collect();
+            Ok((outlines?.into_iter().flatten().collect(), state.time_step, state.velocity, state.orientation))
+        };
+        self.0.states.iter().map(stated).collect()
+    }
+
+    /// Whether a state meets the goal, with and without its time.
+    fn is_met(&self, x: f64, y: f64, orientation: f64, velocity: f64, time_step: i64) -> (bool, bool) {
+        let state = State { x, y, orientation, velocity, ..State::default() };
+        (self.0.is_met(&state, time_step), self.0.is_met_at_any_time(&state))
+    }
+}
+
+#[pyclass(frozen, name = "Route", module = "interdrive._core")]
+pub struct PyRoute {
+    pub route: Arc<Route>,
+    pub road: Arc<RoadNetwork>,
+}
+
+#[pymethods]
+impl PyRoute {
+    /// Route and reference path from a pose to a goal; raises `NoRouteError`.
+    #[staticmethod]
+    fn find(
+        py: Python<'_>,
+        road: &PyRoadNetwork,
+        x: f64,
+        y: f64,
+        orientation: f64,
+        velocity: f64,
+        goal: &PyGoal,
+    ) -> PyResult<Self> {
+        let areas: Vec<PlacedShape> = goal.0.states.iter().flat_map(|state| state.areas.iter().cloned()).collect();
+        let start = Pose::new(x, y, orientation);
+        let network = Arc::clone(&road.0);
+        let route = detached(py, || find_route(&network, start, velocity, &areas, &RouteSettings::default()))?;
+        Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
+    }
+
+    /// Ids of the lanelets in driving order.
+    #[getter]
+    fn lanelet_ids(&self) -> Vec<i64> {
+        self.route.lanelets.iter().map(|i| self.road.lanelets()[*i].id).collect()
+    }
+
+    /// Reference path [m], shape (points, 2), uniform spacing.
+    #[getter]
+    fn reference_path<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let path = &self.route.path;
+        arrays::points(py, path.x().iter().zip(path.y()).map(|(x, y)| Point::new(*x, *y)))
+    }
+
+    /// Heading along the reference path [rad], not wrapped.
+    #[getter]
+    fn reference_orientation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        arrays::row(py, self.route.path.theta().to_vec())
+    }
+
+    /// Curvature along the reference path [1/m].
+    #[getter]
+    fn reference_curvature<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        arrays::row(py, self.route.path.curvature().to_vec())
+    }
+
+    /// Length of the reference path [m].
+    #[getter]
+    fn length(&self) -> f64 {
+        self.route.path.length()
+    }
+    /// Arc length of the start (rear axle) on the reference path [m].
+    #[getter]
+    fn start_s(&self) -> f64 {
+        self.route.start_s
+    }
+    /// Arc length at which the path enters the goal area [m]; nan without an area.
+    #[getter]
+    fn goal_entry_s(&self) -> f64 {
+        self.route.goal_entry_s
+    }
+    /// Arc length at which it leaves the goal area [m]; nan without an area.
+    #[getter]
+    fn goal_exit_s(&self) -> f64 {
+        self.route.goal_exit_s
+    }
+    /// Number of lane changes on the route.
+    #[getter]
+    fn lane_changes(&self) -> usize {
+        self.route.lane_changes
+    }
+
+    /// Arc length and signed lateral distance of a point on the reference path, nan where it has no foot.
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'_, f64>,
+        y: PyReadonlyArray1<'_, f64>,
+    ) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>) {
+        let (s, d): (Vec<f64>, Vec<f64>) = x
+            .as_array()
+            .iter()
+            .zip(y.as_array())
+            .map(|(x, y)| self.route.path.project(Point::new(*x, *y)).unwrap_or((f64::NAN, f64::NAN)))
+            .unzip();
+        (arrays::row(py, s), arrays::row(py, d))
+    }
+}

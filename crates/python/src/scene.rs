@@ -1,0 +1,147 @@
+//! All participants at one time step, as arrays.
+
+use std::sync::Arc;
+
+use interdrive_core::road::RoadNetwork;
+use interdrive_core::scene::Scene;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use crate::arrays;
+use crate::errors::detached;
+use crate::scenario::{PyRoadNetwork, PyScenario};
+
+/// One field of the past of some rows: shape (rows, history), the last column is now.
+pub fn past<'py, T: numpy::Element + Copy>(
+    py: Python<'py>,
+    scene: &Scene,
+    rows: &[usize],
+    values: &[T],
+) -> PyResult<Bound<'py, PyAny>> {
+    let n = scene.past.n_steps;
+    let flat: Vec<T> = rows.iter().flat_map(|row| values[row * n..(row + 1) * n].iter().copied()).collect();
+    arrays::grid(py, flat, [rows.len(), n])
+}
+
+macro_rules! participants_seen {
+    ($class:ident) => {
+        #[pymethods]
+        impl $class {
+            /// Time step now.
+            #[getter]
+            fn time_step(&self) -> i64 {
+                self.scene.time_step
+            }
+            /// Time between steps [s].
+            #[getter]
+            fn dt(&self) -> f64 {
+                self.scene.dt
+            }
+            /// Ids, ascending, shape (participants,).
+            #[getter]
+            fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.ids[*row]).collect())
+            }
+            /// Codes of their kinds, shape (participants,); `interdrive.scenario.KINDS` has the names.
+            #[getter]
+            fn kinds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.kind[*row] as i64).collect())
+            }
+            /// Whether a participant is a static obstacle, shape (participants,).
+            #[getter]
+            fn is_static<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.is_static[*row]).collect())
+            }
+            /// Length of the footprints' bounding boxes [m], shape (participants,).
+            #[getter]
+            fn length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().0).collect())
+            }
+            /// Width of the footprints' bounding boxes [m], shape (participants,).
+            #[getter]
+            fn width<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().1).collect())
+            }
+            /// Centres [m], shape (participants, history); the last column is now, nan where absent.
+            #[getter]
+            fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.x)
+            }
+            /// Centres [m], world frame, shape (participants, history); nan where absent.
+            #[getter]
+            fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.y)
+            }
+            /// Headings [rad], world frame, shape (participants, history); nan where absent.
+            #[getter]
+            fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.orientation)
+            }
+            /// Speeds along the heading [m/s], shape (participants, history); nan where absent.
+            #[getter]
+            fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.velocity)
+            }
+            /// Accelerations along the heading [m/s²], shape (participants, history); nan where absent.
+            #[getter]
+            fn acceleration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.acceleration)
+            }
+            /// Changes of heading [rad/s], shape (participants, history); nan where absent.
+            #[getter]
+            fn yaw_rate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.yaw_rate)
+            }
+            /// Whether a participant was present, shape (participants, history).
+            #[getter]
+            fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                past(py, &self.scene, &self.rows(), &self.scene.past.valid)
+            }
+        }
+    };
+}
+pub(crate) use participants_seen;
+
+#[pyclass(frozen, name = "Scene", module = "interdrive._core")]
+pub struct PyScene {
+    pub scene: Arc<Scene>,
+    pub road: Arc<RoadNetwork>,
+}
+
+impl PyScene {
+    fn rows(&self) -> Vec<usize> {
+        self.scene.present.clone()
+    }
+}
+
+participants_seen!(PyScene);
+
+#[pymethods]
+impl PyScene {
+    /// The roads.
+    #[getter]
+    fn road(&self) -> PyRoadNetwork {
+        PyRoadNetwork(Arc::clone(&self.road))
+    }
+    /// What `World.scene_from` of another process needs: plain numbers and arrays.
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let past = &self.scene.past;
+        let fields = [&past.x, &past.y, &past.orientation, &past.velocity, &past.acceleration, &past.yaw_rate];
+        let fields = fields.map(|values| arrays::row(py, values.clone()));
+        let valid = arrays::row(py, past.valid.clone());
+        let present = self.scene.present.clone();
+        (self.scene.time_step, present, past.first_time_step, past.n_steps, fields, valid).into_pyobject(py)
+    }
+}
+
+#[pymethods]
+impl PyScenario {
+    /// The recorded traffic at a time step, with its past, without any agent.
+    #[pyo3(signature = (time_step, history_steps=30))]
+    fn scene(&self, py: Python<'_>, time_step: i64, history_steps: usize) -> PyResult<PyScene> {
+        let scenario = &self.0;
+        let scene = detached(py, || Scene::recorded(scenario, time_step, history_steps))?;
+        Ok(PyScene { scene: Arc::new(scene), road: Arc::clone(&scenario.road) })
+    }
+}

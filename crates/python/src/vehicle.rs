@@ -1,0 +1,97 @@
+//! Parameters and limits of a vehicle as a handle.
+
+use interdrive_core::vehicle::{ParticipantKind, Vehicle, VehicleLimits};
+use pyo3::prelude::*;
+
+use crate::errors::exception;
+
+#[pyclass(frozen, name = "Vehicle", module = "interdrive._core", from_py_object)]
+#[derive(Clone)]
+pub struct PyVehicle(pub Vehicle);
+
+#[pymethods]
+impl PyVehicle {
+    /// Limits that fit a footprint; keyword arguments replace single limits.
+    #[new]
+    #[pyo3(signature = (
+        kind, length, width, *, acceleration_max=None, velocity_max=None, steering_angle_max=None,
+        steering_rate_max=None, lateral_acceleration_max=None
+    ))]
+    fn new(
+        kind: i64,
+        length: f64,
+        width: f64,
+        acceleration_max: Option<f64>,
+        velocity_max: Option<f64>,
+        steering_angle_max: Option<f64>,
+        steering_rate_max: Option<f64>,
+        lateral_acceleration_max: Option<f64>,
+    ) -> PyResult<Self> {
+        let kind = ParticipantKind::from_code(kind).map_err(exception)?;
+        let limits = VehicleLimits {
+            acceleration_max,
+            velocity_max,
+            steering_angle_max,
+            steering_rate_max,
+            lateral_acceleration_max,
+        };
+        let vehicle = Vehicle::for_footprint(kind, length, width).and_then(|vehicle| vehicle.with_limits(&limits));
+        vehicle.map(Self).map_err(exception)
+    }
+
+    /// Length of the footprint [m].
+    #[getter]
+    fn length(&self) -> f64 {
+        self.0.length
+    }
+    /// Width of the footprint [m].
+    #[getter]
+    fn width(&self) -> f64 {
+        self.0.width
+    }
+    /// Distance of the axles [m].
+    #[getter]
+    fn wheelbase(&self) -> f64 {
+        self.0.wheelbase
+    }
+    /// From the rear axle forward to the centre of the footprint [m].
+    #[getter]
+    fn rear_axle_to_center(&self) -> f64 {
+        self.0.rear_axle_to_center
+    }
+    /// Largest acceleration and deceleration [m/s²].
+    #[getter]
+    fn acceleration_max(&self) -> f64 {
+        self.0.acceleration_max
+    }
+    /// Above this speed the engine limits the acceleration to `acceleration_max * velocity_switch / v` [m/s].
+    #[getter]
+    fn velocity_switch(&self) -> f64 {
+        self.0.velocity_switch
+    }
+    /// Top speed [m/s].
+    #[getter]
+    fn velocity_max(&self) -> f64 {
+        self.0.velocity_max
+    }
+    /// Largest steering angle [rad].
+    #[getter]
+    fn steering_angle_max(&self) -> f64 {
+        self.0.steering_angle_max
+    }
+    /// Largest change of the steering angle [rad/s].
+    #[getter]
+    fn steering_rate_max(&self) -> f64 {
+        self.0.steering_rate_max
+    }
+    /// Largest lateral acceleration [m/s²].
+    #[getter]
+    fn lateral_acceleration_max(&self) -> f64 {
+        self.0.lateral_acceleration_max
+    }
+    /// Curvature of the rear axle's path at full steering [1/m].
+    #[getter]
+    fn curvature_max(&self) -> f64 {
+        self.0.curvature_max()
+    }
+}
