@@ -128,7 +128,7 @@ DAMAGES = (
     _said("a view of nobody", _put("settings", "views", value={"all": {}}), "settings.views: expected an agent id"),
     _said("agents are a table", _put("agents", value={}), "agents: expected a list, not {}"),
     _said(
-        "an agent is there twice", lambda info: info["agents"].append(info["agents"][0]), "agents: agent 1 is there t"
+        "an agent occurs twice", lambda info: info["agents"].append(info["agents"][0]), "agents: agent 1 occurs t"
     ),
     _said(
         "a goal's time is a word", _put("agents", 0, "goal_time_step", value="soon"), "agents[0].goal_time_step: expec"

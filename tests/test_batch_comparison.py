@@ -471,7 +471,7 @@ def test_the_commands_print_tables(two):
     assert lines[1] == "4 agents in 2 scenarios"
     assert any(line.split()[:6] == ["all", "a", "2", "0", "4", "75.0"] for line in lines)
     assert any(line.startswith("collisions per 100") and "25.00 [0.00, 50.00]" in line for line in lines)
-    assert "What these numbers do not prove:" in lines
+    assert "Caveats:" in lines
     assert (two / "comparison" / "comparison.png").exists()
     assert not any("b" in line.split()[:2] for line in said("compare", two, "--planner", "a"))
     question = "select planner, outcome, count(*) as n from agents group by all order by all"

@@ -257,7 +257,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(place):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, out + err
-    assert err == "interrupted; what was done is in out, the same command does what is missing\n"
+    assert err == "interrupted; finished runs are in out, the same command does the missing ones\n"
     assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
     before = digests(idr.read_batch(place / "out"))
     assert 2 <= len(before) < 6
@@ -265,7 +265,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(place):
     out, err = again.communicate(timeout=120)
     assert again.returncode == 0, out + err
     assert f"{6 - len(before)} run" in out
-    assert f"{len(before)} were there already" in out
+    assert f"{len(before)} already existed" in out
     after = digests(check_whole(place, 6))
     assert before.items() <= after.items()
     whole = idr.batch(

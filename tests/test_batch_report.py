@@ -183,7 +183,7 @@ def test_the_command_takes_a_batch_as_it_takes_a_run(copied):
     done = CliRunner().invoke(main, ["report", str(copied)])
     assert done.exit_code == 0, done.output
     assert (copied / "report.html").is_file()
-    assert "to be opened in a browser" in done.output
+    assert "open it in a browser" in done.output
 
 
 def test_a_batch_of_another_format_is_refused_in_one_line(copied):

@@ -361,13 +361,13 @@ def test_files_that_are_no_scenarios_are_rows_with_their_reason(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ([], "which scenarios"),
+        ([], "batch: no scenarios"),
         (["nowhere.xml"], "nowhere.xml: no such file"),
         (["empty"], "holds no scenario files"),
         (["t_junction", "--planner", "frenett"], "did you mean frenet?"),
         (["t_junction", "--planner", "frenet,levl=1"], "levl"),
         (["t_junction", "--planner", "frenet,,idm"], "nothing before or behind a comma"),
-        (["t_junction", "--planner", "idm,idm"], "planner idm is there twice"),
+        (["t_junction", "--planner", "idm,idm"], "planner idm is given twice"),
         (["t_junction", "--traffic", "wild"], "expected one of recorded, velocity_adjusting, same"),
         (["t_junction", "--traffic", "recorded"], "nobody is left to be traffic"),
         (["t_junction", "--agents", "0"], "expected all or a number of at least 1"),

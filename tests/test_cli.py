@@ -197,7 +197,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run"], "run: which scenario?"),
+        (["run"], "run: no scenario"),
         (["run", "nowhere.xml"], "nowhere.xml: no such file, and no shipped scenario has that name"),
         (["run", "bend.xml", "--set", "planner.frenet.horizn=3"], "did you mean planner.frenet.horizon?"),
         (["run", "bend.xml", "--set", "planner.frenet.horizon=long"], "expected a number [s], not 'long'"),
@@ -210,7 +210,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--agent-view", "x"], "--agent-view: expected a whole number or none, not 'x'"),
         (["run", "bend.xml", "--config", "none.toml"], "none.toml: no such file"),
         (["run", "bend.xml", "--config", "bend.xml"], "bend.xml: not a configuration file: "),
-        (["run", "bend.xml", "--config", "typo.toml"], "typo.toml: sed: there is no such entry; did you mean seed?"),
+        (["run", "bend.xml", "--config", "typo.toml"], "typo.toml: sed: no such entry; did you mean seed?"),
         (
             ["run", "bend.xml", "--config", "wrong.toml"],
             "wrong.toml: view.sensor_radius: expected a number [m], not 'far'",
@@ -219,7 +219,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--agent", "x=frenet"], "--agent x=frenet: write it as ID=PLANNER[,NAME=VALUE...]"),
         (["run", "bend.xml", "--agent", "5="], "--agent 5: planner '': the name is missing"),
         (["run", "bend.xml", "--agent", "5=frenet,level"], "--agent 5: planner 'frenet,level': level behind a comma"),
-        (["run", "bend.xml", "--agent", "5=frenet", "--agent", "5=frenet"], "--agent 5=frenet: agent 5 is there twice"),
+        (["run", "bend.xml", "--agent", "5=frenet", "--agent", "5=frenet"], "--agent 5=frenet: agent 5 is named twice"),
         (["run", "bend.xml", "--planner", "frenet,level"], "planner 'frenet,level': level behind a comma"),
         (["run", "bend.xml", "--config", "by_agent.toml"], "by_agent.toml: agent.x: write a table per agent"),
         (["run", "bend.xml", "--out", "."], "this folder holds other things (bend.xml) and is left alone"),
@@ -228,7 +228,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--sed", "3"], "No such option '--sed'"),
         (["walk"], "No such command 'walk'"),
         (["verify", "nowhere"], "nowhere: this is not a run folder, it has no run.json"),
-        (["settings", "nothing"], "nothing: no setting starts like that"),
+        (["settings", "nothing"], "nothing: no setting starts with this name"),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_one_line_before_the_simulation(
@@ -311,7 +311,7 @@ def test_verify_exits_with_1_and_shows_both_digests_if_they_differ(simulated, he
 def test_verify_refuses_another_scenario_file_and_takes_a_moved_one(simulated, here):
     invoke("run", "bend.xml", "--out", "made")
     (here / "bend.xml").rename(here / "moved.xml")
-    assert "cannot be read (No such file or directory); --scenario says where it is" in refused(
+    assert "cannot be read (No such file or directory); give its present path with --scenario" in refused(
         invoke("verify", "made")
     )
     assert invoke("verify", "made", "--scenario", "moved.xml").exit_code == 0

@@ -63,7 +63,7 @@ def test_settings_belong_to_the_predictor_in_front():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((), "which recordings?"),
+        ((), "predict-eval: no recordings"),
         (("lane_merge", "--predictors", "lane_folowing"), "did you mean lane_following?"),
         (("lane_merge", "--predictors", "lane_following,modes=1"), "modes"),
         (("lane_merge", "--predictors", "all,modes_max=1"), "modes_max=1 belongs to no predictor"),

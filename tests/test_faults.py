@@ -148,7 +148,7 @@ def test_a_read_only_folder_is_one_line(disk, arguments, words):
 def test_what_only_reads_works_in_a_read_only_folder(disk):
     done = disk.run("ro", "batch", "lane_merge", *BATCH[2:], "--out", "small/batch", "--keep", "all")
     assert (done.returncode, done.stderr) == (0, "")
-    assert "1 were there already" in done.stdout
+    assert "1 already existed" in done.stdout
     assert disk.run("ro", "report", "small/run", "--out", "page.html", "--quiet").returncode == 0
     assert (disk.folder / "page.html").stat().st_size > 100_000
 

@@ -183,7 +183,7 @@ def test_a_folder_without_plans_is_drawn_without_them(merge, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--kind", "speed"], "--kind speed: there is no such figure; there are trajectories, velocity"),
+        (["--kind", "speed"], "--kind speed: no such figure; the kinds are trajectories, velocity"),
         (["--kind", "scene"], "write the time in seconds, for instance scene@3.5"),
         (["--kind", "scene@soon"], "write the time in seconds"),
         (["--kind", "scene@nan"], "write the time in seconds"),

@@ -110,7 +110,7 @@ def test_somebody_to_judge_is_needed(tmp_path):
         idr.evaluate_predictors("nowhere.xml")
     with pytest.raises(idr.InputError, match="has no CommonRoad file"):
         idr.evaluate_predictors(tmp_path)
-    with pytest.raises(idr.InputError, match="there twice"):
+    with pytest.raises(idr.InputError, match="given twice"):
         idr.evaluate_predictors("t_junction", ["all", "lane_following"])
 
 

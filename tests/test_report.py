@@ -472,7 +472,7 @@ def test_what_the_user_sets_wins_over_what_a_report_wants(tmp_path):
 def test_report_says_where_the_page_is_and_how_large(copied):
     done = CliRunner().invoke(main, ["report", str(copied)])
     assert done.exit_code == 0
-    assert re.search(r"report\.html \(0\.\d MB\), to be opened in a browser", done.output)
+    assert re.search(r"report\.html \(0\.\d MB\); open it in a browser", done.output)
 
 
 @pytest.mark.parametrize("what", ["empty", "nowhere", "file.html"])

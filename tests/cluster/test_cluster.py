@@ -115,7 +115,7 @@ def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(mor
     assert out == ""
     assert err.startswith(f"error: ray {mortal_cluster.address}: the ")
     assert err.count("\n") == 1
-    assert err.endswith("; what was done is kept, the same command does what is missing\n")
+    assert err.endswith("; finished runs are kept, the same command does the missing ones\n")
     ended(batch(place, *wanted, "--out", "ray", "--workers", 2))
     rows = stored(place / "ray")
     assert {row["status"] for row in rows} == {"finished"}
@@ -128,7 +128,7 @@ def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, pla
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, (out, err)
-    assert err == "interrupted; what was done is in ray, the same command does what is missing\n"
+    assert err == "interrupted; finished runs are in ray, the same command does the missing ones\n"
     until = time.monotonic() + 30
     while any(Path(f"/proc/{pid}").exists() for pid in left):
         assert time.monotonic() < until, "runs go on"

@@ -212,7 +212,7 @@ def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> 
 def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], list[str]]:
     """Scenario files by their paths, those in folders and the folders below included; and notes.
 
-    Folders of results and hidden ones are not searched. A content that is there twice is used once.
+    Folders of results and hidden ones are not searched. Files with the same content are used once.
 
     Raises:
         InputError: A path that does not exist, a folder without scenario files, or nothing at all.
@@ -236,7 +236,7 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
         else:
             raise InputError(f"{given}: no such file or folder, and no shipped scenario has that name")
     if not found:
-        raise InputError("batch: which scenarios? Give CommonRoad files, folders or names of shipped scenarios")
+        raise InputError("batch: no scenarios; give CommonRoad files, folders or names of shipped scenarios")
     first: dict[str, ScenarioFile] = {}
     for file in found:
         kept = first.setdefault(file.sha256 + file.parts_sha256, file)
@@ -302,7 +302,7 @@ def choices(given: Any, what: Literal["planner", "predictor"]) -> dict[str, Any]
         for choice in _separated(item, what) if isinstance(item, str) else [item]:
             label = choice if isinstance(choice, str) else spec_label(read_choice(choice, what))
             if label in found:
-                raise InputError(f"{what} {label} is there twice; in Python give a mapping from labels to {what}s")
+                raise InputError(f"{what} {label} is given twice; in Python give a mapping from labels to {what}s")
             found[label] = choice
     if not found:
         raise InputError(f"{what}: none is given")

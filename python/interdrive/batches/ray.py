@@ -123,7 +123,7 @@ class Cluster:
 
     def _lost(self, reason: str) -> InterdriveError:
         return InterdriveError(
-            f"ray {self._address}: {reason}; what was done is kept, the same command does what is missing"
+            f"ray {self._address}: {reason}; finished runs are kept, the same command does the missing ones"
         )
 
     def _last_words(self) -> str:

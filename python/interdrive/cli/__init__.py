@@ -1,9 +1,9 @@
 """The command line, the only place that prints. Heavy modules are imported by the commands, not before.
 
-Exit codes: 0 all right; 1 an agent ended with planner_error, or `verify` found a difference; 2 something the user gave
-cannot be used (one line on stderr); 70 a bug in interdrive (one line; INTERDRIVE_TRACEBACK=1 shows the traceback);
-71 out of memory; 130 interrupted; 141 the reader of the output went away. What no command understands leaves `main` as
-an exception, of which `interdrive.__main__` makes the line for 70 or 71.
+Exit codes: 0 success; 1 an agent ended with planner_error, or `verify` found a difference; 2 input that cannot be used
+    (one line on stderr); 70 a bug in interdrive (one line; INTERDRIVE_TRACEBACK=1 shows the traceback); 71 out of
+    memory; 130 interrupted; 141 the output pipe was closed. Unexpected exceptions leave `main`, and
+    `interdrive.__main__` turns them into the line for 70 or 71.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ INTERRUPTED, READER_GONE = 130, 141
 
 
 class _Commands(click.Group):
-    """A group that turns everything that is not a bug into one line and an exit code."""
+    """A group that turns every error that is not a bug into one line and an exit code."""
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:  # noqa: ANN401 - click's signature
-        """Runs a command and exits; what click does not understand is one line, too."""
+        """Runs a command and exits; usage errors of click are one line, too."""
         kwargs["standalone_mode"] = False
         try:
             code = super().main(*args, **kwargs)
@@ -54,9 +54,9 @@ class _Commands(click.Group):
         sys.exit(code if isinstance(code, int) else 0)
 
     def invoke(self, ctx: click.Context) -> int:
-        """The exit code of the chosen command."""
+        """Returns the exit code of the chosen command."""
         try:
-            # Planners and predictors of the user may lie in the working folder; behind everything that is installed.
+            # The user's planners and predictors may be in the working folder; installed packages take precedence.
             sys.path.append(str(Path.cwd()))
         except FileNotFoundError:
             return _complain("the working folder is gone; change to another one", 2)

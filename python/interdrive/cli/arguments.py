@@ -1,4 +1,4 @@
-"""What commands understand alike: scenario names, settings, folders."""
+"""Arguments that several commands share: scenario names, settings, folders."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def scenario_named(name: str) -> str:
-    """A path or the name of a shipped scenario; anything else is refused with the nearest name."""
+    """Returns a path or the name of a shipped scenario; refuses anything else and suggests the nearest name."""
     from interdrive.files import shipped_scenarios  # noqa: PLC0415 - commonroad-io takes a second to load
 
     shipped = shipped_scenarios()
@@ -28,7 +28,7 @@ def scenario_named(name: str) -> str:
 
 
 def assigned(assignments: Sequence[str]) -> dict[str, str]:
-    """Values by dotted name from what `--set` was given."""
+    """Values of `--set` by dotted name."""
     values = {}
     for text in assignments:
         name, equals, value = text.partition("=")
@@ -39,7 +39,7 @@ def assigned(assignments: Sequence[str]) -> dict[str, str]:
 
 
 def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
-    """What `--agent` says, by id."""
+    """Choices of `--agent` by id."""
     found: dict[int, Choice] = {}
     for text in texts:
         number, equals, choice = text.partition("=")
@@ -50,7 +50,7 @@ def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
         if not equals:
             raise InputError(f"--agent {text}: write it as ID=PLANNER[,NAME=VALUE...]")
         if agent in found:
-            raise InputError(f"--agent {text}: agent {agent} is there twice")
+            raise InputError(f"--agent {text}: agent {agent} is named twice")
         try:
             found[agent] = read_choice(choice, "planner")
         except InputError as error:
@@ -59,7 +59,7 @@ def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
 
 
 def new_folder(name: str) -> Path:
-    """A folder under out/ that is not there yet, with a number if it must be."""
+    """A folder under out/ that does not exist yet, numbered if necessary."""
     folder, number = Path("out") / name, 1
     while folder.exists():
         number += 1
@@ -68,6 +68,6 @@ def new_folder(name: str) -> Path:
 
 
 def shown(folder: Path) -> Path:
-    """The folder as a reader wants to see it: from here, if it lies below."""
+    """The folder for display: relative to the working folder if it is inside it."""
     here = Path.cwd()
     return folder.relative_to(here) if folder.is_relative_to(here) else folder

@@ -30,35 +30,41 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     multiple=True,
     help="Planners under test (frenet); each is run on every scenario.",
 )
-@click.option("--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (neural), likewise.")
+@click.option(
+    "--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (neural); each is run on every scenario."
+)
 @click.option("--agents", metavar="all|N", help="Vehicles under test: all (default), or at most N per scenario.")
 @click.option(
     "--traffic",
     metavar="recorded|velocity_adjusting|same",
-    help="What vehicles do that are not under test: replay, adjust their speed, or have the planner under test.",
+    help="Behaviour of vehicles not under test: replay, adjust their speed, or use the planner under test.",
 )
-@click.option("--alone", is_flag=True, default=None, help="Every agent under test gets a run of its own.")
+@click.option("--alone", is_flag=True, default=None, help="Give every agent under test a separate run.")
 @click.option("--seeds", metavar="N", help="Seeds 0 to N-1, which choose agents (1).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
-@click.option("--config", metavar="TOML", help="File with the same options and settings; the command line wins.")
-@click.option("--out", metavar="DIR", help="Folder of the batch; runs that are in it are not done again.")
-@click.option("--workers", metavar="N", help="Processes (all cores).")
-@click.option("--run-timeout", metavar="S", help="A run may take this long; then its process is replaced.")
-@click.option("--memory", metavar="SIZE", help="A process may grow to this size, for instance 2G.")
 @click.option(
-    "--keep", metavar="none|failed|all", help="Run folders to keep: none, those where an agent did not arrive, or all."
+    "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
-@click.option("--retry", is_flag=True, default=None, help="Do runs again that did not finish.")
+@click.option("--out", metavar="DIR", help="Folder of the batch; existing runs in it are not repeated.")
+@click.option("--workers", metavar="N", help="Processes (all cores).")
+@click.option("--run-timeout", metavar="S", help="Time limit of a run [s]; after it the process is replaced.")
+@click.option("--memory", metavar="SIZE", help="Memory limit of a process, for instance 2G.")
+@click.option(
+    "--keep",
+    metavar="none|failed|all",
+    help="Run folders to keep: none, those in which an agent did not reach its goal, or all.",
+)
+@click.option("--retry", is_flag=True, default=None, help="Repeat runs that did not finish.")
 @click.option(
     "--ray",
     metavar="[=ADDRESS]",
     is_flag=False,
     flag_value="auto",
-    help="Do it on a Ray cluster: the one that is here, or that at an address.",
+    help="Run on a Ray cluster: that of this machine, or the one at an address.",
 )
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def batch(
     paths: tuple[str, ...],
     assignments: tuple[str, ...],
@@ -68,15 +74,16 @@ def batch(
 ) -> int:
     """Run every combination of scenario, planner, predictor and seed, on all cores, into one data set.
 
-    PATHS are CommonRoad files, folders of them, or names of shipped scenarios. The same command does only what is
-    missing. Exit code 1: a run failed or a planner broke; refused scenario files are rows of the table, no failure.
+    PATHS are CommonRoad files, folders of them, or names of shipped scenarios. If you give the same command again, only
+    missing runs are done. Exit code 1: a run failed or a planner broke. Refused scenario files are rows of the table
+    and not failures.
     """
     given["paths"] = paths or None
     choices, settings = _configured(
         config, {name: value for name, value in given.items() if value not in (None, ())}, assignments
     )
     if choices.out is None:
-        raise InputError("batch: where to? Give a folder with --out")
+        raise InputError("batch: no folder; give one with --out")
     memory = bytes_of(choices.memory) if choices.memory is not None else math.inf
 
     from interdrive.batches import batch as run_batch  # noqa: PLC0415
@@ -104,8 +111,8 @@ def batch(
             )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
-                f"interrupted; what was done is in {shown(Path(choices.out).resolve())}, "
-                "the same command does what is missing"
+                f"interrupted; finished runs are in {shown(Path(choices.out).resolve())}, "
+                "the same command does the missing ones"
             ) from None
     table = done.select(PRINTED)
     if not quiet:
@@ -118,7 +125,7 @@ def bytes_of(text: str) -> float:
     """A size such as "2G" or "500M" in bytes.
 
     Raises:
-        InputError: It is none.
+        InputError: The text is not a size.
     """
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
     if found is None:

@@ -1,4 +1,4 @@
-"""What is printed about batches: progress with rate and time left, the table at the end. Loads rich."""
+"""Output about batches: progress with rate and remaining time, and the final table. Loads rich."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _COMPARISON_WIDTH = 170
 #: Answers are printed up to this many rows.
 _ANSWER_ROWS_MAX = 100
 
-#: What tells rows of the table apart, if there is more than one of it.
+#: Columns that distinguish rows of the table, if they have more than one value.
 _VARIANTS = ("planner", "predictor", "traffic", "agents")
 
 
-#: Rows become values of Python so many at a time.
+#: Number of rows that are converted to Python at a time.
 _PORTION = 4096
 
 #: Columns that `print_batch` needs.
@@ -48,13 +48,13 @@ class _Rate(ProgressColumn):
     """Runs per second."""
 
     def render(self, task: Task) -> Text:
-        """Its text."""
+        """The text of the column."""
         return Text(f"{task.speed:.2f} runs/s" if task.speed else "", style="progress.data.speed")
 
 
 @contextmanager
 def batch_progress(*, quiet: bool) -> Iterator[Callable[[Reached], None]]:
-    """A progress bar on stderr that leaves no trace; shown only if stderr is a terminal."""
+    """A progress bar on stderr that disappears at the end; shown only if stderr is a terminal."""
     console = errors()
     columns = (
         BarColumn(),
@@ -78,7 +78,7 @@ def batch_progress(*, quiet: bool) -> Iterator[Callable[[Reached], None]]:
 
 
 def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
-    """How runs and agents ended per planner, what did not finish, notes, and where the results are."""
+    """Prints outcomes of runs and agents per planner, unfinished runs, notes, and the path of the results."""
     console = output()
     shown = [name for name in _VARIANTS if name == "planner" or len(rows[name].unique()) > 1]
     runs: dict[tuple[Any, ...], dict[str, str]] = {}
@@ -112,13 +112,13 @@ def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
     _print_unfinished(console, list(lost.values()))
     print_notes(console, done.notes, "BatchSummary.notes")
     fresh = len(done.keys) - done.found
-    there = f", {done.found} were there already" if done.found else ""
+    there = f", {done.found} already existed" if done.found else ""
     console.print(f"{fresh} run{'s' * (fresh != 1)} in {done.seconds:.1f} s{there}")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 
 def _each(rows: ArrowTable) -> Iterator[dict[str, Any]]:
-    """Rows one by one; values of Python are made of some of them at a time."""
+    """Yields rows one by one, converted to Python in portions."""
     for portion in rows.to_batches(max_chunksize=_PORTION):
         yield from portion.to_pylist()
 
@@ -129,11 +129,11 @@ def _print_unfinished(console: Console, lost: list[tuple[str, ...]]) -> None:
         style = "dim" if status == "refused" else "red"
         console.print(f"[{style}]{status}[/]: {escape(f'{scenario}, {planner}: {error}')}", soft_wrap=True)
     if len(order) > NOTES_MAX:
-        console.print(f"{len(order) - NOTES_MAX} more that did not finish are in results.parquet", style="dim")
+        console.print(f"{len(order) - NOTES_MAX} more unfinished runs are in results.parquet", style="dim")
 
 
 def print_answer(answer: Answer) -> None:
-    """A table of values."""
+    """Prints a table of values."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
     for k, name in enumerate(answer.columns):
@@ -154,7 +154,7 @@ def _cell(value: object) -> str:
 
 
 def print_comparison(found: Comparison, folder: Path) -> None:
-    """Planners by category, differences over all categories, and what the numbers do not prove."""
+    """Prints planners by category, differences over all categories, and caveats."""
     from interdrive.comparison.tables import sheets_of  # noqa: PLC0415 - needs the simulation
 
     console = output()
@@ -169,7 +169,7 @@ def print_comparison(found: Comparison, folder: Path) -> None:
             if sheet.note:
                 console.print(escape(sheet.note), soft_wrap=True)
         console.print()
-    console.print("What these numbers do not prove:", style="bold")
+    console.print("Caveats:", style="bold")
     for line in found.reservations:
         console.print(f"- {escape(line)}")
     console.print(f"tables, text and figure in {escape(str(folder))}", soft_wrap=True)

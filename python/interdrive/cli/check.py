@@ -1,4 +1,4 @@
-"""`interdrive check`: what scenario files hold."""
+"""`interdrive check`: contents of scenario files."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from interdrive.errors import InputError, InterdriveError
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 def check(files: tuple[str, ...]) -> int:
-    """Print what scenario files hold: size, traffic, and which vehicles can become agents or why not.
+    """Print the contents of scenario files: size, traffic, and which vehicles can become agents or why not.
 
-    A FILE that `run` would refuse gets one line on stderr; the others are printed all the same.
+    For a FILE that `run` would refuse, one line on stderr states the reason; the other files are printed all the same.
     """
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415

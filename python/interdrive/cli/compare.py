@@ -11,19 +11,20 @@ from interdrive.cli.arguments import shown
 
 @click.command()
 @click.argument("folder", metavar="DIR")
-@click.option("--planner", "planners", metavar="PLANNER[,PLANNER...]", multiple=True, help="Only these (all).")
+@click.option("--planner", "planners", metavar="PLANNER[,PLANNER...]", multiple=True, help="Planners to compare (all).")
 @click.option("--samples", metavar="N", type=int, default=2000, help="Bootstrap samples of scenarios (2000).")
 @click.option("--level", metavar="P", type=float, default=0.95, help="Coverage of the intervals (0.95).")
-@click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Of the samples (0).")
-@click.option("--out", metavar="DIR", help="Where tables and figure go (comparison/ in the batch).")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Seed of the samples (0).")
+@click.option("--out", metavar="DIR", help="Folder for tables and figure (comparison/ in the batch).")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def compare(
     folder: str, planners: tuple[str, ...], samples: int, level: float, seed: int, out: str | None, quiet: bool
 ) -> None:
     """Compare the planners of the batch in DIR: outcomes, harm, criticality, comfort and plan time by category.
 
     Only agents that all of these planners drove are compared. Intervals of differences come from samples of scenarios
-    (paired bootstrap). Writes table and differences as Parquet and CSV, both as Markdown, and a figure as PDF and PNG.
+    (paired bootstrap). The command writes the table and the differences as Parquet, CSV and Markdown, and a figure as
+    PDF and PNG.
     """
     from interdrive.batches import labels_of  # noqa: PLC0415
     from interdrive.cli.batch_report import print_comparison  # noqa: PLC0415 - rich

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunChoices:
-    """What `run` can be told besides settings; the same names in a configuration file.
+    """Options of `run` besides settings; they have the same names in a configuration file.
 
     Attributes:
         scenario: Path of a CommonRoad file, or name of a shipped scenario.
         agents: "all", a number, or ids.
-        planner: Name of the planner of all agents that have none of their own, with settings if wanted.
-        predictor: Name of the predictor, with settings if wanted.
-        seed: For the choice of agents.
-        threads: Threads that plan; none: all cores.
-        out: Run folder; none: a new one under out/.
+        planner: Name of the planner of all agents without a choice of their own, optionally with settings.
+        predictor: Name of the predictor, optionally with settings.
+        seed: Seed for the choice of agents.
+        threads: Threads that plan; None: all cores.
+        out: Run folder; None: a new one under out/.
         overwrite: Replace the run in that folder.
         png: Draw the trajectories.
         gif: Make a film.
@@ -55,23 +55,23 @@ class RunChoices:
 
 @dataclass(frozen=True)
 class BatchChoices:
-    """What `batch` can be told besides settings; the same names in a configuration file.
+    """Options of `batch` besides settings; they have the same names in a configuration file.
 
     Attributes:
         paths: CommonRoad files, folders of them, names of shipped scenarios.
-        planner: Planners under test, with settings if wanted.
-        predictor: Predictors, with settings if wanted.
+        planner: Planners under test, optionally with settings.
+        predictor: Predictors, optionally with settings.
         agents: Vehicles under test: "all" or a number.
-        traffic: What vehicles do that are not under test; none: replay, if there are any.
-        alone: Every agent under test gets a run of its own.
-        seeds: So many seeds.
+        traffic: Behaviour of vehicles not under test; None: replay, if there are any.
+        alone: Every agent under test gets a separate run.
+        seeds: Number of seeds.
         out: Folder of the batch.
-        workers: Processes; none: all cores.
-        run_timeout: A run may take this long [s].
-        memory: A process may grow to this size; none: without limit.
+        workers: Processes; None: all cores.
+        run_timeout: Time limit of a run [s].
+        memory: Memory limit of a process; None: no limit.
         keep: Which run folders are kept.
-        retry: Do runs again that did not finish.
-        ray: Address of a Ray cluster; none: processes on this machine.
+        retry: Repeat runs that did not finish.
+        ray: Address of a Ray cluster; None: processes on this machine.
     """
 
     paths: tuple[str, ...] = ()
@@ -93,12 +93,11 @@ class BatchChoices:
 def read_config(
     path: Path, kind: type[RunChoices | BatchChoices] = RunChoices, table: str = "run"
 ) -> tuple[dict[str, Any], dict[int, Choice], dict[str, Any]]:
-    """Choices for all, choices per agent, and settings of a TOML file.
+    """Reads the choices for all agents, the choices per agent, and the settings of a TOML file.
 
-    Choices stand at the top level or, since TOML cannot have `planner = "frenet"` beside `[planner.frenet]`, in the
-    table `[run]` or `[batch]`. The table `[agent.5]` says what agent 5 has:
-    `planner = "frenet"` and settings of that planner by their names. Relative scenario paths start at the folder of the
-    file.
+    Choices are at the top level or, since TOML cannot have `planner = "frenet"` beside `[planner.frenet]`, in the
+    table `[run]` or `[batch]`. The table `[agent.5]` holds the choices for agent 5: `planner = "frenet"` and settings
+    of that planner by their names. Relative scenario paths start at the folder of the file.
 
     Args:
         path: The file.
@@ -106,7 +105,8 @@ def read_config(
         table: Name of their table.
 
     Raises:
-        InputError: No such file, not TOML, or an entry that does not exist (with the nearest one).
+        InputError: The file does not exist or is not TOML, or an entry does not exist (the message names the nearest
+            one).
     """
     from interdrive.files import content_of_input  # noqa: PLC0415 - numpy
 
@@ -128,10 +128,10 @@ def read_config(
             settings[name] = value
         else:
             near = difflib.get_close_matches(short, names, n=1)
-            raise InputError(f"{path}: {name}: there is no such entry" + (f"; did you mean {near[0]}?" if near else ""))
+            raise InputError(f"{path}: {name}: no such entry" + (f"; did you mean {near[0]}?" if near else ""))
     for name in ("paths", "planner", "predictor"):
         if kind is BatchChoices and isinstance(choices.get(name), str):
-            choices[name] = [choices[name]]  # its commas separate something else
+            choices[name] = [choices[name]]  # commas inside the text have another meaning
     if isinstance(choices.get("paths"), list):
         choices["paths"] = [
             str(path.parent / str(item)) if (path.parent / str(item)).exists() else item for item in choices["paths"]

@@ -1,4 +1,4 @@
-"""`interdrive criticality`: how near recorded or simulated traffic came to accidents."""
+"""`interdrive criticality`: how close recorded or simulated traffic came to accidents."""
 
 from __future__ import annotations
 
@@ -19,14 +19,20 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("what", metavar="FILE|RUN")
-@click.option("--ids", metavar="ID,ID", help="Vehicles to judge (all agents of a run, all vehicles of a file).")
+@click.option("--ids", metavar="ID,ID", help="Vehicles to evaluate (all agents of a run, all vehicles of a file).")
 @click.option(
-    "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting, such as radius=50; see the manual."
+    "--set",
+    "assignments",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A setting, such as radius=50; docs/criticality.md lists them.",
 )
-@click.option("--threads", metavar="N", type=click.IntRange(min=1), help="All cores; results do not depend on it.")
-@click.option("--out", metavar="DIR", help="Where the tables go (a run's own folder, or a new one under out/).")
+@click.option(
+    "--threads", metavar="N", type=click.IntRange(min=1), help="Threads (all cores); results do not depend on it."
+)
+@click.option("--out", metavar="DIR", help="Folder for the tables (the run folder, or a new one under out/).")
 @click.option("--png", is_flag=True, help="Draw the measures over time, and the most critical moment.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def criticality(
     what: str,
     ids: str | None,
@@ -38,9 +44,10 @@ def criticality(
 ) -> int:
     """Evaluate thirteen criticality measures for every vehicle and time step, without simulating.
 
-    FILE is a CommonRoad file or the name of a shipped scenario: its recorded traffic is judged. RUN is a run folder.
-    Writes criticality.parquet (every vehicle, time step and measure) and criticality_extremes.parquet (the most
-    critical value of each vehicle and measure), and prints the most critical moments.
+    FILE is a CommonRoad file or the name of a shipped scenario, whose recorded traffic is evaluated. RUN is a run
+    folder. The command writes criticality.parquet (every vehicle, time step and measure) and
+    criticality_extremes.parquet (the most critical value of each vehicle and measure), and prints the most critical
+    moments.
     """
     from interdrive.cli.report import print_criticality, progress  # noqa: PLC0415 - rich
     from interdrive.criticality import CriticalitySettings, evaluate  # noqa: PLC0415
@@ -76,7 +83,7 @@ def _numbers(ids: str | None) -> list[int] | None:
 
 
 def _opened(what: str, out: str | None) -> tuple[Run, Path]:
-    """What to judge, and the folder for the tables."""
+    """The run to evaluate, and the folder for the tables."""
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
     from interdrive.results.reader import reopen  # noqa: PLC0415
     from interdrive.run.assemble import recorded_run  # noqa: PLC0415

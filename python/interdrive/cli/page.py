@@ -1,4 +1,4 @@
-"""`interdrive report`: a run or a batch as a page to look at in a browser."""
+"""`interdrive report`: a run or a batch as a page for the browser."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from interdrive.cli.arguments import shown
 
 @click.command()
 @click.argument("folder", metavar="RUN|BATCH")
-@click.option("--out", metavar="FILE", help="Where the page goes (report.html in the folder).")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--out", metavar="FILE", help="Path of the page (report.html in the folder).")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def report(folder: str, out: str | None, quiet: bool) -> None:
-    """Write one HTML file that shows a run: map, player, profiles, tables. It opens offline by double click.
+    """Write one HTML file that shows a run: map, player, profiles, tables. You can open it offline.
 
-    RUN is a run folder. What was not recorded is not shown, and the page says so; `interdrive run --report` records
-    everything and writes the page at once. BATCH is the folder of a batch: its page has the comparison of planners,
-    distributions and all runs; runs whose folders were kept get pages of their own, one click away.
+    RUN is a run folder. The page states which parts were not recorded; `interdrive run --report` records everything
+    and writes the page at once. BATCH is the folder of a batch: its page has the comparison of planners, distributions
+    and all runs; runs whose folders were kept get separate pages, one click away.
     """
     from interdrive.cli.report import print_page, progress  # noqa: PLC0415 - rich
     from interdrive.report import is_batch, write_batch_report, write_run_report  # noqa: PLC0415 - matplotlib

@@ -24,25 +24,28 @@ KINDS = ("trajectories", "velocity", "criticality", "scene@SECONDS")
 @click.command()
 @click.argument("folder", metavar="RUN")
 @click.option("--kind", metavar="KIND", required=True, help=f"{', '.join(KINDS)}, for instance scene@3.5.")
-@click.option("--agents", metavar="ID,ID", help="Whom to draw (all).")
+@click.option("--agents", metavar="ID,ID", help="Agents to draw (all).")
 @click.option(
-    "--measures", metavar="NAME,NAME", default="ttc,thw", help="With --kind criticality: a panel each (ttc,thw)."
+    "--measures",
+    metavar="NAME,NAME",
+    default="ttc,thw",
+    help="With --kind criticality: measures, one panel each (ttc,thw).",
 )
 @click.option(
-    "--columns", type=click.IntRange(1, 2), help="Width: one column, 88 mm, or two, 180 mm (trajectories: two)."
+    "--columns", type=click.IntRange(1, 2), help="Width in columns: one is 88 mm, two are 180 mm (trajectories: two)."
 )
-@click.option("--out", metavar="FILE", help="Ends in .pdf, .png or .svg (SCENARIO_KIND.pdf in the working folder).")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--out", metavar="FILE", help="Figure in .pdf, .png or .svg (SCENARIO_KIND.pdf in the working folder).")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def plot(
     folder: str, kind: str, agents: str | None, measures: str, columns: int | None, out: str | None, quiet: bool
 ) -> None:
     """Draw a figure of a run, as wide as one or two columns of a paper, with vector fonts.
 
-    RUN is a run folder. Texts stay texts in PDF and SVG, so they can be searched and edited.
+    RUN is a run folder. Text remains text in PDF and SVG, so you can search and edit it.
     """
     name, _, moment = kind.partition("@")
     if kind not in KINDS[:3] and name != "scene":
-        raise InputError(f"--kind {kind}: there is no such figure; there are {', '.join(KINDS)}")
+        raise InputError(f"--kind {kind}: no such figure; the kinds are {', '.join(KINDS)}")
     time = _seconds(kind, moment) if name == "scene" else None
     numbers = _numbers(agents)
     if out is not None and Path(out).suffix.lower() not in (".pdf", ".png", ".svg"):

@@ -1,4 +1,4 @@
-"""`interdrive planners` and `interdrive predictors`: what can be chosen, and with which settings."""
+"""`interdrive planners` and `interdrive predictors`: available plug-ins and their settings."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import click
 def planners(name: str | None) -> None:
     """List all planners with one line each; with NAME, the settings of that planner.
 
-    NAME may be a built-in planner, one that an installed distribution offers, or module:object. Its settings can be
-    given behind it, for all agents (--planner idm,time_gap=2.0) or for one (--agent 5=idm,time_gap=2.0).
+    NAME may be a built-in planner, one that an installed distribution offers, or module:object. You can append its
+    settings to the name, for all agents (--planner idm,time_gap=2.0) or for one (--agent 5=idm,time_gap=2.0).
     """
     from interdrive.planners import NATIVE, RECORDS  # noqa: PLC0415
 
@@ -26,8 +26,8 @@ def planners(name: str | None) -> None:
 def predictors(name: str | None) -> None:
     """List all predictors with one line each; with NAME, the settings of that predictor.
 
-    NAME may be a built-in predictor, one that an installed distribution offers, or module:object. Its settings can be
-    given behind it: --predictor lane_following,modes_max=1.
+    NAME may be a built-in predictor, one that an installed distribution offers, or module:object. You can append its
+    settings to the name: --predictor lane_following,modes_max=1.
     """
     from interdrive.predictors import NATIVE, RECORDS  # noqa: PLC0415
 
@@ -41,11 +41,11 @@ def _show(name: str | None, what: str, native: dict[str, str], records: dict[str
 
     if name is None:
         print_plugins(listed(native, what))
-        print_text(f"`interdrive {what}s NAME` lists the settings of one; module:object chooses one of your own.")
+        print_text(f"`interdrive {what}s NAME` lists the settings of one; choose your own as module:object.")
         return
     found: Any = records[name] if name in records else find(name, tuple(native), what)
     text = description(found)
-    print_text(f"{name}: {native[name]}\n\n{text}" if name in native else f"{name}: {text or 'without a docstring'}")
+    print_text(f"{name}: {native[name]}\n\n{text}" if name in native else f"{name}: {text or 'no docstring'}")
     rows = described(found) if is_dataclass(found) else []
     if rows:
         print_text("")

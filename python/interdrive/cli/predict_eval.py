@@ -1,4 +1,4 @@
-"""`interdrive predict-eval`: how good predictions are, measured on recordings."""
+"""`interdrive predict-eval`: prediction quality, measured on recordings."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from interdrive.errors import InputError
     "--predictors",
     metavar="all|NAME[,SETTING=VALUE...],NAME",
     default="all",
-    help="Predictors: all native ones (without ground_truth), names, module:object; settings of each behind it.",
+    help="Predictors: all native ones (without ground_truth), names or module:object, each followed by its settings.",
 )
-@click.option("--every", metavar="N", type=click.IntRange(min=1), default=5, help="Ask at every N-th time step (5).")
-@click.option("--split", metavar="TOML", help="File that says which recordings are for what (training/split.toml).")
-@click.option("--part", metavar="NAME", default="validation", help="Part of the split that is judged (validation).")
+@click.option(
+    "--every", metavar="N", type=click.IntRange(min=1), default=5, help="Predict at every N-th time step (5)."
+)
+@click.option("--split", metavar="TOML", help="File that splits recordings by purpose (training/split.toml).")
+@click.option("--part", metavar="NAME", default="validation", help="Part of the split to evaluate (validation).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
 @click.option("--out", metavar="DIR", help="Folder of the evaluation (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the evaluation in that folder.")
-@click.option("--samples", is_flag=True, help="Write every sample, too: samples.parquet.")
+@click.option("--samples", is_flag=True, help="Also write every sample: samples.parquet.")
 @click.option("--no-figures", is_flag=True, help="Draw nothing.")
 @click.option("--no-timing", is_flag=True, help="Do not measure the time per call.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def predict_eval(
     files: tuple[str, ...],
     predictors: str,
@@ -46,16 +48,16 @@ def predict_eval(
     no_timing: bool,
     quiet: bool,
 ) -> int:
-    """Compare predictions with what recorded vehicles did next.
+    """Compare predictions with the recorded future of vehicles.
 
-    FILE is a CommonRoad file or the name of a shipped scenario; of a FOLDER all files are taken. Recordings are
-    replayed, no vehicle plans. Distances, likelihood, calibration, standing vehicles, points off the road and time per
-    call, by category (the name of a file's folder: highway, intersection, urban, junction ...) and overall, as tables,
-    Parquet files and figures. With --split, recorded, simulated and invented traffic are also told apart. A drive that
-    several files show counts once.
+    FILE is a CommonRoad file or the name of a shipped scenario; a FOLDER stands for all files in it. Recordings are
+    replayed, no vehicle plans. The results are position errors, likelihood, calibration, standing vehicles, points off
+    the road and time per call, by category (the name of a file's folder: highway, intersection, urban, junction ...)
+    and overall, as tables, Parquet files and figures. With --split there are also results for recorded, simulated and
+    invented traffic. A recording that occurs in several files counts once.
     """
     if not files:
-        raise InputError("predict-eval: which recordings? Give files, folders or names of shipped scenarios")
+        raise InputError("predict-eval: no recordings; give files, folders or names of shipped scenarios")
     choices = named_predictors(predictors)
     settings_given = assigned(assignments)
 
@@ -90,10 +92,10 @@ def predict_eval(
 
 
 def named_predictors(text: str) -> list[str]:
-    """Predictors from "NAME[,SETTING=VALUE...],NAME...", each as `plugins.read_choice` understands it.
+    """Predictors from "NAME[,SETTING=VALUE...],NAME...", each in the syntax of `plugins.read_choice`.
 
     Raises:
-        InputError: It is not spelled like that.
+        InputError: The text does not have this syntax.
     """
     found: list[str] = []
     for part in re.split(r",(?![^\[]*\])", text):

@@ -1,4 +1,4 @@
-"""What `interdrive predict-eval` prints."""
+"""Output of `interdrive predict-eval`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> None:
-    """Tables of at most 110 columns: distances, likelihood and calibration, standing vehicles and road, time."""
+    """Prints tables of at most 110 columns: distances, likelihood, calibration, standing vehicles, road and time."""
     console = output()
     table = measures_table(found).to_pylist()
     order = list(dict.fromkeys(row["category"] for row in table))
@@ -72,7 +72,7 @@ def _print_measures(
     columns: Mapping[str, tuple[str, str]],
     count: str = "",
 ) -> None:
-    """A row per category and predictor; `columns` are heading -> name of the measure and how it is written."""
+    """Prints a row per category and predictor; `columns` maps headings to the name of a measure and its format."""
     table = Table(
         box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title=escape(title), title_justify="left"
     )
@@ -91,7 +91,7 @@ def _print_measures(
 
 
 def _print_by_traffic(console: Console, rows: Sequence[Mapping[str, Any]]) -> None:
-    """A row per traffic, category and predictor, if it is said where traffic comes from."""
+    """Prints a row per kind of traffic, category and predictor, if the kind of traffic is known."""
     columns = {
         "samples": ("samples_3", "{}"),
         "FDE 1 s": ("fde_1", "{:.2f}"),

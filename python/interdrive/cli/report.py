@@ -1,4 +1,4 @@
-"""What the commands print: tables, counts, notes, progress. Loads rich."""
+"""Output of the commands: tables, counts, notes, progress. Loads rich."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from interdrive.studies import CaseStudy
     from interdrive.studies.runtime import RuntimeStudy
 
-#: More rows than this are shown only if something went wrong in them.
+#: If there are more rows than this, only those of agents that did not reach their goal are shown.
 _ROWS_MAX, NOTES_MAX = 40, 12
 
 STYLES = {
@@ -46,14 +46,14 @@ STYLES = {
 
 
 class _Output(Console):
-    """Prints no character that a terminal would obey, and leaves a closed pipe to the command's exit code."""
+    """Escapes characters that a terminal would interpret, and leaves a closed pipe to the command's exit code."""
 
     def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - rich's signature
         """Every text passes here before it is laid out."""
         return super().render_str(visible(text), **options)
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
-        """What is no plain text (progress bars) passes here."""
+        """Everything that is not plain text (progress bars) passes here."""
         for text, style, control in super().render(renderable, options):
             yield Segment(text if control else visible(text), style, control)
 
@@ -62,7 +62,7 @@ class _Output(Console):
 
 
 def output() -> Console:
-    """Where commands print."""
+    """The console to which commands print."""
     console = _Output(highlight=False)
     if not console.is_terminal:
         console.width = 120
@@ -70,7 +70,7 @@ def output() -> Console:
 
 
 def errors() -> Console:
-    """Where commands say how far they are."""
+    """The console on which commands show progress."""
     return _Output(stderr=True)
 
 
@@ -78,23 +78,23 @@ class Report:
     """Progress of a command, on stderr; shown only if stderr is a terminal."""
 
     def __init__(self, bar: Progress) -> None:
-        """Starts without knowing how much there is to do."""
+        """Starts without a known total."""
         self._bar = bar
         self._task = bar.add_task("", total=None)
 
     def say(self, text: str) -> None:
-        """Something is going on that cannot be counted."""
+        """Shows work that cannot be counted."""
         # A task that was counted once cannot go back to not being counted.
         self._bar.remove_task(self._task)
         self._task = self._bar.add_task(escape(text), total=None)
 
     def step(self, time_step: int, driving: int, agents: int, last: int) -> None:
-        """A time step was simulated; `last` is the latest possible one."""
+        """Shows that a time step was simulated; `last` is the latest possible one."""
         text = f"step {time_step}, {driving} of {agents} agents drive"
         self._bar.update(self._task, description=text, completed=time_step, total=max(last, time_step))
 
     def counted(self, text: str, done: int, total: int) -> None:
-        """One thing after the other of so many."""
+        """Shows the number of finished items."""
         self._bar.update(self._task, description=escape(text), completed=done, total=total)
 
     def frames(self, name: str) -> Callable[[int, int], None]:
@@ -106,7 +106,7 @@ class Report:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Report]:
-    """A progress bar that leaves no trace."""
+    """A progress bar that disappears at the end."""
     console = errors()
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn()
     with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as bar:
@@ -114,7 +114,7 @@ def progress(*, quiet: bool) -> Iterator[Report]:
 
 
 def print_run(run: Run, folder: Path) -> None:
-    """Outcome table, counts, notes, speed, and where the results are."""
+    """Prints the outcome table, counts, notes, speed, and the path of the results."""
     console = output()
     ended = run.outcomes
     shown = list(range(len(ended.agent_id)))
@@ -163,12 +163,12 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
 
 
 def print_page(path: Path, size: int) -> None:
-    """Where a page is, and how large."""
-    output().print(f"{escape(str(path))} ({size / 1e6:.1f} MB), to be opened in a browser", soft_wrap=True)
+    """Prints the path and size of a page."""
+    output().print(f"{escape(str(path))} ({size / 1e6:.1f} MB); open it in a browser", soft_wrap=True)
 
 
 def print_criticality(found: Criticality, name: str, folder: Path) -> None:
-    """The most critical moment of every measure, notes, and where the tables are."""
+    """Prints the most critical moment of every measure, notes, and the path of the tables."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("measure", "", "most critical", "vehicle", "with", "time [s]", "path or conflict area"):
@@ -193,7 +193,7 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
 
 
 def print_notes(console: Console, notes: Sequence[str], where: str) -> None:
-    """The first notes, and where the others are."""
+    """Prints the first notes, and where to find the others."""
     for note in notes[:NOTES_MAX]:
         console.print(f"note: {escape(note)}", style="dim", soft_wrap=True)
     if len(notes) > NOTES_MAX:
@@ -201,10 +201,10 @@ def print_notes(console: Console, notes: Sequence[str], where: str) -> None:
 
 
 def _speed(run: Run) -> str:
-    """Median time of a step, without what pictures ask for, and how much faster than real time that is."""
+    """Median time of a step, without the recording for figures, and its ratio to real time."""
     steps, index = np.unique(run.timings.time_step, return_inverse=True)
     if not len(steps):
-        return "no step was made"
+        return "no step was simulated"
     counted = np.where(np.array(run.timings.phase) == "record", 0.0, run.timings.seconds)
     seconds = float(np.median(np.bincount(index, weights=counted)))
     factor = run.scenario.dt / seconds if seconds > 0 else float("inf")
@@ -212,7 +212,7 @@ def _speed(run: Run) -> str:
 
 
 def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equal: bool) -> None:
-    """Whether the digests are equal; if not, what else differs."""
+    """Prints whether the digests are equal; if not, what else differs."""
     console = output()
     if equal:
         console.print(f"[green]equal[/]: digest {stored['digest']}", soft_wrap=True)
@@ -228,7 +228,7 @@ def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equ
 
 
 def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
-    """What a scenario holds, and why some of it cannot be agents (by id)."""
+    """Prints the contents of a scenario, and the reasons why vehicles cannot be agents (by id)."""
     console = output()
     limits = "none stated" if np.isnan(found.speed_limits[0]) else "{:.1f} to {:.1f} m/s".format(*found.speed_limits)
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in found.kinds) or "none"
@@ -261,7 +261,7 @@ def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
 
 
 def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
-    """Which vehicles cannot become agents and why; those with the same reason share a row."""
+    """Prints which vehicles cannot become agents and why; those with the same reason share a row."""
     groups: dict[str, list[str]] = {}
     for number, reason in refusals.items():
         groups.setdefault(reason, []).append(str(number))
@@ -276,23 +276,23 @@ def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
 
 
 def print_text(text: str) -> None:
-    """A text as it is."""
+    """Prints a text unchanged."""
     output().print(text, markup=False, soft_wrap=True)
 
 
 def print_plugins(found: Sequence[Listed]) -> None:
-    """Name, source and one line of what can be chosen."""
+    """Prints name, source and a one-line description of each plug-in."""
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("name", no_wrap=True)
     table.add_column("from", no_wrap=True)
-    table.add_column("what it is", overflow="fold")
+    table.add_column("description", overflow="fold")
     for item in found:
         table.add_row(escape(item.name), escape(item.source), escape(item.text), style="" if item.is_usable else "dim")
     output().print(table)
 
 
 def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:
-    """Name, default and meaning of settings."""
+    """Prints name, default and meaning of settings."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("setting", no_wrap=True)
@@ -306,7 +306,7 @@ def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:
 
 
 def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path) -> None:
-    """The table of the paper, one block per case, and what happened in words."""
+    """Prints the table of the paper, one block per case, and a summary in words."""
     from interdrive.studies import MEASURES, reading, study_table  # noqa: PLC0415 - needs the simulation
 
     console = output()
@@ -347,7 +347,7 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
 
 
 def print_runtime(study: RuntimeStudy, folder: Path) -> None:
-    """Milliseconds per step, growth, notes, and where the tables are."""
+    """Prints milliseconds per step, growth, notes, and the path of the tables."""
     from interdrive.studies.runtime import growth, step_rows  # noqa: PLC0415
     from interdrive.studies.runtime.summary import QUIET, STEP_PARTS  # noqa: PLC0415
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from interdrive.run import Run
 
 
-#: What a report or a film of an agent shows besides what every run keeps; any of it can be switched off again.
+#: Additional recordings for a report or the film of an agent; each can be switched off again.
 _RECORDED = {"record.views": True, "record.predictions": True, "record.candidates": 30}
 
 
@@ -37,25 +37,27 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--planner",
     metavar="PLANNER[,NAME=VALUE...]",
-    help="Planner of the agents: frenet (default), another one that `interdrive planners` lists, or module:object.",
+    help="Planner of the agents: frenet (default), another one listed by `interdrive planners`, or module:object.",
 )
 @click.option(
     "--agent",
     "by_agent",
     metavar="ID=PLANNER[,NAME=VALUE...]",
     multiple=True,
-    help="Another planner, settings or view for one agent, for instance 5=frenet,level=1,view.sensor_radius=40.",
+    help="Planner, settings or view of one agent, for instance 5=frenet,level=1,view.sensor_radius=40.",
 )
 @click.option(
     "--predictor",
     metavar="PREDICTOR[,NAME=VALUE...]",
-    help="Predictor: neural (default), another one that `interdrive predictors` lists, or module:object.",
+    help="Predictor: neural (default), another one listed by `interdrive predictors`, or module:object.",
 )
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
-@click.option("--config", metavar="TOML", help="File with the same options and settings; the command line wins.")
-@click.option("--seed", metavar="N", help="For the choice of agents (0).")
+@click.option(
+    "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
+)
+@click.option("--seed", metavar="N", help="Seed for the choice of agents (0).")
 @click.option("--threads", metavar="N", help="Threads that plan (all cores); results do not depend on it.")
 @click.option("--out", metavar="DIR", help="Run folder (a new one under out/).")
 @click.option("--overwrite", is_flag=True, default=None, help="Replace the run in that folder.")
@@ -65,12 +67,12 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--agent-view",
     metavar="ID",
-    help="The film follows this agent and shows what it considered and predicted; with --png also agent_view.png.",
+    help="Make a film that follows this agent, with its candidates and predictions; with --png also agent_view.png.",
 )
 @click.option(
     "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def run(
     file: str | None,
     assignments: tuple[str, ...],
@@ -88,7 +90,7 @@ def run(
         config, {name: value for name, value in given.items() if value is not None}, by_agent, assignments
     )
     if not choices.scenario:
-        raise InputError("run: which scenario? Give a CommonRoad file or the name of a shipped scenario")
+        raise InputError("run: no scenario; give a CommonRoad file or the name of a shipped scenario")
     if choices.agent_view is not None and not choices.mp4:
         choices = replace(choices, gif=True)
 
@@ -135,7 +137,7 @@ def run(
 def _configured(
     config: str | None, given: Mapping[str, Any], by_agent: Sequence[str], assignments: Sequence[str]
 ) -> tuple[RunChoices, dict[int, Choice], SimulationSettings]:
-    """Choices for all, those per agent, and settings: defaults, then the file, then the command line."""
+    """Choices for all agents, choices per agent, and settings: defaults, then the file, then the command line."""
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
 
     choices = RunChoices()
@@ -163,7 +165,7 @@ def _configured(
 
 
 def _target(choices: RunChoices) -> Path:
-    """The folder to write to; everything that can be refused is refused before the simulation."""
+    """The folder to write to; errors that can be found before the simulation are raised here."""
     from interdrive.results import check_target  # noqa: PLC0415
 
     if choices.mp4:
@@ -191,7 +193,7 @@ def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str]
 
 @contextmanager
 def _kept(folder: Path) -> Iterator[None]:
-    """Says that the run itself is safe when drawing is interrupted or fails."""
+    """States where the stored run is if drawing is interrupted or fails."""
     try:
         yield
     except KeyboardInterrupt:

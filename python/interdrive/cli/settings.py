@@ -1,4 +1,4 @@
-"""`interdrive settings`: every name that `--set` and configuration files know."""
+"""`interdrive settings`: all settings for `--set` and configuration files."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def settings(prefix: str) -> None:
 
     rows = [row for row in described(SimulationSettings()) if row[0].startswith(prefix)]
     if not rows:
-        raise InputError(f"{prefix}: no setting starts like that")
+        raise InputError(f"{prefix}: no setting starts with this name")
     print_settings(rows)

@@ -1,4 +1,4 @@
-"""`interdrive sql`: a question to the data set of a batch."""
+"""`interdrive sql`: queries on the data set of a batch."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from interdrive.batches import Answer
 
-#: What the process may take beyond the limit of a question [bytes], and how long beyond its time [s].
+#: Margins of the process beyond the memory limit [bytes] and the time limit [s] of a query.
 _MARGIN, _GRACE = 1_000_000_000, 3.0
 
 
@@ -34,13 +34,13 @@ _MARGIN, _GRACE = 1_000_000_000, 3.0
     "--timeout",
     metavar="SECONDS",
     type=click.FloatRange(min=0.0, min_open=True),
-    help="Give up after so long (60).",
+    help="Time limit of the query (60).",
 )
-@click.option("--memory", metavar="SIZE", help="Memory that the question may use (2G).")
+@click.option("--memory", metavar="SIZE", help="Memory limit of the query (2G).")
 def sql(folder: str, question: str, as_csv: bool, timeout: float | None, memory: str | None) -> None:
-    """Ask the data set of the batch in DIR a question in SQL; needs the extra duckdb.
+    """Query the data set of the batch in DIR with SQL; needs the extra duckdb.
 
-    Tables are results (a row per run and agent), runs (a row per run) and agents (a row per agent under test):
+    The tables are results (a row per run and agent), runs (a row per run) and agents (a row per agent under test):
 
         interdrive sql out/batch "select planner, outcome, count(*) from agents group by all order by all"
     """
@@ -59,7 +59,7 @@ def sql(folder: str, question: str, as_csv: bool, timeout: float | None, memory:
 
 
 def _print_csv(answer: Answer) -> None:
-    """Values as they are for a file or another program, harmless on a terminal."""
+    """Writes values unchanged to a file or another program, and with visible escapes to a terminal."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(answer.columns)
@@ -69,7 +69,7 @@ def _print_csv(answer: Answer) -> None:
 
 @contextmanager
 def _limited(seconds: float, memory: float) -> Iterator[None]:
-    """Ends the process where DuckDB keeps no limit itself: within a call of one of its functions."""
+    """Ends the process where DuckDB does not enforce a limit itself: within a call of one of its functions."""
     from interdrive.batches.query import RAISE_SECONDS  # noqa: PLC0415
 
     def give_up() -> None:

@@ -1,4 +1,4 @@
-"""`interdrive study`: the same encounter in every degree of interaction; how long steps take."""
+"""`interdrive study`: one encounter at increasing levels of interaction; time per step."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 @click.argument("what", metavar="merge|t_junction|runtime|FILE")
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
-@click.option("--planner", metavar="NAME", default="frenet", help="Of the agent and of the interactive other vehicle.")
-@click.option("--predictor", metavar="NAME", help="Of both (neural); runtime: of all (lane_following).")
+@click.option(
+    "--planner", metavar="NAME", default="frenet", help="Planner of the agent and of the interactive other vehicle."
+)
+@click.option("--predictor", metavar="NAME", help="Predictor (neural; with runtime lane_following).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -34,10 +36,10 @@ if TYPE_CHECKING:
 @click.option("--town", metavar="N,N,...", help="runtime: numbers of agents in the town (24,100,300,1000; 0: none).")
 @click.option("--steps", metavar="N", type=click.IntRange(min=1), help="runtime: time steps per run (50).")
 @click.option("--repetitions", metavar="N", type=click.IntRange(min=1), help="runtime: runs of each kind (3).")
-@click.option("--quick", is_flag=True, help="runtime: less of everything, to see that it works (a minute).")
+@click.option("--quick", is_flag=True, help="runtime: a short version as a test (a minute).")
 @click.option("--out", metavar="DIR", help="Folder of the study (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the study in that folder.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
 def study(
     what: str,
     agent: int | None,
@@ -55,7 +57,7 @@ def study(
     overwrite: bool,
     quiet: bool,
 ) -> int:
-    """Let one vehicle meet another that reacts more and more: a table, figures, and the runs.
+    """Replay one encounter at increasing levels of interaction, with a table, figures, and the runs.
 
     The agent always plans. The other vehicle replays its recording (deterministic), adjusts its speed on its recorded
     path (semi-deterministic), or drives with the agent's planner (interactive). No other vehicle plans.
@@ -63,8 +65,8 @@ def study(
     merge and t_junction are the case studies of the paper, on the recorded scenarios below $INTERDRIVE_SCENARIOS and on
     a shipped one. Any other FILE, or name of a shipped scenario, needs --agent and --other.
 
-    runtime tells how long a step takes over the number of agents, with one thread and with all of them: four scenarios,
-    and the shipped town with up to 1000 agents; tables and figures.
+    runtime measures the time per step over the number of agents, with one thread and with all of them, in four
+    scenarios and in the shipped town with up to 1000 agents, with tables and figures.
     """
     for_runtime = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions, "quick": quick or None}
     given = [f"--{name}" for name, value in for_runtime.items() if value is not None]
@@ -109,7 +111,7 @@ def study(
 
 
 class _Asked(NamedTuple):
-    """What the command line says about the runtime study."""
+    """Options of the runtime study."""
 
     agents: str | None
     town: str | None
@@ -181,13 +183,11 @@ def _numbers(option: str, text: str | None) -> tuple[int, ...]:
 
 
 def _cases(what: str, agent: int | None, other: int | None) -> tuple[tuple[Case, ...], tuple[str, ...]]:
-    """What to simulate, and what the user should know about it; with a pair, `t_junction` is the shipped scenario."""
+    """Cases to simulate, and notes for the user; with a pair, `t_junction` is the shipped scenario."""
     from interdrive.studies import STUDIES, Case, known_cases  # noqa: PLC0415
 
     if agent is None and other is None and what in STUDIES:
         return known_cases(what)
     if agent is None or other is None:
-        raise InputError(
-            f"study {what}: which encounter? Give --agent and --other; studies by name: {', '.join(STUDIES)}"
-        )
+        raise InputError(f"study {what}: no encounter; give --agent and --other; studies by name: {', '.join(STUDIES)}")
     return (Case(scenario_named(what), agent, other),), ()

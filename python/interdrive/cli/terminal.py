@@ -1,14 +1,14 @@
-r"""Lines for the terminal: the one place where texts are made harmless before they are printed.
+r"""Lines for the terminal: the only place where text is made harmless before it is printed.
 
-Names of files, planners and agents, messages of planners and cells of tables come from others. Characters that a
-terminal obeys, and those that change the direction of writing, are shown as escapes such as \x1b.
+Names of files, planners and agents, messages of planners and cells of tables may come from unknown authors. Characters
+that a terminal interprets, and those that change the direction of writing, are shown as escapes such as \x1b.
 """
 
 from __future__ import annotations
 
 import click
 
-#: Line breaks and tabs are left as they are; every other control character is shown.
+#: Line breaks and tabs stay as they are; every other control character is shown.
 _LEFT = "\n\t"
 
 #: Marks that change the direction of writing, and separators that some terminals take for line breaks.
@@ -21,7 +21,7 @@ _SHOWN |= {0xDC00 + byte: f"\\x{byte:02x}" for byte in range(0x80, 0x100)}
 
 
 def visible(text: str) -> str:
-    """The text with every character that a terminal would obey as a visible escape."""
+    """The text with every character that a terminal would interpret as a visible escape."""
     return text if text.isprintable() else text.translate(_SHOWN)
 
 

@@ -1,4 +1,4 @@
-"""`interdrive verify`: does a run come out the same again?"""
+"""`interdrive verify`: repeats a run and compares the digests."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("folder", metavar="RUN")
-@click.option("--scenario", metavar="FILE", help="Where the scenario file is now, if it was moved.")
+@click.option("--scenario", metavar="FILE", help="Present path of the scenario file, if it was moved.")
 @click.option("--threads", metavar="N", type=click.IntRange(min=1), help="Threads that plan (all cores).")
 @click.option("--trust", is_flag=True, help="Import planners and predictors that run.json names as module:object.")
 def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) -> int:
     """Repeat the run in folder RUN and compare the digest of all states.
 
     Exit code 0: equal to the last bit. Exit code 1: different. A planner or predictor that run.json names as
-    module:object is code that would run with your rights: you are asked first, or say --trust.
+        module:object is code that would run with your rights: confirm it when asked, or give --trust.
     """
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
     from interdrive.config.agents import modules_named  # noqa: PLC0415
@@ -65,10 +65,10 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
 
 
 def _ask(folder: str, modules: Sequence[str]) -> None:
-    """Asks before code is run that a folder names, which may come from anybody.
+    """Asks before running code that a folder names, because the folder may come from an unknown author.
 
     Raises:
-        InputError: The answer is no, or no answer can be asked for.
+        InputError: The answer is no, or stdin is not a terminal.
     """
     if not modules:
         return
@@ -88,7 +88,7 @@ def _scenario_file(folder: str, info: Mapping[str, Any], given: str | None) -> P
     """The file that was simulated, unchanged.
 
     Raises:
-        InputError: It was never a file, is gone, or has changed.
+        InputError: The scenario did not come from a file, or the file is missing or has changed.
     """
     from interdrive.files import content_of_file  # noqa: PLC0415 - numpy
 
@@ -101,7 +101,7 @@ def _scenario_file(folder: str, info: Mapping[str, Any], given: str | None) -> P
     except (OSError, ValueError) as cause:
         reason = getattr(cause, "strerror", None) or cause
         raise InputError(
-            f"{path}: the scenario of the run cannot be read ({reason}); --scenario says where it is"
+            f"{path}: the scenario of the run cannot be read ({reason}); give its present path with --scenario"
         ) from None
     if hashlib.sha256(content).hexdigest() != stored["sha256"]:
         raise InputError(f"{path}: the scenario file has changed since the run")

@@ -1,4 +1,4 @@
-"""What the numbers of a comparison do not prove: some of it always, some of it seen in the data."""
+"""Caveats of a comparison: some always apply, others depend on the data."""
 
 from __future__ import annotations
 

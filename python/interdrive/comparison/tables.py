@@ -133,7 +133,7 @@ def markdown(found: Comparison) -> str:
         for sheet in sheets_of(found, one):
             lines += [f"{sheet.title}:", "", *_piped(sheet), ""]
             lines += [sheet.note, ""] if sheet.note else []
-    lines += ["What these numbers do not prove:", "", *(f"- {line}" for line in found.reservations)]
+    lines += ["Caveats:", "", *(f"- {line}" for line in found.reservations)]
     return "\n".join(lines) + "\n"
 
 

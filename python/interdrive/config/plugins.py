@@ -62,7 +62,7 @@ def _spelled(text: str, what: str) -> Choice:
         if not equals or not name:
             raise InputError(f"{what} {text!r}", f"{part or 'nothing'} behind a comma; {form}")
         if name in settings:
-            raise InputError(f"{what} {text!r}", f"{name} is there twice")
+            raise InputError(f"{what} {text!r}", f"{name} is given twice")
         settings[name] = value
     if chosen == "":
         raise InputError(f"{what} {text!r}", f"the name is missing; {form}")

@@ -69,7 +69,7 @@ def chosen_predictors(
         Choices whose names differ, and lines about those of "all" that cannot be used.
 
     Raises:
-        InputError: One that was asked for cannot be used, or is there twice.
+        InputError: A predictor cannot be used, or is given twice.
     """
     notes: list[str] = []
     choices: list[Choice] = []
@@ -90,7 +90,7 @@ def chosen_predictors(
     names = [spec_label(choice) for choice in choices]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"predictor {name} is there twice")
+            raise InputError(f"predictor {name} is given twice")
     if not choices:
         raise InputError("there is no predictor to evaluate")
     return choices, notes

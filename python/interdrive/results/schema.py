@@ -216,7 +216,7 @@ def check_information(path: Path, info: dict[str, Any]) -> None:
 def _check_ids(ids: Sequence[int]) -> None:
     for number, times in Counter(ids).items():
         if times > 1:
-            raise ResultsError(f"agents: agent {number} is there twice")
+            raise ResultsError(f"agents: agent {number} occurs twice")
 
 
 def _inside(where: str, name: str) -> str:

@@ -57,7 +57,7 @@ def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
     wrong = np.flatnonzero(~is_ascending)
     if len(wrong):
         raise ResultsError(
-            f"{path}: {', '.join(order)}: row {int(wrong[0]) + 1} is out of order or there twice; the file is damaged"
+            f"{path}: {', '.join(order)}: row {int(wrong[0]) + 1} is out of order or a duplicate; the file is damaged"
         )
 
 
