@@ -127,9 +127,7 @@ DAMAGES = (
     ),
     _said("a view of nobody", _put("settings", "views", value={"all": {}}), "settings.views: expected an agent id"),
     _said("agents are a table", _put("agents", value={}), "agents: expected a list, not {}"),
-    _said(
-        "an agent occurs twice", lambda info: info["agents"].append(info["agents"][0]), "agents: agent 1 occurs t"
-    ),
+    _said("an agent occurs twice", lambda info: info["agents"].append(info["agents"][0]), "agents: agent 1 occurs t"),
     _said(
         "a goal's time is a word", _put("agents", 0, "goal_time_step", value="soon"), "agents[0].goal_time_step: expec"
     ),
@@ -152,15 +150,15 @@ DAMAGES = (
     ),
     _said("a note is a number", _put("notes", value=[3]), "notes[0]: expected a text, not 3"),
     _said("the digest is short", _put("digest", value="abc"), "digest: expected 64 hexadecimal digits"),
-    _said("there is no digest", lambda info: info.pop("digest"), "digest: it is missing"),
+    _said("there is no digest", lambda info: info.pop("digest"), "digest: missing"),
     _said("no scenario", _put("scenario", value=None), "scenario: expected a table, not null"),
     _said("steps of no length", _put("scenario", "dt", value=0), "scenario.dt: expected a positive number, not 0"),
     _said("a path is a number", _put("scenario", "path", value=5), "scenario.path: expected a text or null, not 5"),
     _said("versions are a list", _put("versions", value=["1"]), 'versions: expected a table, not ["1"]'),
     _said("the format is true", _put("format", value=True), "it states no format"),
-    _replaced("nan", b'"dt": 0.1', b'"dt": NaN', "cannot be read: NaN is no number of JSON"),
-    _replaced("infinity", b'"seed": 0', b'"seed": -Infinity', "cannot be read: -Infinity is no number of JSON"),
-    _replaced("a number beyond all", b'"dt": 0.1', b'"dt": 1e999', "cannot be read: 1e999 is no number of JSON"),
+    _replaced("nan", b'"dt": 0.1', b'"dt": NaN', "cannot be read: NaN is not a JSON number"),
+    _replaced("infinity", b'"seed": 0', b'"seed": -Infinity', "cannot be read: -Infinity is not a JSON number"),
+    _replaced("a number beyond all", b'"dt": 0.1', b'"dt": 1e999', "cannot be read: 1e999 is not a JSON number"),
     _replaced("brackets", b'"notes": []', b'"notes": ' + 100_000 * b"[", "cannot be read: it is nested too deeply"),
     _replaced("bytes that are no text", b'"recorded"', b'"\xff\xfe"', "cannot be read: "),
     _table("states in disorder", "states", _shuffled, "time_step, participant_id: row "),
@@ -219,7 +217,7 @@ DAMAGES = (
     ),
     _file("an empty file", "plans", lambda _: b"", "cannot be read: "),
     _file("half a file", "states", lambda content: content[: len(content) // 2], "cannot be read: "),
-    Damage("a folder instead of a file", _folder_instead, "timing.parquet: this is no file"),
+    Damage("a folder instead of a file", _folder_instead, "timing.parquet: not a file"),
     Damage(
         "no states", lambda folder: (folder / "states.parquet").unlink(), "states.parquet: this file of the run is m"
     ),

@@ -68,14 +68,14 @@ def test_a_file_that_cannot_be_used(here, capfd, command, text, words):
 @pytest.mark.parametrize(
     ("content", "agents", "words"),
     [
-        (DRIVING, "30,99", "agent 99: there is no such vehicle; possible agents: 30"),
+        (DRIVING, "30,99", "agent 99: no such vehicle; possible agents: 30"),
         (TO_APART + DRIVING, "60,", "agent 60: no way leads from lanelet 1 to lanelet 2"),
         (TO_APART, "all", "no vehicle can become an agent (agent 60: no way leads from lanelet 1 to lanelet 2)"),
         (OFF_ROAD + DRIVING, "60,", "agent 60: no lanelet within 1.5 m of the start (5.00, 30.00)"),
         (OFF_ROAD, "all", "no vehicle can become an agent (agent 60: no lanelet within 1.5 m of the start"),
         (car(31, initial(60.0)) + DRIVING, "31,", "agent 31: recorded at one time step only; possible agents: 30"),
         (car(31, initial(60.0)), "all", "no vehicle can become an agent"),
-        (DRIVING, "2", "2 agents asked for, but only 1"),
+        (DRIVING, "2", "2 agents requested, but only 1"),
         (DRIVING, "0", "at least 1"),
     ],
 )
@@ -108,7 +108,7 @@ def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
     ("arguments", "words"),
     [
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
-        (["--planner", "nowhere:Planner"], "module nowhere does not import"),
+        (["--planner", "nowhere:Planner"], "module nowhere cannot be imported"),
         (["--predictor", "constant_velocty"], "did you mean constant_velocity?"),
         (["--set", "planner.frenet.horizn=3"], "did you mean planner.frenet.horizon?"),
         (["--set", "view.sensor_radius=-1"], "view.sensor_radius: must be positive"),
@@ -121,7 +121,7 @@ def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
         (["--seed", "-1"], "the seed must not be negative"),
         (["--agents", ","], "agents: the list of ids is empty"),
         (["--out", "some.xml/below"], "some.xml is not a folder"),
-        (["--out", "some.xml"], "a file of that name is in the way"),
+        (["--out", "some.xml"], "a file with this name already exists"),
         (["--out", "/proc/made"], "/proc/made: cannot be written"),
     ],
 )

@@ -366,7 +366,7 @@ def test_files_that_are_no_scenarios_are_rows_with_their_reason(tmp_path):
         (["empty"], "holds no scenario files"),
         (["t_junction", "--planner", "frenett"], "did you mean frenet?"),
         (["t_junction", "--planner", "frenet,levl=1"], "levl"),
-        (["t_junction", "--planner", "frenet,,idm"], "nothing before or behind a comma"),
+        (["t_junction", "--planner", "frenet,,idm"], "nothing before or after a comma"),
         (["t_junction", "--planner", "idm,idm"], "planner idm is given twice"),
         (["t_junction", "--traffic", "wild"], "expected one of recorded, velocity_adjusting, same"),
         (["t_junction", "--traffic", "recorded"], "nobody is left to be traffic"),
@@ -402,7 +402,7 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path):
     (tmp_path / "thesis.txt").write_text("precious")
     done = interdrive("batch", "t_junction", "--out", tmp_path)
     assert done.returncode == 2
-    assert "holds other things (thesis.txt)" in done.stderr
+    assert "has other contents (thesis.txt)" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 

@@ -277,31 +277,34 @@ def test_a_planning_problem_may_be_named_by_its_own_id():
         ({"views": {55: ViewSettings()}}, "agent 55: a view is given for it, but it is not an agent"),
         (
             {"planner": {100: "frenet,horizn=2"}},
-            "agent 100: planner frenet: horizn: there is no such setting; did you mean",
+            "agent 100: planner frenet: horizn: no such setting; did you mean",
         ),
         ({"planner": {100: "frenet,horizon=long"}}, "planner frenet: horizon: expected a number [s], not 'long'"),
         ({"planner": {100: "frenet,level=9"}}, "agent 100: planner frenet: level: must be 0 to 4"),
         ({"planner": {100: "frent"}}, "agent 100: unknown planner 'frent': did you mean frenet?"),
-        ({"planner": {100: "frenet,view.sensr_radius=2"}}, "agent 100: view.sensr_radius: there is no such setting"),
+        ({"planner": {100: "frenet,view.sensr_radius=2"}}, "agent 100: view.sensr_radius: no such setting"),
         (
             {"planner": {100: "frenet,view.sensor_radius=-2"}},
             "agent 100: view.sensor_radius: must be positive, not -2.0",
         ),
         (
             {"planner": {100: "drivers:Straight,gain=2"}},
-            "agent 100: planner drivers:Straight: gain: it has no settings",
+            "agent 100: planner drivers:Straight: gain: this object has no settings",
         ),
-        ({"planner": "test_choices:Steady,shar=2"}, "shar: there is no such setting; did you mean share?"),
-        ({"planner": "test_choices:Steady,calls=[2]"}, "calls: there is no such setting"),
+        ({"planner": "test_choices:Steady,shar=2"}, "shar: no such setting; did you mean share?"),
+        ({"planner": "test_choices:Steady,calls=[2]"}, "calls: no such setting"),
         (
             {"planner": {100: "test_choices:Demanding,speed=-3"}},
             "agent 100: planner test_choices:Demanding: cannot be made (ValueError: only forwards)",
         ),
-        ({"planner": {100: 3}}, "agent 100: 3 is no planner"),
-        ({"planner": {3.5: "frenet"}}, "a planner is given for 3.5, which is no agent id"),
+        ({"planner": {100: 3}}, "agent 100: 3 is not a planner"),
+        ({"planner": {3.5: "frenet"}}, "a planner is given for 3.5, which is not an agent id"),
         ({"views": {100: 40.0}}, "agent 100: a view must be ViewSettings or a mapping of its fields, not 40.0"),
         ({"views": 40.0}, "a view per agent must be a mapping from agent ids, not 40.0"),
-        ({"predictor": "constant_velocity,position_sigm=1"}, "predictor constant_velocity: position_sigm: there is no"),
+        (
+            {"predictor": "constant_velocity,position_sigm=1"},
+            "predictor constant_velocity: position_sigm: no such setting",
+        ),
     ],
 )
 def test_an_impossible_choice_is_refused_in_one_line(options, words):

@@ -218,12 +218,12 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--agent", "5"], "--agent 5: write it as ID=PLANNER[,NAME=VALUE...]"),
         (["run", "bend.xml", "--agent", "x=frenet"], "--agent x=frenet: write it as ID=PLANNER[,NAME=VALUE...]"),
         (["run", "bend.xml", "--agent", "5="], "--agent 5: planner '': the name is missing"),
-        (["run", "bend.xml", "--agent", "5=frenet,level"], "--agent 5: planner 'frenet,level': level behind a comma"),
+        (["run", "bend.xml", "--agent", "5=frenet,level"], "--agent 5: planner 'frenet,level': level after a comma"),
         (["run", "bend.xml", "--agent", "5=frenet", "--agent", "5=frenet"], "--agent 5=frenet: agent 5 is named twice"),
-        (["run", "bend.xml", "--planner", "frenet,level"], "planner 'frenet,level': level behind a comma"),
+        (["run", "bend.xml", "--planner", "frenet,level"], "planner 'frenet,level': level after a comma"),
         (["run", "bend.xml", "--config", "by_agent.toml"], "by_agent.toml: agent.x: write a table per agent"),
-        (["run", "bend.xml", "--out", "."], "this folder holds other things (bend.xml) and is left alone"),
-        (["run", "bend.xml", "--out", "bend.xml"], "a file of that name is in the way"),
+        (["run", "bend.xml", "--out", "."], "this folder has other contents (bend.xml) and is not replaced"),
+        (["run", "bend.xml", "--out", "bend.xml"], "a file with this name already exists"),
         (["run", "bend.xml", "--mp4"], "MP4 needs ffmpeg"),
         (["run", "bend.xml", "--sed", "3"], "No such option '--sed'"),
         (["walk"], "No such command 'walk'"),
@@ -251,8 +251,8 @@ def test_the_name_of_a_shipped_scenario_may_be_misspelt(simulated, here, monkeyp
 
 
 def test_errors_of_the_simulation_are_one_line(simulated, here):
-    simulated.result = InputError("agent 9:\n  there is no such vehicle")
-    assert refused(invoke("run", "bend.xml")) == "agent 9: there is no such vehicle"
+    simulated.result = InputError("agent 9:\n  no such vehicle")
+    assert refused(invoke("run", "bend.xml")) == "agent 9: no such vehicle"
     assert not (here / "out").exists()
 
 
@@ -435,14 +435,14 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--agents", "3,99"], "agent 99: there is no such vehicle"),
+        (["--agents", "3,99"], "agent 99: no such vehicle"),
         (["--agents", "23,"], "agent 23: static obstacle"),
-        (["--agents", "1000"], "1000 agents asked for, but only 5"),
+        (["--agents", "1000"], "1000 agents requested, but only 5"),
         (["--agents", "some"], "agents must be 'all', a number or ids, not 'some'"),
         (["--agents", "3,", "--agent", "4=frenet"], "agent 4: a planner is given for it, but it is not an agent"),
         (
             ["--agent", "3=frenet,levl=1"],
-            "agent 3: planner frenet: levl: there is no such setting; did you mean level?",
+            "agent 3: planner frenet: levl: no such setting; did you mean level?",
         ),
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
         (["--predictor", "lane_folowing"], "did you mean lane_following?"),

@@ -51,7 +51,7 @@ def test_what_is_there_is_replaced_only_with_overwrite(evaluated, tmp_path):
     options = ("lane_merge", "--predictors", "constant_velocity", "--every", 60, "--no-figures", "--no-timing")
     assert run(*options, "--out", folder, "--quiet").exit_code == 0
     again = run(*options, "--out", folder)
-    assert (again.exit_code, "is there already" in again.stderr) == (2, True)
+    assert (again.exit_code, "already exists there" in again.stderr) == (2, True)
     assert run(*options, "--out", folder, "--overwrite").exit_code == 0
 
 
@@ -67,7 +67,7 @@ def test_settings_belong_to_the_predictor_in_front():
         (("lane_merge", "--predictors", "lane_folowing"), "did you mean lane_following?"),
         (("lane_merge", "--predictors", "lane_following,modes=1"), "modes"),
         (("lane_merge", "--predictors", "all,modes_max=1"), "modes_max=1 belongs to no predictor"),
-        (("lane_merge", "--predictors", "nowhere:Mine"), "module nowhere does not import"),
+        (("lane_merge", "--predictors", "nowhere:Mine"), "module nowhere cannot be imported"),
         (("lane_merge", "--every", "0"), "--every"),
         (("nothing.xml",), "no such file or folder"),
         (("lane_merge", "--split", "nothing.toml"), "no such file"),

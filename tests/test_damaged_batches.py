@@ -106,7 +106,7 @@ def test_columns_that_no_batch_writes(folder, change, words):
         (b'{"format": "2"}', "a batch of format unknown"),
         (b'{"format": true}', "a batch of format True"),
         (b'{"format": [' + b"[" * 100_000, "batch.json: cannot be read: it is nested too deeply"),
-        (b'{"format": NaN}', "batch.json: cannot be read: NaN is no number of JSON"),
+        (b'{"format": NaN}', "batch.json: cannot be read: NaN is not a JSON number"),
         (b"\xff\xfe", "batch.json: cannot be read: "),
         (b"[]", "a batch of format unknown"),
     ],

@@ -107,7 +107,7 @@ def test_a_name_leads_to_its_object_and_only_that_is_imported(installed):
     ("name", "kind", "words"),
     [
         ("cautios", InputError, "did you mean cautious?"),
-        ("breaks", InputError, "planner breaks: its entry point does not load (SystemExit: no licence)"),
+        ("breaks", InputError, "planner breaks: its entry point cannot be loaded (SystemExit: no licence)"),
         ("lacks", MissingExtraError, "planner lacks needs the extra: pip install somebody[lacks]"),
         (
             "twice",

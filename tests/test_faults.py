@@ -122,18 +122,18 @@ def test_a_batch_on_a_full_disk_keeps_what_was_done_and_goes_on_where_there_is_r
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("run", *RUN, "--out", "small/new"), "there is no permission to write in "),
-        (("run", *RUN, "--out", "small/run", "--overwrite"), "there is no permission to write in "),
-        (("study", *CASE, "--out", "small/new"), "there is no permission to write in "),
-        (("predict-eval", *EVALUATION, "--out", "small/new"), "there is no permission to write in "),
+        (("run", *RUN, "--out", "small/new"), "no permission to write in "),
+        (("run", *RUN, "--out", "small/run", "--overwrite"), "no permission to write in "),
+        (("study", *CASE, "--out", "small/new"), "no permission to write in "),
+        (("predict-eval", *EVALUATION, "--out", "small/new"), "no permission to write in "),
         (("criticality", "small/run"), READ_ONLY),
         (("criticality", "lane_merge", "--out", "small/new"), READ_ONLY),
         (("report", "small/run"), READ_ONLY),
         (("report", "small/batch"), READ_ONLY),
         (("plot", "small/run", "--kind", "velocity", "--out", "small/v.pdf"), READ_ONLY),
-        (("batch", *BATCH, "--out", "small/new"), "there is no permission to write in "),
+        (("batch", *BATCH, "--out", "small/new"), "no permission to write in "),
         (("batch", *BATCH, "--out", "small/batch"), "small/batch/.locks: Read-only file system"),
-        (("compare", "small/batch"), "there is no permission to write in "),
+        (("compare", "small/batch"), "no permission to write in "),
     ],
 )
 def test_a_read_only_folder_is_one_line(disk, arguments, words):

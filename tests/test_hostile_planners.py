@@ -198,7 +198,7 @@ def test_a_planner_that_switches_the_alarm_off_is_stopped_all_the_same():
     run = drive(Deaf, settings=SimulationSettings(step=StepSettings(planner_timeout_s=0.2)))
     assert time.perf_counter() - start < 20.0
     assert run.outcomes.outcome == ("planner_error", "goal_reached")
-    assert "allowed are 0.2 s" in run.outcomes.message[0]
+    assert "at most 0.2 s are allowed" in run.outcomes.message[0]
 
 
 def test_a_profiler_works_after_a_planner_that_was_stopped_by_force():

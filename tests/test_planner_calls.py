@@ -75,7 +75,7 @@ def bent(change):
         (bent(lambda f: {"y": np.full(31, np.inf)}), "y is not a number at point 0 (inf)"),
         (bent(lambda f: {"y": f["y"][:-1]}), "y has 30 values, x has 31"),
         (bent(lambda f: {"y": np.zeros((31, 2))}), "y has shape [31, 2], one dimension is expected"),
-        (bent(lambda f: {"velocity": ["fast"] * 31}), "velocity is no array of numbers"),
+        (bent(lambda f: {"velocity": ["fast"] * 31}), "velocity is not an array of numbers"),
         (bent(lambda f: {"velocity": None}), "velocity is missing"),
         (bent(lambda f: {name: values[:1] for name, values in f.items()}), "1 points, at least two"),
     ],
@@ -103,7 +103,7 @@ def test_a_planner_beyond_its_time_is_stopped_and_the_others_go_on():
     assert time.perf_counter() - start < 20.0
     assert run.outcomes.outcome == ("planner_error", "goal_reached")
     assert run.outcomes.time_step[0] == 3
-    assert "allowed are 0.2 s" in run.outcomes.message[0]
+    assert "at most 0.2 s are allowed" in run.outcomes.message[0]
 
 
 def test_an_impossible_time_limit_is_refused_by_name():
@@ -146,7 +146,7 @@ def test_a_parallel_planner_that_cannot_be_sent_runs_in_this_process_and_says_so
 
     run = drive(Local, threads=2)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
-    assert any("cannot be sent to another process" in note for note in run.notes)
+    assert any("cannot be pickled for another process" in note for note in run.notes)
 
 
 def test_outlines_of_participants_in_view_are_where_they_are():

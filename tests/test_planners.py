@@ -106,7 +106,7 @@ class Broken:
     ("planner", "words"),
     [
         (Leaping, "an empty road, time step 0: the plan jumps by 11.00 m"),
-        (Random, "did not plan the same"),
+        (Random, "made different plans for the same view"),
         (Pirouetting, r"time step 0: the plan turns by 1.\d\d rad per metre, the vehicle by 0.\d\d at most"),
         (Turntable, "a start from standstill, time step 0: the plan turns by 0.30 rad/s on the spot"),
         (Swerving, "standstill, time step 0: the plan turns by 1.41 rad per metre, the vehicle by 0.70 at most"),

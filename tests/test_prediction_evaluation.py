@@ -98,7 +98,7 @@ def test_an_evaluation_can_be_saved_and_is_not_replaced_without_asking(shipped, 
     about = json.loads((folder / "evaluation.json").read_text())
     assert about["every"] == 10
     assert len(about["files"]) == 3
-    with pytest.raises(idr.ResultsError, match="is there already"):
+    with pytest.raises(idr.ResultsError, match="already exists there"):
         save_evaluation(shipped, folder)
     (folder / "mine.txt").write_text("")
     with pytest.raises(idr.ResultsError, match=r"mine\.txt"):
@@ -129,7 +129,7 @@ def test_a_file_in_a_folder_that_cannot_be_used_is_a_note_and_one_that_was_named
 def test_a_predictor_need_not_be_in_a_list():
     found = idr.evaluate_predictors("lane_merge", idr.LaneFollowing(modes_max=1), every=100, with_timing=False)
     assert found.predictors == ("lane_following",)
-    with pytest.raises(idr.InputError, match="None is no predictor"):
+    with pytest.raises(idr.InputError, match="None is not a predictor"):
         idr.evaluate_predictors("lane_merge", None)
 
 

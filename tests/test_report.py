@@ -425,7 +425,7 @@ def test_a_folder_of_another_format_is_refused_in_one_line(copied):
 
 
 def test_a_page_that_cannot_be_written_leaves_nothing_behind(folder, tmp_path):
-    with pytest.raises(ResultsError, match=r"page\.html: a folder of that name is in the way"):
+    with pytest.raises(ResultsError, match=r"page\.html: a folder with this name already exists"):
         (tmp_path / "page.html").mkdir()
         (tmp_path / "page.html" / "thing").touch()
         write_run_report(folder, tmp_path / "page.html")

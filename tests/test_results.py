@@ -138,7 +138,7 @@ def test_run_json_is_strict_json_and_names_versions_and_seed(run, tmp_path):
 
 def test_a_run_is_replaced_only_on_request(run, tmp_path):
     folder = save(run, tmp_path / "run")
-    with pytest.raises(ResultsError, match="a run is there already"):
+    with pytest.raises(ResultsError, match="a run already exists there"):
         save(run, folder)
     save(replace(run, digest="1" * 64), folder, overwrite=True)
     assert load(folder).info["digest"] == "1" * 64
@@ -174,7 +174,7 @@ def test_an_empty_folder_may_be_used_and_a_file_may_not(run, tmp_path):
     (tmp_path / "empty").mkdir()
     save(run, tmp_path / "empty")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ResultsError, match="a file of that name is in the way"):
+    with pytest.raises(ResultsError, match="a file with this name already exists"):
         save(run, tmp_path / "file")
     with pytest.raises(ResultsError, match="is not a folder"):
         save(run, tmp_path / "file" / "run")
@@ -297,7 +297,7 @@ def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     for text, message in (
         (
             '{"format": 1}',
-            rf"run.json: format 1 is that of an older interdrive, this one reads {results.FORMAT}; simulate",
+            rf"run.json: format 1 is that of an older interdrive, this version reads {results.FORMAT}; simulate",
         ),
         (
             '{"format": 99}',

@@ -218,7 +218,7 @@ HUGE = 2**63
             "obstacle 30 has the size 1e+08, which is larger than 100000 m; correct it",
         ),
         (document(car(30, initial(0.0), shape=cr.RECTANGLE.replace("4.5", "1e-9"))), "smaller than 1e-06 m"),
-        (document("<a>" * 60 + "</a>" * 60), "elements inside each other"),
+        (document("<a>" * 60 + "</a>" * 60), "elements deep"),
     ],
 )
 def test_a_number_out_of_bounds_is_named(read, text, words):
@@ -277,7 +277,9 @@ def test_a_run_ends_after_its_largest_number_of_steps_and_says_so(read):
     assert (run.outcomes.outcome, run.outcomes.time_step.tolist()) == (("time_limit",), [40])
     assert run.states.n_steps == 41
     assert run.finished
-    assert run.notes[0] == "the run ended after 40 time steps (step.max_steps) with agents on their way: 60"
+    assert (
+        run.notes[0] == "the run ended after 40 time steps (step.max_steps) while these agents were still driving: 60"
+    )
 
 
 def test_who_starts_after_the_last_step_is_no_agent(read):

@@ -112,7 +112,7 @@ def test_the_folder_has_tables_and_figures(study, tmp_path):
     assert pq.read_table(folder / "steps.parquet").num_rows == 24
     told = json.loads((folder / "runtime.json").read_text())
     assert told["growth"]["2"]["agents"] == [2, 5]
-    with pytest.raises(ResultsError, match="a runtime study is there already"):
+    with pytest.raises(ResultsError, match="a runtime study already exists there"):
         runtime.save_runtime(study, folder)
     runtime.save_runtime(study, folder, overwrite=True)
 

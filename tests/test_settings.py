@@ -115,11 +115,11 @@ def test_a_value_arrives_with_the_type_of_its_field(name, given, expected):
         (
             "planner.frenet.horizn",
             "1",
-            "planner.frenet.horizn: there is no such setting; did you mean planner.frenet.horizon?",
+            "planner.frenet.horizn: no such setting; did you mean planner.frenet.horizon?",
         ),
-        ("horizon", "1", "horizon: there is no such setting; did you mean planner.frenet.horizon?"),
-        ("frenet.horizn", "1", "frenet.horizn: there is no such setting; did you mean planner.frenet.horizon?"),
-        ("qqq", "1", "qqq: there is no such setting"),
+        ("horizon", "1", "horizon: no such setting; did you mean planner.frenet.horizon?"),
+        ("frenet.horizn", "1", "frenet.horizn: no such setting; did you mean planner.frenet.horizon?"),
+        ("qqq", "1", "qqq: no such setting"),
         ("agents", "1", "agents: this is a group of settings, name one of agents.count, agents.parked, agents.label"),
     ],
 )

@@ -194,17 +194,17 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"agents": [5]}, "agent 5: there is no such vehicle; possible agents: 100, 200, 7, 9"),
+        ({"agents": [5]}, "agent 5: no such vehicle; possible agents: 100, 200, 7, 9"),
         ({"agents": 9}, "9 agents asked for, but only"),
         ({"agents": 0}, "at least 1"),
         ({"agents": "some"}, "'all', a number or ids"),
         ({"planner": "frenett"}, "unknown planner 'frenett': did you mean frenet?"),
-        ({"planner": "nowhere:Planner"}, "module nowhere does not import"),
+        ({"planner": "nowhere:Planner"}, "module nowhere cannot be imported"),
         ({"planner": "interdrive.testing:Nothing"}, "module interdrive.testing has no Nothing"),
-        ({"planner": object()}, "is no planner"),
+        ({"planner": object()}, "is not a planner"),
         ({"planner": {55: "frenet"}}, "agent 55"),
         ({"predictor": "lane_folowing"}, "did you mean lane_following?"),
-        ({"predictor": 3}, "is no predictor"),
+        ({"predictor": 3}, "is not a predictor"),
     ],
 )
 def test_an_impossible_wish_is_refused_in_one_line(options, words):

@@ -329,7 +329,7 @@ def test_a_saved_run_of_a_study_can_be_verified(studies, tmp_path):
 def test_another_study_is_replaced_only_if_asked_and_foreign_folders_never(studies, tmp_path):
     study = studies["lane_merge"]
     folder = save_study([study], tmp_path / "study")
-    with pytest.raises(ResultsError, match="a study is there already"):
+    with pytest.raises(ResultsError, match="a study already exists there"):
         save_study([study], folder)
     save_study([study], folder, overwrite=True)
     (folder / study.name / "notes.txt").write_text("mine")
@@ -401,7 +401,7 @@ def test_any_scenario_and_pair_can_be_studied_with_planner_and_settings(here):
         settings = load(here / "made" / "t_junction_2001_1003" / degree).info["settings"]
         assert settings["predictor"] == "constant_velocity"
         assert settings["settings"]["planner.frenet.level"] == 1
-    assert "a study is there already" in refused("merge", "--out", "made")
+    assert "a study already exists there" in refused("merge", "--out", "made")
 
 
 def test_the_printed_table_has_room_for_long_outcomes(here):
@@ -415,7 +415,7 @@ def test_the_printed_table_has_room_for_long_outcomes(here):
     [
         (
             ("t_junction", "--agent", "7", "--other", "1001"),
-            "agent 7: there is no such vehicle; possible agents: 2001,",
+            "agent 7: no such vehicle; possible agents: 2001,",
         ),
         (("t_junction", "--agent", "2001", "--other", "2001"), "agent 2001 and the other vehicle must be two vehicles"),
         (("t_junction", "--agent", "1001", "--other", "2001"), "other vehicle 2001: it has no recording"),
@@ -424,7 +424,7 @@ def test_the_printed_table_has_room_for_long_outcomes(here):
         (("highway",), "study highway: no encounter; give --agent and --other; studies by name: merge, t_junction"),
         (("nowhere.xml", "--agent", "1", "--other", "2"), "nowhere.xml: no such file"),
         (("merge", "--planner", "frenett"), "frenett"),
-        (("merge", "--set", "view.range=3"), "view.range: there is no such setting"),
+        (("merge", "--set", "view.range=3"), "view.range: no such setting"),
         (("merge", "--set", "view"), "--set view: write it as name=value"),
         (("merge", "--agent", "one", "--other", "2"), "'one' is not a valid integer"),
     ],

@@ -62,7 +62,7 @@ def test_a_truncated_file_is_refused_by_its_name(file, length):
     ("tensors", "words"),
     [
         ({"a.weight": TENSORS["a.weight"]}, "tensor a.bias is missing"),
-        ({**TENSORS, "b": np.zeros(1, np.float32)}, "nothing is known of its tensor b"),
+        ({**TENSORS, "b": np.zeros(1, np.float32)}, "unknown tensor b"),
         ({**TENSORS, "a.bias": np.zeros(3, np.float32)}, r"a.bias has shape \(3,\), \(2,\) is expected"),
         ({**TENSORS, "a.bias": np.array([0.0, np.nan], np.float32)}, "a.bias has values that are not finite"),
         ({**TENSORS, "a.bias": np.array([0.5, -1.5], np.float32)}, "not those expected"),

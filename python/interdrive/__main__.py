@@ -1,6 +1,7 @@
 """Where the command line starts: `interdrive` and `python -m interdrive`.
 
-Whatever ends a command that is no refusal ends here, in one line. As little as possible is imported before that holds.
+Every failure that is not a refused input ends here, in one line. As little as possible is imported before this is set
+up.
 """
 
 from __future__ import annotations
@@ -10,19 +11,19 @@ import os
 import signal
 import sys
 
-TYPE_CHECKING = False  # typing takes longer to import than all the rest here
+TYPE_CHECKING = False  # typing takes longer to import than everything else here
 if TYPE_CHECKING:
     from types import FrameType
     from typing import NoReturn
 
 #: Exit codes: something cannot be used; interrupted; a bug (EX_SOFTWARE of sysexits.h); out of memory (EX_OSERR).
 REFUSED, INTERRUPTED, BUG, OUT_OF_MEMORY = 2, 130, 70, 71
-#: With this variable of the environment set, the traceback of a bug is printed.
+#: If this environment variable is set, the traceback of a bug is printed.
 TRACEBACK = "INTERDRIVE_TRACEBACK"
 
 
 def start() -> NoReturn:
-    """Runs the command line and exits; `interdrive.cli` says with which codes."""
+    """Runs the command line and exits; `interdrive.cli` lists the exit codes."""
     signal.signal(signal.SIGINT, _leave)
     _open_streams()
     code: int | str | None = 0
@@ -36,17 +37,17 @@ def start() -> NoReturn:
     except BaseException as error:  # noqa: BLE001 - never a bare traceback
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         code = last_resort(error)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # all is said and written
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # all output is complete
     _close_output()
     if code == INTERRUPTED:
-        # Where exec was interrupted, the interpreter would remember that and end by the signal instead.
+        # If exec was interrupted, the interpreter would otherwise end with the signal.
         atexit._run_exitfuncs()
         os._exit(INTERRUPTED)
     sys.exit(code)
 
 
 def _open_streams() -> None:
-    """Names of files need not be text, and streams may be closed: both are no reason to fail."""
+    """Makes streams accept file names that are not text, and replaces closed streams."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -56,7 +57,7 @@ def _open_streams() -> None:
 
 
 def _close_output() -> None:
-    """The interpreter would complain once more about what cannot be written."""
+    """Closes the streams; otherwise the interpreter would report failed writes once more."""
     try:
         sys.stdout.flush()
     except (OSError, ValueError):
@@ -64,10 +65,10 @@ def _close_output() -> None:
 
 
 def last_resort(error: BaseException) -> int:
-    """One line on stderr for what nothing else has understood, and the exit code.
+    """Prints one line on stderr for an unexpected exception, and returns the exit code.
 
     Args:
-        error: What was raised.
+        error: The exception.
     """
     if _Interrupts.came or isinstance(error, KeyboardInterrupt):
         return _say("interrupted", INTERRUPTED)
@@ -76,7 +77,7 @@ def last_resort(error: BaseException) -> int:
     if isinstance(error, ImportError) and not str(error.name).startswith("interdrive"):
         return _say(
             f"error: the installation does not work: {_described(error)}; "
-            "`pip install --upgrade interdrive` brings versions that fit together",
+            "`pip install --upgrade interdrive` installs compatible versions",
             REFUSED,
         )
     where = _place(error)
@@ -88,13 +89,13 @@ def last_resort(error: BaseException) -> int:
 
 
 class _Interrupts:
-    """Whether Ctrl-C was pressed: libraries turn the exception into others while they are imported."""
+    """Records whether Ctrl-C was pressed: libraries turn the exception into others while they are imported."""
 
     came = False
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
-    """Nothing has begun: no library is asked whether it lets an exception through."""
+    """Ends at once: nothing has begun, and libraries might swallow an exception."""
     os.write(2, b"interrupted, nothing written\n")
     os._exit(INTERRUPTED)
 
@@ -105,7 +106,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _described(error: BaseException) -> str:
-    """Type and text; the text may be anything."""
+    """Type and text of an exception; its `__str__` may fail."""
     try:
         text = " ".join(str(error).split())[:200]
     except Exception:  # noqa: BLE001 - whatever it does
@@ -114,7 +115,7 @@ def _described(error: BaseException) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """The innermost line of interdrive that was involved."""
+    """The innermost line of interdrive in the traceback."""
     place, trace = "", error.__traceback__
     while trace is not None:
         name = str(trace.tb_frame.f_globals.get("__name__", ""))
@@ -134,7 +135,7 @@ def _print_traceback(error: BaseException) -> None:
 
 
 def _say(line: str, code: int) -> int:
-    """Prints a line, unless not even that is possible."""
+    """Prints a line if possible."""
     try:
         sys.stderr.write("".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in line) + "\n")
         sys.stderr.flush()

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 class InterdriveError(Exception):
-    """Anything interdrive reports on purpose.
+    """Any error that interdrive reports on purpose.
 
     The last argument is the message, those before it are the location, the outermost first:
     `InputError("agent 5", "view.sensor_radius", "must be positive, not -1")`.
@@ -16,12 +16,12 @@ class InterdriveError(Exception):
 
     @property
     def location(self) -> str:
-        """File, agent, setting or option; "" if the message says it."""
+        """File, agent, setting or option; "" if it is part of the message."""
         return ": ".join(self.args[:-1])
 
     @property
     def message(self) -> str:
-        """What is wrong, without the location."""
+        """The message without the location."""
         return str(self.args[-1]) if self.args else ""
 
     def __str__(self) -> str:
@@ -46,7 +46,7 @@ class StepOrderError(InterdriveError):
 
 
 class PredictorError(InterdriveError):
-    """A predictor raised or returned garbage; the text names the time step, the original is the cause."""
+    """A predictor raised an exception or returned invalid predictions; the text names the time step."""
 
 
 class ResultsError(InterdriveError):
@@ -54,4 +54,4 @@ class ResultsError(InterdriveError):
 
 
 class MissingExtraError(InterdriveError):
-    """An optional part is not installed; the text says what to install."""
+    """An optional dependency is not installed; the text says what to install."""

@@ -1,4 +1,4 @@
-"""Code of others in this process, planners and predictors: what it raises as one line, what it changes put back."""
+"""Planners and predictors of the user in this process: reports their exceptions in one line, undoes their changes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ else:
 
 
 class _Depth:
-    """How many calls of foreign code contain each other now, and in which of them this process was forked off."""
+    """Nesting depth of the present calls of foreign code, and the depth at which this process was forked."""
 
     now = 0
     forked = 0
@@ -48,10 +48,10 @@ os.register_at_fork(after_in_child=_was_forked)
 
 
 def undisturbed(function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
-    """What the function returns or raises, with the process left as it was.
+    """Returns or raises as the function does, and restores the state of the process.
 
-    Put back are the recursion limit, numpy's handling of floating-point errors, the filters of warnings, and the
-    standard streams. A child that the function forks, and that comes back from it, ends here.
+    Restored are the recursion limit, numpy's handling of floating-point errors, the warning filters, and the
+    standard streams. If the function forks, the child process ends here when the function returns.
     """
     limit, errors, filters = sys.getrecursionlimit(), _read_errors(), warnings.filters[:]
     streams = sys.stdin, sys.stdout, sys.stderr
@@ -59,7 +59,7 @@ def undisturbed(function: Callable[P, T], *arguments: P.args, **named: P.kwargs)
     try:
         return function(*arguments, **named)
     finally:
-        sys.setrecursionlimit(limit)  # first of all: what follows makes calls
+        sys.setrecursionlimit(limit)  # first, because the following lines make calls
         if _Depth.forked >= _Depth.now:
             os._exit(0)
         _Depth.now -= 1
@@ -67,13 +67,13 @@ def undisturbed(function: Callable[P, T], *arguments: P.args, **named: P.kwargs)
         if _read_errors() != errors:
             _write_errors(errors)
         if warnings.filters != filters:
-            warnings.resetwarnings()  # tells the interpreter, too
+            warnings.resetwarnings()  # also sets it in the interpreter
             warnings.filters[:] = filters  # type: ignore[index]
 
 
 @contextmanager
 def same_folder() -> Iterator[None]:
-    """Puts the working folder back after the block."""
+    """Restores the working folder after the block."""
     try:
         before = Path.cwd()
     except OSError:
@@ -87,10 +87,10 @@ def same_folder() -> Iterator[None]:
 
 
 def text_of(error: BaseException) -> str:
-    """What an exception says, on one line and not too long; "" if it cannot even say that."""
+    """The text of an exception, on one line of limited length; "" if it cannot be printed."""
     try:
-        parts = [str(error), *getattr(error, "__notes__", ())]  # the notes say which argument was of a wrong type
-        # A text may be of a class that does anything when it is asked; the methods of str do not.
+        parts = [str(error), *getattr(error, "__notes__", ())]  # the notes name the argument of a wrong type
+        # The text may be of a subclass of str with arbitrary methods; those of str itself are safe.
         words = [word for part in parts for word in str.split(str.__getitem__(part, slice(_TEXT_MAX)))]
         return " ".join(words)[:_TEXT_MAX]
     except KeyboardInterrupt:
@@ -100,11 +100,11 @@ def text_of(error: BaseException) -> str:
 
 
 def failure(error: BaseException, given: str = "") -> str:
-    """One line for whatever foreign code raised.
+    """One line for an exception of foreign code.
 
     Args:
-        error: What it raised.
-        given: What it was given to read only; "" if nothing.
+        error: The exception.
+        given: Its read-only argument; "" if none.
     """
     kind, text = type(error), text_of(error)
     if issubclass(kind, InterdriveError) and text:

@@ -69,14 +69,14 @@ class Simulation:
             scenario: See `interdrive.ScenarioSpec`.
             agents: "all", a number, or ids; see `interdrive.scenario.agents.select`.
             planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
-            predictor: Of all agents; see `interdrive.PredictorSpec`.
-            views: From agent ids (and "default") to what they see; the others see as `settings.view` says.
+            predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
+            views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
-            seed: For the choice of agents.
-            threads: Threads that plan; the number of cores otherwise. Results do not depend on it.
+            seed: Seed for the choice of agents.
+            threads: Threads that plan; None: the number of cores. Results do not depend on it.
 
         Raises:
-            InputError: Anything about the input that cannot be used, in one line.
+            InputError: The input cannot be used; one line states why.
         """
         if threads is not None and not 1 <= threads <= _THREADS_MAX:
             raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
@@ -105,7 +105,7 @@ class Simulation:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the first time step; planners and predictor are made anew."""
+        """Returns to the first time step, with new planners and a new predictor."""
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
         self._stop_workers()
@@ -156,26 +156,26 @@ class Simulation:
 
     @property
     def time_step(self) -> int:
-        """Now."""
+        """The present time step."""
         return self.world.time_step
 
     @property
     def is_done(self) -> bool:
-        """Every agent has its outcome."""
+        """Whether every agent has its outcome."""
         return self.world.is_done
 
     @property
     def driving(self) -> list[int]:
-        """Ids of the agents that drive now, ascending."""
+        """Ids of the agents that are driving now, ascending."""
         return self.world.driving
 
     def step(self) -> None:
-        """One time step: everybody observes, predicts and plans on the same scene, then all move at once.
+        """Simulates one time step: all agents observe, predict and plan on the same scene, then all move at once.
 
-        Once every agent has its outcome, nothing happens any more.
+        Does nothing once every agent has its outcome.
 
         Raises:
-            PredictorError: The predictor raised or returned garbage.
+            PredictorError: The predictor raised an exception or returned invalid predictions.
         """
         if self.world.is_done:
             return
@@ -206,7 +206,7 @@ class Simulation:
         return self._predictor.predict(self.world, scene, horizon)
 
     def _start_workers(self) -> None:
-        """Planners in Python that allow it move to processes of their own, if there is more than one core for them."""
+        """Moves planners in Python that allow it to separate processes, if there is more than one core for them."""
         willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
         if self.threads == 1 or not willing:
             return
@@ -215,7 +215,7 @@ class Simulation:
         if unfit:
             name = self._configs[unfit[0]].planner.name
             self._planner_notes.append(
-                f"planner {name} is parallel, but cannot be sent to another process: it runs in this one"
+                f"planner {name} is parallel, but cannot be pickled for another process: it runs in this one"
             )
         make = {i: factory for i, factory in make.items() if i not in unfit}
         if make:
@@ -251,14 +251,14 @@ class Simulation:
             except InputError as error:
                 answer = str(error)
             name = self._configs[agent_id].planner.name
-            answer = answer.encode("utf-8", "replace").decode()  # names of files need not be text
+            answer = answer.encode("utf-8", "replace").decode()  # file names need not be text
             plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {answer}")
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
         """Steps until every agent has its outcome.
 
         Args:
-            on_step: Called after every step with time step, agents driving, agents in all, latest possible time step.
+            on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 
         Returns:
             The finished run.
@@ -271,7 +271,7 @@ class Simulation:
         return self.record()
 
     def record(self) -> Run:
-        """What happened so far, as arrays."""
+        """The run so far, as arrays."""
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names)
@@ -288,7 +288,7 @@ class Simulation:
                 *self._notes,
                 *self._planner_notes,
                 *(
-                    f"{a} and {b} touch when they enter: their contact counts only after they have separated"
+                    f"{a} and {b} overlap when they enter: their contact counts only after they have separated"
                     for a, b in self._touching
                 ),
             ),
@@ -300,15 +300,17 @@ class Simulation:
         )
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:
-        """One line if the run came to its largest number of time steps before all agents came to an end."""
+        """One line if the run reached its largest number of time steps before all agents had an outcome."""
         rows = zip(outcomes.agent_id.tolist(), outcomes.outcome, outcomes.message, strict=True)
-        # The core gives a reason for this outcome only if that is the largest number of steps.
+        # The core gives a reason for this outcome only if the largest number of steps is reached.
         ended = [str(i) for i, outcome, message in rows if outcome == "time_limit" and message]
         if not ended:
             return []
         shown = ", ".join(ended[:5]) + (f" and {len(ended) - 5} more" if len(ended) > 5 else "")
         most = self.settings.step.steps_at_most(self.scenario)
-        return [f"the run ended after {most} time steps (step.max_steps) with agents on their way: {shown}"]
+        return [f"the run ended
+        after {most} time steps (step.max_steps) while these agents were still
+        driving: {shown}"]
 
     def _repeatable_settings(self) -> dict[str, Any]:
         return {
@@ -338,8 +340,8 @@ def simulate(
         The finished run.
 
     Raises:
-        InputError: Anything about the input that cannot be used, in one line.
-        PredictorError: The predictor raised or returned garbage.
+        InputError: The input cannot be used; one line states why.
+        PredictorError: The predictor raised an exception or returned invalid predictions.
     """
     simulation = Simulation(
         scenario,
@@ -355,15 +357,15 @@ def simulate(
 
 
 class _NeverAsked:
-    """Stands for the planners of a world that never steps."""
+    """Placeholder for the planners of a world that never steps."""
 
     def plan(self, view: _core.View, predictions: _core.Predictions) -> Trajectory:
-        """Is not called."""
+        """Is never called."""
         raise NotImplementedError
 
 
 def _staged(scenario: Scenario, views: dict[int, ViewSettings], settings: SimulationSettings) -> _core.World:
-    """The world of a simulation with these agents, made anew in another process."""
+    """Rebuilds the world of a simulation with these agents in another process."""
     return Simulation(
         scenario, agents=list(views), planner=_NeverAsked, views=views, settings=settings, threads=1
     ).world

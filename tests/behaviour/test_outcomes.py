@@ -111,7 +111,7 @@ def test_recorded_cars_in_contact_with_an_agent_at_its_start_count_once_they_hav
     )
     end, _, run = outcome_of(scenario)
     assert end == "time_limit"
-    assert any("touch when they enter" in note for note in run.notes)
+    assert any("overlap when they enter" in note for note in run.notes)
 
 
 class Raising(Straight):

@@ -322,7 +322,7 @@ def _separated(text: str, what: str) -> list[str]:
     found: list[str] = []
     for part in (part.strip() for part in re.split(r",(?![^\[]*\])", text)):
         if not part:
-            raise InputError(f"{what} {text!r}: nothing before or behind a comma")
+            raise InputError(f"{what} {text!r}: nothing before or after a comma")
         if "=" in part and found:
             found[-1] += f",{part}"
         else:

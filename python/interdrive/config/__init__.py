@@ -1,1 +1,1 @@
-"""What you choose: settings by dotted names, planners and predictors by name, and who plans for which agent."""
+"""What you choose: settings by dotted names, planners and predictors by name, and the planner of each agent."""

@@ -1,6 +1,6 @@
-"""Who plans for which agent, with which settings and which view; as plain values, what run.json stores.
+"""The planner, settings and view of each agent, resolved and as plain values.
 
-The plain values, given back, make the same run.
+run.json stores the plain values; passed back, they reproduce the run.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ _ByAgent: TypeAlias = Mapping[int, T] | Mapping[str, T] | Mapping[int | str, T]
 #: The planner of all agents, or planners by agent id ("default": of all others).
 PlannersSpec: TypeAlias = PlannerSpec | _ByAgent[PlannerSpec]
 
-#: What agents see by their ids ("default": all others), as settings or by the names of those that differ.
+#: Views by agent id ("default": of all others), as `ViewSettings` or as a mapping of the fields that differ.
 ViewsSpec: TypeAlias = _ByAgent[ViewSettings | Mapping[str, Setting]]
 
 
 @dataclass(frozen=True)
 class AgentConfig:
-    """What drives one agent.
+    """Planner and view of one agent.
 
     Attributes:
         planner: Its planner.
-        view: What it sees.
+        view: Its view settings.
     """
 
     planner: Resolved
@@ -48,12 +48,12 @@ class AgentConfig:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Who plans and predicts, before it is known who the agents are.
+    """Planners and predictor of a run, before its agents are known.
 
     Attributes:
-        settings: Of the run; those of a native planner or predictor that all agents have are among them.
-        planner: Of all agents, or what you wrote for some of them.
-        predictor: Of all agents.
+        settings: Settings of the run, including those of a native planner or predictor shared by all agents.
+        planner: Planner of all agents, or the user's mapping of planners.
+        predictor: Predictor of all agents.
     """
 
     settings: SimulationSettings
@@ -62,10 +62,10 @@ class RunConfig:
 
 
 def run_config(settings: SimulationSettings, planner: PlannersSpec, predictor: PredictorSpec) -> RunConfig:
-    """Resolves what holds for all agents; its settings move to where `--set` puts them.
+    """Resolves the choices for all agents; their settings move to where `--set` puts them.
 
     Raises:
-        InputError: One that does not exist or cannot be used.
+        InputError: A planner, predictor or setting does not exist or cannot be used.
     """
     everybody: Resolved | Mapping[Any, Any]
     if isinstance(planner, Mapping) and _is_per_agent(planner):
@@ -88,11 +88,11 @@ def _with(settings: Any, resolved: Resolved) -> Any:  # noqa: ANN401 - PlannerSe
 def agent_configs(config: RunConfig, views: ViewsSpec, agents: Sequence[Agent]) -> dict[int, AgentConfig]:
     """Planner and view of every agent.
 
-    An agent that is named takes nothing from "default", unless its choice names no planner: then it has that one, with
-    its own settings on top.
+    A choice for an agent takes nothing from "default" unless it names no planner: then the agent has the default
+    planner with the settings of its own choice on top.
 
     Raises:
-        InputError: An id that is no agent, a choice that cannot be used, or a setting that does not exist.
+        InputError: An id is not that of an agent, a choice cannot be used, or a setting does not exist.
     """
     settings, looks = config.settings, _by_id(views, agents, "a view")
     wanted = {} if isinstance(config.planner, Resolved) else _by_id(config.planner, agents, "a planner")
@@ -120,7 +120,7 @@ def agent_configs(config: RunConfig, views: ViewsSpec, agents: Sequence[Agent]) 
 
 
 def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> dict[str, Any]:
-    """Planners, views and predictor as plain values, and whether they make the same run again ("repeatable")."""
+    """Planners, views and predictor as plain values, and whether they reproduce the run ("repeatable")."""
     plain = {agent: config.planner.plain(settings.planner) for agent, config in agents.items()}
     values = [value for value, _ in plain.values()]
     expected, repeatable = predictor.plain(settings.predictor)
@@ -135,7 +135,7 @@ def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: Sim
 
 
 def modules_named(planner: PlannersSpec, predictor: PredictorSpec) -> tuple[str, ...]:
-    """Which of these specifications name code in a module, as `module:object`; resolving them imports and runs it."""
+    """The specifications that name code as `module:object`; resolving them imports and runs it."""
     several = isinstance(planner, Mapping) and _is_per_agent(planner)
     choices = list(planner.values()) if several and isinstance(planner, Mapping) else [planner]
     read = [*(read_choice(choice, "planner") for choice in choices), read_choice(predictor, "predictor")]
@@ -143,12 +143,12 @@ def modules_named(planner: PlannersSpec, predictor: PredictorSpec) -> tuple[str,
 
 
 def _is_per_agent(planner: Mapping[Any, Any]) -> bool:
-    """A mapping from agents to choices, rather than a choice that is a table."""
+    """Whether this is a mapping from agents to choices, rather than a choice that is a mapping."""
     return all(not isinstance(key, str) or key == _DEFAULT or key.lstrip("-").isdigit() for key in planner)
 
 
 def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, object]:
-    """The same mapping by the agents' own ids; a planning problem's id may stand for its agent's."""
+    """The mapping with the agents' own ids as keys; the id of a planning problem stands for that of its agent."""
     if not isinstance(given, Mapping):
         raise InputError(f"{what} per agent must be a mapping from agent ids, not {given!r}")
     own = {name: agent.id for agent in agents for name in agent.names} | {agent.id: agent.id for agent in agents}
@@ -157,7 +157,7 @@ def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, ob
         try:
             agent = key if key == _DEFAULT else own.get(int(key) if isinstance(key, str) else operator.index(key))
         except (TypeError, ValueError):
-            raise InputError(f"{what} is given for {key!r}, which is no agent id") from None
+            raise InputError(f"{what} is given for {key!r}, which is not an agent id") from None
         if agent is None:
             ids = [item.id for item in agents]
             among = ", ".join(map(str, ids[:12])) + (", ..." if len(ids) > 12 else "")
@@ -172,7 +172,7 @@ def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, ob
 
 
 def _without_view(choice: Choice) -> tuple[Choice, dict[str, object]]:
-    """The choice without settings of the view, `frenet` if it names none, and those, without "view."."""
+    """The choice without settings of the view (`frenet` if it names no planner), and these settings without "view."."""
     view = {name.removeprefix("view."): value for name, value in choice.settings.items() if name.startswith("view.")}
     own = {name: value for name, value in choice.settings.items() if not name.startswith("view.")}
     return Choice("frenet" if choice.chosen is None else choice.chosen, own), view

@@ -1,4 +1,4 @@
-"""Planners and predictors by choice: a name (built-in, `module:object` or entry point), and settings of its own."""
+"""Planners and predictors by name (built-in, `module:object` or entry point), with settings."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
 @dataclass(frozen=True)
 class Choice:
-    """A planner or predictor, and settings of its own.
+    """A planner or predictor with its settings.
 
     Attributes:
-        chosen: Name, `module:object`, record, object, class or factory; None for the one that all others have.
-        settings: Its settings by their dotted names, as texts or plain values; those of the view begin with "view.".
+        chosen: Name, `module:object`, record, object, class or factory; None for the one that all other agents have.
+        settings: Its settings by their dotted names, as text or plain values; those of the view begin with "view.".
     """
 
     chosen: object
@@ -30,7 +30,7 @@ class Choice:
 
 
 def read_choice(given: object, what: str) -> Choice:
-    """A choice from one of its spellings.
+    """Reads a choice from any of its notations.
 
     Args:
         given: A text `PLANNER[,NAME=VALUE...]` (commas in brackets do not separate), a table with the key `what` and
@@ -38,7 +38,7 @@ def read_choice(given: object, what: str) -> Choice:
         what: "planner" or "predictor".
 
     Raises:
-        InputError: A text that is not spelled like that.
+        InputError: The text does not have this syntax.
     """
     if isinstance(given, Choice):
         return given
@@ -60,7 +60,7 @@ def _spelled(text: str, what: str) -> Choice:
     for part in parts:
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or not name:
-            raise InputError(f"{what} {text!r}", f"{part or 'nothing'} behind a comma; {form}")
+            raise InputError(f"{what} {text!r}", f"{part or 'nothing'} after a comma; {form}")
         if name in settings:
             raise InputError(f"{what} {text!r}", f"{name} is given twice")
         settings[name] = value
@@ -74,12 +74,12 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
 
     Args:
         name: As given by the user.
-        native: Names of the native ones, for the suggestion.
+        native: Names of native planners or predictors, for the suggestion.
         what: "planner" or "predictor".
 
     Raises:
-        MissingExtraError: What it needs is not installed.
-        InputError: The name is unknown, the module does not import, or it has no such object.
+        MissingExtraError: A requirement is not installed.
+        InputError: The name is unknown, the module cannot be imported, or it has no such object.
     """
     if ":" in name:
         module_name, _, attribute = name.partition(":")
@@ -88,7 +88,7 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
         except (InterdriveError, KeyboardInterrupt):
             raise
         except BaseException as error:
-            raise InputError(f"{what} {name}", f"module {module_name} does not import ({_why(error)})") from error
+            raise InputError(f"{what} {name}", f"module {module_name} cannot be imported ({_why(error)})") from error
         for part in attribute.split("."):
             if not hasattr(found, part):
                 raise InputError(f"{what} {name}", f"module {module_name} has no {attribute}")
@@ -107,17 +107,17 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
 
 
 def _why(error: BaseException) -> str:
-    """The text of an exception that says enough by itself, as those of imports do."""
+    """The text of an exception that is clear without its type, such as that of a failed import."""
     from interdrive.foreign import text_of  # noqa: PLC0415 - numpy, which the help of the command line does not need
 
     return text_of(error) if isinstance(error, ImportError) else _failure(error)
 
 
 def versions(name: str, what: str) -> dict[str, str]:
-    """Versions of the distributions that a planner or predictor is made of, by name; interdrive itself is not named.
+    """Versions of the distributions that a planner or predictor consists of, by name, without interdrive itself.
 
-    For an entry point these are the one that offers it and those of its extra, for `module:object` those that the
-    module belongs to; native ones and modules that lie in a folder have none.
+    For an entry point these are the distribution that offers it and those of its extra, for `module:object` those that
+    contain the module. Native plug-ins and modules in a plain folder have none.
 
     Args:
         name: As given by the user.
@@ -140,8 +140,8 @@ class Listed:
     Attributes:
         name: Its name.
         source: "built-in", or the distribution that offers it, with its version.
-        text: What it is, in one line; why it cannot be used, if so.
-        is_usable: It can be used as things are.
+        text: One line of description, or the reason why it cannot be used.
+        is_usable: Whether it can be used in this environment.
     """
 
     name: str
@@ -151,10 +151,10 @@ class Listed:
 
 
 def listed(native: Mapping[str, str], what: str) -> list[Listed]:
-    """Native ones first, then what installed distributions offer, by name.
+    """Native planners or predictors first, then those of installed distributions, by name.
 
     Args:
-        native: Name -> one line.
+        native: Name -> one line of description.
         what: "planner" or "predictor".
     """
     found = [Listed(name, "built-in", text) for name, text in native.items()]
@@ -172,7 +172,7 @@ def listed(native: Mapping[str, str], what: str) -> list[Listed]:
 
 
 def _entry_points(what: str) -> list[importlib.metadata.EntryPoint]:
-    """What installed distributions offer, by name and source; one that is found twice on the path counts once."""
+    """Entry points of installed distributions, by name and source, without duplicates on the path."""
     found = {(e.name, _source(e), e.value): e for e in importlib.metadata.entry_points(group=f"interdrive.{what}s")}
     return [found[key] for key in sorted(found)]
 
@@ -191,7 +191,7 @@ def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # no
         lacking = _missing_extra(entry_point)
         if lacking and isinstance(error, ImportError):
             raise MissingExtraError(f"{what} {name} {lacking}") from error
-        raise InputError(f"{what} {name}", f"its entry point does not load ({_failure(error)})") from error
+        raise InputError(f"{what} {name}", f"its entry point cannot be loaded ({_failure(error)})") from error
 
 
 def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
@@ -202,7 +202,7 @@ def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
 
 
 def _extra(entry_point: importlib.metadata.EntryPoint) -> list[str]:
-    """Distributions that the extra of the same name brings; none if there is no such extra."""
+    """Distributions required by the extra of the same name; none if there is no such extra."""
     name, distribution = entry_point.name, entry_point.dist
     if distribution is None or name not in (distribution.metadata.get_all("Provides-Extra") or ()):
         return []
@@ -222,16 +222,16 @@ def _versions(distributions: Iterable[str]) -> dict[str, str]:
 
 
 def made(source: Any, method: str, name: str, settings: Mapping[str, object]) -> Any:  # noqa: ANN401
-    """An object of its own for one agent and one run: a class or factory is called, an object is copied.
+    """Makes a separate object for one agent and one run: calls a class or factory, copies an object.
 
     Args:
         source: A class, a factory without arguments, or an object.
-        method: The method that it must have: "plan" or "predict".
+        method: The required method: "plan" or "predict".
         name: For messages, such as "planner mine:Follow".
-        settings: Values of its fields by dotted names; it must be a dataclass then.
+        settings: Values of its fields by dotted names; they require a dataclass.
 
     Raises:
-        InputError: It cannot be made or copied, or the settings do not fit.
+        InputError: The object cannot be made or copied, or the settings do not fit.
     """
     is_object = hasattr(source, method) and not isinstance(source, type)
     try:
@@ -251,7 +251,7 @@ def made(source: Any, method: str, name: str, settings: Mapping[str, object]) ->
         raise
     except BaseException as error:
         raise InputError(name, f"cannot be made ({_failure(error)})") from error
-    raise InputError(name, next(iter(settings)), "it has no settings; only those that are dataclasses have")
+    raise InputError(name, next(iter(settings)), "this object has no settings; only dataclasses have settings")
 
 
 def _failure(error: BaseException) -> str:

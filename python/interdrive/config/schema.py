@@ -1,4 +1,4 @@
-"""All settings of a run besides its agents and planners: what is seen, how the world steps, what counts as road."""
+"""All settings of a run besides its agents and planners: views, steps of the world, extent of the road."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """What an agent sees.
+    """View of an agent.
 
     Attributes:
         sensor_radius: Participants further away (centre to centre) are not seen [m].
-        occlusion: Participants of which no part is in the line of sight are not seen either: seen from the centre of
-            the agent's footprint, all of theirs is behind nearer ones. Everything hides what is behind it but
-            pedestrians, bicycles and motorcycles.
+        occlusion: Participants without any part in the line of sight are not seen either: seen from the centre of the
+            agent's footprint, nearer footprints cover theirs completely. All participants hide those behind them,
+            except pedestrians, bicycles and motorcycles.
     """
 
     sensor_radius: float = 80.0
@@ -39,17 +39,17 @@ class ViewSettings:
 
 @dataclass(frozen=True)
 class StepSettings:
-    """How the world steps.
+    """Steps of the world.
 
     Attributes:
-        replan_every: A new plan every so many time steps; in between the last one is followed.
-        grace_factor: A late agent may go on until its time limit, counted from its start, times this factor.
-        history_steps: Number of past time steps that a scene shows; where they are shorter than 0.1 s, as many as last
-            as long as this number of steps of 0.1 s.
-        max_steps: A run ends after so many time steps; agents that still drive then end with time_limit. 0: after
-            5000, or twice as many as are recorded if that is more.
-        planner_timeout_s: A planner written in Python may take this long per plan [s]; inf: as long as it likes. With a
-            limit, outcomes depend on the speed of the machine.
+        replan_every: Number of time steps from one plan to the next; in between the last plan is followed.
+        grace_factor: A late agent may continue until its time limit, counted from its start, times this factor.
+        history_steps: Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the
+            same time as this number of steps of 0.1 s.
+        max_steps: Largest number of time steps of a run; agents that are still driving then end with time_limit. 0:
+            5000, or twice the number of recorded time steps if that is more.
+        planner_timeout_s: Time limit of a planner written in Python per plan [s]; inf: no limit. With a limit,
+            outcomes depend on the speed of the machine.
     """
 
     replan_every: int = 1
@@ -74,19 +74,19 @@ class StepSettings:
         return self.max_steps or max(5_000, 2 * scenario.obstacles.n_steps)
 
     def history_at(self, dt: float) -> int:
-        """Number of past time steps that a scene shows, for steps of `dt` [s]."""
+        """Number of past time steps in a scene, for steps of `dt` [s]."""
         return math.ceil(self.history_steps * max(1.0, 0.1 / dt) - 1e-6)
 
 
 @dataclass(frozen=True)
 class RoadSettings:
-    """What counts as road.
+    """Extent of the road.
 
     Attributes:
         gap_tolerance: Gaps between lanelets up to this width count as road, and a footprint may overhang the edge
             by this much [m].
-        open_end_length: Where the map ends but the road does not (lanelets without successor or predecessor), it
-            goes on straight for this length [m].
+        open_end_length: Where the map ends (lanelets without successor or predecessor), the road continues straight for
+            this length [m].
     """
 
     gap_tolerance: float = 0.1
@@ -102,14 +102,15 @@ class RoadSettings:
 
 @dataclass(frozen=True)
 class RecordSettings:
-    """What a run keeps besides states and plans.
+    """Records of a run besides states and plans.
 
     Attributes:
-        views: Which agent saw which vehicle at which time steps (`Run.views`, views.parquet).
-        predictions: What agents planned against, every half second ahead (`Run.predicted`, predictions.parquet).
-        candidates: How many sampled candidates of a plan to keep (`Run.considered`, candidates.parquet), the chosen one
-            and from the cheapest to the dearest; 0: none. They are all evaluated for it, which takes long.
-        candidate_spacing: Time between plans of an agent of which candidates are kept [s].
+        views: Keep the visibility intervals (`Run.views`, views.parquet).
+        predictions: Keep the predictions that agents planned with, every half second ahead (`Run.predicted`,
+            predictions.parquet).
+        candidates: Number of sampled candidates to keep per plan (`Run.considered`, candidates.parquet): the chosen
+            one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
+        candidate_spacing: Time between plans of an agent whose candidates are kept [s].
     """
 
     views: bool = False

@@ -1,4 +1,4 @@
-"""Planners and predictors as you may write them, each resolved once into one typed value."""
+"""Specifications of planners and predictors, each resolved once into one typed value."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 NativePlanner: TypeAlias = Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil
 NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural | Walenet
 
-#: A planner: a name that `interdrive planners` lists or `module:object`, with settings or without ("frenet,level=1");
-#: a table `{"planner": "frenet", "level": 1}`; a record such as `Frenet(level=1)`; an object with `plan`, of which each
+#: A planner: a name listed by `interdrive planners` or `module:object`, with or without settings ("frenet,level=1"); a
+#: table `{"planner": "frenet", "level": 1}`; a record such as `Frenet(level=1)`; an object with `plan`, of which each
 #: agent gets a copy; a class or a function without arguments that makes one.
 PlannerSpec: TypeAlias = str | Mapping[str, Setting] | NativePlanner | Planner | Callable[[], Planner] | Choice
 
@@ -62,11 +62,11 @@ _KINDS = {kind.what: kind for kind in (_PLANNER, _PREDICTOR)}
 
 @dataclass(frozen=True)
 class Resolved:
-    """A planner or predictor that exists and takes its settings; every agent and every run has its own object.
+    """A planner or predictor that was found, with valid settings; every agent and every run has its own object.
 
     Attributes:
-        source: The record of a native one; otherwise a name, class, factory or object.
-        settings: Of the source, by dotted names, as values of its types; a native record has its own.
+        source: The record of a native plug-in; otherwise a name, class, factory or object.
+        settings: Settings of the source by dotted names, as values of its types; native records hold theirs.
         what: "planner" or "predictor".
     """
 
@@ -81,19 +81,19 @@ class Resolved:
 
     @property
     def native(self) -> str | None:
-        """The name of a native one."""
+        """The name of a native plug-in; None for others."""
         return self.kind.native_name(self.source)
 
     @property
     def name(self) -> str:
-        """For tables and messages, and for repeating a run."""
+        """The name for tables and messages, and for repeating a run."""
         return spec_name(self.source)
 
     def make(self) -> Any:  # noqa: ANN401 - a native record, or an object with the method of the contract
-        """The record of a native one, or an object of its own.
+        """Returns the record of a native plug-in, or makes a separate object.
 
         Raises:
-            InputError: It cannot be made, or is something else.
+            InputError: The object cannot be made, or lacks the method.
         """
         if self.native is not None:
             return self.source
@@ -101,14 +101,14 @@ class Resolved:
         found = find(source, tuple(kind.natives), self.what) if isinstance(source, str) else source
         found = made(found, kind.method.partition("(")[0], f"{self.what} {self.name}", self.settings)
         if kind.native_name(found) is None and not isinstance(found, kind.contract):
-            raise InputError(f"{found!r} is no {self.what}: it has no method {kind.method}")
+            raise InputError(f"{found!r} is not a {self.what}: it has no method {kind.method}")
         return found
 
     def plain(self, usual: PlannerSettings | PredictorSettings) -> tuple[Any, bool]:
-        """A name or a table as run.json has it, and whether it makes the same again.
+        """A name or a table for run.json, and whether it reproduces the same object.
 
         Args:
-            usual: Settings of native ones that need not be told.
+            usual: Settings of native plug-ins that need not be stored.
         """
         source, values, known = self.source, dict(self.settings), True
         if self.native is not None:
@@ -127,7 +127,7 @@ class Resolved:
         return ({self.what: self.name, **values} if values else self.name), known
 
     def _is_found(self, kind: object) -> bool:
-        """Whether another process would find it by its name."""
+        """Whether another process can find the object by its name."""
         if self.name.startswith("__main__:") or "<" in self.name:
             return False
         try:
@@ -137,26 +137,26 @@ class Resolved:
 
 
 def resolved_planner(spec: PlannerSpec | Resolved, usual: PlannerSettings) -> Resolved:
-    """The planner that a specification means.
+    """Resolves the specification of a planner.
 
     Args:
-        spec: What you wrote.
-        usual: Settings of native planners where the specification says nothing else.
+        spec: The specification.
+        usual: Settings of native planners where the specification states none.
 
     Raises:
-        InputError: Unknown name or setting (with the nearest valid one), a value that does not fit, or something that
-            is no planner.
+        InputError: The name or setting is unknown (the message names the nearest valid one), a value does not fit, or
+            the choice is not a planner.
     """
     return _resolved(spec, usual, _PLANNER)
 
 
 def resolved_predictor(spec: PredictorSpec | Resolved, usual: PredictorSettings) -> Resolved:
-    """The predictor that a specification means; as `resolved_planner`."""
+    """Resolves the specification of a predictor, as `resolved_planner` does."""
     return _resolved(spec, usual, _PREDICTOR)
 
 
 def _usual(name: str, kind: _Kind, usual: PlannerSettings | PredictorSettings) -> Any:  # noqa: ANN401 - a native record
-    """The record of a native one as the settings have it; one without settings is made."""
+    """The record of a native plug-in from the settings; a new one if it has no settings."""
     return getattr(usual, name, None) or kind.records[name]()
 
 
@@ -170,7 +170,7 @@ def _resolved(spec: object, usual: PlannerSettings | PredictorSettings, kind: _K
     name = kind.native_name(source)
     if name is not None:
         try:
-            # Records made in Python are not checked for types by themselves.
+            # Records made in Python do not check types themselves.
             return Resolved(bind(source, {**flatten(source), **choice.settings}), what=kind.what)
         except InputError as error:
             raise error.within(f"{kind.what} {name}") from None
@@ -194,22 +194,22 @@ def spec_name(spec: object) -> str:
 
 
 def spec_label(choice: Choice) -> str:
-    """Name of a planner or predictor with the settings that it was chosen with, for tables."""
+    """Name of a planner or predictor with its chosen settings, for tables."""
     return ",".join([spec_name(choice), *(f"{name}={value}" for name, value in choice.settings.items())])
 
 
 def bound_predictor(
     spec: PredictorSpec | Resolved, usual: PredictorSettings, recorded: _core.Scenario
 ) -> BoundPredictor:
-    """A predictor of its own for one world.
+    """Makes a separate predictor for one world.
 
     Args:
-        spec: What you wrote.
-        usual: Settings of native predictors where the specification says nothing else.
+        spec: The specification.
+        usual: Settings of native predictors where the specification states none.
         recorded: The world's scenario.
 
     Raises:
-        InputError: Unknown name or setting, or something that is no predictor.
+        InputError: The name or setting is unknown, or the choice is not a predictor.
     """
     label = spec.name if isinstance(spec, Resolved) else spec_label(read_choice(spec, "predictor"))
     predictor = _resolved(spec, usual, _PREDICTOR).make()

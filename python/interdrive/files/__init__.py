@@ -1,4 +1,4 @@
-"""CommonRoad files in and out. The only package that imports commonroad-io."""
+"""Reads and writes CommonRoad files. The only package that imports commonroad-io, besides the planner `reactive`."""
 
 from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.read import ScenarioSpec, open_scenario, read_scenario, scenario_from_commonroad, scenario_parts

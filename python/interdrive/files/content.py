@@ -1,4 +1,4 @@
-"""The content of files that you name. Pipes and devices are refused: they may never end, or never begin."""
+"""Contents of input files. Pipes and devices are refused, because reading them may never end or never begin."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def content_of_file(path: Path) -> bytes:
     """All bytes of a regular file; symbolic links are followed.
 
     Raises:
-        OSError: It cannot be read, or is a folder, a pipe or a device; `strerror` says which.
+        OSError: The file cannot be read, or is a folder, a pipe or a device; `strerror` states which.
     """
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
@@ -25,10 +25,10 @@ def content_of_file(path: Path) -> bytes:
 
 
 def content_of_input(path: Path) -> bytes:
-    """The same for a file that a command or function was given.
+    """The same for an input file of a command or function.
 
     Raises:
-        InputError: It cannot be read; one line that names it.
+        InputError: The file cannot be read; one line names it.
     """
     try:
         return content_of_file(path)

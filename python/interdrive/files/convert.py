@@ -1,4 +1,4 @@
-"""commonroad-io's scenarios, states and goals as our arrays."""
+"""Converts scenarios, states and goals of commonroad-io to arrays."""
 
 from __future__ import annotations
 
@@ -68,21 +68,21 @@ def _listed(ids: list[int]) -> str:
 def converted(
     scenario: Foreign, problems: Foreign, *, file: str, path: Path | None, sha256: str, facts: Facts
 ) -> Scenario:
-    """commonroad-io's scenario and planning problem set as a `Scenario`.
+    """Converts a scenario and a planning problem set of commonroad-io to a `Scenario`.
 
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`.
         problems: `commonroad.planning.planning_problem.PlanningProblemSet`, or None.
-        file: What to call the input in messages.
-        path: File that it came from, or None.
-        sha256: Of that file.
-        facts: What the file says and commonroad-io loses; empty for objects from memory.
+        file: Name of the input in messages.
+        path: File of the input, or None.
+        sha256: Hash of that file.
+        facts: Contents of the file that commonroad-io loses; empty for objects from memory.
 
     Returns:
-        The scenario, its coordinates all finite.
+        The scenario; all its coordinates are finite.
 
     Raises:
-        InputError: Anything that makes it unusable, named.
+        InputError: The scenario cannot be used; the message names the element.
     """
     dt = float(scenario.dt)
     notes = _Notes()
@@ -145,7 +145,7 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
 
 
 def _incomings(network: Foreign) -> tuple[Incoming, ...]:
-    """Ways into all intersections; commonroad-io 2024 and 2026 call their parts by different names."""
+    """Incoming elements of all intersections; commonroad-io 2024 and 2026 use different names for their parts."""
 
     def ids(owner: Foreign, *names: str) -> tuple[int, ...]:
         return tuple(sorted({int(number) for name in names for number in getattr(owner, name, None) or ()}))
@@ -165,7 +165,7 @@ def _incomings(network: Foreign) -> tuple[Incoming, ...]:
 
 
 def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> float:
-    """Lowest limit among the lanelet's signs [m/s]; every country's list of signs names this one MAX_SPEED."""
+    """Lowest limit among the lanelet's signs [m/s]; every country's list of signs has one named MAX_SPEED."""
     found = []
     for number in lanelet.traffic_signs or ():
         for element in signs[number].traffic_sign_elements if number in signs else ():
@@ -186,7 +186,7 @@ def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> floa
 
 
 def _scalar(value: Foreign) -> float:
-    """A number; the middle of an interval; nan for nothing."""
+    """A number, or the middle of an interval; nan for None."""
     if value is None:
         return float("nan")
     if hasattr(value, "start"):
@@ -195,7 +195,7 @@ def _scalar(value: Foreign) -> float:
 
 
 def _area(source: Foreign, what: str, file: str) -> Shape:
-    """An area that has a middle."""
+    """A non-empty area, which has a middle."""
     area = shape_of(source)
     parts = [area]
     while parts:
@@ -370,7 +370,7 @@ def _goal_state(state: Foreign, lanelet_ids: Iterable[int], lanelets: Lanelets, 
     elif values.get("position") is None:
         areas = ()
     elif isinstance(values["position"], np.ndarray):
-        raise InputError(f"{file}: the goal of {what} is a point, which nothing can reach; give an area")
+        raise InputError(f"{file}: the goal of {what} is a point, which no vehicle can reach; give an area")
     else:
         area = _area(values["position"], f"the goal of {what} is", file)
         areas = area.members if area.kind == "group" else (area,)

@@ -1,7 +1,8 @@
-"""The XML of a CommonRoad file before commonroad-io sees it: what is refused, and what commonroad-io would lose.
+"""Checks the XML of a CommonRoad file before commonroad-io reads it, and keeps what commonroad-io would lose.
 
 commonroad-io 2026.1 drops centre and orientation of a recorded obstacle's rectangle, refuses footprints of several
-parts, and fills values that an initial state lacks with 0. So footprints and the names of stated values are read here.
+parts, and sets values that are missing in an initial state to 0. So footprints and the names of stated values are read
+here.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ if TYPE_CHECKING:
 
 VERSIONS = ("2018b", "2020a")
 OBSTACLE_TAGS = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
-#: Elements of the columns of a state, and all that are read of one.
+#: XML elements of the columns of a state, and all elements that are read from a state.
 _COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yawRate")
 _STATED = frozenset(("position", "time", "velocityY", *_COLUMNS[2:]))
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What the XML says and commonroad-io does not hand on.
+    """Contents of the XML that commonroad-io does not pass on.
 
     Attributes:
         benchmark_id: As written; commonroad-io rewrites ids that it cannot parse.
@@ -52,7 +53,7 @@ class Facts:
 
 
 def parse(data: bytes, file: str) -> Element:
-    """Root element of an XML document without entities, document types or anything from outside.
+    """Parses an XML document without entities, document types or external references.
 
     Args:
         data: The document.
@@ -62,7 +63,7 @@ def parse(data: bytes, file: str) -> Element:
         The root element.
 
     Raises:
-        InputError: Not XML, broken off, or with a document type declaration (entities, XML bombs).
+        InputError: The document is not XML, is truncated, or has a document type declaration (entities, XML bombs).
     """
     if not data.strip():
         raise InputError(f"{file}: the file is empty; give a CommonRoad file")
@@ -80,14 +81,14 @@ def parse(data: bytes, file: str) -> Element:
 
 
 class _PrologueRead(Exception):  # noqa: N818 - the parser is left by raising
-    """Whether there was a document type declaration is known."""
+    """Ends the parser once it is known whether there is a document type declaration."""
 
 
 def _has_document_type(data: bytes) -> bool:
-    """Whether there is one, the only place where entities can be declared; nothing behind it is read.
+    """Whether there is a document type declaration, the only place of entities; the rest is not parsed.
 
     Raises:
-        xml.parsers.expat.ExpatError: Not XML as far as it was read.
+        xml.parsers.expat.ExpatError: The parsed part is not XML.
     """
     found = []
 
@@ -106,15 +107,15 @@ def _has_document_type(data: bytes) -> bool:
 
 
 def check(root: Element, file: str) -> None:
-    """Refuses what cannot become a scenario, and adds elements without meaning that commonroad-io insists on.
+    """Refuses documents that cannot become a scenario, and adds meaningless elements that commonroad-io requires.
 
     Args:
         root: Root element; changed in place.
         file: Name for messages.
 
     Raises:
-        InputError: Not a CommonRoad document, unsupported version, useless dt, no lanelets, broken bounds, the same id
-            twice, numbers out of bounds (see `limits`), goal lanelets that do not exist.
+        InputError: Not a CommonRoad document, unsupported version, invalid dt, no lanelets, broken bounds, duplicate
+            ids, numbers out of bounds (see `limits`), or goal lanelets that do not exist.
     """
     _check_header(root, file)
     check_numbers(root, file)
@@ -139,9 +140,9 @@ def check(root: Element, file: str) -> None:
 
 
 def drop_dangling_relations(root: Element) -> None:
-    """Takes out relations to lanelets that do not exist, as in maps that were cut out of larger ones.
+    """Removes relations to lanelets that do not exist, as in maps that were cut out of larger ones.
 
-    commonroad-io follows some of them without looking.
+    commonroad-io follows some of them without a check.
     """
     known = {int(lanelet.get("id", "-1")) for lanelet in root.iterfind("lanelet")}
     for lanelet in root.iterfind("lanelet"):
@@ -195,7 +196,7 @@ def integer_id(element: Element, file: str) -> int:
 
 
 def facts(root: Element, file: str) -> Facts:
-    """Takes out of the XML what commonroad-io loses, and makes footprints such that it reads them.
+    """Extracts the contents of the XML that commonroad-io loses, and simplifies footprints so that it reads them.
 
     Args:
         root: Root element; footprints are simplified in place.
@@ -205,7 +206,7 @@ def facts(root: Element, file: str) -> Facts:
         The facts.
 
     Raises:
-        InputError: A footprint that cannot be read.
+        InputError: A footprint cannot be read.
     """
     stated = {}
     footprints = {}
@@ -321,5 +322,5 @@ def _simplify(shape: Element) -> None:
 
 
 def tree(root: Element) -> ElementTree:
-    """The root element as the tree that commonroad-io works on."""
+    """Wraps the root element into the tree that commonroad-io expects."""
     return ElementTree(root)

@@ -1,4 +1,4 @@
-"""Recorded states of one obstacle as columns, and the derivation of what a recording does not state."""
+"""Recorded states of one obstacle as columns, and the derivation of missing values."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from interdrive.scenario.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, L
 
 Floats = NDArray[np.float64]
 
-#: Below this speed [m/s] the direction of motion says nothing about the heading.
+#: Below this speed [m/s] the heading cannot be derived from the direction of motion.
 STANDING_SPEED = 0.1
-#: Two states of one time step that are closer than this [m] are one.
+#: Two states of one time step that are closer than this [m] count as one.
 SAME_PLACE = 0.01
 COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
 
@@ -25,8 +25,8 @@ class Track:
     Attributes:
         time_steps: Shape (states,).
         values: Columns as in `COLUMNS`, nan where not stated, shape (states, 6).
-        derived: Names of the columns of which something was derived.
-        contradicts: A time step came twice, at places more than `SAME_PLACE` apart.
+        derived: Names of the columns with derived values.
+        contradicts: Whether a time step occurs twice, at places more than `SAME_PLACE` apart.
     """
 
     time_steps: NDArray[np.int64]
@@ -36,13 +36,13 @@ class Track:
 
 
 def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
-    """Rows of (time step, columns), in any order, as a track.
+    """Makes a track from rows of (time step, columns) in any order.
 
-    Where a time step comes twice (an initial state repeated in the trajectory), the first row counts, and values that
-    it lacks are taken from the later one.
+    If a time step occurs twice (an initial state repeated in the trajectory), the first row counts, and its missing
+    values are taken from the later one.
     """
     ordered = np.array([time_step for time_step, _ in rows], dtype=np.int64)
-    if np.all(np.diff(ordered) > 0):  # nearly every recording
+    if np.all(np.diff(ordered) > 0):  # the common case
         return Track(ordered, np.array([values for _, values in rows], dtype=np.float64))
     by_step: dict[int, list[float]] = {}
     contradicts = False
@@ -60,10 +60,10 @@ def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
 def completed(recorded: Track, dt: float) -> Track:
     """The track with every missing value derived.
 
-    Heading from the direction of motion (a vehicle that stands keeps its heading; one that never moves gets 0), speed
-    from the motion along the heading, acceleration and yaw rate from their changes; differences are central inside and
-    one-sided at the ends. A single state gets 0 for what is missing. Headings are wrapped to [-pi, pi]. What is derived
-    keeps within the bounds of what a file may state, however far a recording jumps.
+    The heading is derived from the direction of motion (a standing vehicle keeps its heading; one that never moves gets
+    0), the speed from the motion along the heading, acceleration and yaw rate from their changes. Differences are
+    central inside and one-sided at the ends. Missing values of a single state are 0. Headings are wrapped to [-pi, pi].
+    Derived values stay within the bounds for stated ones, however far a recording jumps.
 
     Args:
         recorded: At least one state; positions are complete.
@@ -95,7 +95,7 @@ def completed(recorded: Track, dt: float) -> Track:
 
 
 def wrapped(angle: Floats) -> Floats:
-    """Angles [rad] wrapped to [-pi, pi]; those already there are left as they are, bit for bit."""
+    """Angles [rad] wrapped to [-pi, pi]; those already in this range are unchanged, bit for bit."""
     outside = np.abs(angle) > np.pi
     return np.where(outside, np.arctan2(np.sin(angle), np.cos(angle)), angle)
 

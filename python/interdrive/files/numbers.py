@@ -1,4 +1,4 @@
-"""Every number of an XML document within its bounds, before commonroad-io sees it, which bounds none of them."""
+"""Checks the bounds of all numbers of an XML document before commonroad-io reads it, which does not check them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: Attributes that hold ids.
 _IDS = ("id", "ref", "outgoingId")
-#: Largest absolute value by element; those of `_VALUES` depend on what is around them.
+#: Largest absolute value by element; those of `_VALUES` depend on the surrounding element.
 _BOUNDS = {
     **dict.fromkeys(("x", "y", "z", "length", "width", "radius", "originXShift"), limits.LARGEST_COORDINATE),
     **dict.fromkeys(("speedLimit", "duration", "timeOffset"), limits.LARGEST_COORDINATE),
@@ -24,7 +24,7 @@ _BOUNDS = {
     "orientation": limits.LARGEST_ANGLE,
 }
 _VALUES = frozenset(("exact", "intervalStart", "intervalEnd"))
-#: The same by the element around a value.
+#: The same by the surrounding element.
 _VALUE_BOUNDS = {
     "orientation": limits.LARGEST_ANGLE,
     "velocity": limits.LARGEST_VELOCITY,
@@ -32,14 +32,14 @@ _VALUE_BOUNDS = {
     "acceleration": limits.LARGEST_ACCELERATION,
     "yawRate": limits.LARGEST_YAW_RATE,
 }
-#: All others: the range in which commonroad-io's own arithmetic stays finite.
+#: For all other values: the range in which commonroad-io's arithmetic stays finite.
 _OTHER_VALUES = 1e12
 
 
 def check_numbers(root: Element, file: str) -> None:
     """Refuses ids, time steps and values out of bounds, and documents that are too deep or too large.
 
-    Text that is no number is left to commonroad-io, which names it.
+    Text that is not a number is left to commonroad-io, which names it.
 
     Args:
         root: Root element of the document.
@@ -71,13 +71,13 @@ def _check_depth(root: Element, file: str) -> None:
             depth <= limits.DEEPEST,
             file,
             f"<{level[0].tag}>",
-            f"is one of more than {limits.DEEPEST} elements inside each other; is the file damaged?",
+            f"is nested more than {limits.DEEPEST} elements deep; is the file damaged?",
         )
         level = [child for element in level for child in element]
 
 
 def _check_counts(root: Element, file: str) -> None:
-    """What would cost much time before the arrays are there."""
+    """Checks counts that would cost much time before the arrays exist."""
     for path, most, counted, what in (
         ("lanelet", limits.MOST_LANELETS, limits.LANELETS, "the map"),
         ("lanelet/*/point", limits.MOST_POINTS, limits.POINTS, "the map"),
@@ -116,7 +116,7 @@ def _check_ids(element: Element, owner: Element, file: str) -> None:
 
 
 def _check_exact_or_interval(value: Element, around: Element, owner: Element, file: str, *, is_start: bool) -> None:
-    """The exact value or an end of the interval in an element."""
+    """Checks the exact value or both ends of the interval in an element."""
     if around.tag == "time":
         _check_time(value, owner, file, is_start=is_start)
     else:
@@ -127,7 +127,7 @@ def _check_time(element: Element, owner: Element, file: str, *, is_start: bool) 
     try:
         time_step = int(element.text or "0")
     except ValueError:
-        # Some files write 0.0, which commonroad-io takes for a start.
+        # Some files have 0.0, which commonroad-io accepts as a start.
         _check_value(element, limits.LARGEST_TIME_STEP, owner, file, "time")
         return
     is_goal = owner.tag == "planningProblem" and not is_start
@@ -151,9 +151,9 @@ def _check_value(element: Element, most: float, owner: Element, file: str, withi
 
 
 def check_message(message: Foreign, file: str) -> None:
-    """Refuses angles in a protobuf message that commonroad-io would turn back for ever.
+    """Refuses angles in a protobuf message for which commonroad-io would take for ever.
 
-    All else is bounded when it has become arrays.
+    All other values are checked after the conversion to arrays.
 
     Args:
         message: Message of any version of the format.
@@ -182,9 +182,9 @@ def check_message(message: Foreign, file: str) -> None:
 
 
 def check_adjacency(root: Element, file: str) -> None:
-    """Refuses lanelets that are their own neighbours over others, where commonroad-io would go round for ever.
+    """Refuses lanelets whose neighbours form a circle, which commonroad-io would follow for ever.
 
-    It looks for the outermost lanelet on one side to place signs and lights that state no position.
+    It looks for the outermost lanelet on one side to place signs and lights without a position.
 
     Args:
         root: Root element of the document.

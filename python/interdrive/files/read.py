@@ -1,4 +1,4 @@
-"""Opening CommonRoad files. Together with convert.py and write.py the only place that imports commonroad-io."""
+"""Opens CommonRoad files. Only this module, convert.py and write.py of this package import commonroad-io."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ ScenarioSpec: TypeAlias = (
     "Scenario | str | os.PathLike[str] | CommonRoadScenario | tuple[CommonRoadScenario, PlanningProblemSet]"
 )
 
-#: Endings of protobuf files; everything else is taken for XML.
+#: Endings of protobuf files; all other files are read as XML.
 PROTOBUF_ENDINGS = (".pb", ".proto", ".protobuf")
 
 
 def read_scenario(path: str | os.PathLike[str]) -> Scenario:
-    """A CommonRoad file as arrays: roads, recorded traffic, planning problems.
+    """Reads a CommonRoad file as arrays: roads, recorded traffic, planning problems.
 
-    Reads XML of the versions 2018b and 2020a and the protobuf files of the installed commonroad-io: up to 2024.3 one
+    It reads XML of the versions 2018b and 2020a and the protobuf files of the installed commonroad-io: up to 2024.3 one
     `.pb` file; from 2026.1 on three of them, found by name beside the given one: `X.pb` (traffic), `X-SC.pb` (planning
     problems, may be absent) and the map, named by the leading part of `X` (`DEU_Muc-1` for `DEU_Muc-1_2_T-1`).
 
-    What a recording does not state is derived from its positions, see `Obstacles`; an obstacle with a set-based
-    prediction or none at all is there at its initial time step only; uncertain states become their middle; phantom and
-    environment obstacles are left out. `Scenario.notes` says which of these happened, and to whom.
+    Values that a recording does not state are derived from its positions, see `Obstacles`. An obstacle with a set-based
+    prediction or none at all is present at its initial time step only. Uncertain states are replaced by their middle.
+    Phantom and environment obstacles are left out. `Scenario.notes` lists these cases with the ids of the obstacles.
 
     Args:
         path: The file.
@@ -59,7 +59,7 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
         The scenario; `path` and `sha256` are set.
 
     Raises:
-        InputError: The file cannot be used; one line that names it and says what to do.
+        InputError: The file cannot be used; one line names it and says what to do.
     """
     path = Path(path)
     file = str(path)
@@ -79,18 +79,18 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 
 def scenario_from_commonroad(scenario: Foreign, planning_problem_set: Foreign = None) -> Scenario:
-    """A scenario that commonroad-io has already loaded, or that was built with its classes, as arrays.
+    """Converts a scenario that was loaded by commonroad-io, or built with its classes, to arrays.
 
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`. It is not changed.
         planning_problem_set: `commonroad.planning.planning_problem.PlanningProblemSet`, or None for no problems.
 
     Returns:
-        The scenario; `path` is None. commonroad-io fills what an initial state of a file lacks with 0, so such values
-        count as stated here; read the file with `read_scenario` to have them derived.
+        The scenario; `path` is None. commonroad-io sets values that are missing in the initial state of a file to 0, so
+        they count as stated here; use `read_scenario` to have them derived.
 
     Raises:
-        InputError: The objects cannot be used; one line that says why.
+        InputError: The objects cannot be used; one line states why.
     """
     file = f"scenario {getattr(scenario, 'scenario_id', '')}".strip()
     if not (hasattr(scenario, "lanelet_network") and hasattr(scenario, "dynamic_obstacles")):
@@ -111,7 +111,7 @@ def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
     from commonroad.common.reader.file_reader_xml import XMLFileReader  # noqa: PLC0415 - a fifth of a second
 
     class Reader(XMLFileReader):  # type: ignore[misc] # commonroad-io has no types
-        """Works on the document that was checked, so that nothing is parsed twice."""
+        """Reads the checked document, so that it is not parsed twice."""
 
         def _parse_file(self) -> None:
             self._tree = document.tree(root)
@@ -121,7 +121,7 @@ def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
 
 
 def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
-    """commonroad-io's scenario and planning problem set from protobuf, in the format of its version."""
+    """Opens protobuf as scenario and planning problem set of commonroad-io, in the format of its version."""
     try:
         from commonroad.common.file_reader import FileFormat  # noqa: PLC0415
     except ImportError:
@@ -137,7 +137,7 @@ def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
 
 
 def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
-    """commonroad-io from 2026.1 on: map, traffic and planning problems in a file each."""
+    """The same for commonroad-io from 2026.1 on, with separate files for map, traffic and planning problems."""
     from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
 
     traffic, problems, roads = _protobuf_parts(path)
@@ -165,7 +165,7 @@ def _check_angles(message: Foreign, data: bytes, path: Path) -> None:
 
 
 def _protobuf_parts(path: Path) -> tuple[Path, Path, Path]:
-    """Where traffic, planning problems and map of a protobuf file are looked for."""
+    """The expected paths of traffic, planning problems and map of a protobuf file."""
     name = path.stem.removesuffix("-SC")
     return (
         path.with_name(name + path.suffix),
@@ -184,7 +184,7 @@ def scenario_parts(path: str | os.PathLike[str]) -> tuple[Path, ...]:
 
 @contextmanager
 def quiet(file: str) -> Iterator[list[str]]:
-    """Collects what commonroad-io logs or warns of, and turns whatever it raises into one `InputError`."""
+    """Collects log messages and warnings of commonroad-io, and turns its exceptions into one `InputError`."""
     remarks: list[str] = []
 
     class Collector(logging.Handler):
@@ -204,7 +204,7 @@ def quiet(file: str) -> Iterator[list[str]]:
     except InterdriveError as error:
         if str(error).isprintable():
             raise
-        # Texts of the document are quoted, and may hold anything.
+        # Messages quote text of the document, which is arbitrary.
         raise type(error)("".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in str(error))) from None
     except Exception as error:
         place = _place(error)
@@ -216,7 +216,7 @@ def quiet(file: str) -> Iterator[list[str]]:
 
 
 def _reason(error: Exception) -> str:
-    """What commonroad-io says, without the names of its own classes and functions."""
+    """The message of commonroad-io without the names of its classes and functions."""
     text = re.sub(r"^<[^<>]*>:? *", "", " ".join(str(error).split()))[:200]
     if text and isinstance(error, AssertionError):
         return text
@@ -224,7 +224,7 @@ def _reason(error: Exception) -> str:
 
 
 def _place(error: Exception) -> str:
-    """Where in the document commonroad-io was, which its messages do not say: its functions call it `xml_node`."""
+    """The element that commonroad-io was reading, which its messages do not name: the local variable `xml_node`."""
     owner = inner = ""
     trace = error.__traceback__
     while trace is not None:
@@ -239,7 +239,7 @@ def _place(error: Exception) -> str:
 
 
 def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:
-    """Adds one line per kind of remark; those about its own old formats concern nobody."""
+    """Adds one line per kind of remark, without those about its own old formats."""
     kinds: dict[str, list[str]] = {}
     for remark in remarks:
         text = " ".join(remark.split())[:200]

@@ -1,4 +1,4 @@
-"""The road part of a CommonRoad 2020a document: from the scenario's file where it can be had, else from the arrays."""
+"""The road part of a CommonRoad 2020a document: from the scenario's file if available, otherwise from the arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ROAD_TAGS = ("lanelet", "trafficSign", "trafficLight", "intersection")
 UNKNOWN_LOCATION = (
     "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>"
 )
-#: Of a scenario that has no date of its own; never the clock's, so that equal runs give equal bytes.
+#: Date of scenarios without one; never the present date, so that equal runs give equal bytes.
 NO_DATE = "1970-01-01"
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
@@ -39,7 +39,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 
 @dataclass(frozen=True)
 class Header:
-    """What a document says about itself.
+    """Metadata of a document.
 
     Attributes:
         author: As in the original. affiliation: The same. source: The same. date: The same.
@@ -77,20 +77,20 @@ def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
 
 
 def plain_decimal(value: float) -> str:
-    """A number, exactly, in plain decimal notation, which is all that the format allows."""
+    """A number, exactly, in plain decimal notation, the only one that the format allows."""
     text = f"{Decimal(repr(float(value))):f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return "0" if text == "-0" else text
 
 
 def free_id(taken: set[int]) -> int:
-    """The next id that nothing has: after the largest, or where that is the last one the smallest."""
+    """The next free id: after the largest, or the smallest free one if the largest is the last possible id."""
     after = max(taken, default=0) + 1
     return after if after <= LARGEST_ID else next(number for number in itertools.count(1) if number not in taken)
 
 
 def _text(element: Element) -> str:
-    """An element without the white space between its children, which would be most of the file."""
+    """An element as text without the white space between its children, which would be most of the file."""
     for inner in element.iter():
         inner.tail = None
         if len(inner) and not (inner.text or "").strip():
@@ -116,7 +116,7 @@ def _header(root: Element) -> Header:
 
 
 def _is_location(element: Element) -> bool:
-    """It has what 2020a asks for; that of 2018b has other parts."""
+    """Whether it has the parts required by 2020a; those of 2018b differ."""
     try:
         int(element.findtext("geoNameId", ""))
         float(element.findtext("gpsLatitude", ""))
@@ -127,7 +127,7 @@ def _is_location(element: Element) -> bool:
 
 
 def _original(scenario: Scenario) -> Element | None:
-    """Root element of the scenario's file, or None if it is gone, has changed, or there never was one."""
+    """Root element of the scenario's file, or None if it is missing, has changed, or there never was one."""
     if scenario.path is None:
         return None
     try:
@@ -148,7 +148,7 @@ def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
     """The roads of a protobuf file as XML.
 
     Raises:
-        InputError: commonroad-io cannot read what it writes, for instance a traffic light without a cycle.
+        InputError: commonroad-io cannot read its own output, for instance a traffic light without a cycle.
     """
     from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile  # noqa: PLC0415
     from commonroad.common.util import FileFormat  # noqa: PLC0415
@@ -166,7 +166,7 @@ def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
 
 
 def _modernise(root: Element) -> None:
-    """Lanelets of 2018b as those of 2020a: limits become signs, and every lanelet has a type."""
+    """Converts lanelets of 2018b to 2020a: limits become signs, and every lanelet has a type."""
     limits = {}
     for lanelet in root.iterfind("lanelet"):
         limit = lanelet.find("speedLimit")
@@ -213,7 +213,7 @@ def _add_point(parent: Element, x: float, y: float) -> None:
 
 
 def _add_speed_signs(root: Element, limits: dict[int, float]) -> None:
-    """One sign per limit [m/s]. 274 is Germany's number, which commonroad-io takes for the limit of any country."""
+    """Adds a sign per limit [m/s]. 274 is Germany's number, which commonroad-io accepts for any country."""
     used = {int(element.get("id", "0")) for element in root.iter() if element.get("id")}
     lanelets = {int(lanelet.get("id", "0")): lanelet for lanelet in root.iterfind("lanelet")}
     for limit in sorted(set(limits.values())):
@@ -233,6 +233,6 @@ def _add_speed_signs(root: Element, limits: dict[int, float]) -> None:
 
 
 def _insert_sign_reference(lanelet: Element, sign_id: str) -> None:
-    """Signs stand before lights in the format."""
+    """Inserts a sign reference; signs precede lights in the format."""
     lights = [index for index, child in enumerate(lanelet) if child.tag == "trafficLightRef"]
     lanelet.insert(lights[0] if lights else len(lanelet), Element("trafficSignRef", ref=sign_id))

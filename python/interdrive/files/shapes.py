@@ -1,8 +1,9 @@
-"""commonroad-io's shapes as ours.
+"""Converts shapes of commonroad-io.
 
 Up to 2024.3 its shapes are Rectangle, Circle, Polygon and ShapeGroup. From 2026.1 on footprints are RectObstacleShape,
 CircleObstacleShape, PolygonObstacleShape, TruckShape and SemiTrailerTruckShape, and areas are RectOccupancy,
-CircleOccupancy, PolygonOccupancy and OccupancyGroup, all in other modules. So they are told apart by what they have.
+CircleOccupancy, PolygonOccupancy and OccupancyGroup, all in other modules. So they are distinguished by their
+attributes.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ Foreign = Any
 
 
 def shape_of(source: Foreign) -> Shape:
-    """A footprint or an area of any version of commonroad-io as ours.
+    """Converts a footprint or an area of any version of commonroad-io.
 
     Raises:
-        TypeError: A class that is none of them.
+        TypeError: The class is none of them.
     """
     members = getattr(source, "shapes", None) or getattr(source, "occupancies", None)
     if members is not None:

@@ -1,4 +1,4 @@
-"""The scenarios that come with the package; `scenarios/make.py` makes them."""
+"""The shipped scenarios; `scenarios/make.py` makes them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from interdrive.errors import InputError
 
 
 def shipped_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package, sorted."""
+    """Names of the shipped scenarios, sorted."""
     return tuple(sorted(path.stem for path in _folder().glob("*.xml")))
 
 
 def shipped_scenario(name: str) -> Path:
-    """The file of a scenario that comes with the package.
+    """The file of a shipped scenario.
 
     Args:
         name: One of `shipped_scenarios()`.
@@ -23,7 +23,7 @@ def shipped_scenario(name: str) -> Path:
         Its path.
 
     Raises:
-        InputError: No such scenario; the text lists the names.
+        InputError: There is no such scenario; the message lists the names.
     """
     if name not in shipped_scenarios():
         raise InputError(f"no shipped scenario '{name}'; there are {', '.join(shipped_scenarios())}")

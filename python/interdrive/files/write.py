@@ -1,4 +1,4 @@
-"""A finished run as a CommonRoad 2020a document, written by hand: commonroad-io's versions write it differently."""
+"""Writes a run as a CommonRoad 2020a document without commonroad-io, whose versions write it differently."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Decimals of the numbers of states; a hundredth of a micrometre.
+#: Decimals of the numbers of states: a hundredth of a micrometre.
 DECIMALS = 8
-#: Corners of the polygon that stands for a circle off its origin.
+#: Corners of the polygon that replaces a circle off its origin.
 CIRCLE_CORNERS = 32
 
 _MOVING = {
@@ -46,7 +46,7 @@ _COLUMNS = {"velocity": "velocity", "acceleration": "acceleration", "yaw_rate": 
 
 @dataclass
 class _Ids:
-    """Gives every participant and planning problem an id that nothing else in the document has."""
+    """Gives every participant and planning problem an id that is unique in the document."""
 
     taken: set[int]
 
@@ -57,13 +57,13 @@ class _Ids:
 
 
 def write_scenario(run: Run) -> bytes:
-    """The simulated world as a CommonRoad 2020a document, which commonroad-io and tools that build on it read.
+    """The simulated world as a CommonRoad 2020a document, for commonroad-io and tools based on it.
 
-    - Roads, signs, lights and intersections are those of the scenario's file if it is still there unchanged; otherwise
-      lanelets and their speed limits are written from the scenario, signs, lights and intersections are lost.
+    - Roads, signs, lights and intersections are those of the scenario's file if it still exists unchanged; otherwise
+      lanelets and their speed limits are written from the scenario, and signs, lights and intersections are lost.
     - Every participant is an obstacle: agents and recorded vehicles with the states of the run, static ones as static
       obstacles of the kinds that the format has for them. Rectangles and circles off their origin and footprints of
-      several parts (as their convex hull) become polygons, since commonroad-io 2026.1 reads no others.
+      several parts (as their convex hull) become polygons, since commonroad-io 2026.1 does not read them.
     - Planning problems are kept. Ids must be unique and positive in this format: obstacles whose id belongs to the
       road, then planning problems whose id belongs to an obstacle or the road, get the next free ones.
 
@@ -71,7 +71,7 @@ def write_scenario(run: Run) -> bytes:
         run: The run, finished or not.
 
     Returns:
-        The document in UTF-8, states with 8 decimals, all else exact; equal runs give equal bytes.
+        The document in UTF-8, states with 8 decimals, all other numbers exact; equal runs give equal bytes.
     """
     scenario = run.scenario
     header, roads, road_ids = road_elements(scenario)
@@ -114,7 +114,7 @@ def write_scenario(run: Run) -> bytes:
 
 
 def _rounded(value: float) -> str:
-    """A number of a state in plain decimal notation, which is all that the format allows."""
+    """A number of a state in plain decimal notation, the only one that the format allows."""
     text = f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
@@ -174,7 +174,7 @@ def _footprint(shape: Shape) -> str:
 
 
 def _area(shape: Shape) -> str:
-    """A shape in the words of the format; centre and orientation only where they are not 0."""
+    """A shape as an element of the format; centre and orientation only where they are not 0."""
     off_origin = shape.center != (0.0, 0.0) or shape.orientation != 0.0
     center = _point(*shape.center, tag="center") if off_origin else ""
     if shape.kind == "rectangle":

@@ -1,7 +1,7 @@
-"""Planners: where does an agent want to be over the next seconds?
+"""Planners, which compute the trajectory of an agent over the next seconds.
 
-A planner is anything with one method, `plan(view, predictions) -> Trajectory`. Native ones are plain records of
-settings; all agents that use them are planned in one call of the core.
+A planner is any object with a method `plan(view, predictions) -> Trajectory`. Native planners are plain records of
+settings; the core plans for all their agents in one call.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What planners from outside do not know by themselves: a speed that is in time at the goal, and how to stop."""
+"""Additions to third-party planners: the speed for arrival at the goal in time, and braking to a stop."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
 
 #: The desired speed differs from the present one by at most this, and never exceeds the maximum [m/s].
 _VELOCITY_STEP, _VELOCITY_MAX = 5.0, 50.0
-#: Below this speed the yaw rate says nothing about the steering [m/s].
+#: Below this speed the steering cannot be derived from the yaw rate [m/s].
 _SLOW = 1.0
 
 
 def arrival_velocity(view: View, reserve: float) -> float:
     """The constant speed that brings the rear axle to the middle of the goal area in time [m/s].
 
-    In time is in the middle of the goal's time interval, but no earlier than `reserve` [s] before its end. Within the
-    area, too late, or without a place: the middle of the goal's speed interval, else the present speed. This is how the
-    planner around FRENETIX (release 2024.4) chooses it, with the middle of the time interval at any rate.
+    The aim is the middle of the goal's time interval, but no earlier than `reserve` [s] before its end. Within the
+    area, too late, or without a goal area it is the middle of the goal's speed interval, else the present speed. The
+    planner around FRENETIX (release 2024.4) does the same, but always aims for the middle of the time interval.
     """
     ego = view.ego
     first, last = ego.goal_time_step
@@ -42,7 +42,7 @@ def arrival_velocity(view: View, reserve: float) -> float:
 
 
 def braking_along_arc(view: View, n_points: int, deceleration: float) -> Trajectory:
-    """Braking [m/s²] with the present steering until the agent stands."""
+    """Trajectory that brakes [m/s²] with the present steering until the agent stands."""
     ego, t = view.ego, view.dt * np.arange(n_points)
     velocity = np.maximum(ego.velocity - deceleration * t, 0.0)
     travelled = np.append(0.0, np.cumsum(0.5 * view.dt * (velocity[1:] + velocity[:-1])))

@@ -1,4 +1,4 @@
-"""Calls of planners written in Python: whatever one of them does costs its own agent only."""
+"""Calls of planners written in Python; a failure ends only the planner's own agent."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
     from interdrive.planners.contract import Planner
 
 
-#: A signal that does not come is helped after this time [s] ...
+#: If the signal does not arrive within this time [s] ...
 _GRACE = 0.5
-#: ... by a thread that looks so often [s].
+#: ... a thread that checks at this interval [s] interrupts the call.
 _LOOK_EVERY = 0.25
 
-#: The arrays of a plan for `Plans.set`, or a line that says why there are none.
+#: The arrays of a plan for `Plans.set`, or a line that states why there are none.
 Answer = tuple[Any, ...] | str
 
 
 class _TooLong(BaseException):
-    """Goes through a planner's own `except Exception`."""
+    """Not an `Exception`, so that a planner's `except Exception` does not catch it."""
 
 
 def ask(planner: Planner, view: View, predictions: Predictions, timeout_s: float) -> Answer:
-    """What a planner answers: the arrays of its trajectory, or a line that says what is wrong with it.
+    """Calls a planner and returns the arrays of its trajectory, or a line that states the failure.
 
     Args:
         planner: The planner.
-        view: What its agent sees.
-        predictions: For everybody in view and the agent itself.
-        timeout_s: Longest time that the call may take [s]; inf: any.
+        view: View of its agent.
+        predictions: Predictions for the participants in view and the agent itself.
+        timeout_s: Time limit of the call [s]; inf: none.
     """
     start = time.perf_counter()
     try:
@@ -64,9 +64,9 @@ def _planned(planner: Planner, view: View, predictions: Predictions) -> Answer:
 
 @contextmanager
 def _interrupted_after(seconds: float) -> Iterator[None]:
-    """Raises `_TooLong` in the block after this time, where that is possible: in the main thread.
+    """Raises `_TooLong` in the block after this time, if possible: in the main thread.
 
-    A signal does it; a moment later, another thread, should the planner have switched the signal off.
+    It uses a signal, and a moment later another thread in case the planner has disabled the signal.
     """
     if math.isinf(seconds) or threading.current_thread() is not threading.main_thread():
         yield
@@ -90,27 +90,28 @@ def _interrupted_after(seconds: float) -> Iterator[None]:
 
 
 class _Watchdog:
-    """A thread that raises `_TooLong` in the main thread when a call has outlived its limit; it sleeps in between."""
+    """A thread that raises `_TooLong` in the main thread when a call exceeds its time limit; it sleeps in between."""
 
     def __init__(self) -> None:
         self._until, self._has_barked, self._process = math.inf, False, 0
         self._barking = threading.Lock()
 
     def watch(self, seconds: float) -> None:
-        """The block that begins now may take this long [s]."""
+        """Sets the time limit [s] of the block that begins now."""
         self._until = time.monotonic() + seconds
         if self._process != os.getpid():  # a thread does not survive a fork
             self._process, self._barking = os.getpid(), threading.Lock()
             threading.Thread(target=self._guard, daemon=True, name="interdrive-planner-timeout").start()
 
     def rest(self) -> None:
-        """The block is over; an exception that is still on its way is raised and taken here.
+        """Ends the block; a pending exception is raised and caught here.
 
-        Python can also withdraw such an exception, but goes on looking for it: slower, and endless under a profiler.
+        Python can also withdraw such an exception, but then keeps checking for it: slower, and endless under a
+        profiler.
         """
         try:
             self._until = math.inf
-            with self._barking:  # a bark that has begun is over after this, another does not begin
+            with self._barking:  # an exception that is being raised has arrived after this, and no other follows
                 pass
             if self._has_barked:
                 _raise_in_main_thread(_TooLong)
@@ -138,4 +139,4 @@ def _raise_in_main_thread(kind: type[BaseException]) -> None:
 
 
 def _too_slow(seconds: float, timeout_s: float) -> str:
-    return f"it took {seconds:.3g} s, allowed are {timeout_s:g} s (step.planner_timeout_s)"
+    return f"it took {seconds:.3g} s, at most {timeout_s:g} s are allowed (step.planner_timeout_s)"

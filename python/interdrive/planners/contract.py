@@ -1,4 +1,4 @@
-"""What a planner is: one method from a view and predictions to a trajectory, and the checks of what it returns."""
+"""The contract of planners: one method from a view and predictions to a trajectory, and the checks of its result."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Trajectory:
 class Planner(Protocol):
     """Contract of a planner.
 
-    Every agent and every run has its own object, so a planner may remember things. `plan` gets a view (the agent's own
-    state, limits, route and goal under `view.ego`; the participants it sees with their past as arrays) and the
-    predictions for those and for itself, and returns a trajectory of at least two points that starts at the present
-    state, never jumps, and claims no speed that the vehicle does not have. All that it gets is read-only. If it raises
-    or returns garbage, only its own agent leaves the run, with outcome `planner_error`.
+    Every agent and every run has its own object, so a planner may keep state. `plan` gets a view (the agent's state,
+    limits, route and goal under `view.ego`, and the visible participants with their past as arrays) and the predictions
+    for these participants and the agent. It returns a trajectory of at least two points that starts at the present
+    state, never jumps, and does not exceed the speed of the vehicle. Its arguments are read-only. If it raises an
+    exception or returns an invalid trajectory, only its own agent ends, with outcome `planner_error`.
 
-    A class with `parallel = True` says that its objects know nothing of each other: they run in processes of their own
-    when a run has more than one thread, with the same results.
+    Set `parallel = True` in a class if its objects are independent of each other: they run in separate processes when a
+    run has more than one thread, with the same results.
     """
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
@@ -63,10 +63,10 @@ def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be Non
     """The arrays of a trajectory, for `Plans.set`: x, y, orientation, velocity, acceleration, yaw_rate.
 
     Raises:
-        InputError: No trajectory, or a field that holds no real numbers.
+        InputError: The object is not a trajectory, or a field does not hold real numbers.
     """
     if not isinstance(trajectory, Trajectory):
-        raise InputError(f"a {type(trajectory).__name__} was returned, a Trajectory is expected")
+        raise InputError(f"it returned a {type(trajectory).__name__}, a Trajectory is expected")
     arrays = []
     for name in _FIELDS:
         values = getattr(trajectory, name)
@@ -76,6 +76,6 @@ def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be Non
             try:
                 values = np.asarray(values, dtype=np.float64)
             except (TypeError, ValueError) as error:
-                raise InputError(f"{name} is no array of numbers ({error})") from None
+                raise InputError(f"{name} is not an array of numbers ({error})") from None
         arrays.append(values)
     return tuple(arrays)

@@ -1,10 +1,10 @@
-"""FRENETIX in our cars: the published C++ trajectory handler, with the loop around it that its planner has.
+"""FRENETIX for any car: the published C++ trajectory handler, with the loop of its own planner around it.
 
 Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE Access 2024, doi 10.1109/ACCESS.2024.3436835; PyPI `frenetix` 0.4
 (LGPL), an optional library: `pip install interdrive[frenetix]`. The library computes trajectories, costs and limits of
-samples. What is written here is what its users write around it: the samples, the desired speed, the choice, the tests
-of the chosen trajectory against others and the road (done by our core), and what happens when nothing is left. What it
-cannot be told and where it differs from `frenet` is in docs/planners_third_party.md.
+samples. This module adds what is left to its users: the samples, the desired speed, the choice, the tests of the chosen
+trajectory against others and the road (done by the core), and the fallback if no sample is left.
+docs/planners_third_party.md lists its limitations and the differences from `frenet`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ try:
         cost_functions,
         feasability_functions,
     )
-except ImportError:  # said when a planner is made, so that its settings can be listed without the library
+except ImportError:  # reported when a planner is made, so that its settings can be listed without the library
     frenetix = None
 
 if TYPE_CHECKING:
@@ -39,15 +39,15 @@ if TYPE_CHECKING:
 
     _Floats = NDArray[np.float64]
 
-#: The path ahead that samples can reach, and a little behind the agent [m]; there its heading must not be cut.
+#: The path that samples can reach ahead, and a little behind the agent [m]; there the heading must not be wrapped.
 _BEHIND, _AHEAD = 10.0, 120.0
-#: Headings are given to the library within this of its x axis [rad]; it cuts them at half a turn.
+#: Headings are passed to the library within this angle of its x axis [rad]; it wraps them at half a turn.
 _HEADING_MAX = 2.6
 #: Below this speed an agent without an admissible sample stands [m/s].
 _STANDING = 0.1
-#: The library looks at participants nearer than this to the agent's box [m] (squared: 50 m²).
+#: The library considers participants nearer than this to the agent's box [m] (squared: 50 m²).
 _COST_REACH = 7.1
-#: The fastest end speed that is sampled [m/s].
+#: The largest sampled end speed [m/s].
 _VELOCITY_MAX = 36.0
 #: Columns of the sampling matrix: start and end time; start (s, s', s''), end s' and s''; start and end (d, d', d'').
 _END_TIME, _START_S, _END_S_DOT, _START_D, _END_D, _COLUMNS = 1, 2, 5, 7, 10, 13
@@ -61,18 +61,18 @@ class Frenetix:
         level: Fineness of the sampling, 0 to 4: 48, 180, 800, 3564, 12716 samples.
         horizon: Length of a plan [s].
         t_min: Shortest time in which a manoeuvre ends [s].
-        d_max: Lateral end positions lie within this distance of the reference path [m].
+        d_max: Lateral end positions are within this distance of the reference path [m].
         low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
         prediction_margin_length: Predicted participants are longer by this, in all [m].
         prediction_margin_width: Predicted participants are wider by this, in all [m].
         rear_cone_angle: Opening angle of the cone behind the agent [rad] ...
         rear_cone_distance: ... in which participants further away than this are not considered at all [m].
-        arrival_reserve: The agent wants to be at its goal in the middle of the goal's time, but no earlier than this
-            before its end [s]; inf: in the middle, however long the interval, as the published planner does.
-        replan_every: A new plan every so many calls; in between the last one is followed unchecked.
-        carry_state: Begin a plan at the Frenet state that the library stated for this point of the plan before, as its
-            own planner does; false: compute it from the agent's state.
-        path_spacing: Distance of the vertices of the reference path that the library gets [m].
+        arrival_reserve: The agent aims to reach its goal in the middle of the goal's time interval, but no earlier than
+            this before its end [s]; inf: in the middle, however long the interval, as in the published planner.
+        replan_every: Number of calls from one plan to the next; in between the last plan is followed unchecked.
+        carry_state: Begin a plan at the Frenet state that the library stated for this point of the previous plan, as
+            its own planner does; false: compute it from the agent's state.
+        path_spacing: Distance between the vertices of the reference path for the library [m].
         weights: Weights of the cost.
     """
 
@@ -91,7 +91,7 @@ class Frenetix:
     path_spacing: float = 1.0
     weights: FrenetWeights = field(default_factory=FrenetWeights)
 
-    #: Every agent has its own object and nothing is shared.
+    #: Every agent has its own object, and objects share no state.
     parallel = True
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ class Frenetix:
         self._last: _Plan | None = None
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
-        """The rest of the plan before, or the cheapest admissible sample, or a stop."""
+        """Returns the rest of the previous plan, the cheapest admissible sample, or a stop."""
         ego = view.ego
         last, passed = self._last, 0 if self._last is None else view.time_step - self._last.time_step
         if last is not None and not last.leads_to(ego, passed):
@@ -171,7 +171,7 @@ class Frenetix:
         return rows
 
     def _costs(self, view: View, predictions: Predictions, frame: _Frame) -> Iterator[Any]:
-        """The cost terms with a weight; all are the library's."""
+        """The cost terms of the library with their weights."""
         ego, weights = view.ego, self.weights
         desired = arrival_velocity(view, self.arrival_reserve)
         plain = {
@@ -206,7 +206,7 @@ class Frenetix:
             )
 
     def _expected(self, view: View, predictions: Predictions, frame: _Frame) -> dict[int, Any]:
-        """The most probable mode of everybody whom a sample could come near, as the library wants it."""
+        """The most probable modes of all participants within reach of a sample, in the format of the library."""
         ego, margin = view.ego, (self.prediction_margin_length, self.prediction_margin_width)
         steps = min(predictions.x.shape[2], round(self.horizon / view.dt))
         farthest = (
@@ -234,7 +234,7 @@ class Frenetix:
         return found
 
     def _in_rear_cone(self, view: View) -> NDArray[np.bool_]:
-        """Who is behind and far enough away to keep the distance."""
+        """Whether a participant is behind and far enough away to keep the distance."""
         ego = view.ego
         dx, dy = view.x[:, -1] - ego.x, view.y[:, -1] - ego.y
         distance = np.hypot(dx, dy)
@@ -243,7 +243,7 @@ class Frenetix:
         return cone & (distance > self.rear_cone_distance)
 
     def _chosen(self, view: View, predictions: Predictions, plans: Iterable[_Plan], offset: float) -> _Plan:
-        """The first plan, cheapest first, that touches nobody and stays on the road; otherwise a stop."""
+        """The cheapest plan without contact that stays on the road; otherwise a stop."""
         margins = self.prediction_margin_length, self.prediction_margin_width
         refused = []
         for plan in plans:
@@ -254,7 +254,7 @@ class Frenetix:
         n = round(self.horizon / view.dt) + 1
         if view.ego.velocity <= _STANDING:
             return _Plan.braking(view, n, view.ego.velocity / view.dt)
-        if refused:  # the one that is slowest, soonest, straightest, whatever it hits: the original's "stopping"
+        if refused:  # the slowest, soonest, straightest one, even if it leads to a contact: "stopping" in the original
             return min(refused, key=lambda plan: (plan.ends[1], plan.ends[0], abs(plan.ends[2] - offset)))
         return _Plan.braking(view, n, view.ego.vehicle.acceleration_max)
 
@@ -263,7 +263,7 @@ class Frenetix:
 class _Frame:
     """The reference path as the library's coordinate system, turned by `turn` [rad] against the world.
 
-    The library cuts every heading at half a turn and takes the jump for a yaw rate; on a road that leads west it would
+    The library wraps every heading at half a turn and treats the jump as a yaw rate; on a road that leads west it would
     refuse nearly all samples. Turning the world so that the road ahead leads along x changes nothing else.
     """
 
@@ -272,7 +272,7 @@ class _Frame:
 
     @staticmethod
     def around(before: _Frame | None, ego: Ego, spacing: float) -> _Frame:
-        """The frame before if the headings of the path ahead still fit, otherwise a new one."""
+        """The previous frame if the headings of the path ahead still fit, otherwise a new one."""
         route = ego.route
         heading = route.reference_orientation
         scale = (len(heading) - 1) / route.length
@@ -298,7 +298,7 @@ class _Frame:
         return cos * x - sin * y, sin * x + cos * y
 
     def covariances(self, covariances: _Floats) -> _Floats:
-        """World to frame, shape (points, 2, 2); exactly symmetric, which the library insists on."""
+        """World to frame, shape (points, 2, 2); exactly symmetric, as the library requires."""
         cos, sin = np.cos(self.turn), np.sin(self.turn)
         back = np.array([[cos, sin], [-sin, cos]])
         turned: _Floats = back @ covariances @ back.T
@@ -325,9 +325,8 @@ class _Plan:
     """A plan in the world: footprint centres, made at `time_step`.
 
     Attributes:
-        curvilinear: (s, s', s'', d, d', d'') of all points as the library states them, shape (6, points); None for
-            plans that the library did not make.
-        low: The lateral derivatives are by arc length.
+        curvilinear: (s, s', s'', d, d', d'') of all points from the library, shape (6, points); None for other plans.
+        low: Whether the lateral derivatives are by arc length.
         ends: Time [s], speed [m/s] and offset [m] at the end of the manoeuvre.
     """
 
@@ -342,7 +341,7 @@ class _Plan:
 
     @staticmethod
     def of(sample: Any, view: View, frame: _Frame, low: bool) -> _Plan:  # noqa: ANN401 - frenetix.TrajectorySample
-        """From the rear axle in the library's frame to the centre in the world."""
+        """Converts from the rear axle in the library's frame to the centre in the world."""
         points, curve, parameters = sample.cartesian, sample.curvilinear, sample.sampling_parameters
         theta = np.unwrap(np.asarray(points.theta) + frame.turn)
         theta += 2.0 * np.pi * np.round((view.ego.orientation - theta[0]) / (2.0 * np.pi))
@@ -361,23 +360,23 @@ class _Plan:
 
     @staticmethod
     def braking(view: View, n_points: int, deceleration: float) -> _Plan:
-        """Along the present arc until the agent stands."""
+        """Braking along the present arc until the agent stands."""
         drive = braking_along_arc(view, n_points, deceleration)
         return _Plan(view.time_step, drive.x, drive.y, drive.orientation, drive.velocity)
 
     def leads_to(self, ego: Ego, point: int) -> bool:
-        """The agent is where this plan wanted it to be at a point."""
+        """Whether the agent is where this plan has it at a point."""
         if not 0 < point < len(self.x):
             return False
         there = (self.x[point] - ego.x, self.y[point] - ego.y, self.velocity[point] - ego.velocity)
         return bool(np.abs(there).max() < 1e-6)
 
     def rest(self, point: int) -> Trajectory:
-        """From a point on."""
+        """The plan from a point on."""
         return Trajectory(self.x[point:], self.y[point:], self.orientation[point:], self.velocity[point:])
 
     def curvilinear_at(self, point: int, low: bool) -> _Floats | None:
-        """The Frenet state of a point; lateral derivatives are converted if they are wanted by another variable."""
+        """The Frenet state of a point; lateral derivatives are converted to the other variable if necessary."""
         if self.curvilinear is None:
             return None
         s, s_dot, s_ddot, d, by_first, by_second = self.curvilinear[:, point].tolist()

@@ -1,4 +1,4 @@
-"""The native planners: plain records of settings; all agents that use them are planned in one call of the core."""
+"""The native planners: plain records of settings; the core plans for all their agents in one call."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from interdrive import _core
 
 @dataclass(frozen=True)
 class FrenetWeights:
-    """How much each part of the cost counts; zero switches a part off. Every part is zero or positive.
+    """Weights of the terms of the cost; zero disables a term. Every term is zero or positive.
 
     Attributes:
         velocity_offset: Root of the summed squares of speed minus desired speed over all points [m/s].
@@ -46,7 +46,7 @@ class FrenetWeights:
 
 @dataclass(frozen=True)
 class FrenetComfort:
-    """What the agent finds comfortable; the desired speed respects it, the limits of feasibility do not know it.
+    """Comfortable driving; the desired speed respects these values, feasibility does not depend on them.
 
     Attributes:
         time_gap: Time gap to a leader [s].
@@ -54,7 +54,7 @@ class FrenetComfort:
         deceleration: Deceleration before leaders, curves and the goal [m/s²].
         lateral_acceleration: Lateral acceleration in curves [m/s²].
         velocity_step: Desired and present speed differ by at most this [m/s].
-        cruise_velocity_min: Least speed of an agent whose goal says nothing about where or how fast [m/s].
+        cruise_velocity_min: Lowest desired speed of an agent whose goal states neither place nor speed [m/s].
     """
 
     time_gap: float = 1.0
@@ -76,19 +76,18 @@ class Frenet:
         level: Fineness of the sampling, 0 to 4: 48, 180, 800, 3564, 12716 samples in the grid.
         horizon: Length of a plan [s].
         t_min: Shortest time in which a manoeuvre ends [s].
-        d_max: Lateral end positions lie within this distance of the reference path [m].
+        d_max: Lateral end positions are within this distance of the reference path [m].
         low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
         prediction_margin_length: Predicted participants are longer by this, in all [m].
         prediction_margin_width: Predicted participants are wider by this, in all [m].
         rear_cone_angle: Opening angle of the cone behind the agent [rad] ...
-        rear_cone_distance: ... in which participants further away than this are left to keep their distance [m].
+        rear_cone_distance: ... in which participants further away than this are expected to keep their distance [m].
         collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
             always counts.
-        expectation_density_min: A less probable mode whose expected positions have less than this probability per area
-            even in the middle, where they are densest, costs nothing then: it says next to nothing about where somebody
-            will be [1/m²].
+        expectation_density_min: A less probable mode has no cost at times when the density of its positions is below
+            this even in the middle, because it then hardly predicts any position [1/m²].
         stop_targets: Also sample stops behind the leader and before the end of the goal area.
-        lazy: Find the best sample with as little work as possible; False evaluates all. The choice is the same.
+        lazy: Evaluate only what the choice of the best sample needs; False evaluates all. The choice is the same.
         weights: Weights of the cost.
         comfort: Comfortable driving.
     """
@@ -121,10 +120,10 @@ class Recorded:
 
 @dataclass(frozen=True)
 class VelocityAdjusting:
-    """Keeps the recorded path and, where nobody is in the way, the recorded speed.
+    """Keeps the recorded path and, where the way is free, the recorded speed.
 
-    Behind leaders and before those who cross it brakes with the Intelligent Driver Model: Treiber, Hennecke, Helbing,
-    "Congested traffic states in empirical observations and microscopic simulations", Phys. Rev. E 62, 2000,
+    Behind leaders and before crossing participants it brakes with the Intelligent Driver Model: Treiber, Hennecke,
+    Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys. Rev. E 62, 2000,
     doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the
     gap s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
     acceleration is at most a (1 - (s* / s)²). See docs/planners.md.
@@ -156,8 +155,7 @@ class Idm:
     Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805; defaults and the braking above the desired speed as in
     Treiber and Kesting, "Traffic Flow Dynamics", 2013, section 11.3. With the gap s and the leader's speed vl the
     acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
-    desired speed v0 brings it to its goal in time, within speed limits and slowly enough for curves. See
-    docs/planners.md.
+    desired speed v0 brings it to its goal in time, within speed limits and low enough for curves. See docs/planners.md.
 
     Attributes:
         time_gap: Time gap T to a leader [s].
@@ -187,10 +185,11 @@ class IdmMobil:
     """Drives with the Intelligent Driver Model, as `Idm`, and changes lanes with MOBIL.
 
     Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", Transportation Research
-    Record 1999, 2007, doi 10.3141/1999-10. A change must be safe, the new follower brakes with at most b_safe (eq. 2),
-    and worth it: own gain + p (gain of the new follower + gain of the old follower) + bias > threshold (eq. 3), where a
-    gain is an acceleration of the car-following model after the change minus that before. The bias is one for lanes
-    that lead to the goal; it grows by up to b_safe where such a lane has to be reached soon. See docs/planners.md.
+    Record 1999, 2007, doi 10.3141/1999-10. A change must be safe: the new follower brakes with at most b_safe (eq. 2).
+    And it must be worthwhile: own gain + p (gain of the new follower + gain of the old follower) + bias > threshold
+    (eq. 3), where a gain is the acceleration of the car-following model after the change minus that before. The bias
+    favours lanes that lead to the goal; it grows by up to b_safe where such a lane has to be reached soon. See
+    docs/planners.md.
 
     Attributes:
         time_gap: Time gap T to a leader [s].
@@ -200,7 +199,7 @@ class IdmMobil:
         exponent: Exponent of v / v0.
         desired_velocity_max: Upper bound of the desired speed v0 [m/s].
         lateral_acceleration: Lateral acceleration in curves [m/s²].
-        politeness: Politeness p: what the followers gain or lose counts this much.
+        politeness: Politeness p: weight of the gains and losses of the followers.
         changing_threshold: A change must gain more than this [m/s²].
         safe_deceleration: The new follower must not have to brake harder than this, b_safe [m/s²].
         bias: Bias for each lane nearer to the one that leads to the goal [m/s²].
@@ -246,7 +245,7 @@ class PlannerSettings:
 NATIVE = {
     "frenet": "samples trajectories in the Frenet frame of the reference path and takes the cheapest safe one",
     "recorded": "replays the recording",
-    "velocity_adjusting": "keeps the recorded path, and the recorded speed unless somebody is in the way",
+    "velocity_adjusting": "keeps the recorded path, and the recorded speed where the way is free",
     "idm": "drives its reference path with the Intelligent Driver Model",
     "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
 }
@@ -276,7 +275,7 @@ def native_name(record: object) -> str | None:
 
 
 def native_record(name: str, settings: PlannerSettings) -> Any:  # noqa: ANN401 - one of RECORDS
-    """The record of a native planner as the settings have it; one without settings is made."""
+    """The record of a native planner from the settings; a new one if it has no settings."""
     return getattr(settings, name, None) or RECORDS[name]()
 
 

@@ -1,10 +1,10 @@
-"""CommonRoad's reactive planner in our cars.
+"""CommonRoad's reactive planner for any car.
 
 Wuersching and Althoff, "Sampling-based optimal trajectory generation for autonomous vehicles using reachable sets",
 ITSC 2021; after Werling et al., ICRA 2010. PyPI `commonroad-reactive-planner` 2025.1, an optional library:
 `pip install interdrive[reactive]`. Samples, costs, limits and the search for the cheapest trajectory without contact
-are the library's; from the view it gets its start state, reference path, desired speed, obstacles and the edges of the
-road. What it cannot be told and where it differs from `frenet` is in docs/planners_third_party.md.
+are those of the library. It gets start state, reference path, desired speed, obstacles and the edges of the road from
+the view. docs/planners_third_party.md lists its limitations and the differences from `frenet`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ try:
     from commonroad_rp.state import ReactivePlannerState
     from commonroad_rp.utility.config import ReactivePlannerConfiguration
     from commonroad_rp.utility.utils_coordinate_system import CoordinateSystem
-except ImportError:  # said when a planner is made, so that its settings can be listed without the library
+except ImportError:  # reported when a planner is made, so that its settings can be listed without the library
     ReactivePlanner = None
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 _EDGE = 0.005
 #: Below this speed an agent without a trajectory stands [m/s].
 _STANDING = 0.1
-#: The start's acceleration is given within this share of the limit: the library tests it, too, and would find no way
+#: The acceleration at the start is limited to this share of the limit: the library tests it, too, and would find no way
 #: out of full braking.
 _START_SHARE = 0.95
 
@@ -55,20 +55,20 @@ class Reactive:
 
     Attributes:
         level: Finest sampling, 1 to 3; finer levels are tried only as long as there is no trajectory without contact.
-        horizon: Length of a plan [s]; beyond the end of the predictions nobody is in the way.
+        horizon: Length of a plan [s]; beyond the end of the predictions the way is free.
         t_min: Shortest time in which a manoeuvre ends [s].
-        d_max: Lateral end positions lie within this distance of the reference path [m].
+        d_max: Lateral end positions are within this distance of the reference path [m].
         low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
-        deceleration_ratio: Speeds are sampled down to what this share of the largest deceleration leaves after the
-            horizon; twice the library's, whose horizon is twice as long.
+        deceleration_ratio: Speeds are sampled down to the speed that braking at this share of the largest deceleration
+            leaves after the horizon; twice the library's value, whose horizon is twice as long.
         collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
             always counts.
-        arrive_in_time: Desire the speed that brings the agent to its goal in time; false: the library's own wish, the
-            middle of the goal's speeds.
-        arrival_reserve: The agent wants to be at its goal in the middle of the goal's time, but no earlier than this
-            before its end [s].
-        replan_every: A new plan every so many calls; in between the last one is followed unchecked.
-        path_spacing: Distance of the vertices of the reference path that the library gets [m].
+        arrive_in_time: Aim for the speed that brings the agent to its goal in time; false: for the middle of the goal's
+            speeds, as the library does.
+        arrival_reserve: The agent aims to reach its goal in the middle of the goal's time interval, but no earlier than
+            this before its end [s].
+        replan_every: Number of calls from one plan to the next; in between the last plan is followed unchecked.
+        path_spacing: Distance between the vertices of the reference path for the library [m].
     """
 
     level: int = 3
@@ -83,7 +83,7 @@ class Reactive:
     replan_every: int = 3
     path_spacing: float = 1.0
 
-    #: Every agent has its own object and nothing is shared.
+    #: Every agent has its own object, and objects share no state.
     parallel = True
 
     def __post_init__(self) -> None:
@@ -109,14 +109,14 @@ class Reactive:
         self._last: tuple[int, Trajectory] | None = None
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
-        """The rest of the plan before, or the library's choice, or a stop."""
+        """Returns the rest of the previous plan, the library's choice, or a stop."""
         rest = self._rest(view)
         if rest is not None:
             return rest
         if self._planner is None:
             self._planner = self._new_planner(view)
         planner, ego = self._planner, view.ego
-        # The library converts the start state in the mode of the plan before and plans in the mode of this one.
+        # The library converts the start state in the mode of the previous plan and plans in the mode of this one.
         planner._low_vel_mode = ego.velocity < self.low_velocity
         planner.reset(
             initial_state_cart=_rear_axle_state(view),
@@ -139,9 +139,9 @@ class Reactive:
         return plan
 
     def _start_off(self, planner: Any, found: Any) -> Any:  # noqa: ANN401 - ReactivePlanner and what it returns
-        """The same, or a start with finer samples if it only stays although nobody is in the way.
+        """The same plan, or one with finer samples if it only stands although the way is free.
 
-        The library takes finer samples only if it finds nothing, and staying is something; but of the coarse ones none
+        The library takes finer samples only if it finds no plan, and standing is a plan; but none of the coarse samples
         may steer gently enough to start off.
         """
         for level in range(2, self.level + 1):
@@ -151,7 +151,7 @@ class Reactive:
         return found
 
     def _rest(self, view: View) -> Trajectory | None:
-        """What is left of the plan before, if it still holds and the agent is on it."""
+        """The rest of the previous plan, if it is still valid and the agent follows it."""
         if self._last is None:
             return None
         made, plan = self._last
@@ -186,7 +186,7 @@ class Reactive:
         return ReactivePlanner(configuration)
 
     def _obstacles(self, view: View, predictions: Predictions) -> Any:  # noqa: ANN401 - pycrcc.CollisionChecker
-        """Everything that must not be touched: others where they are and will be, and the edges of the road."""
+        """Collision objects: other participants at present and predicted positions, and the edges of the road."""
         checker = pycrcc.CollisionChecker()
         checker.add_collision_object(_edges(view))
         rows = {participant: row for row, participant in enumerate(predictions.ids.tolist())}
@@ -218,14 +218,14 @@ def _asked(planner: Any, level: int | None = None) -> Any:  # noqa: ANN401 - Rea
     try:
         return planner.plan(level)
     except TypeError:
-        # Standing and without any drivable sample it wants to stay, but fails to format its own log line.
+        # If it stands and no sample is feasible it chooses to stay, but fails to format its own log line.
         if planner.x_0.velocity > _STANDING:
             raise
         return None
 
 
 def _edges(view: View) -> Any:  # noqa: ANN401 - pycrcc.ShapeGroup
-    """The edges of the road as thin boxes, without those that the agent's footprint touches now (it starts there)."""
+    """The edges of the road as thin boxes, without those that the agent's footprint touches at its start."""
     ego, edges = view.ego, view.ego.road_edges
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     middle, length = start + 0.5 * along, np.hypot(along[:, 0], along[:, 1])
@@ -281,7 +281,7 @@ def _rear_axle_state(view: View) -> Any:  # noqa: ANN401 - ReactivePlannerState
 
 
 def _in_world(states: list[Any], ego: Ego) -> Trajectory:
-    """From states of the rear axle to the footprint's centre."""
+    """Converts states of the rear axle to the footprint's centre."""
     theta: NDArray[np.float64] = np.unwrap([state.orientation for state in states])
     theta = theta + 2.0 * np.pi * np.round((ego.orientation - theta[0]) / (2.0 * np.pi))
     rear = np.array([state.position for state in states])

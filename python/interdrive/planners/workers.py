@@ -1,9 +1,9 @@
-"""Planners in Python that run in processes of their own, because their class says `parallel = True`.
+"""Planners in Python that run in separate processes, because their class has `parallel = True`.
 
-Every worker process stages the same world, which never steps: it only turns the scenes that are sent to it into views.
-A planner stays in the process in which it was made, so it may remember things; answers do not depend on how many
-processes there are. Whatever a planner raises costs its own agent only; one that kills its process, or hangs where no
-signal reaches it, takes with it the planners that share the process.
+Every worker process stages the same world, which never steps: it only turns the scenes that it receives into views. A
+planner stays in the process in which it was made, so it may keep state; results do not depend on the number of
+processes. If a planner raises an exception, only its own agent ends. If it kills its process, or hangs where no signal
+reaches it, the other planners of the process are lost as well.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from interdrive.planners.calls import Answer
     from interdrive.planners.contract import Planner
 
-#: A process that starts has this long until it is ready [s]; it imports the package and stages the world.
+#: Time limit for the start of a process [s]; it imports the package and stages the world.
 _START_MAX = 120.0
-#: A call that outlives its limit by this much [s] does not react to signals: its process is killed.
+#: A call that exceeds its limit by this much [s] does not react to signals: its process is killed.
 _GRACE = 1.0
 
 
@@ -42,7 +42,7 @@ class _Worker:
     process: BaseProcess
     connection: Connection
     agents: tuple[int, ...]
-    #: Why it is gone.
+    #: Why the process was lost.
     lost: str = ""
 
 
@@ -59,10 +59,10 @@ class Workers:
         """Starts the processes and waits until all are ready.
 
         Args:
-            stage: Makes a world with the participants of the simulation; is sent to the processes.
-            make: Makes the planner of each agent; is sent to the processes.
-            n_processes: How many processes, at most one per agent.
-            timeout_s: Longest time that a call may take [s].
+            stage: Makes a world with the participants of the simulation; it is sent to the processes.
+            make: Makes the planner of each agent; it is sent to the processes.
+            n_processes: Number of processes, at most one per agent.
+            timeout_s: Time limit of a call [s].
 
         Raises:
             InputError: A process does not start, or a planner cannot be made there.
@@ -94,15 +94,15 @@ class Workers:
         if problem:
             self.close()
             raise InputError(
-                f"planners of agents {', '.join(map(str, worker.agents))} in a process of their own: {problem}"
+                f"planners of agents {', '.join(map(str, worker.agents))} in a separate process: {problem}"
             )
 
     def ask(self, scene: _core.Scene, predictions: _core.Predictions, wanted: dict[int, float]) -> dict[int, Answer]:
-        """The answers of all planners that are wanted now.
+        """Calls all requested planners and returns their results.
 
         Args:
-            scene: Now.
-            predictions: For everybody.
+            scene: The present scene.
+            predictions: Predictions for all participants.
             wanted: Agent id -> arc length of its rear axle on its reference path [m].
         """
         parts = pickle.dumps((scene.parts(), predictions), protocol=pickle.HIGHEST_PROTOCOL)
@@ -122,7 +122,7 @@ class Workers:
         return answers
 
     def _receive(self, worker: _Worker, agent: int) -> Answer:
-        """The next answer; the process is lost for good, with all its planners, if there is none."""
+        """The next result; without one the process is lost with all its planners."""
         blame = f"the planner of agent {agent}"
         limit = None if math.isinf(self._timeout_s) else self._timeout_s + _GRACE
         try:
@@ -142,11 +142,11 @@ class Workers:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Processes that start now are not told of Ctrl-C before they can ignore it; this thread is told a moment later."""
+    """Blocks Ctrl-C until new processes can ignore it; this thread gets it a moment later."""
     resource_tracker.ensure_running()  # it would lift the block when it starts
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [])
     try:
-        # It may raise because of a Ctrl-C just before, with the signal blocked already.
+        # It may raise because of a Ctrl-C just before, although the signal is already blocked.
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         yield
     finally:
@@ -154,7 +154,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 def can_be_sent(thing: object) -> bool:
-    """It can be sent to another process."""
+    """Whether the object can be pickled for another process."""
     try:
         pickle.dumps(thing)
     except Exception:  # noqa: BLE001 - whatever its pickling raises
@@ -199,6 +199,6 @@ def _work(
             view = world.view(scene, i, s)
             try:
                 answer = ask(planners[i], view, predictions.seen_by(view), timeout_s)
-            except KeyboardInterrupt as error:  # not from the terminal, which is ignored here
+            except KeyboardInterrupt as error:  # Ctrl-C of the terminal is ignored here
                 answer = failure(error)
             connection.send(answer)

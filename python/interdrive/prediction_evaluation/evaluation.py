@@ -92,7 +92,7 @@ def chosen_predictors(
         if names.count(name) > 1:
             raise InputError(f"predictor {name} is given twice")
     if not choices:
-        raise InputError("there is no predictor to evaluate")
+        raise InputError("no predictor to evaluate")
     return choices, notes
 
 

@@ -1,6 +1,7 @@
-"""Predictors: what will the others do? One call per step for all participants, from present and past alone.
+"""Predictors: one call per step predicts all participants, from present and past alone.
 
-A predictor is anything with one method, `predict(scene) -> Predictions`. Native ones are plain records of settings.
+A predictor is any object with a method `predict(scene) -> Predictions`. Native predictors are plain records of
+settings.
 """
 
 from __future__ import annotations
@@ -38,13 +39,13 @@ __all__ = [
 class Predictor(Protocol):
     """Contract of a predictor.
 
-    `predict` gets a scene (all participants that are present, with their past) and returns `Predictions` for the same
-    time step: any number of modes with probabilities, means and 2x2 covariances of the centre per step (step `k` is
-    `(k + 1) * dt` from now), a validity mask. Whoever is left out is taken to go straight on.
+    `predict` gets a scene (all present participants with their past) and returns `Predictions` for the same time step:
+    any number of modes with probabilities, means and 2x2 covariances of the centre per step (step `k` is `(k + 1) * dt`
+    from now), and a validity mask. Participants that are left out are assumed to go straight on.
     """
 
     def predict(self, scene: Scene) -> Predictions:
-        """Expectations for the participants of the scene."""
+        """Predictions for the participants of the scene."""
         ...
 
 
@@ -56,7 +57,7 @@ def _positive(**values: float) -> None:
 
 @dataclass(frozen=True)
 class ConstantVelocity:
-    """Straight on with the present velocity; who stands, stays.
+    """Straight on with the present velocity; stationary participants remain stationary.
 
     Attributes:
         position_sigma: Standard deviation of the position now [m].
@@ -80,16 +81,16 @@ class ConstantVelocity:
 
 @dataclass(frozen=True)
 class LaneFollowing:
-    """Along every lane that fits the pose (one mode each), speed kept, slower in curves; off the lanes straight on.
+    """Along every lane that fits the pose (one mode each), at constant speed, slower in curves; otherwise straight.
 
     Attributes:
         position_sigma: Standard deviation of the position now [m].
         acceleration_sigma: Standard deviation of the acceleration along the heading [m/s²].
         lateral_rate: Growth of the standard deviation across the heading [m/s].
-        modes_max: Number of lanes followed at most (1 to 8).
-        lateral_acceleration: Up to this lateral acceleration curves are driven without slowing down [m/s²].
+        modes_max: Largest number of lanes to follow (1 to 8).
+        lateral_acceleration: Vehicles take curves up to this lateral acceleration without slowing down [m/s²].
         deceleration: Deceleration before curves [m/s²].
-        return_time: Time in which an offset from the lane's centre is given up [s].
+        return_time: Time in which an offset from the lane's centre decays [s].
     """
 
     position_sigma: float = 0.15
@@ -118,21 +119,22 @@ class LaneFollowing:
 class GroundTruth:
     """The recorded future of vehicles that replay it; agents are expected to follow their lanes.
 
-    For studies only: no planner in a car could know it. Vehicles that leave the recording are not expected anywhere.
+    For studies only, because no real planner could know it. Vehicles that leave the recording are not predicted after
+    that.
     """
 
 
 @dataclass(frozen=True)
 class Neural:
-    """A network trained on recorded traffic: speeds, settling and choice of path from past, neighbours and lanes.
+    """A network trained on recorded traffic: speed, offset and choice of path from past, neighbours and lanes.
 
-    Several modes, each with covariances. Pedestrians and who drives backwards go straight on; who stands may stay
-    exactly or go. Source: `training/`.
+    Several modes, each with covariances. Pedestrians and vehicles that drive backwards go straight on; stationary
+    participants may stay exactly or go. Source: `training/`.
 
     Attributes:
-        modes_max: Number of drives at most (1 to 8); the most probable ones are kept. The wide mode of the shipped
+        modes_max: Largest number of paths (1 to 8); the most probable ones are kept. The wide mode of the shipped
             weights is one more.
-        weights: File of weights of one's own, as `training/` writes it; empty for those that are shipped.
+        weights: File with your own weights, as written by `training/`; empty for the shipped ones.
     """
 
     modes_max: int = 4
@@ -169,7 +171,7 @@ class PredictorSettings:
     """Settings of all native predictors.
 
     Attributes:
-        horizon: How far to predict [s].
+        horizon: Length of predictions [s].
         constant_velocity: Settings of `constant_velocity`.
         lane_following: Settings of `lane_following`, and of `ground_truth` for agents.
         neural: Settings of `neural`.
@@ -200,7 +202,7 @@ RECORDS: dict[str, type] = {
 #: Names of the native predictors, each with one line of explanation.
 NATIVE = {
     "constant_velocity": "straight on with the present velocity",
-    "lane_following": "along every lane that fits, speed kept, slower in curves",
+    "lane_following": "along every lane that fits, at constant speed, slower in curves",
     "neural": "a network trained on recorded traffic: several modes with covariances",
     "ground_truth": "the recorded future of vehicles that replay it (for studies only)",
     "walenet": "the published network WALENET; its weights are installed by `interdrive models install walenet`",

@@ -1,4 +1,4 @@
-"""Calls of predictors: native ones through the world, others by their method, with one clear line if one fails."""
+"""Calls of predictors: native ones through the world, others by their method; a failure becomes one clear line."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BoundPredictor:
-    """A predictor that can be asked in one world.
+    """A predictor bound to one world.
 
     Attributes:
-        name: For messages.
+        name: Name for messages.
         predictor: The record, or the object with `predict`.
         native: The core's predictor behind the record; None for one written in Python.
     """
@@ -29,15 +29,15 @@ class BoundPredictor:
     native: _core.Predictor | None
 
     def predict(self, world: _core.World, scene: _core.Scene, n_steps: int) -> Predictions:
-        """Expectations for the participants of a scene.
+        """Predictions for the participants of a scene.
 
         Args:
-            world: Where the scene comes from.
-            scene: Now.
+            world: World of the scene.
+            scene: The present scene.
             n_steps: Length of the prediction; a predictor written in Python chooses its own.
 
         Raises:
-            PredictorError: It raised, or returned something else than predictions for this time step.
+            PredictorError: It raised an exception, or did not return predictions for this time step.
         """
         if self.native is not None:
             return world.predict(self.native, scene, n_steps)

@@ -8,7 +8,7 @@ from pathlib import Path
 from interdrive import _core
 from interdrive.errors import InputError
 
-#: The weights that are shipped.
+#: The shipped weights.
 SHIPPED = Path(__file__).with_name("neural.safetensors")
 
 
@@ -16,16 +16,16 @@ def network(weights: str = "") -> _core.NeuralNetwork:
     """The network with the weights of a file.
 
     Args:
-        weights: A safetensors file as `training/` writes it; "" for the weights that are shipped.
+        weights: A safetensors file as written by `training/`; "" for the shipped weights.
 
     Raises:
-        InputError: No such file, damaged, made for other features than this version of interdrive computes, or a tensor
-            that does not fit. The text names the file.
+        InputError: The file is missing or damaged, was made for other features than those of this version of
+            interdrive, or has a tensor that does not fit. The message names the file.
     """
     try:
         path = Path(weights).expanduser().resolve() if weights else SHIPPED
         status = path.stat()
-    except (OSError, ValueError, RuntimeError) as error:  # no such user, links in a circle
+    except (OSError, ValueError, RuntimeError) as error:  # no such user, circular links
         raise InputError(f"weights {weights or SHIPPED}: no such file") from error
     return _network(path, status.st_mtime_ns, status.st_size)
 
@@ -43,7 +43,7 @@ def _network(path: Path, _changed: int, _size: int) -> _core.NeuralNetwork:
         )
     stated = found.metadata.get("sha256")
     if stated is not None and digest(found.tensors) != stated:
-        raise InputError(f"weights {path}: the values are not those that were trained (SHA-256 differs); get it anew")
+        raise InputError(f"weights {path}: the values are not the trained ones (SHA-256 differs); get the file again")
     try:
         return _core.NeuralNetwork(found.tensors)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Weights of networks as named float32 arrays: safetensors files, checked before anybody computes with them."""
+"""Weights of networks as named float32 arrays: safetensors files, checked before use."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-#: Environment variable that names the folder for what interdrive downloads.
+#: Environment variable that names the folder for downloads of interdrive.
 CACHE_VARIABLE = "INTERDRIVE_CACHE"
 
 
@@ -38,20 +38,20 @@ class Weights:
 
 
 def cache_folder() -> Path:
-    """Folder of this user for what interdrive downloads; it need not exist.
+    """The user's folder for downloads of interdrive; it need not exist.
 
     `INTERDRIVE_CACHE` if set, else `interdrive` in `XDG_CACHE_HOME`, else `~/.cache/interdrive`.
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     if chosen:
         return Path(chosen).expanduser()
-    # The XDG specification has relative paths ignored.
+    # The XDG specification says that relative paths are ignored.
     desktop = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     return (desktop if desktop.is_absolute() else Path("~/.cache").expanduser()) / "interdrive"
 
 
 def digest(tensors: Mapping[str, NDArray[np.float32]]) -> str:
-    """SHA-256 (hexadecimal) of names, shapes and values; how a file arranges them makes no difference."""
+    """SHA-256 (hexadecimal) of names, shapes and values; independent of their arrangement in the file."""
     found = hashlib.sha256()
     for name in sorted(tensors):
         values = np.ascontiguousarray(tensors[name], dtype="<f4")
@@ -65,12 +65,12 @@ def read_weights(path: Path, shapes: Mapping[str, tuple[int, ...]] | None = None
 
     Args:
         path: The file.
-        shapes: Exactly these tensors must be there, with these shapes; None: whatever is there.
-        sha256: What `digest` must say of them; None: not compared.
+        shapes: The expected tensors with their shapes, no more and no less; None: any.
+        sha256: Expected `digest`; None: not compared.
 
     Raises:
-        InputError: No such file, not a safetensors file or truncated, a tensor that is missing, unknown, of another
-            shape or type, a value that is not finite, or another digest. The text names the file.
+        InputError: The file is missing, truncated or not a safetensors file, a tensor is missing, unknown or of another
+            shape or type, a value is not finite, or the digest differs. The message names the file.
     """
     if not path.is_file():
         raise InputError(f"weights {path}: no such file")
@@ -92,7 +92,7 @@ def read_weights(path: Path, shapes: Mapping[str, tuple[int, ...]] | None = None
 
 
 def write_weights(path: Path, tensors: Mapping[str, NDArray[np.float32]], metadata: Mapping[str, str]) -> None:
-    """Writes a safetensors file, under a temporary name first: it is there completely or not at all.
+    """Writes a safetensors file, under a temporary name first, so that it is never incomplete.
 
     Raises:
         InputError: The file or its folder cannot be written.
@@ -119,7 +119,7 @@ def _check_names(path: Path, tensors: Mapping[str, object], shapes: Mapping[str,
             raise InputError(f"weights {path}: tensor {name} is missing")
     for name in tensors:
         if name not in shapes:
-            raise InputError(f"weights {path}: nothing is known of its tensor {name}")
+            raise InputError(f"weights {path}: unknown tensor {name}")
 
 
 def _check(path: Path, name: str, values: NDArray[np.float32], shape: tuple[int, ...] | None) -> None:

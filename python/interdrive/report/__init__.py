@@ -47,7 +47,7 @@ def _target(folder: str | Path, path: str | Path | None) -> Path:
     if target.suffix.lower() not in (".html", ".htm"):
         raise ResultsError(f"{target}: a page needs a name that ends in .html or .htm")
     if target.is_dir():
-        raise ResultsError(f"{target}: a folder of that name is in the way")
+        raise ResultsError(f"{target}: a folder with this name already exists")
     return target
 
 

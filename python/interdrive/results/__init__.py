@@ -1,8 +1,8 @@
 """The run folder: its Parquet columns, its one writer and its one reader. pyarrow is loaded on first use.
 
 A run folder holds outcomes.parquet, states.parquet, plans.parquet, timing.parquet, run.json and scenario.xml; and
-views.parquet, predictions.parquet and candidates.parquet if the settings `record.*` asked for them. The same run gives
-the same bytes. Absent numbers are null.
+views.parquet, predictions.parquet and candidates.parquet if the settings `record.*` request them. Equal runs give equal
+bytes. Absent numbers are null.
 """
 
 from __future__ import annotations

@@ -15,11 +15,11 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     "outcomes": (
         Column("agent_id", "integer", "participant id of the agent"),
         Column("planner", "label", "name of its planner"),
-        Column("outcome", "label", "how it ended, one of interdrive.run.OUTCOMES, or running"),
-        Column("time_step", "integer", "when it ended"),
+        Column("outcome", "label", "one of interdrive.run.OUTCOMES, or running"),
+        Column("time_step", "integer", "time step at which it ended"),
         Column("partner_id", "integer", "the other participant of a collision", nullable=True),
         Column("off_road", "truth", "the collision was with the edge of the road"),
-        Column("impact_speed", "number", "size of the relative velocity at a collision [m/s]", nullable=True),
+        Column("impact_speed", "number", "magnitude of the relative velocity at a collision [m/s]", nullable=True),
         Column(
             "harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True
         ),
@@ -28,7 +28,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
             "impact_angle", "number", "direction to the other participant, seen from the agent [rad]", nullable=True
         ),
         Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
-        Column("message", "text", "why, in words"),
+        Column("message", "text", "explanation of the outcome"),
     ),
     "states": (
         Column("time_step", "integer", ""),
@@ -45,9 +45,9 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("width", "number", "of the footprint [m]"),
     ),
     "plans": (
-        Column("time_step", "integer", "when the plan was made"),
-        Column("agent_id", "integer", "whose plan it is"),
-        Column("status", "label", "how it came about, one of interdrive.run.PLAN_STATUS"),
+        Column("time_step", "integer", "time step of the plan"),
+        Column("agent_id", "integer", "agent of the plan"),
+        Column("status", "label", "origin of the plan, one of interdrive.run.PLAN_STATUS"),
         Column("cost", "number", "cost of the chosen trajectory", nullable=True, infinite=True),
         Column("point", "integer", "point i is i * dt after time_step; a plan without points keeps one row, point 0"),
         Column("x", "number", "centre of the footprint [m]", nullable=True),
@@ -57,13 +57,13 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("acceleration", "number", "[m/s²]", nullable=True),
     ),
     "views": (
-        Column("observer_id", "integer", "the agent that saw"),
-        Column("seen_id", "integer", "the participant that it saw"),
-        Column("first_time_step", "integer", "first time step of a stretch without a break"),
-        Column("last_time_step", "integer", "last time step of the stretch, included"),
+        Column("observer_id", "integer", "the observing agent"),
+        Column("seen_id", "integer", "the visible participant"),
+        Column("first_time_step", "integer", "first time step of the visibility interval"),
+        Column("last_time_step", "integer", "last time step of the interval, included"),
     ),
     "predictions": (
-        Column("time_step", "integer", "when it was predicted"),
+        Column("time_step", "integer", "time step of the prediction"),
         Column("participant_id", "integer", "whose future"),
         Column("mode", "integer", "number of the mode"),
         Column("probability", "number", "of the mode"),
@@ -75,12 +75,12 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("variance_y", "number", "of the position in world axes [m²]", nullable=True),
     ),
     "candidates": (
-        Column("time_step", "integer", "when it was considered"),
-        Column("agent_id", "integer", "who considered it"),
-        Column("candidate", "integer", "number of the candidate among those that were kept of this plan"),
+        Column("time_step", "integer", "time step of the plan"),
+        Column("agent_id", "integer", "agent of the plan"),
+        Column("candidate", "integer", "number of the candidate among the kept ones of this plan"),
         Column("cost", "number", "total cost; null where it was not needed", nullable=True, infinite=True),
         Column("rejection", "label", "why it was rejected; empty where it was not"),
-        Column("chosen", "truth", "it became the plan"),
+        Column("chosen", "truth", "whether it became the plan"),
         Column("point", "integer", "the point is point * dt after time_step"),
         Column("x", "number", "centre of the footprint [m]", nullable=True),
         Column("y", "number", "centre of the footprint [m]", nullable=True),
@@ -93,5 +93,5 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 }
 
 
-#: Tables that a run has only if its settings asked for them; run.json says under their names whether it does.
+#: Tables that a run has only if its settings request them; run.json states under their names whether it does.
 ON_DEMAND = ("views", "predictions", "candidates")

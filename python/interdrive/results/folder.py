@@ -1,4 +1,4 @@
-"""The run folder: its one writer and its one reader."""
+"""The only writer and the only reader of run folders."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from interdrive.run import Run
 
 
-#: What a run folder may contain besides the tables; anything else makes it a folder that is never replaced.
+#: Other files of a run folder; a folder with any further file is never replaced.
 _OTHER_FILES = (
     *(
         "run.json",
@@ -44,16 +44,16 @@ _OTHER_FILES = (
 )
 
 
-#: Everything a run folder may contain.
+#: All files that a run folder may contain.
 _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
 
 
 @dataclass(frozen=True)
 class Results:
-    """What a run folder says: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
+    """Contents of a run folder: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
 
-    `views`, `predictions` and `candidates` are None unless the settings `record.*` asked for them. `missing` names the
-    tables that are not there although they should be; `load` returns them only if it is told to.
+    `views`, `predictions` and `candidates` are None unless the settings `record.*` request them. `missing` names the
+    tables that are unexpectedly missing; `load` accepts this only with `in_part`.
     """
 
     outcomes: pa.Table
@@ -70,13 +70,13 @@ class Results:
 def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     """Writes the run folder, whole or not at all, and returns its path.
 
-    Everything goes into a hidden folder beside the target, reaches the disk, and is then renamed. Nothing is left
-    behind if that fails.
+    All files are written into a hidden folder beside the target, flushed to disk, and then renamed. Nothing is left
+    behind if this fails.
 
     Args:
-        run: What to write.
+        run: The run to write.
         folder: New or empty folder, or one that holds another run.
-        overwrite: Replace the other run. A folder with anything else in it is never touched.
+        overwrite: Replace the other run. A folder with other contents is never touched.
 
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
@@ -106,18 +106,18 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
 
 
 def load(folder: str | Path, *, in_part: bool = False) -> Results:
-    """Reads a run folder, and checks that its files are sound and about the same run.
+    """Reads a run folder, and checks that its files are valid and belong to the same run.
 
     Args:
-        folder: As `save` wrote it.
+        folder: Folder written by `save`.
         in_part: Tables besides outcomes and states may be missing; plans and timing are empty then.
 
     Raises:
-        ResultsError: if the folder or one of its files is missing, damaged or of another format; one line that names
-            file and column or field.
+        ResultsError: if the folder or one of its files is missing, damaged or of another format; one line names file
+            and column or field.
     """
     folder = Path(folder)
-    resolved(folder)  # refuses what Arrow cannot open
+    resolved(folder)  # refuses paths that Arrow cannot open
     info = read_information(folder)
     tables: dict[str, Any] = {}
     missing = []
@@ -145,6 +145,6 @@ def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
 
 
 def holds_run(folder: Path) -> bool:
-    """The folder is a run folder and nothing else."""
+    """Whether the folder is a run folder without other contents."""
     inside = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
     return "run.json" in inside and inside <= _RUN_FILES

@@ -1,4 +1,4 @@
-"""What run.json says: everything that is needed to know and to repeat a run."""
+"""The contents of run.json: all information needed to identify and to repeat a run."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from interdrive.run import AgentRecord, Run
     from interdrive.scenario import Shape
 
-#: Version of the folder's layout, written to run.json; raised when a column comes, goes, or changes name or meaning.
-#: 2: outcomes with harm, partner_harm, impact_angle and impact_area.
+#: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
+#: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area.
 FORMAT = 2
 
 
 def information(run: Run) -> dict[str, Any]:
-    """What run.json says: everything that is needed to know and to repeat the run, as plain values."""
+    """The contents of run.json as plain values."""
     scenario = run.scenario
     return {
         "format": FORMAT,
@@ -51,7 +51,7 @@ def information(run: Run) -> dict[str, Any]:
 
 
 def software() -> dict[str, Any]:
-    """Versions and platform, for the files that say how results came about."""
+    """Versions and platform, for files that document the origin of results."""
     return {
         "versions": {
             "interdrive": _version("interdrive"),
@@ -64,10 +64,10 @@ def software() -> dict[str, Any]:
 
 
 def read_information(folder: Path) -> dict[str, Any]:
-    """What the run.json of a folder says.
+    """Reads the run.json of a folder.
 
     Raises:
-        ResultsError: The folder is no run folder, one of another format, or a field is not of its kind; one line.
+        ResultsError: The folder is not a run folder or has another format, or a field has the wrong type; one line.
     """
     path = folder / "run.json"
     try:
@@ -84,13 +84,13 @@ def read_information(folder: Path) -> dict[str, Any]:
     if found > FORMAT:
         raise ResultsError(f"{path}: format {found} is newer than what this interdrive reads ({FORMAT}); update it")
     raise ResultsError(
-        f"{path}: format {found} is that of an older interdrive, this one reads {FORMAT}; simulate again "
+        f"{path}: format {found} is that of an older interdrive, this version reads {FORMAT}; simulate again "
         "(scenario and settings are in run.json)"
     )
 
 
 def _facts(agent: AgentRecord) -> dict[str, Any]:
-    """What run.json says about an agent besides its outcome."""
+    """The entry of an agent in run.json, without its outcome."""
     return {
         "id": agent.id,
         "origin": agent.origin,
@@ -102,7 +102,7 @@ def _facts(agent: AgentRecord) -> dict[str, Any]:
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
-    """Kind and fields of a shape that are not empty."""
+    """Kind and non-empty fields of a shape."""
     said = {name: getattr(shape, name) for name in ("length", "width", "radius", "center", "orientation", "vertices")}
     plain = {name: value for name, value in said.items() if np.any(value)}
     members = [_shape(member) for member in shape.members]

@@ -1,4 +1,4 @@
-"""A run folder as a run again, for judging and drawing."""
+"""Reads a run folder back into a run, for evaluation and figures."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def reopen(folder: str | Path, results: Results | None = None) -> Run:
-    """A run folder as a run, for judging and drawing: states, outcomes, scenario; plans and timings are left out.
+    """Reads a run folder as a run with states, outcomes and scenario; plans and timings are left out.
+
+    The scenario is the simulated file if it still exists unchanged, otherwise scenario.xml in the folder.
 
     Args:
-        folder: As `results.save` wrote it.
-        results: What was read from it, if it was read before.
-
-    The scenario is the file that was simulated if it is still there unchanged, otherwise scenario.xml in the folder.
+        folder: Folder written by `results.save`.
+        results: Its contents, if they were read before.
 
     Raises:
         ResultsError: if the folder or one of its files is missing, damaged or of another format.
@@ -43,7 +43,7 @@ def reopen(folder: str | Path, results: Results | None = None) -> Run:
 
 
 def stored_plans(results: Results) -> Plans:
-    """Every plan of a run folder as arrays; none if the folder has none."""
+    """The plans of a run folder as arrays; empty if the folder has none."""
     table = results.plans
     column = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     starts = column["point"] == 0
@@ -136,7 +136,7 @@ def _run(
     notes: tuple[str, ...],
     facts: Mapping[int, Mapping[str, Any]] | None = None,
 ) -> Run:
-    """A run without plans and timings; `facts` are what run.json says about agents, by id."""
+    """A run without plans and timings; `facts` are the entries of agents in run.json, by id."""
     known = facts or {}
     rows = dict(zip(states.ids.tolist(), states.valid, strict=True))
     agents = tuple(
@@ -158,7 +158,7 @@ def _run(
 
 
 def _area(said: Mapping[str, Any]) -> Shape:
-    """A goal area as run.json has it."""
+    """A goal area from run.json."""
     given = {name: value for name, value in said.items() if name not in ("vertices", "members", "center")}
     vertices = np.array(said.get("vertices", ()), dtype=np.float64).reshape(-1, 2)
     members = tuple(_area(member) for member in said.get("members", ()))

@@ -1,4 +1,4 @@
-"""What run.json must look like: the kind of every field that anything reads."""
+"""The schema of run.json: the type of every field that is read."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 class _Expected(Protocol):
-    """What a value must be."""
+    """The expected type of a value."""
 
     @property
     def words(self) -> str: ...
 
     def holds(self, value: object) -> bool:
-        """It is a value of this kind, whatever is in it."""
+        """Whether the value is of this type, regardless of its contents."""
 
     def check(self, value: Any, where: str) -> None:  # noqa: ANN401 - any JSON value
-        """Raises ResultsError unless the value and all that is in it is as expected."""
+        """Raises ResultsError unless the value and all its contents are as expected."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class _TableOf:
 
 @dataclass(frozen=True)
 class _Table:
-    """A table with known names; others are left alone."""
+    """A table with known names; other names are ignored."""
 
     needed: Mapping[str, _Expected]
     optional: Mapping[str, _Expected]
@@ -99,7 +99,7 @@ class _Table:
             if name in value:
                 expected.check(value[name], _inside(where, name))
             elif name in self.needed:
-                raise ResultsError(f"{_inside(where, name)}: it is missing")
+                raise ResultsError(f"{_inside(where, name)}: missing")
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ _CHOICE = _OneOf((_TEXT, _TableOf(_ANYTHING)))
 
 
 def _shape(depth: int) -> _Table:
-    """A shape whose groups are nested at most so deeply."""
+    """A shape whose groups are nested at most to this depth."""
     return _Table(
         needed={"kind": _Plain("a kind of shape", lambda value: value in ("rectangle", "circle", "polygon", "group"))},
         optional={
@@ -204,7 +204,7 @@ _INFORMATION = _Table(
 
 
 def check_information(path: Path, info: dict[str, Any]) -> None:
-    """Raises ResultsError unless every field of a run.json is of its kind; the line names file and field."""
+    """Raises ResultsError unless every field of a run.json has its type; the line names file and field."""
     try:
         _INFORMATION.check(info, "")
         _check_settings(info.get("settings", {}))
@@ -229,7 +229,7 @@ def _unexpected(value: object, expected: _Expected, where: str) -> ResultsError:
 
 
 def _check_settings(said: Mapping[str, Any]) -> None:
-    """Settings that this version knows have values that it can use; `verify` refuses those it does not know."""
+    """Checks the values of known settings; `verify` refuses unknown ones."""
     known = flatten(SimulationSettings())
     settings = said.get("settings", {})
     try:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def outcome_table(run: Run) -> pa.Table:
-    """How every agent ended, one row each, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
+    """Outcomes, one row per agent, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
     ended, harm = run.outcomes, agent_harm(run)
     return _table(
         "outcomes",
@@ -92,7 +92,7 @@ def timing_table(run: Run) -> pa.Table:
 
 
 def views_table(run: Run) -> pa.Table | None:
-    """Who saw whom, one row per stretch of time steps, as an Arrow table; None if that was not recorded."""
+    """Visibility intervals, one row each, as an Arrow table; None if they were not recorded."""
     seen = run.views
     if seen is None:
         return None

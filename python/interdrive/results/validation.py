@@ -1,4 +1,4 @@
-"""Whether the tables of a run folder are what `save` writes: their values, their order, and that they fit together."""
+"""Checks that the tables of a run folder are as written by `save`: values, order, and consistency."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
     Columns = Mapping[str, Any]
 
-#: Labels that a column may hold.
+#: Allowed labels of columns.
 LABELS: Mapping[tuple[str, str], Sequence[str]] = {
     ("outcomes", "outcome"): (*OUTCOMES, "running"),
     ("outcomes", "impact_area"): IMPACT_AREAS,
@@ -42,20 +42,21 @@ ORDER: Mapping[str, Sequence[str]] = {
     "candidates": ("time_step", "agent_id", "candidate", "point"),
 }
 
-#: Positions [m] are not larger.
+#: Largest position [m].
 _POSITION_MAX = limits.LARGEST_COORDINATE
 
-#: Arrays of participants and time steps, or of plans and points, may have so many cells, and so many more per row.
+#: Largest number of cells of arrays of participants and time steps, or of plans and points, and additional cells per
+#: row.
 _CELLS, _CELLS_PER_ROW = 10_000_000, limits.CELLS_PER_STATE
 
 
 def check_tables(folder: Path, tables: Mapping[str, pa.Table], info: Mapping[str, Any], missing: Sequence[str]) -> None:
-    """Raises ResultsError unless every table is sound and all of them are about the same run.
+    """Raises ResultsError unless every table is valid and all of them belong to the same run.
 
     Args:
-        folder: Of the run.
-        tables: By name.
-        info: What run.json says, checked.
+        folder: Folder of the run.
+        tables: Tables by name.
+        info: Checked contents of run.json.
         missing: Tables that are empty because their files are not there.
     """
     found: dict[str, Columns] = {}
@@ -123,7 +124,7 @@ def _check_states(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
 def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     plans, states = found["plans"], found["states"]
     point, starts = plans["point"], plans["point"] == 0
-    # Sorted by point within a plan, so only gaps are left to be found.
+    # Rows are sorted by point within a plan, so only gaps have to be found.
     refuse("point", point, ~starts & (np.diff(point, prepend=-1) != 1), "does not follow the point before")
     _bounded("point", int(starts.sum()) * (int(point.max(initial=0)) + 1), len(point))
     _known("agent_id", plans["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
@@ -150,7 +151,7 @@ def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
 
 def _check_views(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     views, states = found["views"], found["states"]
-    _known("observer_id", views["observer_id"], found["outcomes"]["agent_id"], "is no agent")
+    _known("observer_id", views["observer_id"], found["outcomes"]["agent_id"], "is not an agent")
     _known("seen_id", views["seen_id"], states["participant_id"], "has no states")
     first, last = views["first_time_step"], views["last_time_step"]
     refuse("last_time_step", last, last < first, "is before the first one")
@@ -161,7 +162,7 @@ def _check_views(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
 def _check_predictions(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     predictions = found["predictions"]
     _known("participant_id", predictions["participant_id"], found["states"]["participant_id"], "has no states")
-    refuse("probability", predictions["probability"], ~_is_share(predictions["probability"]), "is no probability")
+    refuse("probability", predictions["probability"], ~_is_share(predictions["probability"]), "is not a probability")
     _check_blocks(predictions, ("time_step", "participant_id", "mode", "probability"), found["states"])
 
 
@@ -172,7 +173,7 @@ def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> Non
 
 
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
-    """Every row of a prediction or candidate has the same points, and the same values in these columns."""
+    """Checks that every prediction or candidate has the same points, and equal values in these columns."""
     steps, points = columns["time_step"], np.unique(columns["point"])
     if not len(steps):
         return  # planners that weigh no candidates leave an empty table
@@ -203,7 +204,7 @@ def _known(name: str, ids: Ints, known: Ints, why: str) -> None:
 
 
 def _is_recorded(steps: Ints, states: Columns) -> NDArray[np.bool_]:
-    """Which time steps lie between the first and the last state."""
+    """Whether time steps are between the first and the last state."""
     there = states["time_step"]
     found: NDArray[np.bool_] = (
         (steps >= there[0]) & (steps <= there[-1]) if len(there) else np.zeros(len(steps), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""What a simulation leaves behind, as arrays, and how they come about."""
+"""Results of a simulation as arrays, and their assembly."""
 
 from interdrive.run.record import (
     OUTCOMES,

@@ -1,4 +1,4 @@
-"""From the tables of the core to the arrays of a `Run`."""
+"""Converts the tables of the core to the arrays of a `Run`."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def digest(states: States) -> str:
     """SHA-256 over ids, masks and the bits of all states; equal digests mean equal runs."""
     total = hashlib.sha256()
     for array in (states.ids, states.valid, *(getattr(states, name) for name in STATE_COLUMNS)):
-        # Absent states are nan; one bit pattern for all of them.
+        # Absent states are nan, all with the same bit pattern.
         clean = np.where(np.isnan(array), 0.0, array) if array.dtype == np.float64 else array
         total.update(np.ascontiguousarray(clean).tobytes())
     return total.hexdigest()
 
 
 def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
-    """How every agent ended, from the core's table; `planners` are their names."""
+    """Outcomes of all agents, from the core's table; `planners` are their names."""
     return Outcomes(
         agent_id=raw["agent_id"],
         planner=tuple(planners[i] for i in raw["agent_id"].tolist()),
@@ -61,7 +61,7 @@ def states_of(raw: dict[str, Any]) -> States:
 
 
 def agent_record(agent: Agent, planner: str) -> AgentRecord:
-    """What does not change about an agent."""
+    """The constant properties of an agent."""
     return AgentRecord(
         id=agent.id,
         planner=planner,
@@ -84,13 +84,13 @@ def timings_of(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
 
 
 def no_plans() -> Plans:
-    """Plans of a run that has none."""
+    """The table of plans of a run without plans."""
     none, points = np.empty(0, dtype=np.int64), np.empty((0, 0))
     return Plans(none, none, none, np.empty(0), points, points, points, points, points)
 
 
 def no_timings() -> Timings:
-    """Timings of a run that has none."""
+    """The table of timings of a run without timings."""
     return Timings(np.empty(0, dtype=np.int64), (), np.empty(0))
 
 

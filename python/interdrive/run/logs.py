@@ -1,4 +1,4 @@
-"""What agents had before their eyes when they planned, thinned as it happens: predictions and sampled candidates."""
+"""Predictions and candidates available to each agent, thinned out while the run goes on."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
 
-#: Kept points are so far apart [s].
+#: Time between kept points [s].
 _SPACING = 0.5
 
 #: Kept positions are whole multiples of this [m]: about a millimetre, in few bits.
 _RESOLUTION = 2.0**-10
 
-#: Among the candidates that are kept, one in so many is a rejected one.
+#: One in this many of the kept candidates is a rejected one.
 _ONE_REJECTED_IN = 5
 
 
@@ -38,7 +38,7 @@ class PredictionLog:
     def add(self, predictions: _core.Predictions) -> None:
         """Keeps every mode that has a probability."""
         row, mode = np.nonzero(predictions.probability > 0)
-        # Column i lies i + 1 time steps ahead.
+        # Column i is i + 1 time steps ahead.
         columns = np.arange(self._stride - 1, predictions.x.shape[-1], self._stride)
         there = predictions.valid[row, mode][:, columns]
         picked = row[:, None], mode[:, None], columns[None]
@@ -60,13 +60,13 @@ class PredictionLog:
 
 
 def steps_between(spacing: float, dt: float, replan_every: int) -> int:
-    """Time steps from one plan whose candidates are kept to the next: `spacing` [s] or a little more, to a new plan."""
+    """Time steps between plans whose candidates are kept: at least `spacing` [s], rounded up to a new plan."""
     steps = max(1, round(min(spacing / dt, 1e9)))
     return -(-steps // replan_every) * replan_every
 
 
 class CandidateLog:
-    """Collects candidates of native sampling planners; other planners have none to show."""
+    """Collects candidates of native sampling planners; other planners have no candidates."""
 
     def __init__(self, dt: float, count: int, spacing: float, threads: int) -> None:
         """Starts empty; keeps at most `count` candidates of one new plan of each agent per `spacing` [s]."""
@@ -76,7 +76,7 @@ class CandidateLog:
         self._rows: list[tuple[int, int, Floats, list[str], NDArray[np.bool_], Floats, Floats]] = []
 
     def add(self, world: _core.World, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
-        """Keeps what agents with new plans chose from, if it is time for them."""
+        """Keeps the candidates of agents with new plans, if they are due."""
         carried_over = (plans.status == PLAN_STATUS.index("planned")) & np.isnan(plans.cost)
         new = plans.ids[~carried_over].tolist()
         agents = [agent for agent in new if self._next.get(agent, world.time_step) <= world.time_step]
@@ -118,10 +118,10 @@ class CandidateLog:
 
 
 def _spread(cost: Floats, rejection: list[str], chosen: int, count: int) -> Ints:
-    """Rows of at most `count` candidates: the chosen one, then from cheap to dear, then some of the rejected ones."""
+    """Rows of at most `count` candidates: the chosen one, then others by ascending cost, then some rejected ones."""
     usable = np.array([not reason for reason in rejection])
     usable[chosen if chosen >= 0 else slice(0, 0)] = False
-    # nan sorts behind every number.
+    # nan sorts after every number.
     admissible, rejected = np.flatnonzero(usable), np.flatnonzero([bool(reason) for reason in rejection])
     admissible = admissible[np.argsort(cost[admissible], kind="stable")]
     first = np.array([chosen] if chosen >= 0 else [], dtype=np.int64)
@@ -132,7 +132,7 @@ def _spread(cost: Floats, rejection: list[str], chosen: int, count: int) -> Ints
 
 
 def _evenly(rows: Ints, count: int) -> Ints:
-    """At most `count` of them, first and last included."""
+    """At most `count` of the rows, evenly spaced, including first and last."""
     if len(rows) <= count:
         return rows
     return rows[np.round(np.linspace(0, len(rows) - 1, max(count, 0))).astype(np.int64)]
@@ -143,7 +143,7 @@ def _rounded(positions: Floats) -> Floats:
 
 
 def _widened(table: Floats, points: int) -> Floats:
-    """The table with nan up to so many points."""
+    """The table padded with nan to this number of points."""
     wide = np.full((len(table), points, *table.shape[2:]), np.nan)
     wide[:, : table.shape[1]] = table
     return wide

@@ -1,4 +1,4 @@
-"""What a simulation leaves behind: outcome per agent, states of everybody, plans, timings. Arrays only."""
+"""Results of a simulation: outcomes of agents, states of all participants, plans, timings. Arrays only."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
 
-#: How an agent can end, in the order in which tables list them.
+#: Outcomes of agents, in the order of tables.
 OUTCOMES = (
     "goal_reached",
     "goal_reached_late",
@@ -29,27 +29,27 @@ OUTCOMES = (
     "planner_error",
 )
 
-#: How a plan came about; the position is the code in `Plans.status`.
+#: Origin of a plan; the position is the code in `Plans.status`.
 PLAN_STATUS = ("none", "planned", "emergency_braking", "infeasible", "error")
 
-#: Phases of a step, in their order; the timings of a step add up over them. "record" is what pictures ask for,
-#: "collision" the search for contacts and road departures, "advance" all else of `World.step`.
+#: Phases of a step, in their order; the timings of a step add up over them. "record" is recording for figures,
+#: "collision" the search for contacts and road departures, "advance" the rest of `World.step`.
 PHASES = ("observe", "predict", "plan", "plan_python", "record", "collision", "advance")
 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """How every agent ended; one row per agent, sorted by id.
+    """Outcomes of agents; one row per agent, sorted by id.
 
     Attributes:
         agent_id: Shape (agents,).
         planner: Name of the agent's planner.
-        outcome: One of `OUTCOMES`; "running" if the run was stopped before the agent was done.
+        outcome: One of `OUTCOMES`; "running" if the run was stopped before the agent had an outcome.
         time_step: Time step at which it ended.
         partner_id: The other participant of a collision; -1 for none (also for leaving the road).
         off_road: The collision was with the edge of the road.
-        impact_speed: Size of the relative velocity at a collision [m/s]; nan without.
-        message: For people: why infeasible, what a planner raised, ...
+        impact_speed: Magnitude of the relative velocity at a collision [m/s]; nan without a collision.
+        message: Explanation for the reader, such as the exception of a planner.
     """
 
     agent_id: Ints
@@ -75,7 +75,7 @@ class States:
         length: Footprint length [m], shape (participants,). width: Footprint width [m].
         x: Centre [m], shape (participants, time_steps). y: Centre [m].
         orientation: Heading [rad]. velocity: Speed [m/s]. acceleration: [m/s²]. yaw_rate: [rad/s].
-        valid: Present.
+        valid: Whether the participant is present.
     """
 
     ids: Ints
@@ -101,14 +101,14 @@ class States:
 
 @dataclass(frozen=True)
 class Plans:
-    """Every plan that was made: one row per agent and time step, sorted by time step, then id.
+    """All plans: one row per agent and time step, sorted by time step, then id.
 
     Attributes:
-        time_step: When the plan was made, shape (plans,).
-        agent_id: Whose, shape (plans,).
+        time_step: Time step of the plan, shape (plans,).
+        agent_id: Agent of the plan, shape (plans,).
         status: Index into `PLAN_STATUS`, shape (plans,).
         cost: Cost of the chosen trajectory, nan where the planner has none, shape (plans,).
-        x: Centre [m], shape (plans, points); point i is i * dt later; nan beyond a plan's end.
+        x: Centre [m], shape (plans, points); point i is i * dt after the plan; nan beyond its end.
         y: Centre [m]. orientation: [rad]. velocity: [m/s]. acceleration: [m/s²].
     """
 
@@ -125,13 +125,13 @@ class Plans:
 
 @dataclass(frozen=True)
 class Views:
-    """Who saw whom: one row per stretch of time steps without a break, sorted by observer, seen and time.
+    """Visibility intervals per observer and participant, sorted by observer, participant and time.
 
     Attributes:
-        observer_id: The agent that saw, shape (stretches,).
-        seen_id: The participant that it saw.
-        first_time_step: First time step of the stretch.
-        last_time_step: Last time step of the stretch, included.
+        observer_id: The observing agent, shape (intervals,).
+        seen_id: The visible participant.
+        first_time_step: First time step of the interval.
+        last_time_step: Last time step of the interval, included.
     """
 
     observer_id: Ints
@@ -140,7 +140,7 @@ class Views:
     last_time_step: Ints
 
     def seen_by(self, observer_id: int, time_step: int) -> list[int]:
-        """Ids of those whom an agent saw at a time step, ascending."""
+        """Ids of the participants that an agent saw at a time step, ascending."""
         now = (self.first_time_step <= time_step) & (time_step <= self.last_time_step)
         seen: list[int] = self.seen_id[now & (self.observer_id == observer_id)].tolist()
         return seen
@@ -148,14 +148,14 @@ class Views:
 
 @dataclass(frozen=True)
 class Predicted:
-    """What agents planned against: one row per time step, participant and mode with a probability above 0, sorted so.
+    """Predictions available to agents: one row per time step, participant and mode with a probability above 0.
 
-    Agents see those rows whose participant is in their view.
+    Rows are sorted by these. An agent has the rows of participants in its view.
 
     Attributes:
         point: Points of a row, counted in time steps after `time_step`, about half a second apart, shape (points,).
-        time_step: When it was predicted, shape (rows,).
-        participant_id: Whose future, shape (rows,). mode: Number of the mode. probability: Of the mode.
+        time_step: Time step of the prediction, shape (rows,).
+        participant_id: Predicted participant, shape (rows,). mode: Number of the mode. probability: Of the mode.
         x: Mean of the footprint's centre [m], shape (rows, points); nan beyond the end. y: The same.
         covariance: Of the position in world axes [m²], shape (rows, points, 2, 2).
     """
@@ -172,14 +172,14 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Considered:
-    """Some of the candidates that sampling planners chose from, sorted by time step, agent, then as kept.
+    """Some of the candidates of sampling planners, sorted by time step, agent, then in the order of `CandidateLog`.
 
     Attributes:
         point: Points of a row, counted in time steps after `time_step`, about half a second apart, shape (points,).
-        time_step: When, shape (rows,). agent_id: Whose, shape (rows,).
+        time_step: Time step of the plan, shape (rows,). agent_id: Agent, shape (rows,).
         cost: Total cost; nan where it was not needed, shape (rows,).
-        rejection: Why the candidate was rejected, "" where it was not, one per row.
-        chosen: It became the plan, shape (rows,).
+        rejection: Reason of the rejection, "" where the candidate was not rejected, one per row.
+        chosen: Whether it became the plan, shape (rows,).
         x: Centre of the footprint [m], shape (rows, points); nan beyond the end. y: The same.
     """
 
@@ -210,9 +210,9 @@ class Timings:
 
 @dataclass(frozen=True)
 class AgentRecord:
-    """Facts about one agent that do not change during a run.
+    """Constant properties of one agent during a run.
 
-    `goal_areas`, `route_lanelet_ids` and `reference_path` (shape (points, 2) [m]) are for pictures and files.
+    `goal_areas`, `route_lanelet_ids` and `reference_path` (shape (points, 2) [m]) are for figures and files.
     """
 
     id: int
@@ -230,19 +230,19 @@ class Run:
     """A finished (or interrupted) simulation.
 
     Attributes:
-        scenario: What was simulated.
+        scenario: The simulated scenario.
         settings: Everything needed to repeat the run, as plain values (written to run.json).
         agents: One record per agent, sorted by id.
-        outcomes: How every agent ended.
+        outcomes: Outcomes of all agents.
         states: States of all participants.
-        plans: Every plan.
+        plans: All plans.
         timings: Wall time per step and phase.
-        notes: One line per thing the user should know (vehicles that stayed recorded, and why, ...).
+        notes: Remarks for the user, one line each (such as why a vehicle stayed recorded).
         digest: SHA-256 of all states; equal digests mean equal bits.
         finished: False if the run was stopped from outside.
-        views: Who saw whom; None unless `record.views` asked for it.
-        predicted: What agents planned against; None unless `record.predictions` asked for it.
-        considered: What they chose from; None unless `record.candidates` asked for it.
+        views: Visibility intervals; None unless `record.views` is set.
+        predicted: Predictions available to agents; None unless `record.predictions` is set.
+        considered: Candidates of agents; None unless `record.candidates` is set.
     """
 
     scenario: Scenario

@@ -1,4 +1,4 @@
-"""The input as arrays: roads, recorded traffic, planning problems; its limits, what it holds, who can be an agent."""
+"""The input as arrays: roads, recorded traffic, planning problems; limits, inspection, choice of agents."""
 
 from interdrive.scenario.model import (
     KINDS,

@@ -1,4 +1,4 @@
-"""Who is driven: planning problems of the file, and recorded vehicles with a goal derived from their recording."""
+"""Agents: planning problems of the file, and recorded vehicles with a goal derived from their recording."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 #: Footprint of a planning problem's vehicle: BMW 320i, CommonRoad vehicle type 2 [m].
 PLANNING_PROBLEM_LENGTH, PLANNING_PROBLEM_WIDTH = 4.508, 1.610
 
-#: Recorded accelerations are differences of noisy positions in many data sets; an agent starts within this [m/s²].
+#: Recorded accelerations are differences of noisy positions in many data sets; an agent starts with at most this value
+#: [m/s²].
 _START_ACCELERATION_MAX = 3.0
 
 
@@ -33,7 +34,7 @@ class AgentSettings:
     """Which recorded vehicles can become agents.
 
     Attributes:
-        min_displacement: A vehicle must get at least this far away from where it starts [m].
+        min_displacement: A vehicle must get at least this far away from its start [m].
     """
 
     min_displacement: float = 10.0
@@ -41,13 +42,13 @@ class AgentSettings:
 
 @dataclass(frozen=True)
 class GoalSettings:
-    """Goals derived from recordings: the stretch of lane around the last recorded state.
+    """Goals derived from recordings: the section of lane around the last recorded state.
 
     Attributes:
-        length_before: The stretch begins this far before the last recorded position [m].
+        length_before: The section begins this far before the last recorded position [m].
         length_after: It ends this far behind it [m].
-        time_early: The agent may arrive this much earlier than recorded [s]; inf: as early as it likes.
-        time_late: It is late when it arrives more than this after the recorded time [s].
+        time_early: The agent may arrive this much earlier than recorded [s]; inf: arbitrarily early.
+        time_late: The agent is late if it arrives more than this after the recorded time [s].
         velocity_tolerance: Allowed difference from the last recorded speed [m/s].
         orientation_tolerance: Allowed difference from the lane's direction there [rad].
     """
@@ -78,7 +79,7 @@ class Agent:
 
     Attributes:
         id: Unique among all participants.
-        names: Ids under which it may be asked for: its own, and that of its planning problem.
+        names: Ids that select it: its own, and that of its planning problem.
         origin: "planning problem" or "recorded".
         kind: One of `interdrive.scenario.KINDS`.
         shape: Footprint in the body frame.
@@ -106,7 +107,7 @@ class _Proposal:
     """An agent before its route is known."""
 
     id: int
-    names: tuple[int, ...]  # ids under which the user may ask for it
+    names: tuple[int, ...]  # ids that select it
     origin: str
     kind: str
     shape: Shape
@@ -116,10 +117,10 @@ class _Proposal:
 
 
 def normalized(agents: object) -> str | int | list[int]:
-    """A wish for agents as "all", a number, or a list of ids.
+    """The choice of agents as "all", a number, or a list of ids.
 
     Raises:
-        InputError: It is none of these.
+        InputError: The choice is none of these.
     """
     if isinstance(agents, str):
         return agents
@@ -156,7 +157,7 @@ def select(
         seed: For the choice of a number.
 
     Returns:
-        The agents, sorted by id, and one line per vehicle that stays recorded although it could have been meant.
+        The agents, sorted by id, and one line per vehicle that stays recorded although it may have been meant.
 
     Raises:
         InputError: Unknown id, an id that cannot be an agent, or no agent left.
@@ -194,7 +195,8 @@ def possible_agents(
     goal_settings: GoalSettings,
     max_steps: int,
 ) -> tuple[list[int], dict[int, str]]:
-    """Who can be an agent: their ids, and why the other planning problems and recorded obstacles cannot, by id.
+    """Ids of possible agents, and by id the reasons why other planning problems and recorded obstacles cannot be
+    agents.
 
     Args:
         scenario: The scenario.
@@ -215,7 +217,7 @@ def possible_agents(
 
 
 def _order(proposals: list[_Proposal], seed: int) -> list[_Proposal]:
-    """Planning problems first, then recorded vehicles in an order that the seed decides."""
+    """Planning problems first, then recorded vehicles in an order that depends on the seed."""
     problems = [p for p in proposals if p.origin == "planning problem"]
     recorded = [p for p in proposals if p.origin == "recorded"]
     order = np.random.default_rng(seed).permutation(len(recorded))
@@ -235,14 +237,14 @@ def _choose(
         if agents < 1:
             raise InputError(f"the number of agents must be at least 1, not {agents}")
         if agents > len(proposals):
-            raise InputError(f"{agents} agents asked for, but only {len(proposals)} vehicles can be agents")
+            raise InputError(f"{agents} agents requested, but only {len(proposals)} vehicles can be agents")
         return _order(proposals, seed)[:agents]
     chosen: list[_Proposal] = []
     for wanted in agents:
         found = next((p for p in proposals if wanted in p.names), None)
         if found is None:
             known = ", ".join(str(p.id) for p in proposals[:20]) or "none"
-            why = reasons.get(int(wanted), "there is no such vehicle")
+            why = reasons.get(int(wanted), "no such vehicle")
             more = ", ..." if len(proposals) > 20 else ""
             raise InputError(f"agent {wanted}", f"{why}; possible agents: {known}{more}")
         if found not in chosen:
@@ -292,7 +294,7 @@ def _proposals(
 
 
 def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int]) -> tuple[_Proposal, str]:
-    """A planning problem's agent; if a recorded vehicle stands at its start, it is that vehicle."""
+    """The agent of a planning problem; if a recorded vehicle is at its start, this vehicle becomes the agent."""
     state, obstacles = problem.initial_state, scenario.obstacles
     shape = Shape("rectangle", length=PLANNING_PROBLEM_LENGTH, width=PLANNING_PROBLEM_WIDTH)
     kind, agent_id, note = "car", problem.id, ""
@@ -362,7 +364,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
 def _goal_areas(
     road: _core.RoadNetwork, x: float, y: float, orientation: float, settings: GoalSettings
 ) -> tuple[tuple[Shape, ...], float]:
-    """The stretch of lane around a pose, and the lane's direction there; off the lanes a rectangle."""
+    """The section of lane around a pose, and the lane's direction there; off the lanes a rectangle."""
     found = road.matching(x, y, orientation, 1.0, math.pi / 2)
     if found:
         lanelet, s, _, heading_error = found[0]
@@ -402,7 +404,7 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
     acceleration = float(np.clip(state.acceleration, -_START_ACCELERATION_MAX, _START_ACCELERATION_MAX))
     yaw_rate = state.yaw_rate
     if not math.isfinite(yaw_rate):
-        # A vehicle whose steering is not known is taken to follow its lane.
+        # A vehicle with unknown steering is assumed to follow its lane.
         index = round(route.start_s / route.length * (len(route.reference_curvature) - 1))
         yaw_rate = state.velocity * float(route.reference_curvature[index])
     yaw_rate_max = _yaw_rate_max(vehicle, abs(state.velocity))
@@ -422,7 +424,7 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
 
 
 def _yaw_rate_max(vehicle: _core.Vehicle, velocity: float) -> float:
-    """What steering and, with a reserve, tyres allow at a speed [rad/s]; recorded headings are noisy."""
+    """Largest yaw rate for steering and, with a reserve, tyres at a speed [rad/s]; recorded headings are noisy."""
     reserve = 0.5
     by_tyres = reserve * vehicle.lateral_acceleration_max / max(velocity, 0.1)
     return min(vehicle.curvature_max * velocity, by_tyres)

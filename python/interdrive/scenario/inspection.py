@@ -1,4 +1,4 @@
-"""What a scenario holds, before anything is run: its size, its traffic, and who can become an agent and why not."""
+"""Contents of a scenario before a run: its size, its traffic, and which vehicles can become agents or why not."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Candidates:
 
     Attributes:
         ids: Obstacle ids, shape (obstacles,).
-        accepted: Can become an agent, shape (obstacles,).
-        reasons: Why not; "" where accepted.
+        accepted: Whether it can become an agent, shape (obstacles,).
+        reasons: Why it cannot; "" where accepted.
     """
 
     ids: Ints
@@ -38,7 +38,7 @@ class Candidates:
 
 @dataclass(frozen=True)
 class ProblemSummary:
-    """A planning problem for people: where it starts, how fast [m/s], and its goal in words."""
+    """Summary of a planning problem: its start, initial speed [m/s], and its goal in words."""
 
     id: int
     x: float
@@ -50,16 +50,16 @@ class ProblemSummary:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a scenario holds.
+    """Contents of a scenario.
 
     Attributes:
         name: Name of the scenario.
         benchmark_id: The id written in the file.
         dt: Time between steps [s].
-        n_steps: Number of recorded time steps, the first included.
+        n_steps: Number of recorded time steps, including the first.
         duration: From the first to the last recorded time step [s].
         n_lanelets: Number of lanelets.
-        lane_length: Length of all lanelets' centre lines together [m].
+        lane_length: Total length of the centre lines of all lanelets [m].
         extent: Size of the map along x and y [m].
         speed_limits: Lowest and highest speed limit [m/s]; nan where no lanelet has one.
         kinds: Number of obstacles per kind, the most frequent first.
@@ -89,11 +89,11 @@ def candidates(scenario: Scenario, min_displacement: float = 10.0) -> Candidates
     """Which recorded obstacles can become agents.
 
     An obstacle can if it is a vehicle (`DRIVABLE_KINDS`), not static, has at least two states, starts on a lanelet and
-    gets far enough away from its start to have somewhere to go.
+    gets far enough away from its start.
 
     Args:
         scenario: The scenario.
-        min_displacement: How far it must get from where it starts, as the crow flies [m].
+        min_displacement: Straight-line distance that it must get away from its start [m].
 
     Returns:
         One row per obstacle.
@@ -123,7 +123,7 @@ def candidates(scenario: Scenario, min_displacement: float = 10.0) -> Candidates
 
 
 def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
-    """What a scenario holds: the numbers and words behind `interdrive check`.
+    """Inspects a scenario, for `interdrive check`.
 
     Args:
         scenario: The scenario.
@@ -157,7 +157,7 @@ def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
 
 
 def lanelets_at(lanelets: Lanelets, x: Floats, y: Floats) -> Bools:
-    """Which lanelets each point lies on: inside the polygon between their bounds (even-odd rule) or on its edge.
+    """The lanelets on which each point lies: inside the polygon between their bounds (even-odd rule) or on its edge.
 
     Args:
         lanelets: The roads.

@@ -1,6 +1,6 @@
-"""Every bound on what a scenario may hold, and the check of a converted scenario against them.
+"""All bounds on the contents of a scenario, and the check of a converted scenario against them.
 
-The bounds keep time and memory in proportion to the file: a mistyped exponent must not cost gigabytes. They lie far
+The bounds keep time and memory in proportion to the file: a mistyped exponent must not cost gigabytes. They are far
 beyond real maps and recordings, whose lanelets are up to 10 km long and whose recordings have up to 30,000 steps.
 """
 
@@ -32,24 +32,24 @@ LARGEST_TIME_STEP = 100_000
 LARGEST_GOAL_TIME_STEP = 2**31 - 1
 #: Coordinates beyond this [m] are no place on earth in any projection; larger ones would lose millimetres.
 LARGEST_COORDINATE = 1e9
-#: Lanelets end this far [m] before that: what agents drive beyond them must still be a coordinate.
+#: Lanelets end this far [m] before that, so that agents that drive beyond them still have valid coordinates.
 ROOM_BEYOND_MAP = 1e6
 #: Speeds [m/s], accelerations [m/s²] and yaw rates [rad/s] beyond these are errors of units.
 LARGEST_VELOCITY, LARGEST_ACCELERATION, LARGEST_YAW_RATE = 1e4, 1e7, 1e4
 #: Distance travelled in a recording [m]: an agent's reference path leads through all its positions.
 LONGEST_RECORDING = 1e5
-#: commonroad-io takes off one turn at a time, which for larger angles [rad] takes for ever.
+#: commonroad-io subtracts one turn at a time, which for larger angles [rad] takes for ever.
 LARGEST_ANGLE = 1000.0
 #: Size of a footprint [m]: walls and buildings are obstacles, too.
 SMALLEST_SIZE, LARGEST_FOOTPRINT = 1e-6, 1e5
-#: Speed limits above this [m/s] are taken for a wrong unit and left out.
+#: Speed limits above this [m/s] are probably in a wrong unit and are ignored.
 LARGEST_SPEED_LIMIT = 150.0
 
 #: Length of one lanelet, of all lanelets together, and extent of the map along an axis [m].
 LONGEST_LANELET, LONGEST_ROADS, LARGEST_EXTENT = 1e5, 2e6, 1e6
 MOST_LANELETS, MOST_POINTS_OF_A_LANELET, MOST_POINTS = 20_000, 5_000, 500_000
 MOST_OBSTACLES, MOST_STATES, MOST_PROBLEMS, MOST_GOALS = 10_000, 1_000_000, 1_000, 1_000
-#: What is counted, and what to do about too many of it.
+#: Counted elements, and advice for too many of them.
 LANELETS, POINTS = ("lanelets", "cut it"), ("points", "cut it")
 POINTS_OF_A_LANELET = ("points on a bound", "thin them out or split it")
 OBSTACLES, STATES, PROBLEMS = ("obstacles", "cut it"), ("states", "cut it"), ("planning problems", "split it")
@@ -59,28 +59,28 @@ _UNITS = {
 }
 #: Vertices of a footprint and of an area; lanelets are areas, too.
 MOST_VERTICES_OF_A_FOOTPRINT, MOST_VERTICES = 1_000, 2 * MOST_POINTS_OF_A_LANELET
-#: Elements of an XML document inside each other.
+#: Nesting depth of an XML document.
 DEEPEST = 50
 #: Obstacles times steps of a table; more is a mistyped time step, not a recording.
 LARGEST_TABLE = 5_000_000
-#: So many cells any table may have; larger ones at most `CELLS_PER_STATE` for every recorded state.
+#: Any table may have this many cells; larger ones at most `CELLS_PER_STATE` for every recorded state.
 SMALL_TABLE, CELLS_PER_STATE = 500_000, 200
 
 
 def require(fits: bool, file: str, what: str, problem: str) -> None:
-    """Raises `InputError` unless a condition holds: file, element, and what is wrong with it."""
+    """Raises `InputError` with file, element and problem unless a condition holds."""
     if not fits:
         raise InputError(f"{file}: {what} {problem}")
 
 
 def require_count(n: int, most: int, counted: tuple[str, str], what: str, file: str) -> None:
-    """Refuses too many of something: its name and what to do about it, as in `LANELETS`."""
+    """Refuses too many elements; their name and the advice are as in `LANELETS`."""
     name, advice = counted
     require(n <= most, file, what, f"has {n} {name}; at most {most} are possible, {advice}")
 
 
 def require_dt(dt: float, file: str, text: str | None = None) -> None:
-    """Refuses a time step size that no simulation can have."""
+    """Refuses a time step size out of bounds."""
     if not SMALLEST_DT <= dt <= LARGEST_DT:
         shown = f"{dt:g}" if text is None else text[:30]
         raise InputError(
@@ -112,11 +112,11 @@ def require_values(values: Floats | Iterable[float], most: float, what: str, fil
 
 
 def require_scenario(scenario: Scenario, file: str) -> None:
-    """Refuses a scenario that breaks any bound, wherever it came from.
+    """Refuses a scenario that violates any bound.
 
     Args:
-        scenario: From a file or built in memory.
-        file: What to call it in messages.
+        scenario: A scenario from a file or built in memory.
+        file: Its name in messages.
 
     Raises:
         InputError: One line that names file and element.
@@ -210,7 +210,7 @@ def require_states(values: Floats, what: str, file: str) -> None:
 
 
 def require_footprint(shape: Shape, what: str, file: str) -> None:
-    """Refuses footprints without area or larger than anything that stands beside a road."""
+    """Refuses footprints without area or larger than any real obstacle."""
     require_shape(shape, what, file, LARGEST_FOOTPRINT, MOST_VERTICES_OF_A_FOOTPRINT)
 
 
@@ -226,7 +226,7 @@ def require_shape(
 
 
 def _n_vertices(shape: Shape) -> int:
-    """Of all parts together; circles and rectangles count as much as a polygon of four vertices."""
+    """Number of vertices of all parts; circles and rectangles count as polygons of four vertices."""
     if shape.members:
         return sum(map(_n_vertices, shape.members))
     return len(shape.vertices) if shape.kind == "polygon" else 4
@@ -277,9 +277,9 @@ def _require_problem(problem: PlanningProblem, file: str) -> None:
 
 
 def require_time_step(time_step: int, what: str, file: str, last: int = LARGEST_TIME_STEP) -> None:
-    """Refuses time steps that are negative or that no recording reaches."""
+    """Refuses negative time steps and those beyond `last`."""
     if 0 <= time_step <= last:
-        return  # asked for every state
+        return  # called for every state
     require(time_step >= 0, file, what, f"has the time step {_shown(time_step)}; time steps start at 0")
     shown = f"has the time step {_shown(time_step)}, the largest possible one is {last}; is that a typing error?"
     raise InputError(f"{file}: {what} {shown}")

@@ -1,4 +1,4 @@
-"""What a CommonRoad file says about a drive, as arrays: roads, recorded traffic, planning problems. Immutable."""
+"""Contents of a CommonRoad file as arrays: roads, recorded traffic, planning problems. Immutable."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class Lanelets:
         adjacent_right: Id of the right neighbour, -1 for none, shape (lanelets,).
         adjacent_right_same_direction: Whether it runs in the same direction, shape (lanelets,).
         speed_limit: Speed limit [m/s], nan where the file states none, shape (lanelets,).
-        types: CommonRoad's lanelet types per lanelet, for pictures and files.
+        types: CommonRoad's lanelet types per lanelet, for figures and files.
     """
 
     ids: Ints
@@ -126,7 +126,7 @@ class Obstacles:
         velocity: Speed along the heading [m/s]; derived where the file has none.
         acceleration: Acceleration [m/s²]; derived where the file has none.
         yaw_rate: Change of heading [rad/s]; derived where the file has none.
-        valid: Present at that time step.
+        valid: Whether the obstacle is present at that time step.
     """
 
     ids: Ints
@@ -153,12 +153,12 @@ class Obstacles:
 
 @dataclass(frozen=True)
 class GoalState:
-    """One alternative of a goal; everything that is stated must hold at once.
+    """One alternative of a goal; all stated conditions must hold at once.
 
     Attributes:
         areas: Shapes in the world frame, any of which must contain the position. Lanelets of the goal are here as
             polygons. Empty: anywhere.
-        lanelet_ids: Lanelets that the areas stand for, if the file states lanelets.
+        lanelet_ids: Lanelets from which the areas were made, if the file states lanelets.
         time_step: First and last time step, both included.
         velocity: Interval of speeds [m/s], or None.
         orientation: Interval of headings [rad], counter-clockwise from the first to the second, or None.
@@ -189,7 +189,7 @@ class InitialState:
 
 @dataclass(frozen=True)
 class PlanningProblem:
-    """A planning problem of the file: where an agent starts and what it wants. No goal state: `goal` is empty."""
+    """A planning problem of the file: start and goal of an agent. Without a goal state `goal` is empty."""
 
     id: int
     initial_state: InitialState
@@ -198,13 +198,13 @@ class PlanningProblem:
 
 @dataclass(frozen=True)
 class Incoming:
-    """One way into an intersection, as the file states it.
+    """One incoming element of an intersection, as stated in the file.
 
     Attributes:
         id: Id of the incoming element.
-        intersection_id: Of which intersection.
+        intersection_id: Id of the intersection.
         lanelet_ids: Lanelets that lead to the intersection.
-        connector_ids: Lanelets that lead across it from there: to the right, straight on, to the left.
+        connector_ids: Lanelets that lead across the intersection from there: to the right, straight on, to the left.
     """
 
     id: int
@@ -215,7 +215,7 @@ class Incoming:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Everything a CommonRoad file says about a drive.
+    """The contents of a CommonRoad file.
 
     Attributes:
         name: Name of the file without its ending, or the benchmark id of a scenario that came from memory.
@@ -225,9 +225,9 @@ class Scenario:
         obstacles: Recorded traffic.
         planning_problems: Sorted by id.
         path: The file; None if the scenario came from memory.
-        sha256: Of the file's bytes; empty if the scenario came from memory.
-        notes: One line per thing that was repaired, derived or left out while reading.
-        incomings: Ways into intersections, sorted by intersection and id; none if the file states no intersection.
+        sha256: Hash of the file's bytes; empty if the scenario came from memory.
+        notes: Parts that were repaired, derived or left out while reading, one line each.
+        incomings: Incoming elements of intersections, sorted by intersection and id; empty if the file has none.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Shapes, roads and scenarios of the Python side as handles of the core."""
+"""Converts shapes, roads and scenarios to handles of the core."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def _naming(scenario: Scenario) -> Iterator[None]:
-    """Puts the file in front of what the core says about an element of it."""
+    """Puts the file in front of the core's messages about its elements."""
     try:
         yield
     except InputError as error:
@@ -30,7 +30,7 @@ def core_shape(shape: Shape) -> _core.Shape:
     """The core's handle for a shape.
 
     Raises:
-        InputError: An impossible shape (size not positive, polygon that crosses itself).
+        InputError: The shape is impossible (size not positive, polygon that crosses itself).
     """
     if shape.kind == "rectangle":
         return _core.Shape.rectangle(shape.length, shape.width, *shape.center, shape.orientation)
@@ -45,7 +45,7 @@ def core_road(scenario: Scenario, gap_tolerance: float, open_end_length: float) 
     """The core's road network.
 
     Raises:
-        InputError: No lanelets, a bound with fewer than two vertices or a value that is not a number.
+        InputError: There are no lanelets, or a bound has fewer than two vertices or a value that is not a number.
     """
     lanelets = scenario.lanelets
     with _naming(scenario):

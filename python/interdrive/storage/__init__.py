@@ -1,4 +1,4 @@
-"""Tables and folders on disk: described columns, checks of what is read, and files that appear whole or not at all.
+"""Tables and folders on disk: described columns, checks of input, and atomic writing of files and folders.
 
 pyarrow is loaded on first use.
 """

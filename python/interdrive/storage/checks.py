@@ -1,4 +1,4 @@
-"""Whether a stored table holds what its columns say, in the order that it should have."""
+"""Checks the values and the order of stored tables."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
     Columns = Mapping[str, Any]
 
-#: No finite number of a table is larger, whatever its unit.
+#: Largest finite number in a table, in any unit.
 _NUMBER_MAX = 1e30
 
 
 class Damage(Exception):  # noqa: N818 - becomes a ResultsError that names the file
-    """What is wrong, without the name of the file."""
+    """Damage of a table, without the name of the file."""
 
 
 def check_values(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> None:
-    """Raises ResultsError for a value that no writer writes; the line names file and column."""
+    """Raises ResultsError for an impossible value; the line names file and column."""
     try:
         for column in columns:
             _check_column(table[column.name], column, labels.get(column.name))
@@ -40,7 +40,7 @@ def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: 
     """The columns of one table as arrays, absent integers as -1.
 
     Raises:
-        ResultsError: As `check_values`.
+        ResultsError: As for `check_values`.
     """
     check_values(table, path, columns, labels)
     return {column.name: _array(table[column.name], column.kind) for column in columns}
@@ -78,7 +78,7 @@ def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] 
     elif about.kind == "number":
         numbers = _array(column, about.kind)
         if not about.nullable:
-            refuse(about.name, numbers, np.isnan(numbers), "is no number")
+            refuse(about.name, numbers, np.isnan(numbers), "is not a number")
         wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
         if not about.infinite:
             wrong |= np.isinf(numbers)

@@ -1,13 +1,13 @@
-"""Names of files as texts: on Linux a name is any bytes, which Python keeps as lone surrogates."""
+"""File names as text: on Linux a name may be any bytes, which Python keeps as lone surrogates."""
 
 from __future__ import annotations
 
 
 def readable(name: str) -> str:
-    r"""The name with bytes that are not UTF-8 as escapes such as \xe9; what Parquet, XML and pages can hold.
+    r"""The name with bytes that are not UTF-8 as escapes such as \xe9, for Parquet, XML and pages.
 
     Args:
-        name: Any text; one without lone surrogates comes back as it is.
+        name: Any text; text without lone surrogates is returned unchanged.
     """
     try:
         name.encode()

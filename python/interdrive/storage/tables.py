@@ -1,4 +1,4 @@
-"""Arrow tables with columns that are described, as Parquet and CSV. pyarrow is loaded on first use."""
+"""Arrow tables with described columns, as Parquet and CSV. pyarrow is loaded on first use."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and what it says, with unit.
+    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and its description with unit.
 
     Absent values are null, and only `nullable` columns have them; only `infinite` ones have infinities.
     """
@@ -70,7 +70,7 @@ def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN4
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:
-    """The columns as an Arrow schema, with what they say as metadata."""
+    """The columns as an Arrow schema, with their descriptions as metadata."""
     import pyarrow as pa  # noqa: PLC0415
 
     types = {
@@ -98,7 +98,7 @@ def read_table(path: Path, columns: Sequence[Column]) -> pa.Table:
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     if path.exists() and not path.is_file():
-        raise ResultsError(f"{path}: this is no file")
+        raise ResultsError(f"{path}: not a file")
     try:
         table = pq.read_table(path, partitioning=None)
     except FileNotFoundError:
@@ -111,7 +111,7 @@ def read_table(path: Path, columns: Sequence[Column]) -> pa.Table:
 
 
 def write_table(table: pa.Table, path: Path) -> None:
-    """Writes a table as Parquet or, if the path ends so, as CSV."""
+    """Writes a table as Parquet, or as CSV if the path ends in .csv."""
     if path.suffix != ".csv":
         write_parquet(table, path)
         return

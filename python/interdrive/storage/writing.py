@@ -1,4 +1,4 @@
-"""Files and folders that appear whole or not at all. pyarrow is loaded on first use."""
+"""Atomic writing of files and folders. pyarrow is loaded on first use."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def resolved(path: str | Path, *, follow: bool = True) -> Path:
 
     Args:
         path: The path.
-        follow: Also where the last name is a link; otherwise the path of the link itself.
+        follow: Also follow a link at the last name; otherwise return the path of the link itself.
 
     Raises:
-        ResultsError: if its links lead in a circle, it can be no path, or Arrow could not open it.
+        ResultsError: if its links are circular, it is not a valid path, or Arrow could not open it.
     """
     try:
         target = Path(os.path.realpath(path))
@@ -41,18 +41,18 @@ def resolved(path: str | Path, *, follow: bool = True) -> Path:
     except UnicodeEncodeError:
         raise ResultsError(f"{path}: results need a path that is UTF-8 from the root on; choose another one") from None
     except ValueError as cause:
-        raise ResultsError(f"{str(path)!r}: this is no path ({cause})") from None
+        raise ResultsError(f"{str(path)!r}: not a valid path ({cause})") from None
     except OSError as cause:
         if cause.errno == errno.ELOOP:
-            raise ResultsError(f"{path}: its symbolic links lead in a circle; choose another path") from None
+            raise ResultsError(f"{path}: its symbolic links are circular; choose another path") from None
     return target
 
 
 def not_a_link(folder: str | Path) -> Path:
-    """A folder to write to as an absolute path, unless it is a symbolic link: you may not expect what it points to.
+    """A folder to write to as an absolute path; a symbolic link is refused, because its target may be unexpected.
 
     Raises:
-        ResultsError: It is one, or a path that cannot be.
+        ResultsError: The folder is a symbolic link, or the path is not valid.
     """
     target = resolved(folder)
     if resolved(folder, follow=False).is_symlink():
@@ -61,7 +61,7 @@ def not_a_link(folder: str | Path) -> Path:
 
 
 def _check_arrow() -> None:
-    """Tells before a simulation rather than after it that no table can be written."""
+    """Checks before the simulation that tables can be written."""
     try:
         import pyarrow.parquet  # noqa: F401, PLC0415
     except ImportError as cause:
@@ -75,14 +75,14 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
     """A folder that can be written whole, as an absolute path.
 
     Args:
-        folder: New or empty, or one that holds the same kind of thing.
-        what: The kind of thing, for the reader.
-        mark: File without which a folder is not of that kind.
-        belongs: Whether an entry of the folder is part of such a thing.
-        overwrite: It may be replaced.
+        folder: New or empty, or one of the same kind.
+        what: The kind of folder, for messages.
+        mark: File that every folder of this kind has.
+        belongs: Whether an entry may be part of such a folder.
+        overwrite: The folder may be replaced.
 
     Raises:
-        ResultsError: if it is a symbolic link, something is there that must not be replaced, or pyarrow does not work.
+        ResultsError: if it is a symbolic link, has contents that must not be replaced, or pyarrow does not work.
     """
     target = not_a_link(folder)
     _check_arrow()
@@ -94,7 +94,7 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
             _check_writable(folder, nearest)
             return target
         if not target.is_dir():
-            raise ResultsError(f"{folder}: a file of that name is in the way")
+            raise ResultsError(f"{folder}: a file with this name already exists")
         entries = sorted(target.iterdir())
         foreign = [entry.name for entry in entries if not belongs(entry)]
     except OSError as cause:
@@ -103,25 +103,25 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
     if inside and (mark not in inside or foreign):
         example = (foreign or inside)[0]
         raise ResultsError(
-            f"{folder}: this folder holds other things ({example}) and is left alone; choose another one"
+            f"{folder}: this folder has other contents ({example}) and is not replaced; choose another one"
         )
     if inside and not overwrite:
-        raise ResultsError(f"{folder}: a {what} is there already; ask for overwriting or choose another folder")
-    _check_writable(folder, target.parent)  # what is written takes the folder's place
+        raise ResultsError(f"{folder}: a {what} already exists there; overwrite it or choose another folder")
+    _check_writable(folder, target.parent)  # the new folder replaces the old one
     return target
 
 
 def _check_writable(folder: str | Path, place: Path) -> None:
     if not os.access(place, os.W_OK | os.X_OK):
-        raise ResultsError(f"{folder}: there is no permission to write in {place}")
+        raise ResultsError(f"{folder}: no permission to write in {place}")
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """A path to write one file or folder to, which takes the place of `path` if all goes well and vanishes if not.
+    """A path to write one file or folder to, which replaces `path` on success and is removed on failure.
 
-    What was written reaches the disk before it is renamed: after a loss of power it is whole or not there. A symbolic
-    link of that name is replaced itself; what it points to is left alone.
+    The contents are flushed to disk before the renaming: after a power failure they are complete or absent. A symbolic
+    link of that name is replaced itself; its target is unchanged.
 
     Raises:
         ResultsError: if it cannot be written; one line with path and cause.
@@ -132,8 +132,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 @contextmanager
 def _replacing(target: Path) -> Iterator[Path]:
-    # Keeps the ending: writers of pictures choose the format by it. Threads, and containers whose process ids repeat,
-    # may write the same file at once.
+    # Keeps the ending: writers of images choose the format by it. Threads, and containers whose process ids repeat, may
+    # write the same file at the same time.
     own = f".{target.name}.{os.getpid()}-{secrets.token_hex(4)}"
     partial = target.with_name(f"{own}.partial{target.suffix}")
     created: list[Path] = []
@@ -153,15 +153,15 @@ def _replacing(target: Path) -> Iterator[Path]:
         if isinstance(cause, (OSError, _arrow_exception())):
             raise ResultsError(f"{target}: cannot be written: {one_line(cause)}") from cause
         if isinstance(cause, ResultsError) and str(partial) in str(cause):
-            # A part that is replaced within the whole: the reader knows the whole by its own name.
+            # A part of a folder: the message names the folder.
             raise ResultsError(str(cause).replace(str(partial), str(target))) from cause
         raise
 
 
 def _move(partial: Path, target: Path, old: Path) -> None:
-    """Puts what was written into its place; a folder that is there is `old` for a moment."""
+    """Moves the new file or folder to its place; an existing folder is `old` for a moment."""
     if target.is_dir() and not target.is_symlink() and not partial.is_dir():
-        # A file never takes the place of a folder, which would be gone with all that is in it.
+        # A file never replaces a folder, because all its contents would be lost.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     for path in (*partial.rglob("*"), partial):
         _sync(path)
@@ -179,7 +179,7 @@ def _move(partial: Path, target: Path, old: Path) -> None:
 
 
 def _remove(path: Path) -> None:
-    """Removes what can be removed: the reason why the writing failed is the one to report."""
+    """Removes as much as possible without errors, so that the original failure is reported."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -188,7 +188,7 @@ def _remove(path: Path) -> None:
 
 
 def _sync(path: Path) -> None:
-    """Waits until a file, or which names are in a folder, has reached the disk."""
+    """Flushes a file, or the entries of a folder, to disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -197,14 +197,14 @@ def _sync(path: Path) -> None:
 
 
 def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
-    """What a JSON file says.
+    """Reads a JSON file.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is no JSON, nested too deeply, or holds a number that is none (NaN, Infinity, 1e999).
+        OSError: The file cannot be read.
+        ValueError: It is not JSON, is nested too deeply, or has an invalid number (NaN, Infinity, 1e999).
     """
     if path.exists() and not path.is_file():
-        raise ValueError("it is no file")
+        raise ValueError("it is not a file")
     try:
         return json.loads(path.read_bytes(), parse_constant=_finite_number, parse_float=_finite_number)
     except RecursionError:
@@ -214,20 +214,20 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
 def _finite_number(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
-        raise ValueError(f"{text} is no number of JSON")
+        raise ValueError(f"{text} is not a JSON number")
     return number
 
 
 def write_json(values: Mapping[str, Any], path: Path) -> None:
-    """Writes plain values as JSON, as `json_text` has them."""
+    """Writes plain values as JSON, see `json_text`."""
     path.write_bytes(json_text(values, indent=2).encode() + b"\n")
 
 
 def json_text(values: Any, *, indent: int | None = None) -> str:  # noqa: ANN401 - any plain values
     """Plain values as JSON, which has no infinities and no nan: "inf", "-inf" and null stand for them.
 
-    Arrays and paths become plain values, bytes of file names that are not UTF-8 become escapes; without `indent`
-    nothing is wasted on spaces.
+    Arrays and paths become plain values, bytes of file names that are not UTF-8 become escapes; without `indent` there
+    are no spaces.
     """
     separators = (",", ":") if indent is None else None
     text = json.dumps(_finite(values), indent=indent, separators=separators, ensure_ascii=False, allow_nan=False)
@@ -247,13 +247,13 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
 
 
 def _arrow_exception() -> type[Exception]:
-    """Arrow's own exception; one that is never raised anew here if Arrow was not even loaded."""
+    """Arrow's exception class; a placeholder that is never raised if Arrow is not loaded."""
     exception: type[Exception] = getattr(sys.modules.get("pyarrow"), "ArrowException", OSError)
     return exception
 
 
 def one_line(cause: BaseException) -> str:
-    """The cause on one line; for errors of the operating system without their number."""
-    # Arrow's errors of the system have its number, and a text of their own.
+    """The cause on one line; errors of the operating system without their number."""
+    # Arrow's system errors have an error number and their own text.
     text = os.strerror(cause.errno) if isinstance(cause, OSError) and cause.errno else str(cause)
     return " ".join(text.split()) or type(cause).__name__

@@ -1,4 +1,4 @@
-"""Tiny worlds, and checks that authors of plug-ins run on their own: `check_planner(Mine)`, `check_predictor(Mine)`."""
+"""Small worlds, and checks for authors of plug-ins: `check_planner(Mine)`, `check_predictor(Mine)`."""
 
 from interdrive.testing.planner_contract import PlannerContractError, check_planner
 from interdrive.testing.predictor_contract import PredictorContractError, check_predictor

@@ -1,4 +1,4 @@
-"""The contract of planners as code: `check_planner(MyPlanner)`."""
+"""Checks the contract of planners: `check_planner(MyPlanner)`."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 
-#: Changes of heading per time that are no turn [rad/s].
+#: Smaller changes of heading per time do not count as turning [rad/s].
 _YAW_NOISE = 0.1
-#: Who moves less per step turns on the spot [m].
+#: A vehicle that moves less than this per step turns on the spot [m].
 _SPOT = 1e-3
 
 
@@ -49,7 +49,7 @@ def _worlds() -> dict[str, Scenario]:
 
 
 class PlannerContractError(AssertionError):
-    """A planner breaks the contract; the text says which part of it, in which world, at which time step."""
+    """A planner breaks the contract; the text names the broken part, the world and the time step."""
 
 
 class _Watched:
@@ -79,9 +79,9 @@ class _Watched:
             fail("plan changed its view")
         again = self._second.plan(view, predictions)
         if not all(np.array_equal(getattr(plan, f), getattr(again, f)) for f in ("x", "y", "orientation", "velocity")):
-            fail("two planners that saw the same did not plan the same (randomness without a seed?)")
+            fail("two planners made different plans for the same view (randomness without a seed?)")
         if seconds > self._seconds_max:
-            fail(f"plan took {seconds:.3f} s, allowed are {self._seconds_max} s")
+            fail(f"plan took {seconds:.3f} s, at most {self._seconds_max} s are allowed")
         self._check_motion(plan, view, fail)
         return plan
 
@@ -94,7 +94,7 @@ class _Watched:
         change = np.abs(np.diff(plan.velocity)) / dt
         if (change > vehicle.acceleration_max * 1.05 + 1e-6).any():
             fail(f"the plan accelerates by {change.max():.1f} m/s², the vehicle by {vehicle.acceleration_max:.1f} m/s²")
-        # The rear axle moves along its heading, so the change of heading per way is the curvature.
+        # The rear axle moves along its heading, so the change of heading per distance is the curvature.
         back = vehicle.rear_axle_to_center
         rear = np.array([plan.x - back * np.cos(plan.orientation), plan.y - back * np.sin(plan.orientation)])
         way, turned = np.hypot(*np.diff(rear)), np.abs(np.diff(np.unwrap(plan.orientation)))
@@ -114,22 +114,22 @@ def _seen(view: View) -> np.ndarray:
 def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> dict[str, str]:
     """Drives a planner through small worlds and checks the contract at every step.
 
-    Checked are: shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits of
-    speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
-    planner that says `parallel = True` must be one that can be sent to another process.
+    The checks cover shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits
+    of speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
+    planner with `parallel = True` must be picklable.
 
     Args:
         factory: Makes a planner; called without arguments, once or more per world.
-        seconds_max: Longest time that one call may take [s].
+        seconds_max: Time limit of a call [s].
 
     Returns:
-        How the agent ended in each world.
+        Outcome of the agent in each world.
 
     Raises:
-        PlannerContractError: The first part of the contract that is broken, with world and time step.
+        PlannerContractError: A part of the contract is broken; the text names it with world and time step.
     """
     if getattr(factory, "parallel", False) and not can_be_sent(factory):
-        raise PlannerContractError("it says `parallel = True`, but cannot be pickled and sent to another process")
+        raise PlannerContractError("it has `parallel = True`, but cannot be pickled for another process")
     ends = {}
     for name, scenario in _worlds().items():
         findings: list[str] = []

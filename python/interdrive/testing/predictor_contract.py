@@ -1,4 +1,4 @@
-"""The contract of predictors as code: `check_predictor(MyPredictor)`."""
+"""Checks the contract of predictors: `check_predictor(MyPredictor)`."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from interdrive.predictors.calls import BoundPredictor
     from interdrive.scenario import Scenario
 
-#: Time steps at which a predictor is asked: everybody has a single state, two, a short past, a full one.
+#: Time steps at which a predictor is called: all cars have one state, two, a short past, a full one.
 _ASKED = (0, 1, 4, 35)
-#: The first position may be this far from the present one [m], and twice as far as the present speed goes in a step.
+#: Tolerance of the first position [m], plus twice the distance that the present speed covers in a step.
 _FIRST_MAX = 1.0
-#: Up to so many participants a call may take as long as is said; a thousand cannot be predicted as fast as one.
+#: Up to this number of participants the time limit holds unchanged; a thousand cannot be predicted as fast as one.
 _FEW = 100
 _ARRAYS = ("probability", "x", "y", "orientation", "velocity", "covariance", "valid")
 _SEEN = ("ids", "x", "y", "orientation", "velocity", "acceleration", "yaw_rate", "valid", "length", "width", "kinds")
 
 
 class PredictorContractError(AssertionError):
-    """A predictor breaks the contract; the text says which part of it, in which world, at which time step."""
+    """A predictor breaks the contract; the text names the broken part, the world and the time step."""
 
 
 def _worlds() -> dict[str, Scenario]:
@@ -55,26 +55,26 @@ def _worlds() -> dict[str, Scenario]:
 
 
 def check_predictor(factory: PredictorSpec, *, horizon: float = 3.0, seconds_max: float = 1.0) -> dict[str, float]:
-    """Asks a predictor in small worlds and checks the contract.
+    """Calls a predictor in small worlds and checks the contract.
 
-    Checked are: predictions of the right time step for nobody but those who are present, long enough, with shapes,
-    numbers, probabilities and covariances that are possible; a first position near the present one; the same answers
-    from two objects that are asked the same; an unchanged scene; and the time per call. The worlds have single states
-    without a past, standing cars, cars off the road and against it, cars that come and leave, nobody at all, time steps
-    of 0.2 s, and a thousand cars.
+    The checks cover the time step of predictions; that they are only for present participants, long enough, and have
+    valid shapes, numbers, probabilities and covariances; a first position near the present one; the same predictions
+    from two objects for the same scene; an unchanged scene; and the time per call. The worlds have single states
+    without a past, standing cars, cars off the road and in the wrong direction, cars that come and leave, no
+    participants, time steps of 0.2 s, and a thousand cars.
 
     Args:
         factory: Makes a predictor; called without arguments, more than once per world. Names and records of native
-            predictors are understood, too.
-        horizon: How far it must predict [s]: the setting predictor.horizon.
-        seconds_max: Longest time that one call may take [s] for up to 100 participants; for more, as much longer.
+            predictors are accepted, too.
+        horizon: Time that it must predict [s]: the setting predictor.horizon.
+        seconds_max: Time limit of a call [s] for up to 100 participants; proportionally longer for more.
 
     Returns:
         The longest call in each world [s].
 
     Raises:
-        PredictorContractError: The first part of the contract that is broken, with world and time step.
-        InputError: It is no predictor, or cannot be made.
+        PredictorContractError: A part of the contract is broken; the text names it with world and time step.
+        InputError: The object is not a predictor, or cannot be made.
     """
     longest = {}
     for name, scenario in _worlds().items():
@@ -103,7 +103,7 @@ def check_predictor(factory: PredictorSpec, *, horizon: float = 3.0, seconds_max
 def _check(
     recording: Recording, scene: Scene, predictors: tuple[BoundPredictor, BoundPredictor], horizon: float
 ) -> float:
-    """The time of the call [s]."""
+    """Checks one call and returns its time [s]."""
     n_steps = max(1, round(horizon / scene.dt))
     before = [np.array(getattr(scene, name)) for name in _SEEN]
     start = time.perf_counter()
@@ -115,14 +115,14 @@ def _check(
         raise PredictorContractError("predict changed its scene")
     strangers = np.setdiff1d(found.ids, scene.ids)
     if len(strangers):
-        raise PredictorContractError(f"it predicts participant {strangers[0]}, who is not present")
+        raise PredictorContractError(f"it predicts participant {strangers[0]}, which is not present")
     if len(found.ids) and found.x.shape[2] < n_steps:
         raise PredictorContractError(f"it predicts {found.x.shape[2]} steps of {scene.dt} s, {n_steps} are needed")
     _check_start(found, scene)
     again = predictors[1].predict(recording.world, scene, n_steps)
     if not np.array_equal(found.ids, again.ids) or not all(_same(found, again, name) for name in _ARRAYS):
         raise PredictorContractError(
-            "two predictors that were asked the same did not answer the same (randomness without a seed?)"
+            "two predictors made different predictions for the same scene (randomness without a seed?)"
         )
     return seconds
 
@@ -132,7 +132,7 @@ def _same(found: Predictions, again: Predictions, name: str) -> bool:
 
 
 def _check_start(found: Predictions, scene: Scene) -> None:
-    """Every mode begins near the present position."""
+    """Checks that every mode begins near the present position."""
     if not len(found.ids):
         return
     row = np.searchsorted(scene.ids, found.ids)

@@ -1,4 +1,4 @@
-"""Tiny worlds: a straight road, a crossing, cars that keep their speed, planning problems."""
+"""Small worlds: a straight road, a crossing, cars that keep their speed, planning problems."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CAR = Shape("rectangle", length=4.5, width=1.8)
 
 @dataclass(frozen=True)
 class Car:
-    """A recorded car of a tiny world that keeps its speed and heading.
+    """A recorded car of a small world that keeps its speed and heading.
 
     Attributes:
         id: Obstacle id.
@@ -102,7 +102,7 @@ def problem(
     time_step: tuple[int, int],
     start: int = 0,
 ) -> PlanningProblem:
-    """A planning problem that starts at a pose and wants to be in a rectangle around `goal` within `time_step`."""
+    """A planning problem that starts at a pose and has to reach a rectangle around `goal` within `time_step`."""
     area = Shape("rectangle", goal_size[0], goal_size[1], center=goal, orientation=goal_orientation)
     return PlanningProblem(
         id=agent_id,
