@@ -308,9 +308,9 @@ class Simulation:
             return []
         shown = ", ".join(ended[:5]) + (f" and {len(ended) - 5} more" if len(ended) > 5 else "")
         most = self.settings.step.steps_at_most(self.scenario)
-        return [f"the run ended
-        after {most} time steps (step.max_steps) while these agents were still
-        driving: {shown}"]
+        return [
+            f"the run ended after {most} time steps (step.max_steps) while these agents were still driving: {shown}"
+        ]
 
     def _repeatable_settings(self) -> dict[str, Any]:
         return {

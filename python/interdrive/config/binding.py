@@ -94,8 +94,9 @@ def dotted(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def described(owner: DataclassInstance | type[DataclassInstance]) -> list[tuple[str, Any, str]]:
-    """(dotted name, value, one line from the docstring) of every field, for listings. For a class the values are the
-    defaults, or a remark that there is none.
+    """(dotted name, value, one line from the docstring) of every field, for listings.
+
+    For a class the values are the defaults, or a remark that there is none.
     """
     kind = owner if isinstance(owner, type) else type(owner)
     rows: list[tuple[str, Any, str]] = []

@@ -195,8 +195,7 @@ def possible_agents(
     goal_settings: GoalSettings,
     max_steps: int,
 ) -> tuple[list[int], dict[int, str]]:
-    """Ids of possible agents, and by id the reasons why other planning problems and recorded obstacles cannot be
-    agents.
+    """Ids of possible agents, and by id the reasons why other vehicles cannot be agents.
 
     Args:
         scenario: The scenario.
