@@ -414,7 +414,7 @@ def test_a_comparison_is_a_folder_that_is_replaced_but_nothing_else(two, tmp_pat
     assert "| collisions per 100 | 25.00 [0.00, 50.00] |" in text
     save_comparison(found, target, overwrite=True)
     (target / "mine.txt").write_text("mine")
-    with pytest.raises(idr.ResultsError, match=r"holds other things \(mine.txt\)"):
+    with pytest.raises(idr.ResultsError, match=r"has other contents \(mine.txt\)"):
         save_comparison(found, target, overwrite=True)
 
 

@@ -94,8 +94,8 @@ def test_a_question_changes_nothing_and_sees_no_files(folder, specs, question, l
 
 def test_the_help_of_sql_states_the_limits_of_a_question():
     shown = " ".join(CliRunner().invoke(main, ["sql", "--help"]).output.split())
-    assert f"Give up after so long ({SECONDS:g})." in shown
-    assert f"Memory that the question may use ({MEMORY / 2**30:g}G)." in shown
+    assert f"Time limit of the query ({SECONDS:g})." in shown
+    assert f"Memory limit of the query ({MEMORY / 2**30:g}G)." in shown
 
 
 @pytest.mark.parametrize(

@@ -174,7 +174,7 @@ def test_values_that_were_changed_after_training_are_refused(file):
     write_weights(file, weights(), metadata)
     Simulation(scenario(), predictor=Neural(weights=str(file)))
     write_weights(file, weights(seed=1), metadata)
-    with pytest.raises(InputError, match=r"small.safetensors: the values are not those that were trained"):
+    with pytest.raises(InputError, match=r"small.safetensors: the values are not the trained ones"):
         Simulation(scenario(), predictor=Neural(weights=str(file)))
 
 

@@ -165,7 +165,7 @@ def test_the_old_run_is_back_when_the_new_one_cannot_take_its_place(run, tmp_pat
 def test_a_folder_with_other_things_is_never_touched(run, tmp_path, names):
     for name in names:
         (tmp_path / name).write_text("precious")
-    with pytest.raises(ResultsError, match="is left alone"):
+    with pytest.raises(ResultsError, match="is not replaced"):
         save(run, tmp_path, overwrite=True)
     assert contents(tmp_path) == sorted(names)
 

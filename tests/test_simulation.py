@@ -195,7 +195,7 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
     ("options", "words"),
     [
         ({"agents": [5]}, "agent 5: no such vehicle; possible agents: 100, 200, 7, 9"),
-        ({"agents": 9}, "9 agents asked for, but only"),
+        ({"agents": 9}, "9 agents requested, but only"),
         ({"agents": 0}, "at least 1"),
         ({"agents": "some"}, "'all', a number or ids"),
         ({"planner": "frenett"}, "unknown planner 'frenett': did you mean frenet?"),

@@ -333,7 +333,7 @@ def test_another_study_is_replaced_only_if_asked_and_foreign_folders_never(studi
         save_study([study], folder)
     save_study([study], folder, overwrite=True)
     (folder / study.name / "notes.txt").write_text("mine")
-    with pytest.raises(ResultsError, match=f"holds other things \\({study.name}\\)"):
+    with pytest.raises(ResultsError, match=f"has other contents \\({study.name}\\)"):
         save_study([study], folder, overwrite=True)
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "cat.jpg").write_text("cat")

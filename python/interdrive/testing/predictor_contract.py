@@ -95,7 +95,7 @@ def check_predictor(factory: PredictorSpec, *, horizon: float = 3.0, seconds_max
             if seconds > allowed:
                 raise PredictorContractError(
                     f"{name}, time step {time_step}: predict took {seconds:.3f} s for {len(scene.ids)} participants, "
-                    f"allowed are {allowed:g} s"
+                    f"at most {allowed:g} s are allowed"
                 )
     return longest
 

@@ -141,7 +141,7 @@ def _numbers(case: RuntimeCase, scenario: Scenario, planner: PlannerSpec, settin
     if wanted and min(wanted) < 1:
         raise InputError(f"the number of agents must be at least 1, not {min(wanted)}")
     if wanted and min(wanted) > most:
-        raise InputError(f"{scenario.name}: {min(wanted)} agents asked for, but only {most} vehicles can be agents")
+        raise InputError(f"{scenario.name}: {min(wanted)} agents requested, but only {most} vehicles can be agents")
     return sorted({n for n in wanted if n <= most} | ({most} if None in case.counts else set()))
 
 
