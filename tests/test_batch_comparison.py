@@ -21,6 +21,7 @@ from interdrive.comparison.folder import save_comparison
 from interdrive.comparison.metrics import weighted_medians
 from interdrive.comparison.tables import markdown, sheets_of
 from interdrive.report.batch import batch_contents
+from interdrive.report.comparison import compared_of
 from interdrive.storage import arrow_table, labels
 
 
@@ -242,6 +243,18 @@ def test_below_the_differences_stands_what_bold_means(tmp_path):
     assert list(sheets_of(mixed, mixed.sets[0]))[-1].note == (
         "Bold: the interval does not contain zero. Never in bold, being over fewer than 20 scenarios: jerk [m/s³]."
     )
+
+
+@pytest.mark.parametrize(("n_scenarios", "sure"), [(2, False), (25, True)])
+def test_the_page_calls_a_planner_better_only_over_enough_scenarios(tmp_path, n_scenarios, sure):
+    runs = scattered(n_scenarios, values=(-3.0, -2.0))
+    [compared, *_] = compared_of(compare(invented(tmp_path / "batch", runs)))
+    jerk = compared["headings"].index("jerk [m/s³]")
+    assert [row["cells"][jerk]["strong"] for row in compared["rows"]] == [sure, False]
+    one = next(one for one in compared["pairs"][0]["differences"] if one["metric"] == "jerk [m/s³]")
+    assert (one["sure"], one["verdict"]) == (sure, "better" if sure else "")
+    assert one["low"] <= one["value"] <= one["high"] < 0.0
+    assert one["extent"] == max(abs(one["low"]), abs(one["high"]))
 
 
 def test_few_scenarios_are_warned_of_when_no_interval_has_a_width(tmp_path):

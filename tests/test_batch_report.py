@@ -16,6 +16,7 @@ from interdrive.batches import batch
 from interdrive.batches.store import BatchFolder
 from interdrive.cli import main
 from interdrive.comparison import compare
+from interdrive.comparison.tables import sheets_of
 from interdrive.config.schema import SimulationSettings, StepSettings
 from interdrive.errors import ResultsError
 from interdrive.files import shipped_scenario
@@ -48,15 +49,21 @@ def header_of(page: Path) -> dict:
 def test_a_page_has_the_comparison_as_it_is_printed(folder):
     header = batch_contents(folder, {}).header
     found = compare(folder)
-    assert [(row["variant"], row["category"]) for row in header["table"]] == [
-        (row["variant"], row["category"]) for row in found.table.to_pylist()
-    ]
-    for shown, row in zip(header["table"], found.table.to_pylist(), strict=True):
-        assert shown["goal_reached"] == row["goal_reached"]
-    assert len(header["differences"]) == found.differences.num_rows
+    printed = next(iter(sheets_of(found, found.sets[0])))
+    texts = {(row[0].text or "all", row[1].text): [cell.text for cell in row[5:]] for row in printed.rows[:2]}
+    compared = header["compared"][0]
+    assert (compared["title"], compared["category"]) == (found.sets[0].title, "all")
+    for row in compared["rows"]:
+        cells = dict(zip(compared["headings"], row["cells"], strict=True))
+        assert [cells[name]["text"] for name in printed.head[5:]] == texts["all", row["planner"]]
+        assert sum(row["shares"].values()) == pytest.approx(100.0)
     # Two scenarios are too few for any claim.
-    assert {(row["n_scenarios"] > 2, row["sure"]) for row in header["differences"]} == {(False, 0)}
-    assert header["reservations"] == list(found.reservations)
+    differences = [one for pair in compared["pairs"] for one in pair["differences"]]
+    assert differences
+    assert not any(one["sure"] or one["verdict"] for one in differences)
+    assert not any(cell["strong"] for row in compared["rows"] for cell in row["cells"])
+    assert "Nothing is in bold: over fewer than 20 scenarios (there are 2)" in compared["note"]
+    assert header["caveats"] == list(found.reservations)
     assert header["variants"] == ["idm", "idm_mobil"]
 
 
@@ -176,7 +183,7 @@ def test_without_a_finished_run_the_runs_are_listed_and_the_comparison_is_missin
     header = header_of(write_batch_report(tmp_path / "out"))
     assert [entry["what"] for entry in header["missing"]] == ["comparison", "runs"]
     assert [run["status"] for run in header["runs"]] == ["refused"]
-    assert header["table"] == []
+    assert [(one["rows"], one["size"]) for one in header["compared"]] == [([], "None of these runs has finished.")]
 
 
 def test_the_command_takes_a_batch_as_it_takes_a_run(copied):

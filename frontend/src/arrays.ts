@@ -1,15 +1,6 @@
 // Unpacks what python/interdrive/report/packing.py packed: the two files describe one format.
 
-export interface Entry {
-  type: "u8" | "i8" | "i16" | "i32" | "f32";
-  shape: number[];
-  at: number;
-  unit?: number;
-  steps?: boolean;
-  absent?: number;
-  spacing?: number;
-  point?: number[];
-}
+import type { Entry } from "./contract";
 
 export type Values = Float32Array | Int32Array;
 
@@ -28,8 +19,7 @@ export function unpack(entry: Entry, bytes: Uint8Array): Values {
   const size = SIZES[entry.type];
   if (entry.type === "f32") {
     const joined = new Uint8Array(4 * count);
-    for (let plane = 0; plane < 4; plane++)
-      for (let i = 0; i < count; i++) joined[4 * i + plane] = bytes[entry.at + plane * count + i];
+    for (let plane = 0; plane < 4; plane++) for (let i = 0; i < count; i++) joined[4 * i + plane] = bytes[entry.at + plane * count + i];
     return new Float32Array(joined.buffer);
   }
   const whole = new Int32Array(count);
@@ -49,7 +39,6 @@ export function unpack(entry: Entry, bytes: Uint8Array): Values {
   const unit = entry.unit ?? 1;
   if (unit === 1 && entry.absent === undefined) return whole;
   const values = Float32Array.from(whole, (value) => value * unit);
-  if (entry.absent !== undefined)
-    for (let i = 0; i < count; i++) if ((bytes[entry.absent + (i >> 3)] >> (i & 7)) & 1) values[i] = NaN;
+  if (entry.absent !== undefined) for (let i = 0; i < count; i++) if ((bytes[entry.absent + (i >> 3)] >> (i & 7)) & 1) values[i] = NaN;
   return values;
 }

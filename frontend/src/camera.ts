@@ -25,10 +25,7 @@ export class Camera {
   toScreen(x: number, y: number): [number, number] {
     const u = x - this.x;
     const v = y - this.y;
-    return [
-      this.width / 2 + this.scale * (this.cos * u + this.sin * v),
-      this.height / 2 - this.scale * (this.cos * v - this.sin * u),
-    ];
+    return [this.width / 2 + this.scale * (this.cos * u + this.sin * v), this.height / 2 - this.scale * (this.cos * v - this.sin * u)];
   }
 
   toWorld(px: number, py: number): [number, number] {

@@ -1,5 +1,7 @@
 // Colours for light and dark, told apart with every common kind of colour blindness; outcomes have shapes, too.
 
+import { GOAL, ON_DARK, PREDICTION, STATIC, TRAFFIC } from "./contract";
+
 export type Theme = "light" | "dark";
 
 export interface Palette {
@@ -29,14 +31,14 @@ export const PALETTES: Record<Theme, Palette> = {
     edge: "#8f8f8f",
     marking: "#ffffff",
     arrow: "#c4c4c4",
-    traffic: "#b4b4b4",
-    static: "#6f6f6f",
+    traffic: TRAFFIC,
+    static: STATIC,
     outline: "#3c3c3c",
     ink: "#1d1d1d",
     halo: "rgba(255,255,255,0.85)",
     nose: "rgba(255,255,255,0.85)",
-    goal: "#0072B2",
-    prediction: "#7a3b8f",
+    goal: GOAL,
+    prediction: PREDICTION,
     rejected: "#a89898",
     chosen: "#000000",
     radius: "#4a4a4a",
@@ -63,20 +65,7 @@ export const PALETTES: Record<Theme, Palette> = {
   },
 };
 
-/** Colours of agents on dark ground, for those of light ground (Okabe and Ito; Tol), which the header names. */
-const ON_DARK: Record<string, string> = {
-  "#0072B2": "#4aa8e8",
-  "#D55E00": "#f58a3c",
-  "#009E73": "#2fcf9f",
-  "#CC79A7": "#e8a0c8",
-  "#E69F00": "#f5c04a",
-  "#332288": "#9d92f0",
-  "#56B4E9": "#9bd6f7",
-  "#882255": "#d4679f",
-  "#44AA99": "#7ad8c8",
-  "#999933": "#cccc66",
-};
-
+/** The colour of an agent or planner, which the header names for light ground. */
 export function agentColor(color: string | undefined, theme: Theme): string {
   if (color === undefined) return PALETTES[theme].traffic;
   return theme === "dark" ? (ON_DARK[color] ?? color) : color;

@@ -2,20 +2,14 @@
 
 import uPlot from "uplot";
 import type { Values } from "./arrays";
-import type { BatchHeader } from "./batch";
 import { agentColor, PALETTES, type Theme } from "./colors";
+import { AGENTS, type BatchHeader, type Part } from "./contract";
 import { element } from "./elements";
 
-const COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#332288"];
 const DASHES: number[][] = [[], [7, 3], [2, 2], [9, 3, 2, 3]];
 
 /** Values above this share of agents are cut off: single ones would press the rest together. */
 const CUT = 0.99;
-
-/** Beyond these, values do not matter any more. */
-const LIMITS: Record<string, number> = { ttc_min: 10 };
-
-type Part = BatchHeader["parts"][number];
 
 export class Distributions {
   readonly root = element("div", { class: "distributions" });
@@ -36,25 +30,26 @@ export class Distributions {
     this.header.variants.forEach((name, i) => {
       if (!there.has(i)) return;
       const swatch = element("span", { class: "line" });
-      swatch.style.borderTop = `3px ${DASHES[i % 4].length ? "dashed" : "solid"} ${agentColor(COLORS[i % 6], theme)}`;
+      swatch.style.borderTop = `3px ${DASHES[i % 4].length ? "dashed" : "solid"} ${agentColor(AGENTS[i % AGENTS.length], theme)}`;
       legend.append(element("span", {}, swatch, name));
     });
     const grid = element("div", { class: "grid" });
     this.root.replaceChildren(legend, grid);
     this.root.hidden = there.size === 0;
-    for (const { name, title, unit } of this.header.drawn) {
+    for (const { name, title, unit, cap } of this.header.drawn) {
       const curves = this.header.variants.map((_, variant) => this.curve(name, variant, wanted));
       if (curves.every((curve) => curve.values.length === 0)) continue;
       const place = element("div", { class: "plot" });
-      grid.append(element("section", { class: "profile" }, element("header", {}, element("span", {}, `${title}${unit ? ` [${unit}]` : ""}`)), place));
-      this.plots.push({ u: plot(place, curves, LIMITS[name] ?? Infinity, theme, zoom), place });
+      grid.append(
+        element("section", { class: "profile" }, element("header", {}, element("span", {}, `${title}${unit ? ` [${unit}]` : ""}`)), place),
+      );
+      this.plots.push({ u: plot(place, curves, cap ?? Infinity, theme, zoom), place });
     }
     this.resize();
   }
 
   resize(): void {
-    for (const { u, place } of this.plots)
-      if (place.clientWidth > 0) u.setSize({ width: place.clientWidth, height: place.clientHeight });
+    for (const { u, place } of this.plots) if (place.clientWidth > 0) u.setSize({ width: place.clientWidth, height: place.clientHeight });
   }
 
   /** Finite values of a planner's agents, ascending, and how many agents there are with infinite ones. */
@@ -86,7 +81,7 @@ function plot(place: HTMLElement, curves: { values: number[]; total: number }[],
   const font = `${Math.round(11 * zoom)}px system-ui, sans-serif`;
   const axis = { stroke: colors.ink, font, grid: { stroke: colors.grid, width: 1 }, ticks: { stroke: colors.grid, width: 1, size: 4 } };
   const series = curves.map((_, i) => ({
-    stroke: agentColor(COLORS[i % 6], theme),
+    stroke: agentColor(AGENTS[i % AGENTS.length], theme),
     width: 2 * zoom,
     dash: DASHES[i % 4],
     points: { show: false },

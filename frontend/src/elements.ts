@@ -26,6 +26,9 @@ export function toggle(label: string, title: string, on: boolean, onChange: (on:
   return element("label", { class: "toggle", title }, box, label);
 }
 
+/** Attributes of cells that hold numbers. */
+export const NUMBER = { class: "number" };
+
 /** A number for people. */
 export function text(value: number | null | undefined, digits: number, unit = ""): string {
   if (value === null || value === undefined || Number.isNaN(value)) return "";

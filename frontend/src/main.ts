@@ -2,20 +2,19 @@
 
 import "uplot/dist/uPlot.min.css";
 import "./report.css";
-import { type BatchHeader, showBatch } from "./batch";
+import { showBatch } from "./batch";
+import { type BatchHeader, FORMAT, type RunHeader } from "./contract";
 import { Detail } from "./detail";
 import { button, element, toggle } from "./elements";
 import { focusAfterClicks, helpDialog, listenToKeys } from "./keys";
 import { RoadMap } from "./map";
 import { Panels } from "./panels";
 import { Player } from "./player";
-import { type Header, Run } from "./run";
+import { Run } from "./run";
 import { State } from "./state";
 
-const FORMAT = 1;
-
 async function start(root: HTMLElement): Promise<void> {
-  const header = JSON.parse(document.getElementById("header")!.textContent!) as Header | BatchHeader;
+  const header = JSON.parse(document.getElementById("header")!.textContent!) as RunHeader | BatchHeader;
   if (header.format !== FORMAT) throw new Error(`this page holds format ${header.format}, not ${FORMAT}`);
   const arrays = document.getElementById("arrays")!.textContent!;
   document.getElementById("arrays")!.remove();
@@ -23,7 +22,7 @@ async function start(root: HTMLElement): Promise<void> {
   else await showRun(root, header, arrays);
 }
 
-async function showRun(root: HTMLElement, header: Header, arrays: string): Promise<void> {
+async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Promise<void> {
   const run = await Run.read(header, arrays);
   const state = new State(run);
   state.theme = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
@@ -42,7 +41,14 @@ async function showRun(root: HTMLElement, header: Header, arrays: string): Promi
   const panels = new Panels(run, state, jump);
   const detail = new Detail(run, state);
   const help = helpDialog();
-  root.replaceChildren(headline(run, state, () => help.showModal()), mapArea(map, state), player.root, detail.root, panels.root, help);
+  root.replaceChildren(
+    headline(run, state, () => help.showModal()),
+    mapArea(map, state),
+    player.root,
+    detail.root,
+    panels.root,
+    help,
+  );
   listenToKeys({ run, state, map, player, jump });
   focusAfterClicks(root, map);
 

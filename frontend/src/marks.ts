@@ -1,5 +1,7 @@
 // Markers of outcomes and events: shape and colour both tell them apart.
 
+import { MARKS } from "./contract";
+
 export interface Mark {
   text: string;
   color: string;
@@ -17,35 +19,43 @@ function regular(count: number, turn = Math.PI / 2, inner?: number): [number, nu
 }
 
 const CROSS: [number, number][] = [
-  [0.35, 0], [0.9, 0.55], [0.55, 0.9], [0, 0.35], [-0.55, 0.9], [-0.9, 0.55],
-  [-0.35, 0], [-0.9, -0.55], [-0.55, -0.9], [0, -0.35], [0.55, -0.9], [0.9, -0.55],
+  [0.35, 0],
+  [0.9, 0.55],
+  [0.55, 0.9],
+  [0, 0.35],
+  [-0.55, 0.9],
+  [-0.9, 0.55],
+  [-0.35, 0],
+  [-0.9, -0.55],
+  [-0.55, -0.9],
+  [0, -0.35],
+  [0.55, -0.9],
+  [0.9, -0.55],
 ];
 
-const SQUARE: [number, number][] = [[0.78, 0.78], [-0.78, 0.78], [-0.78, -0.78], [0.78, -0.78]];
-
-export const MARKS: Record<string, Mark> = {
-  goal_reached: { text: "goal reached", color: "#009E73", corners: regular(20) },
-  goal_reached_late: { text: "goal reached late", color: "#56B4E9", corners: regular(3) },
-  time_limit: { text: "time limit", color: "#E69F00", corners: SQUARE },
-  goal_missed: { text: "goal missed", color: "#CC79A7", corners: regular(4) },
-  infeasible: { text: "no feasible plan", color: "#F0E442", corners: regular(3, -Math.PI / 2) },
-  collision: { text: "collision", color: "#D55E00", corners: CROSS },
-  planner_error: { text: "planner error", color: "#9a9a9a", corners: regular(5, Math.PI / 2, 0.42) },
-  running: { text: "still running", color: "#ffffff", corners: regular(20) },
-  emergency_braking: { text: "emergency plan", color: "#E69F00", corners: regular(8, Math.PI / 8) },
-  infeasible_plan: { text: "no feasible plan found", color: "#F0E442", corners: regular(3, -Math.PI / 2) },
-  critical: { text: "critical moment", color: "#CC79A7", corners: regular(4, Math.PI / 2, 0.35) },
+/** Shapes by the names that matplotlib has for them. */
+const SHAPES: Record<string, [number, number][]> = {
+  o: regular(20),
+  "^": regular(3),
+  v: regular(3, -Math.PI / 2),
+  s: regular(4, Math.PI / 4),
+  D: regular(4),
+  "8": regular(8, Math.PI / 8),
+  "*": regular(5, Math.PI / 2, 0.42),
+  X: CROSS,
+  P: CROSS.map(([x, y]) => [Math.SQRT1_2 * (x - y), Math.SQRT1_2 * (x + y)]),
 };
 
 export function mark(kind: string): Mark {
-  return MARKS[kind] ?? MARKS.running;
+  const { text, color, marker } = MARKS[kind] ?? MARKS.running;
+  return { text, color, corners: SHAPES[marker] };
 }
 
 /** A marker on a canvas, in pixels. */
 export function drawMark(ctx: CanvasRenderingContext2D, kind: string, x: number, y: number, size: number, ink: string): void {
   const { color, corners } = mark(kind);
   ctx.beginPath();
-  corners.forEach(([u, v], i) => (i ? ctx.lineTo(x + size * u, y - size * v) : ctx.moveTo(x + size * u, y - size * v)));
+  for (const [u, v] of corners) ctx.lineTo(x + size * u, y - size * v);
   ctx.closePath();
   ctx.fillStyle = color;
   ctx.fill();

@@ -1,9 +1,10 @@
 // The tables beside the map: agents, events, and what the run was made with.
 
 import { agentColor } from "./colors";
+import type { Participant, RunEvent } from "./contract";
 import { button, element, text, toggle } from "./elements";
 import { mark, markIcon } from "./marks";
-import type { Participant, Run, RunEvent } from "./run";
+import type { Run } from "./run";
 import type { State } from "./state";
 
 const GROUPS: Record<string, string> = { emergency_braking: "emergencies", infeasible_plan: "emergencies", critical: "critical moments" };
@@ -38,7 +39,7 @@ export class Panels {
       show(i);
       this.reveal();
     };
-    pages.forEach(([title], i) => tabs.append(button(title, title, () => choose(i), { role: "tab" })));
+    tabs.append(...pages.map(([title], i) => button(title, title, () => choose(i), { role: "tab" })));
     this.root.append(tabs, ...pages.map(([, page]) => page));
     show(0);
   }
@@ -99,7 +100,12 @@ export class Panels {
       const swatch = element("span", { class: "swatch" });
       this.swatches.push([swatch, p.color]);
       line.append(
-        element("td", {}, button(String(p.id), `Select agent ${p.id}`, () => this.choose(row)), swatch),
+        element(
+          "td",
+          {},
+          button(String(p.id), `Select agent ${p.id}`, () => this.choose(row)),
+          swatch,
+        ),
         outcome,
         element("td", { class: "number" }, this.run.seconds(p.end ?? 0).toFixed(this.run.decimals)),
         element("td", { class: "number" }, Number.isFinite(least(p)) ? least(p).toFixed(2) : ""),
@@ -119,14 +125,12 @@ export class Panels {
   private counts(): HTMLElement {
     const strip = element("div", { class: "chips" });
     const counts = new Map<string, number>();
-    for (const p of this.run.header.participants)
-      if (p.agent >= 0) counts.set(p.outcome ?? "", (counts.get(p.outcome ?? "") ?? 0) + 1);
+    for (const p of this.run.header.participants) if (p.agent >= 0) counts.set(p.outcome ?? "", (counts.get(p.outcome ?? "") ?? 0) + 1);
     let only = "";
     for (const [outcome, count] of counts) {
       const chip = button(`${count} ${mark(outcome).text}`, `Show only agents with ${mark(outcome).text}`, () => {
         only = only === outcome ? "" : outcome;
-        for (const [row, line] of this.agentRows)
-          line.hidden = only !== "" && this.run.header.participants[row].outcome !== only;
+        for (const [row, line] of this.agentRows) line.hidden = only !== "" && this.run.header.participants[row].outcome !== only;
         for (const other of strip.children) other.classList.toggle("on", other === chip && only !== "");
       });
       chip.prepend(markIcon(outcome));
@@ -155,7 +159,11 @@ export class Panels {
     const hidden = new Set<string>();
     this.run.header.events.forEach((event, index) => {
       const time = element("span", { class: "time" }, this.run.time(event.step));
-      const line = element("li", {}, button("", `Jump to: ${event.text}`, () => this.jump(index)));
+      const line = element(
+        "li",
+        {},
+        button("", `Jump to: ${event.text}`, () => this.jump(index)),
+      );
       line.firstElementChild!.append(time, markIcon(event.kind), element("span", {}, event.text));
       this.eventRows.push(line);
       list.append(line);
@@ -166,7 +174,9 @@ export class Panels {
         toggle(name, `Show ${name}`, true, (on) => {
           if (on) hidden.delete(name);
           else hidden.add(name);
-          this.run.header.events.forEach((event, i) => (this.eventRows[i].hidden = hidden.has(group(event))));
+          this.run.header.events.forEach((event, i) => {
+            this.eventRows[i].hidden = hidden.has(group(event));
+          });
         }),
       );
     const page = element("div", { class: "page" }, filters, list);

@@ -28,10 +28,6 @@ interface Chart {
 /** In narrower charts the value is below its name [rem of 14 px]. */
 const NARROW = 19;
 
-/** Beyond these, values of a measure do not matter any more; those with a threshold show it. */
-const CAPS: Record<string, number> = { ttc: 10, thw: 10, psd: 10, hw: 100, dce: 50, ttce: 20, pet: 20, et: 20 };
-const LEVELS: Record<string, number[]> = { ttc: [2], btn: [1], stn: [1], psd: [1] };
-
 export class Profiles {
   readonly root = element("div", { class: "profiles" });
   private readonly measures = element("select", { title: "Criticality measure", "aria-label": "Criticality measure" });
@@ -45,10 +41,13 @@ export class Profiles {
     private readonly state: State,
   ) {
     this.times = Array.from({ length: run.steps }, (_, step) => run.seconds(step));
-    run.header.measures.forEach((measure, i) =>
-      this.measures.append(element("option", { value: String(i) }, measure.title)),
+    this.measures.append(...run.header.measures.map(({ title }, i) => element("option", { value: String(i) }, title)));
+    this.measures.value = String(
+      Math.max(
+        0,
+        run.header.measures.findIndex((m) => m.name === "ttc"),
+      ),
     );
-    this.measures.value = String(Math.max(0, run.header.measures.findIndex((m) => m.name === "ttc")));
     this.measures.addEventListener("change", () => {
       this.shown = "";
       state.changed();
@@ -61,8 +60,8 @@ export class Profiles {
     this.charts[1].least = 1;
     if (run.header.measures.length) {
       const chart = this.chart(this.measures, "", 2, () => this.criticality());
-      chart.levels = () => LEVELS[this.measure.name] ?? [];
-      chart.cap = () => CAPS[this.measure.name] ?? Infinity;
+      chart.levels = () => (this.measure.level === null ? [] : [this.measure.level]);
+      chart.cap = () => this.measure.cap ?? Infinity;
       this.charts.push(chart);
     }
     new ResizeObserver(() => this.resize()).observe(this.root);
@@ -153,7 +152,11 @@ export class Profiles {
       ],
       series: [
         {},
-        { stroke: color === colors.traffic ? colors.ink : color, width: 2 * state.zoom, points: { show: false, size: 6 * state.zoom, filter: alone } },
+        {
+          stroke: color === colors.traffic ? colors.ink : color,
+          width: 2 * state.zoom,
+          points: { show: false, size: 6 * state.zoom, filter: alone },
+        },
         { stroke: colors.ink, width: 1.4 * state.zoom, dash: [4, 3], spanGaps: true, points: { show: false } },
       ],
       hooks: {

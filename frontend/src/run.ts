@@ -1,70 +1,7 @@
 // A run as the page knows it: header, arrays, and who did what at which time step.
 
-import { type Entry, inflate, unpack, type Values } from "./arrays";
-
-export interface Participant {
-  id: number;
-  kind: string;
-  length: number;
-  width: number;
-  static: boolean;
-  agent: number;
-  outlines?: number[][][];
-  color?: string;
-  planner?: string;
-  outcome?: string;
-  end?: number;
-  partner?: number | null;
-  off_road?: boolean;
-  impact_speed?: number | null;
-  harm?: number | null;
-  message?: string;
-  origin?: string;
-  goal_time_step?: [number, number];
-  goal?: number[][][];
-  sensor_radius?: number | null;
-  occlusion?: boolean;
-}
-
-export interface Measure {
-  name: string;
-  title: string;
-  unit: string;
-  grows: boolean;
-}
-
-export interface RunEvent {
-  step: number;
-  kind: string;
-  rows: number[];
-  text: string;
-  value?: number;
-}
-
-export interface Header {
-  format: number;
-  kind: "run";
-  name: string;
-  benchmark_id: string;
-  dt: number;
-  first_time_step: number;
-  n_steps: number;
-  view: { angle: number; width: number; height: number };
-  participants: Participant[];
-  statuses: string[];
-  reasons: string[];
-  measures: Measure[];
-  events: RunEvent[];
-  missing: { what: string; text: string }[];
-  info: {
-    digest: string;
-    settings: Record<string, unknown>;
-    versions: Record<string, string | null>;
-    platform: Record<string, unknown>;
-    notes: string[];
-  };
-  arrays: Record<string, Entry>;
-}
+import { inflate, unpack, type Values } from "./arrays";
+import type { Entry, RunHeader } from "./contract";
 
 export interface Pose {
   x: number;
@@ -89,7 +26,7 @@ export class Run {
   private readonly predictionsAt = new Map<number, Rows>();
 
   private constructor(
-    readonly header: Header,
+    readonly header: RunHeader,
     private readonly bytes: Uint8Array,
   ) {
     this.n = header.participants.length;
@@ -98,7 +35,7 @@ export class Run {
     this.index();
   }
 
-  static async read(header: Header, text: string): Promise<Run> {
+  static async read(header: RunHeader, text: string): Promise<Run> {
     return new Run(header, await inflate(text));
   }
 
@@ -217,8 +154,7 @@ export class Run {
     if (!this.has("view_observer")) return undefined;
     const found = new Set<number>();
     const [observer, seen, first, last] = ["observer", "seen", "first", "last"].map((n) => this.table(`view_${n}`));
-    for (let i = 0; i < observer.length; i++)
-      if (observer[i] === row && first[i] <= step && step <= last[i]) found.add(seen[i]);
+    for (let i = 0; i < observer.length; i++) if (observer[i] === row && first[i] <= step && step <= last[i]) found.add(seen[i]);
     return found;
   }
 

@@ -25,7 +25,8 @@ export class Traffic {
       if (p.outlines === undefined) path.rect(-p.length / 2, -p.width / 2, p.length, p.width);
       else
         for (const line of p.outlines) {
-          line.forEach(([x, y], i) => (i ? path.lineTo(x, y) : path.moveTo(x, y)));
+          path.moveTo(line[0][0], line[0][1]);
+          for (const [x, y] of line.slice(1)) path.lineTo(x, y);
           path.closePath();
         }
       return path;

@@ -60,11 +60,16 @@ def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
         for row in found.differences.to_pylist()
         if (row["traffic"], row["agents"], row["category"]) == (one.traffic, one.agents, ALL)
     ]
-    metrics = [m for m in METRICS if not m.outcome or m.name in _ALWAYS or any(row[m.name] for row in rows)]
+    metrics = metrics_shown(rows)
     yield _by_category("How agents ended", rows, [m for m in metrics if m.outcome], _ABOUT)
     yield _by_category("How they drove", rows, [m for m in metrics if not m.outcome], ())
     if differences:
         yield _of_differences(differences, metrics, found.level)
+
+
+def metrics_shown(rows: Sequence[dict[str, Any]]) -> list[Metric]:
+    """Metrics that are worth a column in a table with these rows."""
+    return [m for m in METRICS if not m.outcome or m.name in _ALWAYS or any(row[m.name] for row in rows)]
 
 
 def _by_category(
@@ -95,10 +100,10 @@ def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], l
         lines.append(tuple(cells))
     head = ("metric", *(f"{one} − {other}" for one, other in pairs))
     title = f"Differences over all categories, with {100 * level:g} % intervals over scenarios"
-    return Sheet(title, head, 1, tuple(lines), _of_bold(rows, metrics))
+    return Sheet(title, head, 1, tuple(lines), meaning_of_bold(rows, metrics))
 
 
-def _of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -> str:
+def meaning_of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -> str:
     """What bold means, and where it cannot be."""
     enough = {row["metric"] for row in rows if row["n_scenarios"] >= SCENARIOS_MIN}
     names = [metric.heading for metric in metrics if metric.name not in enough]

@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 
 from interdrive.criticality import MEASURES, measure_named
 from interdrive.errors import InputError
+from interdrive.plots.measures import CAPS, levels_of
 from interdrive.plots.scenes import Scene, draw_scenes
 from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, THRESHOLD, add_legend, empty_figure, plain
 
@@ -89,14 +90,12 @@ def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floa
         return
     # A single value between two infinite ones would be invisible.
     axes.plot(time, shown, color=color, linewidth=1.3, marker="." if np.isfinite(shown).sum() == 1 else None)
-    threshold = {"ttc": found.settings.ttc_threshold, "btn": 1.0, "stn": 1.0, "psd": 1.0}.get(measure.name)
+    threshold = levels_of(found.settings).get(measure.name)
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
     if threshold is not None:
         axes.axhline(threshold, color=THRESHOLD, linewidth=0.8, linestyle=(0, (4, 2)))
         low, high = min(low, threshold), max(high, threshold)
-    if measure.name in ("ttc", "thw", "psd"):
-        # Far above the threshold it does not matter how far.
-        high = min(high, 10.0)
+    high = max(low, min(high, CAPS.get(measure.name, np.inf)))
     # What hardly changes is no drama.
     half = max(0.54 * (high - low), 0.05 * abs(high + low), 0.02)
     bottom, top = 0.5 * (low + high) - half, 0.5 * (low + high) + half

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from interdrive.criticality import measure_named
 from interdrive.errors import InputError
+from interdrive.plots.measures import CAPS, levels_of
 from interdrive.plots.road import draw_scale, map_axes
 from interdrive.plots.still import draw_run
 from interdrive.plots.style import (
@@ -54,10 +55,6 @@ LINES_MAX = 20
 _FONT, _PANEL = 7.0, 34.0 * MM
 #: Letters in a line of a label beside a panel.
 _LABEL = 22
-
-#: Up to here values of a measure matter; further up they would only press the rest down.
-_CAPS = {"ttc": 10.0, "thw": 10.0, "psd": 10.0, "btn": 3.0, "stn": 3.0}
-_LEVELS = {"btn": 1.0, "stn": 1.0, "psd": 1.0}
 
 
 def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = None) -> list[int]:
@@ -148,12 +145,12 @@ def draw_measures(
         values = found[measure.name]
         lines = {number: np.where(np.isfinite(row := values[found.row(number)]), row, np.nan) for number in agents}
         _draw_lines(axes, time, lines, styles)
-        level = found.settings.ttc_threshold if measure.name == "ttc" else _LEVELS.get(measure.name)
+        level = levels_of(found.settings).get(measure.name)
         if level is not None:
             axes.axhline(level, color=THRESHOLD, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1)
         if not any(np.isfinite(line).any() for line in lines.values()):
             axes.text(0.5, 0.5, "no conflict", ha="center", va="center", fontsize=_FONT, transform=axes.transAxes)
-        _limit(axes, list(lines.values()), level, _CAPS.get(measure.name, np.inf))
+        _limit(axes, list(lines.values()), level, CAPS.get(measure.name, np.inf))
     _finish(figure, panels, styles, [])
     return figure
 

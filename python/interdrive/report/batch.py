@@ -9,27 +9,30 @@ import numpy as np
 
 from interdrive.batches.plan import ALONE
 from interdrive.batches.store import BatchFolder
-from interdrive.comparison import METRICS, compare
-from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
-from interdrive.comparison.variants import arrays, categories_of, compared_sets, variants_of
+from interdrive.comparison import compare
+from interdrive.comparison.variants import ALL, arrays, categories_of, compared_sets, variants_of
 from interdrive.errors import ResultsError
-from interdrive.report.contents import FORMAT, Contents
+from interdrive.plots.measures import CAPS
+from interdrive.report.comparison import compared_of
+from interdrive.report.contents import Contents
+from interdrive.report.contract import FORMAT
 from interdrive.report.packing import Packer
 from interdrive.report.repeat import command
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.comparison import ComparedSet, Comparison
+    from interdrive.comparison import Comparison
+    from interdrive.report.contract import BatchHeader, BatchRun, Compared, Missing
 
-#: Columns of the data set whose distributions are drawn, and the factor to their unit.
+#: Columns of the data set whose distributions are drawn, the factor to their unit, and beyond what no value matters.
 _DRAWN = (
-    ("ttc_min", "min TTC", "s", 1.0),
-    ("jerk_rms", "jerk (rms)", "m/s³", 1.0),
-    ("lateral_acceleration_rms", "lateral acceleration (rms)", "m/s²", 1.0),
-    ("deceleration_max", "largest deceleration", "m/s²", 1.0),
-    ("harm", "harm of collisions", "", 1.0),
-    ("plan_seconds", "time per plan", "ms", 1000.0),
+    ("ttc_min", "min TTC", "s", 1.0, CAPS["ttc"]),
+    ("jerk_rms", "jerk (rms)", "m/s³", 1.0, None),
+    ("lateral_acceleration_rms", "lateral acceleration (rms)", "m/s²", 1.0, None),
+    ("deceleration_max", "largest deceleration", "m/s²", 1.0, None),
+    ("harm", "harm of collisions", "", 1.0, None),
+    ("plan_seconds", "time per plan", "ms", 1000.0, None),
 )
 
 #: What the list of runs says about each, besides counts of its agents.
@@ -53,7 +56,8 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str], damaged: Mappin
     table = BatchFolder.open(folder).table()
     if not table.num_rows:
         raise ResultsError(f"{folder}: this batch holds no run yet")
-    packer, missing = Packer(), []
+    packer = Packer()
+    missing: list[Missing] = []
     column = arrays(table)
     column["variant"], column["category"] = variants_of(column), categories_of(column)
     variants = sorted(set(column["variant"].tolist()))
@@ -75,31 +79,43 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str], damaged: Mappin
     packer.add("variant", np.array([variants.index(column["variant"][row]) for row in tested.tolist()], dtype=np.int64))
     parts = _parts(column)
     packer.add("part", np.array([parts.index(_part(column, row)) for row in tested.tolist()], dtype=np.int64))
-    for name, _, _, factor in _DRAWN:
+    for name, _, _, factor, _ in _DRAWN:
         packer.add(name, factor * column[name][tested].astype(np.float64))
-    header = {
+    header: BatchHeader = {
         "format": FORMAT,
         "kind": "batch",
         "name": Path(folder).resolve().name,
         "version": sorted(set(column["version"].tolist())),
         "variants": variants,
-        "parts": [dict(zip(("traffic", "agents", "category"), part, strict=True)) for part in parts],
-        "sets": [] if comparison is None else [_set(one) for one in comparison.sets],
-        "metrics": [
-            {"name": m.name, "heading": m.heading, "better": m.better, "digits": m.digits, "outcome": m.outcome}
-            for m in METRICS
-        ],
-        "table": [] if comparison is None else _plain(comparison.table.to_pylist()),
-        "differences": [] if comparison is None else _differences(comparison),
-        "level": None if comparison is None else comparison.level,
-        "scenarios_min": SCENARIOS_MIN,
-        "reservations": [] if comparison is None else list(comparison.reservations),
-        "drawn": [{"name": name, "title": title, "unit": unit} for name, title, unit, _ in _DRAWN],
+        "parts": [{"traffic": part[0], "agents": part[1], "category": part[2]} for part in parts],
+        "compared": [*compared_of(comparison), *_unfinished(comparison, parts)],
+        "caveats": [] if comparison is None else list(comparison.reservations),
+        "drawn": [{"name": name, "title": title, "unit": unit, "cap": cap} for name, title, unit, _, cap in _DRAWN],
         "runs": _runs(column, pages, damaged or {}),
         "missing": missing,
         "arrays": packer.header,
     }
     return Contents(header, packer.text())
+
+
+def _unfinished(comparison: Comparison | None, parts: Sequence[tuple[str, str, str]]) -> list[Compared]:
+    """Traffic and agents of which no run has finished."""
+    known = set() if comparison is None else {(one.traffic, one.agents) for one in comparison.sets}
+    return [
+        {
+            "traffic": traffic,
+            "agents": agents,
+            "category": ALL,
+            "title": f"Traffic {traffic}, agents {agents}",
+            "size": "None of these runs has finished.",
+            "headings": [],
+            "rows": [],
+            "pairs": [],
+            "note": "",
+        }
+        for traffic, agents in dict.fromkeys(part[:2] for part in parts)
+        if (traffic, agents) not in known
+    ]
 
 
 def _part(column: Mapping[str, Any], row: int) -> tuple[str, str, str]:
@@ -110,28 +126,34 @@ def _parts(column: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return sorted({_part(column, row) for row in range(len(column["key"]))})
 
 
-def _runs(column: Mapping[str, Any], pages: Mapping[str, str], damaged: Mapping[str, str]) -> list[dict[str, Any]]:
+def _runs(column: Mapping[str, Any], pages: Mapping[str, str], damaged: Mapping[str, str]) -> list[BatchRun]:
     """One entry per run, in the order of the data set."""
     ttc = column["ttc_min"].astype(np.float64)
     keys, first, number = np.unique(column["key"].astype(str), return_index=True, return_inverse=True)
-    made = []
+    made: list[BatchRun] = []
     for run in np.argsort(first).tolist():
         rows = np.flatnonzero(number == run)
         mine = rows[column["under_test"][rows] == 1]
         outcomes, least = column["outcome"][mine].tolist(), ttc[mine]
         at = int(rows[0])
-        entry = {name: _plain_value(column[name][at]) for name in _ABOUT}
-        entry |= {
+        about = {name: _plain_value(column[name][at]) for name in (*_ABOUT, *_COMMAND)}
+        entry: BatchRun = {
+            "scenario": about["scenario"],
+            "category": about["category"],
             "variant": column["variant"][at],
+            "traffic": about["traffic"],
+            "agents": about["agents"],
+            "seed": about["seed"],
+            "status": about["status"],
+            "error": about["error"],
             "n_agents": len(mine),
-            "agent": int(column["agent_id"][mine[0]]) if entry["agents"] == ALONE and len(mine) else None,
+            "agent": int(column["agent_id"][mine[0]]) if about["agents"] == ALONE and len(mine) else None,
             "outcomes": {name: outcomes.count(name) for name in sorted(set(outcomes))},
             "ttc_min": float(np.nanmin(least)) if np.isfinite(least).any() else None,
             "page": pages.get(str(keys[run])),
             "damage": damaged.get(str(keys[run]), ""),
         }
         if entry["page"] is None and entry["status"] == "finished":
-            about = {name: column[name][at] for name in _COMMAND}
             tested, others = (column["agent_id"][who].astype(int).tolist() for who in (mine, np.setdiff1d(rows, mine)))
             entry["command"] = command(about, tested, others)
         made.append(entry)
@@ -147,26 +169,5 @@ def _counted(column: Mapping[str, Any]) -> Any:  # noqa: ANN401 - array of truth
     return found
 
 
-def _differences(comparison: Comparison) -> list[dict[str, Any]]:
-    """Rows for JSON, each with 1 if it may be called a difference, 0 otherwise."""
-    rows = comparison.differences.to_pylist()
-    return [{**plain, "sure": int(is_sure(row))} for plain, row in zip(_plain(rows), rows, strict=True)]
-
-
-def _set(one: ComparedSet) -> dict[str, str]:
-    return {"traffic": one.traffic, "agents": one.agents, "title": one.title, "size": one.size}
-
-
 def _plain_value(value: Any) -> Any:  # noqa: ANN401 - a number or a text
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _plain(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows for JSON, which knows no infinity: "inf" and "-inf" stand for it."""
-    return [
-        {
-            name: str(value) if isinstance(value, float) and not np.isfinite(value) else value
-            for name, value in row.items()
-        }
-        for row in rows
-    ]

@@ -10,9 +10,11 @@ import numpy as np
 
 from interdrive.criticality import MEASURES
 from interdrive.errors import InterdriveError
+from interdrive.plots.measures import CAPS, LEVELS
 from interdrive.plots.style import agent_colors
 from interdrive.plots.vehicles import body_outlines, outlines
 from interdrive.plots.view import View, view_of
+from interdrive.report.contract import FORMAT
 from interdrive.report.events import Event, events_of
 from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
@@ -25,20 +27,20 @@ from interdrive.run.logs import steps_between
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from interdrive.criticality import Measure
+    from interdrive.report import contract
+    from interdrive.report.contract import BatchHeader, Missing, Participant, RunEvent, RunHeader
     from interdrive.results import Results
     from interdrive.run import Run
 
     Floats = NDArray[np.float64]
-
-#: Version of what is written into the page; the front end refuses others.
-FORMAT = 1
 
 
 @dataclass(frozen=True)
 class Contents:
     """What goes into a page: a header of plain values, and arrays as text."""
 
-    header: dict[str, Any]
+    header: RunHeader | BatchHeader
     arrays: str
 
 
@@ -73,7 +75,8 @@ def run_contents(folder: str | Path) -> Contents:
     if measured is not None:
         packer.add("measure", measured.value)
         packer.add("measure_partner", measured.partner)
-    header = {
+    info = results.info
+    header: RunHeader = {
         "format": FORMAT,
         "kind": "run",
         "name": run.scenario.name,
@@ -85,20 +88,25 @@ def run_contents(folder: str | Path) -> Contents:
         "participants": _participants(run, results, origin),
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,
-        "measures": [] if measured is None else [_measure(m.name) for m in MEASURES],
+        "measures": [] if measured is None else [_measure(measure) for measure in MEASURES],
         "events": [_event(event) for event in events_of(run, results.plans, measured, replan_every)],
         "missing": lacking,
         "info": {
-            name: results.info.get(name) for name in ("digest", "settings", "versions", "platform", "notes", "seed")
+            "digest": info.get("digest", ""),
+            "settings": info.get("settings", {}),
+            "versions": info.get("versions", {}),
+            "platform": info.get("platform", {}),
+            "notes": info.get("notes", []),
+            "seed": info.get("seed"),
         },
         "arrays": packer.header,
     }
     return Contents(header, packer.text())
 
 
-def _lacking(results: Results) -> list[dict[str, str]]:
+def _lacking(results: Results) -> list[Missing]:
     """What a reader might look for in vain, and how to get it."""
-    found = []
+    found: list[Missing] = []
     if results.plans.num_rows == 0:
         found.append({"what": "plans", "text": "No plans: plans.parquet is missing or empty."})
     if results.predictions is None:
@@ -122,7 +130,7 @@ def _origin(view: View) -> Floats:
     return origin
 
 
-def _participants(run: Run, results: Results, origin: Floats) -> list[dict[str, Any]]:
+def _participants(run: Run, results: Results, origin: Floats) -> list[Participant]:
     """One entry per row of the states: what does not change."""
     states, colors = run.states, agent_colors(run)
     order = {number: index for index, number in enumerate(run.outcomes.agent_id.tolist())}
@@ -130,7 +138,7 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[dict[str, 
     agents = {agent.id: agent for agent in run.agents}
     made = []
     for row, number in enumerate(states.ids.tolist()):
-        entry: dict[str, Any] = {
+        entry: Participant = {
             "id": number,
             "kind": states.kinds[row],
             "length": round(float(states.length[row]), 2),
@@ -143,6 +151,7 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[dict[str, 
             entry["outlines"] = [np.round(line, 2).tolist() for line in shape]
         if number in order:
             agent, outcome = agents[number], ended[order[number]]
+            sensor_radius, occlusion = _sight(results.info, number)
             goal = [line for area in agent.goal_areas for line in outlines(area)]
             entry |= {
                 "agent": order[number],
@@ -156,9 +165,10 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[dict[str, 
                 "harm": outcome["harm"],
                 "message": outcome["message"],
                 "origin": agent.origin,
-                "goal_time_step": list(agent.goal_time_step),
+                "goal_time_step": agent.goal_time_step,
                 "goal": [np.round(line - origin, 2).tolist() for line in goal],
-                **_sight(results.info, number),
+                "sensor_radius": sensor_radius,
+                "occlusion": occlusion,
             }
         made.append(entry)
     return made
@@ -176,31 +186,32 @@ def _body(run: Run, row: int) -> list[Floats] | None:
     return body_outlines(run)[row]
 
 
-def _sight(info: dict[str, Any], number: int) -> dict[str, Any]:
-    """How far an agent sees [m], and whether others hide each other."""
+def _sight(info: dict[str, Any], number: int) -> tuple[float | None, bool]:
+    """How far an agent sees [m] (None: without limit), and whether others hide each other."""
     said = info.get("settings", {})
     values = {**said.get("settings", {}), **_dotted(said.get("views", {}).get(str(number), {}))}
     radius = values.get("view.sensor_radius")
-    return {
-        "sensor_radius": None if radius is None or not np.isfinite(float(radius)) else float(radius),
-        "occlusion": bool(values.get("view.occlusion", False)),
-    }
+    far = None if radius is None or not np.isfinite(float(radius)) else float(radius)
+    return far, bool(values.get("view.occlusion", False))
 
 
 def _dotted(own: dict[str, Any]) -> dict[str, Any]:
     return {f"view.{name.removeprefix('view.')}": value for name, value in own.items()}
 
 
-def _measure(name: str) -> dict[str, Any]:
-    measure = next(item for item in MEASURES if item.name == name)
+def _measure(measure: Measure) -> contract.Measure:
     return {
         "name": measure.name,
         "title": measure.title,
         "unit": measure.unit,
         "grows": measure.grows,
+        "cap": CAPS.get(measure.name),
+        "level": LEVELS.get(measure.name),
     }
 
 
-def _event(event: Event) -> dict[str, Any]:
-    said = {"step": event.step, "kind": event.kind, "rows": list(event.rows), "text": event.text}
-    return said if event.value is None else {**said, "value": event.value}
+def _event(event: Event) -> RunEvent:
+    said: RunEvent = {"step": event.step, "kind": event.kind, "rows": list(event.rows), "text": event.text}
+    if event.value is not None:
+        said["value"] = event.value
+    return said

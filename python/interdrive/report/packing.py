@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import base64
 import zlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from interdrive.report.contract import Entry
 
 #: Bits of a float32's mantissa (23) that are dropped where a number has no resolution of its own: 4 digits remain.
 _DROPPED_BITS = 10
@@ -19,7 +21,7 @@ _LEVEL = 9
 
 
 #: Integer types by the names that the page knows, the smallest first; little end first.
-_KINDS: dict[str, np.dtype[Any]] = {
+_KINDS: dict[Literal["u8", "i8", "i16", "i32"], np.dtype[Any]] = {
     "u8": np.dtype("u1"),
     "i8": np.dtype("i1"),
     "i16": np.dtype("<i2"),
@@ -37,7 +39,7 @@ class Packer:
 
     def __init__(self) -> None:
         """Starts empty."""
-        self.header: dict[str, dict[str, Any]] = {}
+        self.header: dict[str, Entry] = {}
         self._parts: list[bytes] = []
         self._size = 0
 
@@ -52,9 +54,9 @@ class Packer:
             steps: Store differences; better where neighbours are alike.
         """
         values = np.asarray(array)
-        entry: dict[str, Any] = {"shape": list(values.shape)}
         if values.dtype.kind == "f" and (unit is None or not _is_small(values, unit)):
-            entry |= {"type": "f32", "at": self._put(_planes(_shortened(values)))}
+            at = self._put(_planes(_shortened(values)))
+            self.header[name] = {"type": "f32", "shape": list(values.shape), "at": at}
         else:
             absent = ~np.isfinite(values) if values.dtype.kind == "f" else np.zeros(values.shape, dtype=bool)
             whole = np.zeros(values.shape, dtype=np.int64)
@@ -64,11 +66,10 @@ class Packer:
             if steps:
                 whole = _differences(whole)
             kind = _narrowest(whole)
-            entry |= {"type": kind, "unit": unit or 1.0, "steps": steps}
-            entry["at"] = self._put(_planes(whole.astype(_KINDS[kind])))
+            at, shape = self._put(_planes(whole.astype(_KINDS[kind]))), list(values.shape)
+            self.header[name] = {"type": kind, "shape": shape, "at": at, "unit": unit or 1.0, "steps": steps}
             if absent.any():
-                entry["absent"] = self._put(np.packbits(absent.ravel(), bitorder="little").tobytes())
-        self.header[name] = entry
+                self.header[name]["absent"] = self._put(np.packbits(absent.ravel(), bitorder="little").tobytes())
 
     def text(self) -> str:
         """All arrays, compressed (zlib) and in base64."""
@@ -87,7 +88,7 @@ def _is_small(values: NDArray[Any], unit: float) -> bool:
     return bool(largest / unit < 2**30)
 
 
-def _narrowest(whole: NDArray[np.int64]) -> str:
+def _narrowest(whole: NDArray[np.int64]) -> Literal["u8", "i8", "i16", "i32"]:
     """The smallest type that holds all values."""
     low, high = int(whole.min(initial=0)), int(whole.max(initial=0))
     limits = {name: np.iinfo(kind) for name, kind in _KINDS.items()}
