@@ -1,4 +1,4 @@
-"""A planner of one's own: keeps to the middle of its route and its distance to whoever is ahead on it."""
+"""A custom planner, which keeps to the middle of its route and its distance to the vehicle ahead."""
 
 import numpy as np
 

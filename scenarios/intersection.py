@@ -17,7 +17,7 @@ DURATION = 12.0
 OFFSETS = (1.75, 5.25, 8.75)
 #: Headings of those that come from the south, east, north and west.
 ARMS = (0.5 * np.pi, np.pi, -0.5 * np.pi, 0.0)
-#: Who drives: arms, movement, number of vehicles on each arm, how far from the intersection they start [m], and their
+#: Traffic: arms, movement, number of vehicles on each arm, how far from the intersection they start [m], and their
 #: speeds before, in and after it [m/s]. First those turn left who come from north and south, then these go straight on,
 #: at last east and west. Those with the least choice come first.
 MOVEMENTS = (

@@ -69,7 +69,7 @@ def make() -> Made:
     def add(
         inside: int, aheads: list[float], speeds: tuple[float, float, float], size: tuple[str, float, float]
     ) -> None:
-        """Adds a vehicle that starts ahead of the junction [m], at the first distance at which it touches nobody.
+        """Adds a vehicle that starts ahead of the junction [m], at the first distance without contact.
 
         It has one speed before, one in and one behind the junction [m/s].
         """

@@ -1,8 +1,8 @@
 """A town of 40 crossings and a thousand planning problems, for measuring how cost grows with the number of agents.
 
 One-way streets of three lanes, 240 m apart, alternately in both directions. Platoons as on a green wave: those of the
-rows are half a period ahead of those of the columns, so that nobody has to wait while all keep their speed; the last
-vehicle of some lanes turns. Every cell, a crossing and half a block around it, has 25 vehicles. Their ids follow a
+rows are half a period ahead of those of the columns, so that no vehicle has to wait while all keep their speed; the
+last vehicle of some lanes turns. Every cell, a crossing and half a block around it, has 25 vehicles. Their ids follow a
 chain of rectangles of cells, each around the one before: the first 25, 100, 300 and 1000 ids live in 1, 4, 12 and 40
 cells, so that any number of agents drives at the same density.
 """

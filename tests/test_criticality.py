@@ -166,7 +166,7 @@ def test_a_scenario_without_traffic_has_no_rows():
     assert found["ttc"].shape == (0, 101)
     assert found.most_critical_moment() is None
     assert criticality_table(found).num_rows == 0
-    assert any("nobody is judged" in note for note in found.notes)
+    assert any("no vehicle is evaluated" in note for note in found.notes)
 
 
 def test_the_command_says_so_where_nobody_is_judged_or_nothing_is_drawn(tmp_path, monkeypatch, scenarios_folder):
@@ -174,7 +174,7 @@ def test_the_command_says_so_where_nobody_is_judged_or_nothing_is_drawn(tmp_path
     file = scenarios_folder / "format_edge_cases" / "test_reading_lanelets.xml"
     result = invoke("criticality", str(file), "--png")
     assert result.exit_code == 0, result.output
-    assert "nobody is judged" in result.output
+    assert "no vehicle is evaluated" in result.output
     assert "nothing is drawn" in result.output
     assert "no conflict in" not in result.output
 

@@ -203,7 +203,7 @@ def without(paths: Tensor, prefix: str, chosen: Tensor) -> Tensor:
     return paths
 
 
-#: Gaps and distances that are this large [m] where nobody is.
+#: Gaps and distances where there is no vehicle [m].
 _GAP_MAX = 80.0
 _GAPS = ("second_gap", "follower_gap", "crossing_distance")
 #: Relative and absolute (after scaling) standard deviations of what a path looks like.

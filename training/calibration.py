@@ -52,7 +52,7 @@ _SHARES = (0.06, 0.08, 0.1, 0.12, 0.14, 0.16, 0.18)
 #: Knots at which regions are compared with what they promise; every third row is looked at.
 _LOOKED_AT = (1, 3, 5)
 _EVERY = 3
-#: Larger temperatures would buy likelihood of a few rows with probability for ways that nobody takes.
+#: Larger temperatures would improve the likelihood of a few rows with probability for paths that no vehicle takes.
 _TEMPERATURE_MAX = 1.5
 
 

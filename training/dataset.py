@@ -231,7 +231,7 @@ def gather(files: Sequence[Path], places: tuple[Place, ...], cache: Path) -> Row
     loaded = sorted(load(files, places, cache), key=lambda entry: (-len(entry[3]["id"]), entry[0], entry[2]))
     for name, place, made, rows in loaded:
         keys = keys_of(rows, place.name)
-        # Somebody who waits has the same row again and again; only what earlier files have shown is left out.
+        # A waiting vehicle has the same row again and again; only what earlier files have shown is left out.
         keep = np.array([key not in seen for key in keys], dtype=bool)
         seen.update(keys)
         part = {field: values[keep] for field, values in rows.items()}

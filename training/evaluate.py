@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-#: Variance of the position of who stands [m²], as the predictor has it.
+#: Variance of the position of standing vehicles [m²], as in the predictor.
 STAY_VARIANCE = 0.02
 #: A standing vehicle that is expected to get less far than this in 3 s [m] is expected to stay.
 STAY_DISTANCE = 1.0
@@ -81,7 +81,7 @@ class _Drives:
 
 
 def modes_of(answer: Answer, rows: Rows, modes_max: int, merging: Merging | None = None) -> Modes:
-    """Modes in the world as the predictor makes them: who stands stays exactly, the most probable modes are kept."""
+    """Modes in the world as in the predictor: standing vehicles stay exactly, the most probable modes are kept."""
     n, n_slots, n_modes = answer.log_probability.shape
     p = np.exp(np.asarray(answer.log_probability, np.float64)).reshape(n, -1)
     s, d, sigma_s, sigma_d = (

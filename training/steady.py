@@ -1,7 +1,8 @@
 """Invented traffic at exactly constant speed along the lanes of a map.
 
 Tools that synthesise scenarios make such vehicles, and so do planners on a free road; recorded and simulated vehicles
-are never that steady. A few rows of it teach the network that who has been exactly steady goes on exactly so.
+are never that steady. A few rows of it teach the network that a vehicle with exactly steady motion continues exactly
+so.
 """
 
 from __future__ import annotations

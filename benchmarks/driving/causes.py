@@ -32,7 +32,7 @@ GROWTH_MIN = 0.05
 WANTED = 0.5
 #: Not more than this share of the faster samples is as good as none.
 FEW = 0.05
-#: Who is nearer ahead on the path than this [m], and this time at the present speed [s], leads.
+#: A participant nearer ahead on the path than this [m], and this time at the present speed [s], is a leader.
 LEADER_GAP, LEADER_TIME = 8.0, 2.0
 #: ... if it is in the agent's corridor, which is wider than the agent by this on each side [m].
 CORRIDOR = 0.3
@@ -77,7 +77,7 @@ class Delay:
         # The last time at which the recording was not further yet.
         reached = np.searchsorted(pace, driven + REACHED, side="right")
         late = np.maximum(0.0, time - np.minimum(reached, len(pace) - 1) * dt)
-        # Who is beyond the recording's end is not late there any more.
+        # An agent beyond the recording's end is not late there any more.
         late[driven + REACHED >= pace[-1]] = 0.0
         return cls(states.first_time_step + int(there[0]), late)
 

@@ -37,25 +37,25 @@ def extreme(name: str, *, grows: bool) -> str:
 
 #: Columns that say which run it is and how it ended; the same in all rows of a run.
 RUN_COLUMNS = (
-    Column("key", "label", "which run: made of scenario content, choices, settings and version"),
+    Column("key", "label", "id of the run: hash of scenario content, choices, settings and version"),
     Column("scenario", "label", "name of the scenario file"),
     Column("category", "label", "folder of the scenario file"),
     Column("planner", "label", "planner under test, as given"),
     Column("predictor", "label", "predictor, as given"),
     Column("settings", "label", "settings of the batch that are not the defaults, NAME=VALUE each; empty: none"),
-    Column("traffic", "label", "what vehicles do that are not under test: recorded, velocity_adjusting or same"),
-    Column("agents", "label", "who is under test: all, a number, or alone: one agent per run"),
+    Column("traffic", "label", "behaviour of vehicles not under test: recorded, velocity_adjusting or same"),
+    Column("agents", "label", "agents under test: all, a number, or alone: one agent per run"),
     Column("seed", "integer", "chooses a number of agents; 0 where each is alone"),
     Column("status", "label", "how the run ended: finished, refused, failed, crashed, timeout or memory"),
-    Column("error", "text", "why it did not finish, in words"),
-    Column("attempts", "integer", "how often it was started"),
+    Column("error", "text", "reason why it did not finish"),
+    Column("attempts", "integer", "number of attempts"),
     Column("digest", "text", "SHA-256 of all states; empty if it did not finish"),
     Column("dt", "number", "length of a time step [s]", nullable=True),
-    Column("n_steps", "integer", "time steps that were simulated", nullable=True),
+    Column("n_steps", "integer", "number of simulated time steps", nullable=True),
     Column("read_seconds", "number", "wall time for reading the scenario, 0 if it was at hand [s]", nullable=True),
     Column("run_seconds", "number", "wall time for simulation and criticality [s]", nullable=True),
-    Column("kept", "truth", "its run folder is kept in recordings/"),
-    Column("path", "label", "where the scenario file was"),
+    Column("kept", "truth", "whether its run folder is kept in recordings/"),
+    Column("path", "label", "path of the scenario file"),
     Column("scenario_sha256", "label", "content of the scenario file"),
     Column("version", "label", "version of interdrive"),
 )
@@ -63,9 +63,9 @@ RUN_COLUMNS = (
 #: Columns about one agent; null in the one row of a run that did not finish.
 AGENT_COLUMNS = (
     Column("agent_id", "integer", "participant id of the agent", nullable=True),
-    Column("under_test", "truth", "it counts; otherwise it is traffic", nullable=True),
+    Column("under_test", "truth", "whether it is under test; otherwise it is traffic", nullable=True),
     Column("agent_planner", "label", "name of its own planner", nullable=True),
-    Column("outcome", "label", "how it ended, one of interdrive.run.OUTCOMES", nullable=True),
+    Column("outcome", "label", "one of interdrive.run.OUTCOMES", nullable=True),
     Column("seconds", "number", "from its start to its end, simulated [s]", nullable=True),
     Column("distance", "number", "driven [m]", nullable=True),
     Column("partner_id", "integer", "the other participant of a collision", nullable=True),
@@ -74,7 +74,7 @@ AGENT_COLUMNS = (
     Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
     Column("harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True),
     Column("partner_harm", "number", "the same in the other participant", nullable=True),
-    Column("message", "text", "why it ended, in words", nullable=True),
+    Column("message", "text", "explanation of the outcome", nullable=True),
     *(
         Column(
             extreme(measure.name, grows=measure.grows),
@@ -156,7 +156,7 @@ def finished_rows(
         "run_seconds": run_seconds,
         "kept": kept,
     }
-    judged = np.isin(ids, criticality.ids)  # who never came into the world was not judged
+    judged = np.isin(ids, criticality.ids)  # agents that never entered the world were not evaluated
     rows = np.searchsorted(criticality.ids, ids)
     present = criticality.present.sum(axis=1)
     exposed = ((criticality["ttc"] < TTC_CRITICAL) & criticality.present).sum(axis=1)
@@ -226,9 +226,9 @@ def _of_run(spec: RunSpec, about: Mapping[str, object], n: int) -> dict[str, Any
 
 
 def comfort(run: Run) -> dict[str, list[float]]:
-    """What passengers feel, and how far and long every agent drove; nan where there are too few states.
+    """Comfort metrics, and distance and time of every agent; nan where there are too few states.
 
-    The state with which an agent begins is the scenario's, not its planner's: neither its acceleration and yaw rate
+    The initial state of an agent comes from the scenario, not from its planner: neither its acceleration and yaw rate
     nor the jump from them to the first planned state count.
 
     Returns:

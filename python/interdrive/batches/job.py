@@ -77,7 +77,7 @@ _AT_HAND: dict[str, Scenario] = {}
 
 
 def execute(job: Job, attempts: int) -> Finished:
-    """Does one run with one thread. Whatever goes wrong in it is its result; nothing is raised."""
+    """Does one run with one thread. Failures are part of its result; it raises no exception."""
     spec = job.spec
     if spec.problem is not None:
         return failed(spec, *spec.problem, attempts)
@@ -90,19 +90,19 @@ def execute(job: Job, attempts: int) -> Finished:
 
 
 def _problem(error: BaseException) -> Problem:
-    """Why something cannot be done, and what that is called."""
+    """Status and reason of a failure."""
     if isinstance(error, InterdriveError):
         return Problem("refused" if isinstance(error, InputError) else "failed", str(error))
     return Problem("failed", failure(error))
 
 
 def failed(spec: RunSpec, status: str, error: str, attempts: int) -> Finished:
-    """What a run leaves behind that did not finish."""
+    """The result of a run that did not finish."""
     return Finished(status, " ".join(error.split()), encoded(failure_row(spec, status, error, attempts)))
 
 
 def no_rows() -> Finished:
-    """What takes the place of rows that are no longer true: nothing."""
+    """Empty rows, which replace rows that are no longer valid."""
     return Finished("", "", encoded(arrow_table(COLUMNS, {column.name: [] for column in COLUMNS})))
 
 
@@ -177,7 +177,7 @@ def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
     ids, others = _ids(spec, scenario), []
     if spec.traffic != "recorded":
         able = _able(spec, scenario, "all")
-        # A planning problem that nobody was recorded for is no traffic: it has no recording to keep to.
+        # A planning problem without a recorded vehicle is not part of the traffic: it has no recording to replay.
         recorded = set(scenario.obstacles.ids.tolist())
         others = [agent.id for agent in able if agent.id not in ids and agent.id in recorded]
     planner: PlannersSpec = spec.planner

@@ -30,7 +30,7 @@ class _File:
 #: Files that are open, by device and inode.
 _FILES: dict[tuple[int, int], _File] = {}
 
-#: Held by whoever looks at what is open or taken; told when a byte is free again.
+#: Protects the lists of open files and taken bytes; notified when a byte is free again.
 _CHANGED = threading.Condition()
 
 
@@ -41,11 +41,11 @@ class Locks:
         """Opens the file, or makes it; nothing is taken yet."""
         self._file = _opened(path)
         self._own: set[int] = set()
-        # Also when nobody refers to it any more.
+        # Also when the object is no longer referenced.
         self._end = weakref.finalize(self, _end, self._file, self._own)
 
     def take(self, byte: int, *, wait: bool) -> bool:
-        """Takes a byte that nobody has, this owner included; False if somebody has it and it is not waited for."""
+        """Takes a free byte; without waiting returns False if any owner, including this one, has it."""
         with _CHANGED:
             while byte in self._file.taken:
                 if not wait:
@@ -63,12 +63,12 @@ class Locks:
         return True
 
     def give(self, byte: int) -> None:
-        """Gives a byte back, if this owner has it."""
+        """Releases a byte if this owner has it."""
         if byte in self._own:
             _give(self._file, self._own, byte)
 
     def close(self) -> None:
-        """Gives everything back that this owner has."""
+        """Releases all bytes of this owner."""
         self._end()
 
 

@@ -1,4 +1,4 @@
-"""Which runs a batch consists of: every combination of scenario, planner, predictor and seed, each with its key."""
+"""The runs of a batch: every combination of scenario, planner, predictor and seed, each with its key."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class RunSpec:
         parts_sha256: Of files that belong to it; "" if there are none.
         planner: Under test, as it can be chosen. planner_label: What tables call it.
         predictor: As it can be chosen. predictor_label: What tables call it.
-        agents: Who is under test: "all", at most so many, or ids.
+        agents: Agents under test: "all", a maximum number, or ids.
         traffic: One of `TRAFFIC`.
         seed: Chooses a number of agents.
         settings: Of the simulation.
@@ -115,12 +115,12 @@ class RunSpec:
 
     @property
     def agents_label(self) -> str:
-        """Who is under test, as tables call it."""
+        """The agents under test, as named in tables."""
         return ALONE if isinstance(self.agents, tuple) else str(self.agents)
 
     @property
     def settings_label(self) -> str:
-        """Settings that are not the defaults, as tables call them."""
+        """Settings that are not the defaults, as named in tables."""
         usual = flatten(SimulationSettings())
         own = {name: value for name, value in flatten(self.settings).items() if value != usual[name]}
         return " ".join(f"{name}={value}" for name, value in own.items())
@@ -201,7 +201,7 @@ def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> 
     together = agents == "all" and not alone
     if together and traffic not in (None, "same"):
         raise InputError(
-            f"traffic {traffic}: with agents all nobody is left to be traffic; "
+            f"traffic {traffic}: with agents all no vehicles are left as traffic; "
             "test every agent alone (--alone), or a number of them (--agents N)"
         )
     if agents == "all" and seeds > 1:

@@ -1,4 +1,4 @@
-"""Worker processes that may die, hang or grow too large: what they did is done again once, by another one.
+"""Worker processes that may die, hang or grow too large; their task is then repeated once by another process.
 
 A task waits in the parent until a process is free, so that nothing is lost with a process but the one task it works on.
 """
@@ -299,7 +299,7 @@ def _work(connection: Connection) -> None:
 
 
 def end_with_the_parent() -> None:
-    """Nobody waits for a run whose parent is gone, and it might never end."""
+    """Ends the process with its parent; otherwise an unwanted run might never end."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interdrive.batches.pool import End
-from interdrive.batches.ray_driver import drive, nobody, of_this_process
+from interdrive.batches.ray_driver import drive, no_cluster, of_this_process
 from interdrive.errors import InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class Cluster:
                     f"the process for Ray ends before it begins ({words}); "
                     "does the script guard its calls by `if __name__ == '__main__':`?"
                 ) from None
-            raise nobody(self._address, words) from None
+            raise no_cluster(self._address, words) from None
 
     def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
         """Does tasks until there are none and yields how they ended, in the order in which they end.
@@ -139,6 +139,6 @@ class Cluster:
         self._connection.close()
         if self._is_idle:
             self._process.join(_LEAVE_MAX)
-        self._process.kill()  # Ray ends the tasks of who is gone
+        self._process.kill()  # Ray ends the tasks of a process that is gone
         self._process.join()
         self._words.close()

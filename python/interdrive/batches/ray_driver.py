@@ -30,9 +30,9 @@ _RETRIES = 3
 #: When Ray gives it up, it gets it again so often, after this pause [s]: Ray may need half a minute to know that a
 #: node is lost.
 _AGAIN, _PAUSE = 5, 10.0
-#: A task that Ray ends because its node runs out of memory is done again by Ray so often; for ever, if nobody says.
+#: Number of times that Ray repeats a task whose node ran out of memory; by default for ever.
 _RETRIES_MEMORY = 1
-#: Tasks that are handed to Ray at once, per CPU of the cluster: nobody waits for the next one.
+#: Tasks submitted to Ray at once, per CPU of the cluster, so that no CPU waits for the next one.
 _AHEAD = 2
 #: A cluster has this long to accept a connection [s].
 _ANSWER_MAX = 10.0
@@ -103,15 +103,15 @@ def _connected(address: str) -> Any:  # noqa: ANN401 - the module
     try:
         ray.init(address=address, logging_level="ERROR", log_to_driver=False)
     except (ConnectionError, OSError, RuntimeError, ValueError) as cause:
-        raise nobody(address, str(cause)) from cause
+        raise no_cluster(address, str(cause)) from cause
     return ray
 
 
 def _check_that_somebody_answers(address: str) -> None:
-    """Ray itself would try for a minute.
+    """Checks that a cluster answers; Ray itself would try for a minute.
 
     Raises:
-        InputError: Nobody does.
+        InputError: There is no answer.
     """
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if not colon or not port.isdecimal():
@@ -119,7 +119,7 @@ def _check_that_somebody_answers(address: str) -> None:
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=_ANSWER_MAX).close()
     except (OSError, OverflowError) as cause:
-        raise nobody(address, str(cause)) from cause
+        raise no_cluster(address, str(cause)) from cause
 
 
 def of_this_process() -> str | None:
@@ -132,7 +132,7 @@ def of_this_process() -> str | None:
     return None
 
 
-def nobody(address: str, reason: str) -> InputError:
+def no_cluster(address: str, reason: str) -> InputError:
     """There is no cluster that could be used."""
     if "Version mismatch" in reason:
         return InputError(f"ray {address}: {' '.join(reason.split())}")

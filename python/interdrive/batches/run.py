@@ -80,7 +80,7 @@ class BatchSummary:
 
 
 class Backend(Protocol):
-    """Whoever does tasks: worker processes or a cluster."""
+    """Worker processes or a cluster that do tasks."""
 
     def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
         """Does tasks until there are none and yields how they ended."""
@@ -118,11 +118,11 @@ def batch(
         planner: Under test: one (see `interdrive.PlannerSpec`), several separated by commas or in a list, or a mapping
             from labels to planners.
         predictor: The same for predictors.
-        agents: Who is under test: "all", or at most so many vehicles per scenario, chosen with the seed.
-        traffic: What vehicles do that could be agents but are not under test: "recorded" (replay, the default),
-            "velocity_adjusting" (that planner) or "same" (the planner under test). With all agents nobody is left and
-            it is "same".
-        alone: Every agent under test gets a run of its own; in it all others are traffic.
+        agents: Agents under test: "all", or a maximum number of vehicles per scenario, chosen with the seed.
+        traffic: Behaviour of vehicles that could be agents but are not under test: "recorded" (replay, the default),
+            "velocity_adjusting" (that planner) or "same" (the planner under test). With all agents no vehicles are left
+            and it is "same".
+        alone: Every agent under test gets a separate run, in which all others are traffic.
         seeds: So many seeds, from 0 on; they choose agents.
         settings: Settings, or a mapping of dotted names.
         workers: Processes; as many as there are cores otherwise. With Ray, so many tasks at once (its CPUs otherwise).
@@ -224,14 +224,14 @@ def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: b
     for about, specs in asked.items():
         answer = answers[about]
         for spec in specs:
-            # Nobody in particular: what is said about the run as long as its agents are not known.
-            nobody = spec.of_agents([])
+            # A run without particular agents, as long as they are not known.
+            unspecified = spec.of_agents([])
             if isinstance(answer, Problem):
-                found.append(nobody.impossible(answer))
+                found.append(unspecified.impossible(answer))
                 continue
-            if nobody.key in known and folder.claim(nobody.key):
-                folder.store(nobody.key, no_rows())
-                folder.release(nobody.key)
+            if unspecified.key in known and folder.claim(unspecified.key):
+                folder.store(unspecified.key, no_rows())
+                folder.release(unspecified.key)
             found += [spec.of_agents([number]) for number in answer]
     return tuple(found)
 
@@ -283,7 +283,7 @@ def _conduct(
     count = failures = 0
 
     def claimed(spec: RunSpec) -> bool:
-        """Ours now, and nobody has done it since we looked."""
+        """Whether this batch has claimed the run, and no other has done it in the meantime."""
         if not folder.claim(spec.key):
             elsewhere.append(spec)
             return False

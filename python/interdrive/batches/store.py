@@ -8,8 +8,7 @@
     .stored             a line per run that was stored, for batches that are at work at the same time
 
 A run is claimed by locking the byte of `.locks` that its key says, see `interdrive.batches.locks`. The system gives the
-lock back when the process ends, however it ends. Only who has claimed a run stores it, or removes the file it was
-stored in.
+lock back when the process ends, however it ends. Only a batch that has claimed a run stores it, or removes its file.
 """
 
 from __future__ import annotations
@@ -190,7 +189,7 @@ class BatchFolder:
         return found
 
     def stored_since(self, key: str) -> Done | None:
-        """What is known of a run that somebody has stored since it was asked what is done."""
+        """The state of a run that another batch has stored since `done` was called."""
         with suppress(FileNotFoundError), (self.path / _STORED).open("rb") as file:
             file.seek(self._looked_at)
             for line in file:
@@ -295,7 +294,7 @@ class BatchFolder:
             self._held().give(_MERGE_BYTE)
 
     def claim(self, key: str) -> bool:
-        """Nobody else does this run from now on; False if somebody does it already."""
+        """Claims a run for this batch; False if another one has claimed it."""
         return self._held().take(1 + int(key[:12], 16), wait=False)
 
     def release(self, key: str) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _WHICH = (
     Column("traffic", "label", "what vehicles do that are not under test"),
-    Column("agents", "label", "who is under test"),
+    Column("agents", "label", "agents under test"),
     Column("category", "label", "folder of the scenarios, or all"),
 )
 

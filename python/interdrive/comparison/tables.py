@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"))
 
 
-#: Other outcomes that happened to nobody need no column.
+#: Other outcomes without agents need no column.
 _ALWAYS = ("goal_reached", "collisions")
 
 

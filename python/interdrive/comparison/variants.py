@@ -1,4 +1,4 @@
-"""Who is compared with whom: planners with what tells them apart, and the agents that all of them drove."""
+"""The compared planners with their distinguishing settings, and the agents that all of them drove."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class ComparedSet:
 
     Attributes:
         traffic: What vehicles do that are not under test.
-        agents: Who is under test.
+        agents: Agents under test.
         variants: Planners, in order.
         drivers: Those of them that finished a run.
         n_scenarios: Scenarios of the agents that all of them drove.
-        n_agents: Agents that all of them drove; nobody else is in table and differences.
+        n_agents: Agents that all of them drove; table and differences contain no others.
         left_out: Per variant, agents that it drove and another one did not.
     """
 
@@ -63,7 +63,7 @@ class ComparedSet:
 
     @property
     def size(self) -> str:
-        """How many agents are compared, and who is left out why."""
+        """The number of compared agents, and which are left out and why."""
         scenarios = f"{self.n_scenarios} scenario{'s' * (self.n_scenarios != 1)}"
         text = f"{self.n_agents} agents in {scenarios}"
         if any(self.left_out.values()):
@@ -169,7 +169,7 @@ def _only(rows: Rows, which: Flags) -> Rows:
 
 
 def _draws(rows: Rows, tested: Flags) -> NDArray[np.int64]:
-    """Per row the first seed whose run of the scenario tests the same agents; 0 for rows of nobody under test."""
+    """Per row the first seed whose run tests the same agents; 0 for rows without an agent under test."""
     under_test: dict[str, set[int]] = {}
     chosen_rows = np.flatnonzero(tested).tolist()
     for row in chosen_rows:

@@ -34,7 +34,7 @@ class Series:
 
     Attributes:
         value: In the unit of the measure. inf: no conflict. nan: absent, or cannot be computed.
-        partner: Id of the participant that was decisive; -1 for nobody.
+        partner: Id of the decisive participant; -1 for none.
         way: Index into `Criticality.ways`; -1 for none.
     """
 
@@ -50,7 +50,7 @@ class Extremes:
     Attributes:
         value: nan if it could not be computed at any time step.
         time_step: When; of the distance of the closest encounter, the encounter itself.
-        partner: Id of the participant that was decisive; -1 for nobody.
+        partner: Id of the decisive participant; -1 for none.
         way: Index into `Criticality.ways`; -1 for none.
     """
 
@@ -62,12 +62,12 @@ class Extremes:
 
 @dataclass(frozen=True)
 class CriticalMoment:
-    """When, for whom and with whom a measure was most critical.
+    """The most critical moment of a measure.
 
     Attributes:
         measure: Its name. value: In its unit.
-        agent_id: Who was judged. partner_id: Who was decisive; -1 for nobody.
-        time_step: When.
+        agent_id: Evaluated participant. partner_id: Decisive participant; -1 for none.
+        time_step: Time step of the moment.
         way: Path or conflict area, as in `Criticality.ways`; "" for none.
     """
 
@@ -95,7 +95,7 @@ class Criticality:
         psd_below_one: Share of the time steps before a conflict area at which it could not have stopped before it; nan
             without any; shape (judged,).
         et_left_censored: The conflict area of the encroachment time was occupied from the first state on.
-        pet_first: Who was first in the conflict area of the post-encroachment time; -1 for nobody.
+        pet_first: Id of the first participant in the conflict area of the post-encroachment time; -1 for none.
         ways: Paths ("12 > 15 > 18", lanelets in driving order) and conflict areas ("12 x 34": the own lanelet, the
             other one's) that values refer to.
         settings: As evaluated.
@@ -168,7 +168,7 @@ class Criticality:
         """The moment to look at: the smallest time to collision; without any, the smallest distance of an encounter.
 
         Returns:
-            None if nobody met anybody.
+            None if no participants met.
         """
         for name in ("ttc", "dce"):
             moment = self.most_critical(name)
@@ -246,7 +246,7 @@ def evaluate(
     )
     notes = []
     if not judged:
-        notes.append("nobody is judged: there are no agents and no moving vehicles, or none are asked for")
+        notes.append("no vehicle is evaluated: there are no agents and no moving vehicles, or none are requested")
     if chosen.conflict_areas == "stated" and not scenario.incomings:
         notes.append(
             "the map states no intersection: no conflict areas for et, pet and psd; "

@@ -1,6 +1,6 @@
 """The formulas on arrays. Arguments are broadcast against each other; results have the common shape.
 
-An infinite headway is nobody ahead: no conflict. Where an argument is nan, so is the result.
+An infinite headway means that no vehicle is ahead: no conflict. Where an argument is nan, so is the result.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class RecordedRun(Protocol):
 
 @dataclass(frozen=True)
 class Traffic:
-    """Participants as arrays, with who is judged by default.
+    """Participants as arrays, and those evaluated by default.
 
     Attributes:
         ids: Shape (participants,).

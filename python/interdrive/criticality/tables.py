@@ -18,7 +18,7 @@ _NAMES = tuple(measure.name for measure in MEASURES)
 
 #: Columns of criticality.parquet, one row per judged participant, time step and measure.
 COLUMNS = (
-    Column("agent_id", "integer", "who is judged"),
+    Column("agent_id", "integer", "the evaluated participant"),
     Column("time_step", "integer", "when"),
     Column("measure", "label", "one of interdrive.criticality.MEASURES"),
     Column(

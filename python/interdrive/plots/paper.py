@@ -61,7 +61,7 @@ def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = Non
     """Ids of the agents to draw, in their order; all of them by default.
 
     Raises:
-        InputError: An id that is no agent of the run, nobody to draw, or more than `most`.
+        InputError: An id is not that of an agent of the run, or there is no agent to draw, or more than `most`.
     """
     known = [agent.id for agent in run.agents]
     for number in agents or ():
@@ -164,7 +164,7 @@ def draw_scene(
         run: What happened.
         plans: Every plan; none: plans are not drawn.
         time: Since the start of the scenario [s]; the nearest time step is drawn.
-        agents: Who is coloured and decides which part of the world is shown; all by default.
+        agents: Agents that are coloured and determine the visible part of the world; all by default.
         columns: Width on paper.
 
     Raises:

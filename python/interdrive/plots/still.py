@@ -66,7 +66,7 @@ def draw_run(run: Run, *, width_mm: float = 180.0, others: str = "recorded traff
     Args:
         run: Finished or interrupted.
         width_mm: Width of the figure on paper [mm].
-        others: What the legend calls those who are no agents.
+        others: Name in the legend of vehicles that are not agents.
 
     Returns:
         A matplotlib figure without pyplot; `save_figure` or `savefig` write it as PNG, PDF or SVG.

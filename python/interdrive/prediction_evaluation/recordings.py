@@ -1,4 +1,4 @@
-"""Recordings driven step by step without agents: at every moment a scene, who is judged, and what they did next."""
+"""Recordings replayed step by step without agents: scenes, the evaluated vehicles, and their recorded future."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 #: Kinds of participants that are judged, if they are not static.
 JUDGED_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle")
-#: Somebody stands who is known for this time [s] and moved less than this in it [m].
+#: A vehicle stands if it is known for this time [s] and moved less than this in it [m].
 STANDING_TIME, STANDING_WAY = 0.5, 0.1
 
 #: Categories that the mean of categories is about.
@@ -45,7 +45,7 @@ class Moment:
     """A time step of a recording, and the vehicles that are judged at it.
 
     Attributes:
-        scene: Everybody who is present, with their past.
+        scene: All present participants with their past.
         row: Places of the judged vehicles in `scene.ids`, shape (n,).
         known: For how long they have been recorded without a break [s].
         truth: Where they will be [m], shape (n, steps, 2) until 3 s; nan after the first gap.
@@ -67,7 +67,7 @@ class Moment:
 
 
 class Recording:
-    """A scenario whose recorded traffic is replayed; nobody plans."""
+    """A scenario whose recorded traffic is replayed without planning."""
 
     def __init__(self, scenario: Scenario, settings: SimulationSettings) -> None:
         """Stands at the first time step.
@@ -99,7 +99,7 @@ class Recording:
         self.world.step(self.world.plan(scene, _nobody(scene.time_step)))
 
     def moments(self, every: int) -> Iterator[Moment]:
-        """Every so many time steps from the first one on, as long as somebody has a recorded future of a second."""
+        """Moments at regular time steps, as long as a vehicle has a recorded future of a second."""
         obstacles = self.scenario.obstacles
         last = obstacles.n_steps - 1 - (step_of(HORIZONS[0], self.scenario.dt) + 1)
         while self.world.time_step <= last:
@@ -146,7 +146,7 @@ class Recording:
 
 
 def _nobody(time_step: int) -> _core.Predictions:
-    """Predictions for nobody: a world without agents needs none."""
+    """Empty predictions: a world without agents needs none."""
     none = np.empty((0, 1, 1))
     return _core.Predictions(
         time_step,

@@ -36,7 +36,7 @@ class KnownTracks:
         self._tracks: list[tuple[Ints, Bools]] = []
         # Time between steps, and positions at the beginning and end of a second -> track and time step.
         self._moving: dict[tuple[float, bytes], tuple[int, int]] = {}
-        # The same, and a position -> how many time steps somebody stands there.
+        # The same, and a position -> number of time steps at which a vehicle stands there.
         self._standing: dict[tuple[float, bytes], int] = {}
 
     def repeated(self, obstacles: Obstacles, dt: float) -> Bools:

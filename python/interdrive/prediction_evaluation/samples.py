@@ -138,7 +138,7 @@ class Gathered:
 
 
 def answered(predictor: BoundPredictor, recording: Recording, moment: Moment) -> Predicted:
-    """What a predictor says about the judged vehicles of a moment until 3 s; who is left out goes straight on.
+    """Predictions for the evaluated vehicles of a moment until 3 s; those left out go straight on.
 
     Raises:
         PredictorError: It raised or returned garbage; the text names it, the time step and the scenario.

@@ -160,7 +160,7 @@ def _now(moment: Moment) -> np.ndarray:
 
 
 def _draw_bodies(axes: Axes, scene: ExampleScene, view: View) -> None:
-    """Footprints of everybody who is present; pale ones are not asked about."""
+    """Footprints of all present participants; those that are not evaluated are pale."""
     now, obstacles = scene.moment.scene, scene.recording.scenario.obstacles
     shapes = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
     about = set(now.ids[scene.moment.row[scene.row]].tolist())

@@ -15,7 +15,7 @@ from typing import Any
 from interdrive.errors import InputError
 from interdrive.files import content_of_input
 
-#: Where traffic comes from: cameras; a simulation (SUMO); somebody made it up, by hand or by synthesis; it is not said.
+#: Origin of traffic: cameras; a simulation (SUMO); invented by hand or by synthesis; unknown.
 UNKNOWN = "unknown"
 TRAFFIC = ("recorded", "simulated", "invented", UNKNOWN)
 

@@ -27,7 +27,7 @@ _PLACES = {measure.name: place for place, measure in enumerate(MEASURES)}
 
 @dataclass(frozen=True)
 class Measured:
-    """All measures of the agents over time; rows of partners are those of the run's states, -1 for nobody.
+    """All measures of the agents over time; rows of partners are those of the run's states, -1 for none.
 
     Attributes:
         value: Shape (measures, agents, time_steps); inf: no conflict, nan: absent or cannot be computed.

@@ -30,7 +30,7 @@ _KINDS: dict[Literal["u8", "i8", "i16", "i32"], np.dtype[Any]] = {
 
 
 class Packer:
-    """Collects arrays; `header` describes them for whoever unpacks, `text` is all of them in base64.
+    """Collects arrays; `header` describes them for unpacking, `text` is all of them in base64.
 
     An array is stored as integers if it has a resolution (its unit) and as float32 otherwise. Integers may be
     differences: along the last axis, and along the first column from row to row. Where values are absent (nan), a bit

@@ -1,4 +1,4 @@
-"""Case studies: the same encounter of two vehicles with an other vehicle that reacts more and more.
+"""Case studies: one encounter of two vehicles at increasing levels of interaction.
 
 Kaufeld, Trauth, Betz, "Investigating Driving Interactions", IV 2024, section IV: merging and a T-junction.
 """

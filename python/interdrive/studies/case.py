@@ -1,4 +1,4 @@
-"""One encounter in every degree of interaction."""
+"""One encounter at every level of interaction."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def case_study(
     threads: int | None = None,
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> CaseStudy:
-    """Simulates an encounter of two vehicles in every degree of interaction; everybody else replays the recording.
+    """Simulates an encounter of two vehicles at every level of interaction; all others replay their recording.
 
     Args:
         scenario: See `interdrive.ScenarioSpec`.

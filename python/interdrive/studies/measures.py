@@ -1,4 +1,4 @@
-"""What the table of a case study says about a run. Another measure is one more line in `MEASURES`."""
+"""Measures of the table of a case study. To add one, add a line to `MEASURES`."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def distance_of_closest_encounter(run: Run, first: int, second: int) -> float:
     """Smallest distance between the footprints while both are there, DCE [m]; 0 if they collide, nan if never both."""
     if run.states.is_static[run.states.ids == first].any():
         first, second = second, first
-    # No limit but the size of maps, and whoever comes towards the other one counts.
+    # No limit except the size of maps; oncoming vehicles count, too.
     settings = CriticalitySettings(radius=_EVERYWHERE, oncoming_filter=False)
     value = _extreme("dce", settings)(run, first, second)
     return float("nan") if value == float("inf") else value
