@@ -187,7 +187,7 @@ def test_a_cluster_that_is_lost_is_one_line_in_rays_words(driven):
 def test_an_error_that_nobody_thought_of_is_named(driven):
     backend = driven(meets_what_nobody_thought_of)
     with pytest.raises(
-        InterdriveError, match=r"^ray nowhere:1: AttributeError: .* has no attribute 'remote'; what was"
+        InterdriveError, match=r"^ray nowhere:1: AttributeError: .* has no attribute 'remote'; finished runs"
     ):
         list(backend.run(len, lambda _: Task("a")))
     backend.close()
