@@ -273,7 +273,7 @@ def _require_problem(problem: PlanningProblem, file: str) -> None:
         for time_step in goal.time_step:
             require_time_step(time_step, f"the goal of {what}", file, LARGEST_GOAL_TIME_STEP)
         require_values(goal.orientation or (), LARGEST_ANGLE, f"the goal of {what}", file, "orientation")
-        require_values(goal.velocity or (), LARGEST_COORDINATE, f"the goal of {what}", file, "velocity")
+        require_values(goal.velocity or (), LARGEST_VELOCITY, f"the goal of {what}", file, "velocity")
 
 
 def require_time_step(time_step: int, what: str, file: str, last: int = LARGEST_TIME_STEP) -> None:
