@@ -119,7 +119,30 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class VelocityAdjusting:
+class CarFollowing:
+    """Parameters of the Intelligent Driver Model.
+
+    Attributes:
+        time_gap: Time gap T to a leader [s].
+        minimum_gap: Gap s0 to a standing leader [m].
+        acceleration: Acceleration a from standstill on a free road [m/s²].
+        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
+        exponent: Exponent of v / v0.
+    """
+
+    time_gap: float = 1.0
+    minimum_gap: float = 2.0
+    acceleration: float = 1.0
+    deceleration: float = 1.5
+    exponent: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        native_planner(self)
+
+
+@dataclass(frozen=True)
+class VelocityAdjusting(CarFollowing):
     """Keeps the recorded path and, where the way is free, the recorded speed.
 
     Behind leaders and before crossing participants it brakes with the Intelligent Driver Model: Treiber, Hennecke,
@@ -129,26 +152,13 @@ class VelocityAdjusting:
     acceleration is at most a (1 - (s* / s)²). See docs/planners.md.
 
     Attributes:
-        time_gap: Time gap T to a leader [s].
-        minimum_gap: Gap s0 to a standing leader [m].
         acceleration: Acceleration a with which it returns to the recorded speed [m/s²].
-        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
         exponent: Exponent of v / v0 in the acceleration a (1 - (v / v0)^exponent) back to the recorded speed v0.
     """
 
-    time_gap: float = 1.0
-    minimum_gap: float = 2.0
-    acceleration: float = 1.0
-    deceleration: float = 1.5
-    exponent: float = 4.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges (in the core, which names the field)."""
-        native_planner(self)
-
 
 @dataclass(frozen=True)
-class Idm:
+class Idm(CarFollowing):
     """Drives the reference path of its route with the Intelligent Driver Model.
 
     Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys.
@@ -158,30 +168,16 @@ class Idm:
     desired speed v0 brings it to its goal in time, within speed limits and low enough for curves. See docs/planners.md.
 
     Attributes:
-        time_gap: Time gap T to a leader [s].
-        minimum_gap: Gap s0 to a standing leader [m].
-        acceleration: Acceleration a from standstill on a free road [m/s²].
-        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
-        exponent: Exponent of v / v0.
         desired_velocity_max: Upper bound of the desired speed v0 [m/s].
         lateral_acceleration: Lateral acceleration in curves [m/s²].
     """
 
-    time_gap: float = 1.0
-    minimum_gap: float = 2.0
-    acceleration: float = 1.0
-    deceleration: float = 1.5
-    exponent: float = 4.0
     desired_velocity_max: float = math.inf
     lateral_acceleration: float = 3.0
 
-    def __post_init__(self) -> None:
-        """Checks the ranges (in the core, which names the field)."""
-        native_planner(self)
-
 
 @dataclass(frozen=True)
-class IdmMobil:
+class IdmMobil(Idm):
     """Drives with the Intelligent Driver Model, as `Idm`, and changes lanes with MOBIL.
 
     Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", Transportation Research
@@ -192,13 +188,6 @@ class IdmMobil:
     docs/planners.md.
 
     Attributes:
-        time_gap: Time gap T to a leader [s].
-        minimum_gap: Gap s0 to a standing leader [m].
-        acceleration: Acceleration a from standstill on a free road [m/s²].
-        deceleration: Comfortable deceleration b; where necessary it brakes up to the vehicle's limit [m/s²].
-        exponent: Exponent of v / v0.
-        desired_velocity_max: Upper bound of the desired speed v0 [m/s].
-        lateral_acceleration: Lateral acceleration in curves [m/s²].
         politeness: Politeness p: weight of the gains and losses of the followers.
         changing_threshold: A change must gain more than this [m/s²].
         safe_deceleration: The new follower must not have to brake harder than this, b_safe [m/s²].
@@ -206,22 +195,11 @@ class IdmMobil:
         lane_change_duration: Duration of a lane change [s].
     """
 
-    time_gap: float = 1.0
-    minimum_gap: float = 2.0
-    acceleration: float = 1.0
-    deceleration: float = 1.5
-    exponent: float = 4.0
-    desired_velocity_max: float = math.inf
-    lateral_acceleration: float = 3.0
     politeness: float = 0.2
     changing_threshold: float = 0.1
     safe_deceleration: float = 4.0
     bias: float = 0.3
     lane_change_duration: float = 4.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges (in the core, which names the field)."""
-        native_planner(self)
 
 
 @dataclass(frozen=True)
@@ -287,10 +265,10 @@ def native_planner(record: object) -> NativePlanner | None:
         return _core.RecordedSettings()
     if isinstance(record, VelocityAdjusting):
         return _core.VelocityAdjustingSettings(_dotted(record))
-    if isinstance(record, Idm):
-        return _core.IdmSettings(_dotted(record))
     if isinstance(record, IdmMobil):
         return _core.IdmMobilSettings(_dotted(record))
+    if isinstance(record, Idm):
+        return _core.IdmSettings(_dotted(record))
     return None
 
 
