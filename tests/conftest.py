@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 import commonroad_documents as cr
-from interdrive import InputError, Scenario, _core, read_scenario
-from interdrive.predictors.models import WALENET
+from interdrive import InputError, Scenario, read_scenario
+from interdrive.predictors import models
+from interdrive.predictors.walenet import network
 
 IN_CI = os.environ.get("CI") == "true"
 
@@ -60,14 +61,14 @@ def recorded_scenarios(scenarios_folder) -> dict[str, Scenario | InputError]:
 
 
 @pytest.fixture(scope="session")
-def published_walenet() -> _core.Walenet:
+def published_walenet():
     """The network WALENET with its published weights, which are installed if they are not; skipped offline."""
-    if not WALENET.is_installed():
+    if not models.is_installed():
         try:
-            WALENET.install()
+            models.install()
         except InputError as error:
             pytest.skip(f"the weights of walenet are not on this machine and cannot be installed now: {error}")
-    return _core.Walenet(WALENET.weights().tensors)
+    return network()
 
 
 @pytest.fixture

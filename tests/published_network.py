@@ -2,7 +2,83 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+
+#: Tensors in the order of the published checkpoint; in front of each group stands its size, an int64.
+STORED = (
+    {"sc_conv1.weight": (32, 1, 3, 3)},
+    {"sc_conv7.bias": (32,)},
+    {"sc_conv8.weight": (32, 32, 3, 3)},
+    {"op.weight": (5, 64)},
+    {"conv_3x1.weight": (8, 32, 3, 1)},
+    {"sc_conv1.bias": (32,)},
+    {"ip_emb.bias": (16,)},
+    {"sc_conv4.weight": (32, 32, 3, 3)},
+    {"dyn_emb.bias": (16,)},
+    {"sc_conv3.bias": (32,)},
+    {"conv_3x1.bias": (8,)},
+    {"op.bias": (5,)},
+    {"sc_conv2.weight": (32, 32, 3, 3)},
+    {
+        "dec_lstm.weight_ih_l0": (192, 88),
+        "dec_lstm.weight_hh_l0": (192, 64),
+        "dec_lstm.bias_ih_l0": (192,),
+        "dec_lstm.bias_hh_l0": (192,),
+    },
+    {"sc_conv5.weight": (32, 32, 3, 3)},
+    {"soc_conv.bias": (32,)},
+    {"sc_conv8.bias": (32,)},
+    {"sc_conv2.bias": (32,)},
+    {
+        "enc_lstm.weight_ih_l0": (96, 16),
+        "enc_lstm.weight_hh_l0": (96, 32),
+        "enc_lstm.bias_ih_l0": (96,),
+        "enc_lstm.bias_hh_l0": (96,),
+    },
+    {"sc_conv3.weight": (32, 32, 3, 3)},
+    {"sc_conv4.bias": (32,)},
+    {"ip_emb.weight": (16, 2)},
+    {"sc_conv6.weight": (32, 32, 3, 3)},
+    {"sc_conv6.bias": (32,)},
+    {"sc_conv7.weight": (32, 32, 3, 3)},
+    {"dyn_emb.weight": (16, 32)},
+    {"soc_conv.weight": (32, 32, 3, 3)},
+    {"sc_conv5.bias": (32,)},
+)
+
+
+def _places():
+    found, end = {}, 0
+    for group in STORED:
+        end += 2
+        for name, shape in group.items():
+            start, end = end, end + math.prod(shape)
+            found[name] = (start, end, shape)
+    return found, end
+
+
+#: First number, the one behind the last, and shape of each tensor; number of numbers.
+PLACES, SIZE = _places()
+
+
+def tensors(numbers):
+    """Tensors by name, as views into the numbers of a checkpoint."""
+    return {name: numbers[start:end].reshape(shape) for name, (start, end, shape) in PLACES.items()}
+
+
+def invented(seed=3):
+    """Numbers of a checkpoint, random and about as large as those of a trained network."""
+    random, numbers = np.random.default_rng(seed), np.zeros(SIZE, np.float32)
+    found = tensors(numbers)
+    for values in found.values():
+        size = values[0].size if values.ndim > 1 else 4
+        values[:] = random.normal(0.0, 1.0 / math.sqrt(size), values.shape)
+    found["sc_conv1.weight"] /= 100  # the picture has values up to 255
+    found["op.weight"][:2] *= 10  # means are metres
+    return numbers
+
 
 STEPS, OUTPUTS, SIDE = 30, 40, 256
 
@@ -51,9 +127,9 @@ def social_vector(w, states):
     return padded.reshape(8, 5, 2).max(2).ravel()
 
 
-def answer(weights, history, neighbours, picture):
+def answer(numbers, history, neighbours, picture):
     """(40, 5) for one vehicle: history (30, 2), neighbours (39, 30, 2), picture (256, 256)."""
-    w = {name: values.astype(float) for name, values in weights.items()}
+    w = {name: values.astype(float) for name, values in tensors(numbers).items()}
     points = np.concatenate([history[None], neighbours]).transpose(1, 0, 2).astype(float)
     states = gru(w, "enc_lstm", leaky(points @ w["ip_emb.weight"].T + w["ip_emb.bias"]))[-1]
     dynamics = leaky(states[0] @ w["dyn_emb.weight"].T + w["dyn_emb.bias"])

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from interdrive import InputError, Simulation, _core, simulate
 from interdrive.predictors import Neural, native
-from interdrive.predictors.weights import digest, write_weights
+from interdrive.predictors.weights import digest
 from interdrive.testing import Car, problem, straight_road, world
 
 #: Of the features that this interdrive computes.
@@ -35,7 +36,7 @@ def weights(seed=0, **changes):
 @pytest.fixture
 def file(tmp_path):
     path = tmp_path / "small.safetensors"
-    write_weights(path, weights(), {"feature_version": VERSION})
+    save_file(weights(), path, {"feature_version": VERSION})
     return path
 
 
@@ -102,7 +103,7 @@ def test_predictions_have_modes_that_add_up_to_one(file, modes_max):
 
 
 def test_a_tail_is_one_more_mode(file):
-    write_weights(file, weights(**{"decode.tail": np.array([0.1, 5.0, 0.02, 8.0])}), {"feature_version": VERSION})
+    save_file(weights(**{"decode.tail": np.array([0.1, 5.0, 0.02, 8.0])}), file, {"feature_version": VERSION})
     simulation = Simulation(scenario(), agents=[100], predictor=Neural(2, str(file)), threads=1)
     found = simulation._predict(simulation.world.scene())
     assert found.x.shape == (3, 3, 30)
@@ -152,7 +153,7 @@ def test_a_truncated_file_is_named(file):
     ],
 )
 def test_weights_that_do_not_fit_are_refused_in_one_line(file, changes, version, words):
-    write_weights(file, weights(**changes), {} if version is None else {"feature_version": version})
+    save_file(weights(**changes), file, {} if version is None else {"feature_version": version})
     with pytest.raises(InputError, match=words) as refusal:
         Simulation(scenario(), predictor=Neural(weights=str(file)))
     assert "\n" not in str(refusal.value)
@@ -165,15 +166,15 @@ def test_a_file_that_changes_is_read_again(file):
 
     first = ends()
     changed = weights(seed=1, **{"decode.dead_zone": np.zeros(2)})
-    write_weights(file, changed, {"feature_version": VERSION, "more": "text"})
+    save_file(changed, file, {"feature_version": VERSION, "more": "text"})
     assert (ends() != first).any()
 
 
 def test_values_that_were_changed_after_training_are_refused(file):
     metadata = {"feature_version": VERSION, "sha256": digest(weights())}
-    write_weights(file, weights(), metadata)
+    save_file(weights(), file, metadata)
     Simulation(scenario(), predictor=Neural(weights=str(file)))
-    write_weights(file, weights(seed=1), metadata)
+    save_file(weights(seed=1), file, metadata)
     with pytest.raises(InputError, match=r"small.safetensors: the values are not the trained ones"):
         Simulation(scenario(), predictor=Neural(weights=str(file)))
 

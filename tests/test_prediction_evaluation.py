@@ -133,10 +133,10 @@ def test_a_predictor_need_not_be_in_a_list():
         idr.evaluate_predictors("lane_merge", None)
 
 
-def test_all_are_the_native_predictors_without_the_one_for_studies():
+def test_all_are_the_native_predictors_and_walenet_without_the_one_for_studies():
     found = idr.evaluate_predictors("lane_merge", every=100, with_timing=False)
     left_out = {note.split(maxsplit=1)[0] for note in found.notes if "is left out" in note}
-    assert {*found.predictors, *left_out} == {name for name in idr.predictors.NATIVE if name != "ground_truth"}
+    assert {*found.predictors, *left_out} == {*idr.predictors.NATIVE, "walenet"} - {"ground_truth"}
     assert found.predictors[:2] == ("constant_velocity", "lane_following")
 
 

@@ -6,18 +6,22 @@ import numpy as np
 import pytest
 
 import published_network as plain
-from interdrive import InputError, _core
-from invented_walenet import invented_weights
+from interdrive.predictors.walenet import network
+
+NUMBERS = plain.invented()
 
 
 @pytest.fixture(scope="module")
-def weights():
-    return invented_weights()
+def invented():
+    return network(NUMBERS)
 
 
-@pytest.fixture(scope="module")
-def network(weights):
-    return _core.Walenet(weights)
+def answers(session, history, neighbours, pictures):
+    """(n, 40, 5) for history (n, 30, 2), neighbours (n, 39, 30, 2; zero: nobody), pictures (n, 256, 256)."""
+    tracks = np.concatenate([history[:, None], neighbours], axis=1)
+    cells = np.arange(len(history) * 40).reshape(-1, 40)
+    tracks = np.ascontiguousarray(tracks.reshape(-1, 30, 2).swapaxes(0, 1))
+    return session.run(None, {"tracks": tracks, "cells": cells, "pictures": pictures})[0]
 
 
 def lines():
@@ -46,21 +50,21 @@ def inputs(random, n):
     return history, neighbours, pictures
 
 
-def test_it_computes_what_its_description_says(weights, network):
+def test_it_computes_what_its_description_says(invented):
     history, neighbours, pictures = inputs(np.random.default_rng(8), 6)
     pictures[0] = 0
-    found = network.answer(history, neighbours, pictures)
+    found = answers(invented, history, neighbours, pictures)
     for i in range(len(found)):
-        expected = plain.answer(weights, history[i], neighbours[i], pictures[i])
+        expected = plain.answer(NUMBERS, history[i], neighbours[i], pictures[i])
         assert found[i] == pytest.approx(expected, abs=2e-4, rel=1e-5), f"input {i}"
     assert np.abs(np.diff(found[:, -1, :2], axis=0)).min() > 1e-3, "inputs matter"
 
 
-def test_an_answer_does_not_depend_on_the_others_in_the_batch(network):
+def test_an_answer_does_not_depend_on_the_others_in_the_batch(invented):
     history, neighbours, pictures = inputs(np.random.default_rng(9), 3)
-    together = network.answer(history, neighbours, pictures)
+    together = answers(invented, history, neighbours, pictures)
     for i in range(3):
-        alone = network.answer(history[i : i + 1], neighbours[i : i + 1], pictures[i : i + 1])
+        alone = answers(invented, history[i : i + 1], neighbours[i : i + 1], pictures[i : i + 1])
         assert (alone[0] == together[i]).all()
 
 
@@ -93,20 +97,7 @@ def test_the_published_weights_give_the_published_numbers(published_walenet, cas
     if "behind" in case:
         neighbours[0, 19] = history[0]
         neighbours[0, 17, :, 1] = 15 + 5 * time
-    found = published_walenet.answer(history, neighbours, pictures)[0, [0, 9, 29, 39]]
+    found = answers(published_walenet, history, neighbours, pictures)[0, [0, 9, 29, 39]]
     expected = np.array([[float(x) for x in step.split()] for step in GOLDEN[case].split("|")])
     assert found[:, :2] == pytest.approx(expected[:, :2], abs=2e-4)
     assert found[:, 2:] == pytest.approx(expected[:, 2:], abs=1e-5)
-
-
-@pytest.mark.parametrize("change", ["missing", "shape", "type"])
-def test_weights_that_do_not_fit_are_refused_by_the_name_of_the_tensor(weights, change):
-    wrong = dict(weights)
-    if change == "missing":
-        del wrong["op.bias"]
-    elif change == "shape":
-        wrong["op.bias"] = np.zeros(6, np.float32)
-    else:
-        wrong["op.bias"] = np.zeros(5)
-    with pytest.raises(InputError, match=r"weights of walenet: tensor op\.bias"):
-        _core.Walenet(wrong)

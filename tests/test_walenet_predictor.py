@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,27 +11,32 @@ import pytest
 from click.testing import CliRunner
 
 import published_network as plain
-from interdrive import InputError, Simulation, Walenet, _core
+from interdrive import InputError, InterdriveError, Simulation, Walenet, _core
 from interdrive.cli import main
+from interdrive.predictors import walenet
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
-from invented_walenet import invented_weights
 
-WEIGHTS = invented_weights()
-NETWORK = _core.Walenet(WEIGHTS)
+NUMBERS = plain.invented()
 ROAD = straight_road(400.0, lanes=3)
+
+
+@pytest.fixture(autouse=True)
+def invented(monkeypatch, request):
+    """Predictors have random weights, unless a test asks for the published ones or for none."""
+    if not {"published_walenet", "empty_cache"} & set(request.fixturenames):
+        session = walenet.network(NUMBERS)
+        monkeypatch.setattr(walenet, "network", lambda: session)
 
 
 class Traffic:
     """Recorded traffic alone, and what the predictor expects of it."""
 
-    def __init__(self, scenario, *, network=NETWORK, threads=1, history_steps=30, **settings):
+    def __init__(self, scenario, *, history_steps=30, **settings):
         road = core_road(scenario, 0.1, 120.0)
-        recorded = core_scenario(scenario, road)
-        record = Walenet(**settings)
-        self.predictor = network.predictor(recorded, record.anchor == "next", record.standing_guard, record.backfill)
+        self.settings = settings
         self.world = _core.World(
-            recorded, [], grace_factor=1.7, replan_every=1, history_steps=history_steps, threads=threads
+            core_scenario(scenario, road), [], grace_factor=1.7, replan_every=1, history_steps=history_steps, threads=1
         )
 
     def after(self, steps):
@@ -48,7 +55,7 @@ class Traffic:
 
     def predict(self, n_steps=30):
         self.scene = self.world.scene()
-        return self.world.predict(self.predictor, self.scene, n_steps)
+        return Walenet(**self.settings, horizon=n_steps * self.scene.dt).predict(self.scene)
 
 
 def lane(number, **more):
@@ -84,7 +91,7 @@ def test_the_picture_shows_the_borders_as_described(x, orientation):
     lanelets = crooked(ROAD)
     road = core_road(world(lanelets), 0.1, 120.0)
     y = 9 * np.sin(x / 40) + 1.3
-    found, expected = _core.Walenet.picture(road, x, y, orientation), drawn(lanelets, x, y, orientation)
+    found, expected = walenet.Borders(road).picture(x, y, orientation), drawn(lanelets, x, y, orientation)
     # A point on the edge of a pixel may fall to either side.
     assert (found != expected).sum() <= 2
     assert (found > 0).any() == (x < 500.0), "the last one is too far away"
@@ -118,7 +125,7 @@ def test_a_prediction_is_what_a_plain_network_makes_of_the_scene():
             if abs(x) < 9 and abs(y) < 39 and np.hypot(x, y) < nearest[cell]:
                 neighbours[cell], nearest[cell] = told(scene, row, own), np.hypot(x, y)
         x, y, psi = scene.x[own, -1], scene.y[own, -1], scene.orientation[own, -1]
-        answer = plain.answer(WEIGHTS, told(scene, own, own), neighbours, drawn(lanelets, x, y, psi))[:30]
+        answer = plain.answer(NUMBERS, told(scene, own, own), neighbours, drawn(lanelets, x, y, psi))[:30]
         right, forward = np.array([np.sin(psi), -np.cos(psi)]), np.array([np.cos(psi), np.sin(psi)])
         means = np.array([x, y]) + np.outer(answer[:, 0], right) + np.outer(answer[:, 1], forward)
         assert found.x[own, 0] == pytest.approx(means[:, 0], abs=2e-3)
@@ -219,47 +226,66 @@ def test_far_from_any_road_there_is_an_answer():
     assert found.valid.all()
 
 
-def test_the_bits_do_not_depend_on_the_number_of_threads():
+def test_the_bits_do_not_depend_on_the_number_of_threads(monkeypatch):
     crowd = [Car(i, 20.0 + 9.0 * i, 3.5 * (i % 3), velocity=5.0 + i % 4) for i in range(1, 30)]
-    scenario = world(crooked(ROAD), cars=crowd, steps=60)
-    one, four = (Traffic(scenario, threads=threads).after(8).predict() for threads in (1, 4))
+    traffic = Traffic(world(crooked(ROAD), cars=crowd, steps=60)).after(8)
+    one, four = (with_cores(monkeypatch, n, traffic) for n in (1, 4))
     for name in ("x", "y", "orientation", "velocity", "covariance"):
         assert (getattr(one, name) == getattr(four, name)).all(), name
 
 
-def test_a_thousand_vehicles_are_expected_somewhere():
-    crowd = [Car(i, 0.4 * i, 3.5 * (i % 3), velocity=5.0 + i % 4) for i in range(1, 1001)]
+def with_cores(monkeypatch, n, traffic):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _process: set(range(n)))
+    return traffic.predict()
+
+
+def test_a_hundred_vehicles_in_a_crowd_are_expected_somewhere():
+    crowd = [Car(i, 1.5 * i, 3.5 * (i % 3), velocity=5.0 + i % 4) for i in range(1, 101)]
     found = Traffic(world(ROAD, cars=crowd, steps=3)).after(2).predict()
     assert found.valid.all()
     assert np.isfinite(found.covariance).all()
 
 
-def test_another_scenario_is_refused():
-    traffic, other = alone(), alone()
-    with pytest.raises(InputError, match="made for another road network"):
-        traffic.world.predict(other.predictor, traffic.world.scene(), 30)
+MISSING = "predictor walenet: the weights of walenet are not on this machine: run 'interdrive models install walenet'"
 
 
-MISSING = "predictor walenet has no weights on this machine: run 'interdrive models install walenet'"
-
-
-def test_without_weights_one_line_says_what_to_do(monkeypatch, tmp_path):
+@pytest.fixture
+def empty_cache(monkeypatch, tmp_path):
     monkeypatch.setenv("INTERDRIVE_CACHE", str(tmp_path))
-    with pytest.raises(InputError) as caught:
+
+
+def refused(tmp_path):
+    """What a run with the predictor says in the command line, and what the exception says."""
+    with pytest.raises(InterdriveError) as caught:
         Simulation("t_junction", agents=1, predictor="walenet")
-    assert str(caught.value) == MISSING
     result = CliRunner().invoke(main, ["run", "t_junction", "--predictor", "walenet", "--out", str(tmp_path / "run")])
-    assert (result.exit_code, result.stderr) == (2, f"error: {MISSING}\n")
+    assert (result.exit_code, result.stderr) == (2, f"error: {caught.value}\n")
+    return str(caught.value)
+
+
+def test_without_weights_one_line_says_what_to_do(empty_cache, tmp_path):
+    assert refused(tmp_path) == MISSING
+
+
+def test_without_onnxruntime_one_line_says_what_to_install(empty_cache, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    assert refused(tmp_path) == "predictor walenet needs the extra: pip install interdrive[walenet]"
+
+
+@pytest.mark.parametrize("changes", [{"anchor": "later"}, {"horizon": 0.0}])
+def test_an_impossible_setting_is_refused_by_its_name(changes):
+    with pytest.raises(InputError, match=f"{next(iter(changes))}: "):
+        Walenet(**changes)
 
 
 def test_the_published_weights_move_a_standing_car_by_many_metres_without_the_guard(published_walenet):
     standing = world(ROAD, cars=[Car(1, 150.0)], steps=60)
-    found = Traffic(standing, network=published_walenet, standing_guard=False).after(10).predict()
+    found = Traffic(standing, standing_guard=False).after(10).predict()
     assert 5.0 < found.x[0, 0, -1] - 150.0 < 45.0
 
 
 def test_the_published_weights_drive_on_along_a_straight_road(published_walenet):
-    found = relative(alone(network=published_walenet).after(30))
+    found = relative(alone().after(30))
     assert found[0, -1] == pytest.approx(30.0, abs=6.0)
     assert abs(found[1, -1]) < 1.5
 

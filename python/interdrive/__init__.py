@@ -45,8 +45,8 @@ if TYPE_CHECKING:
         Neural,
         Predictor,
         PredictorSettings,
-        Walenet,
     )
+    from interdrive.predictors.walenet import Walenet
     from interdrive.results import load, save
     from interdrive.run import Run
     from interdrive.scenario import Scenario
@@ -90,7 +90,7 @@ _HOME = {
     "Neural": "predictors",
     "Predictor": "predictors",
     "PredictorSettings": "predictors",
-    "Walenet": "predictors",
+    "Walenet": "predictors.walenet",
     "load": "results",
     "save": "results",
     "Run": "run",

@@ -7,7 +7,6 @@ mod product;
 mod standing;
 #[cfg(test)]
 mod tests;
-pub mod walenet;
 
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,7 +20,7 @@ use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
 use lane_candidates::LaneCandidates;
-use walenet::Walenet;
+pub use standing::is_standing;
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.
 const STATIONARY_SPEED: f64 = 0.3;
@@ -92,8 +91,6 @@ pub enum Predictor {
     /// The recorded future of recorded participants; agents follow their lanes. For studies only: no planner in a car
     /// could know it.
     GroundTruth(Arc<Scenario>, LaneFollowing),
-    /// The published network WALENET, made for the scenario's roads.
-    Walenet(Arc<Walenet>),
     /// A network that was trained on recorded traffic.
     Neural(neural::Neural),
 }
@@ -141,7 +138,7 @@ pub fn one_by_one(n: usize, work: &(dyn Fn(usize) + Sync)) {
 /// called; outside of one, on the calling thread.
 ///
 /// # Errors
-/// `InvalidInput` for zero steps, zero modes or more than 8, or a predictor that was made for another road network.
+/// `InvalidInput` for zero steps, and for zero modes or more than 8.
 pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps: usize) -> Result<Predictions> {
     // The global thread pool is left alone.
     let is_shared = rayon::current_thread_index().is_some();
@@ -149,8 +146,7 @@ pub fn predict(predictor: &Predictor, scene: &Scene, road: &RoadNetwork, n_steps
     predict_with(predictor, scene, road, n_steps, &Memory::default(), if is_shared { shared } else { &one_by_one })
 }
 
-/// The same with memory that is reused, on threads that are given; the network `walenet` takes those of the rayon pool in
-/// which it is called.
+/// The same with memory that is reused, on threads that are given.
 ///
 /// # Errors
 /// As [`predict`].
@@ -163,7 +159,7 @@ pub fn predict_with(
     each: Each<'_>,
 ) -> Result<Predictions> {
     let n_modes = match predictor {
-        Predictor::ConstantVelocity(_) | Predictor::Walenet(_) => 1,
+        Predictor::ConstantVelocity(_) => 1,
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => settings.modes_max,
         Predictor::Neural(settings) => settings.modes_max,
     };
@@ -176,11 +172,6 @@ pub fn predict_with(
         return Ok(neural::predict(settings, scene, road, n_steps, (memory, each)));
     }
     let ids = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
-    if let Predictor::Walenet(walenet) = predictor {
-        let mut out = Predictions::empty(scene.time_step, ids, n_modes, n_steps);
-        walenet.predict(scene, road, &mut out)?;
-        return Ok(out);
-    }
     let mut out = Predictions::zeros(scene.time_step, ids, n_modes, n_steps);
     let parts = out.parts(CHUNK);
     each(parts.len(), &|part| {
@@ -220,7 +211,7 @@ fn predict_one(
         }
         _ if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED => stand(out, i, &state),
         Predictor::ConstantVelocity(spread) => go_straight(out, i, &state, spread, scene.dt),
-        Predictor::Walenet(_) | Predictor::Neural(_) => unreachable!("networks predict all vehicles at once"),
+        Predictor::Neural(_) => unreachable!("the network predicts all vehicles at once"),
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
             lane_candidates::follow_lanes(out, i, row, &state, settings, (scene, road), lanes);
         }

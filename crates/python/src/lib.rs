@@ -14,7 +14,6 @@ mod scenario;
 mod scene;
 mod vehicle;
 mod view;
-mod walenet;
 mod world;
 
 use interdrive_core::criticality::Measure;
@@ -58,7 +57,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<view::PyEgo>()?;
     module.add_class::<world::PyAgent>()?;
     module.add_class::<predictor::PyPredictor>()?;
-    module.add_class::<walenet::PyWalenet>()?;
     module.add_class::<predictions::PyPredictions>()?;
     module.add_class::<world::PyPlans>()?;
     module.add_class::<world::PyWorld>()

@@ -121,6 +121,15 @@ impl PyRoadNetwork {
         detached(py, || RoadNetwork::new(lanelets, settings)).map(|road| Self(Arc::new(road)))
     }
 
+    /// Both bounds of every lanelet, left before right, in driving direction: vertices [m], shape (n, 2), and whether no
+    /// lanelet lies beyond.
+    fn bounds<'py>(&self, py: Python<'py>) -> PyResult<Vec<(Bound<'py, PyAny>, bool)>> {
+        let sides = self.0.lanelets().iter().flat_map(|lanelet| {
+            [(&lanelet.left, lanelet.adjacent_left.is_none()), (&lanelet.right, lanelet.adjacent_right.is_none())]
+        });
+        sides.map(|(bound, is_outer)| Ok((arrays::points(py, bound.iter().copied())?, is_outer))).collect()
+    }
+
     /// Whether each point (x, y) lies on a lanelet.
     fn on_lanelet<'py>(
         &self,

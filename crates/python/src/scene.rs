@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use interdrive_core::predict::is_standing;
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
 use numpy::PyArray1;
@@ -123,6 +124,17 @@ impl PyScene {
     #[getter]
     fn road(&self) -> PyRoadNetwork {
         PyRoadNetwork(Arc::clone(&self.road))
+    }
+    /// Speeds along the heading now [m/s], shape (participants,): stated ones, unless a recorded participant's positions
+    /// contradict them.
+    #[getter]
+    fn observed_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        arrays::row(py, self.scene.present.iter().map(|row| self.scene.observed_velocity(*row)).collect())
+    }
+    /// Which participants have not moved for half a second, or for all that is known; shape (participants,).
+    #[getter]
+    fn is_standing<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        arrays::row(py, self.scene.present.iter().map(|row| is_standing(&self.scene, *row)).collect())
     }
     /// What `World.scene_from` of another process needs: plain numbers and arrays.
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {

@@ -19,15 +19,14 @@ def models(context: click.Context) -> None:
 def list_models() -> None:
     """List the available weights, and the paths of installed ones."""
     from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
-    from interdrive.predictors.models import MODELS  # noqa: PLC0415
+    from interdrive.predictors.models import COMMAND, REQUIREMENT, is_installed, weights_file  # noqa: PLC0415
 
-    for model in MODELS.values():
-        here = f"installed, {model.path}" if model.is_installed() else f"not installed: run '{model.command}'"
-        print_text(f"{model.name}  {model.distribution} {model.version} from PyPI ({model.licence})  {here}")
+    here = f"installed, {weights_file()}" if is_installed() else f"not installed: run '{COMMAND}'"
+    print_text(f"walenet  {REQUIREMENT.replace('==', ' ')} from PyPI (MIT)  {here}")
 
 
-@models.command()
-@click.argument("name")
+@models.command("install")
+@click.argument("name", type=click.Choice(["walenet"]))
 @click.option(
     "--from",
     "wheel",
@@ -35,7 +34,7 @@ def list_models() -> None:
     type=click.Path(path_type=Path),
     help="Use this wheel instead of a download by pip.",
 )
-def install(name: str, wheel: Path | None) -> None:
+def install_model(name: str, wheel: Path | None) -> None:
     """Put the weights of the predictor NAME into this user's cache.
 
     pip downloads one wheel from PyPI without its dependencies; the weights in it must have the published SHA-256.
@@ -43,11 +42,10 @@ def install(name: str, wheel: Path | None) -> None:
     XDG_CACHE_HOME.
     """
     from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
-    from interdrive.predictors.models import model_named  # noqa: PLC0415
+    from interdrive.predictors.models import install, is_installed, weights_file  # noqa: PLC0415
 
-    model = model_named(name)
-    if wheel is None and model.is_installed():
-        print_text(f"{name} is already installed: {model.path}")
+    if wheel is None and is_installed():
+        print_text(f"{name} is already installed: {weights_file()}")
         return
-    path = model.install(wheel)
+    path = install(wheel)
     print_text(f"{name} is installed: {path} ({path.stat().st_size / 1000:.0f} kB)")

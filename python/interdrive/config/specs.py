@@ -15,7 +15,7 @@ from interdrive.planners import RECORDS as PLANNER_RECORDS
 from interdrive.planners import Frenet, Idm, IdmMobil, Planner, Recorded, VelocityAdjusting
 from interdrive.predictors import NATIVE as PREDICTORS
 from interdrive.predictors import RECORDS as PREDICTOR_RECORDS
-from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor, Walenet
+from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor
 from interdrive.predictors import native as native_predictor
 from interdrive.predictors.calls import BoundPredictor
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from interdrive.predictors import PredictorSettings
 
 NativePlanner: TypeAlias = Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil
-NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural | Walenet
+NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural
 
 #: A planner: a name listed by `interdrive planners` or `module:object`, with or without settings ("frenet,level=1"); a
 #: table `{"planner": "frenet", "level": 1}`; a record such as `Frenet(level=1)`; an object with `plan`, of which each

@@ -58,7 +58,7 @@ class PredictionEvaluation:
 def chosen_predictors(
     predictors: PredictorSpec | Sequence[PredictorSpec], settings: SimulationSettings, recording: Recording
 ) -> tuple[list[Choice], list[str]]:
-    """Predictors by choice; "all" are the native ones that can be used here, without `ground_truth`.
+    """Predictors by choice; "all" are the native ones and `walenet`, if they can be used here, without `ground_truth`.
 
     Args:
         predictors: "all", a choice, or a list of choices, among which "all" stands for the others.
@@ -78,7 +78,7 @@ def chosen_predictors(
             choices.append(read_choice(one, "predictor"))
             bound_predictor(choices[-1], settings.predictor, recording.core_scenario)
             continue
-        for name in NATIVE:
+        for name in (*NATIVE, "walenet"):
             if name in _FOR_STUDIES or name in map(spec_label, choices):
                 continue
             try:

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.predictors.neural import network
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from interdrive._core import Predictions, Scene
 
 __all__ = [
@@ -29,7 +26,6 @@ __all__ = [
     "Neural",
     "Predictor",
     "PredictorSettings",
-    "Walenet",
     "native",
     "native_name",
 ]
@@ -147,26 +143,6 @@ class Neural:
 
 
 @dataclass(frozen=True)
-class Walenet:
-    """The published network WALENET: one path per vehicle from 3 s of positions and a picture of the road.
-
-    Its weights must be installed once: `interdrive models install walenet`. The defaults correct what the published
-    framework does wrong. Pedestrians go straight on.
-
-    Source: Geisslinger, Karle, Betz, Lienkamp, "Watch-and-Learn-Net", IEEE SMC 2021.
-
-    Attributes:
-        anchor: Which state it takes for the present one: "now", or as the published framework "next".
-        standing_guard: Who has not moved for half a second stays; the network expects it to drive off.
-        backfill: What is not known of the past is filled in at the speed first seen, instead of zeros.
-    """
-
-    anchor: Literal["now", "next"] = "now"
-    standing_guard: bool = True
-    backfill: bool = True
-
-
-@dataclass(frozen=True)
 class PredictorSettings:
     """Settings of all native predictors.
 
@@ -175,14 +151,12 @@ class PredictorSettings:
         constant_velocity: Settings of `constant_velocity`.
         lane_following: Settings of `lane_following`, and of `ground_truth` for agents.
         neural: Settings of `neural`.
-        walenet: Settings of `walenet`.
     """
 
     horizon: float = 3.0
     constant_velocity: ConstantVelocity = field(default_factory=ConstantVelocity)
     lane_following: LaneFollowing = field(default_factory=LaneFollowing)
     neural: Neural = field(default_factory=Neural)
-    walenet: Walenet = field(default_factory=Walenet)
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -196,7 +170,6 @@ RECORDS: dict[str, type] = {
     "lane_following": LaneFollowing,
     "neural": Neural,
     "ground_truth": GroundTruth,
-    "walenet": Walenet,
 }
 
 #: Names of the native predictors, each with one line of explanation.
@@ -205,7 +178,6 @@ NATIVE = {
     "lane_following": "along every lane that fits, at constant speed, slower in curves",
     "neural": "a network trained on recorded traffic: several modes with covariances",
     "ground_truth": "the recorded future of vehicles that replay it (for studies only)",
-    "walenet": "the published network WALENET; its weights are installed by `interdrive models install walenet`",
 }
 
 
@@ -236,22 +208,4 @@ def native(record: object, settings: PredictorSettings, recorded: _core.Scenario
             lanes.return_time,
             recorded if isinstance(record, GroundTruth) else None,
         )
-    if isinstance(record, Walenet):
-        return _walenet().predictor(recorded, record.anchor == "next", record.standing_guard, record.backfill)
     return None
-
-
-def _walenet() -> _core.Walenet:
-    """The network with the weights that are installed now; made anew only if the file has changed."""
-    from interdrive.predictors.models import WALENET  # noqa: PLC0415 - safetensors, only if it is wanted
-
-    if not WALENET.path.is_file():
-        WALENET.weights()  # says what to do
-    return _walenet_of(WALENET.path, WALENET.path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=1)
-def _walenet_of(_path: Path, _modified: int) -> _core.Walenet:
-    from interdrive.predictors.models import WALENET  # noqa: PLC0415
-
-    return _core.Walenet(WALENET.weights().tensors)

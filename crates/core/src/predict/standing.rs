@@ -8,6 +8,15 @@ const UNMOVED: f64 = 0.1;
 /// A participant that has not moved for this long [s] is stationary, whatever its stated speed.
 const STATIONARY_TIME: f64 = 0.5;
 
+/// How much of the past decides whether a participant stands [s].
+const SPAN: f64 = 1.0;
+
+/// Whether the participant in a row that is present stands: its positions say so for half a second, or all that is known
+/// of it does and it is slow.
+pub fn is_standing(scene: &Scene, row: usize) -> bool {
+    Stillness::of(scene, row, SPAN).is_standing(scene.observed_velocity(row))
+}
+
 /// How long a participant's past is known without a gap, and how long it has not moved until now [s].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Stillness {

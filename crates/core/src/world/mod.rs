@@ -291,7 +291,6 @@ impl World {
             predict_with(predictor, scene, &self.scenario.road, n_steps, &self.prediction_memory, each)
         };
         match predictor {
-            Predictor::Walenet(_) => self.threads.install(|| with(&predict::one_by_one)),
             // Waking a thread takes longer than what there is to do for a few.
             _ if scene.present.len() <= FEW && !matches!(predictor, Predictor::Neural(_)) => with(&predict::one_by_one),
             _ => with(&|n, work| self.threads.each(n, |_, i| work(i))),

@@ -12,17 +12,11 @@ pub(super) struct Threads {
 }
 
 impl Threads {
-    /// For work by so many at once, one of them the calling thread. The pool has as many, so that `install` has them all;
-    /// `each` leaves one of them idle.
+    /// For work by so many at once, one of them the calling thread.
     pub(super) fn new(n: usize) -> Result<Self> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n.saturating_sub(1).max(1)).build();
         let pool = pool.map_err(|error| Error::invalid(format!("{n} threads could not be started: {error}")))?;
         Ok(Self { pool, n })
-    }
-
-    /// Calls a function on a thread of the pool, whose other threads take part in what it does in parallel.
-    pub(super) fn install<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
-        self.pool.install(work)
     }
 
     /// Calls `work(thread, i)` once for every i below `n`. They are handed out one by one in their order, the next one to
