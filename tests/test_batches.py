@@ -259,11 +259,11 @@ def test_a_changed_planner_is_another_planner_also_in_the_same_session(tmp_path,
 
 
 def test_the_version_of_a_library_that_a_planner_needs_is_part_of_the_key(monkeypatch):
-    from interdrive.batches import runs
+    from interdrive.batches import plan as planning
 
     keys = set()
     for version in ("0.4.0", "0.4.1"):
-        monkeypatch.setattr(runs, "versions", lambda name, what, version=version: {name: version})
+        monkeypatch.setattr(planning, "versions", lambda name, what, version=version: {name: version})
         keys.add(plan(settings=SimulationSettings()).specs[0].key)
     assert len(keys) == 2
 

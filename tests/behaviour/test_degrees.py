@@ -410,10 +410,10 @@ def test_every_native_planner_has_its_defaults_from_the_core(kind):
     ("make", "words"),
     [
         (lambda: Idm(time_gap=0.0), r"time_gap: must be positive"),
-        (lambda: Idm(desired_velocity_max=-1.0), r"planner\.idm\.desired_velocity_max"),
-        (lambda: VelocityAdjusting(minimum_gap=-1.0), r"planner\.velocity_adjusting\.minimum_gap"),
-        (lambda: IdmMobil(politeness=float("nan")), r"planner\.idm_mobil\.politeness"),
-        (lambda: IdmMobil(lane_change_duration=0.1), r"planner\.idm_mobil\.lane_change_duration"),
+        (lambda: Idm(desired_velocity_max=-1.0), "desired_velocity_max: must be positive"),
+        (lambda: VelocityAdjusting(minimum_gap=-1.0), "minimum_gap: must be between"),
+        (lambda: IdmMobil(politeness=float("nan")), "politeness: must be between"),
+        (lambda: IdmMobil(lane_change_duration=0.1), "lane_change_duration: must be between"),
     ],
 )
 def test_an_impossible_parameter_is_refused_by_its_name(make, words):
