@@ -229,12 +229,14 @@ def test_scenarios_that_are_deleted_midway_cost_runs_that_had_not_begun_alone(pl
     for name in ("t_junction", "lane_merge"):
         shutil.copy(shipped_scenario(name), place / f"{name}.xml")
     (place / "marks").mkdir()
+    (place / "hold").touch()
     marking = f"batch_planners:Marks,folder={place / 'marks'}"
     wanted = ["t_junction.xml", "lane_merge.xml", "--planner", marking, "--agents", 1, "--workers", 1]
     process = started(place, *wanted)
     until(lambda: any((place / "marks").iterdir()))
     for path in place.glob("*.xml"):
         path.rename(path.with_suffix(".gone"))
+    (place / "hold").unlink()
     out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (1, ""), out
     lost, kept = sorted(check_whole(place, 2).to_pylist(), key=lambda row: row["status"] == "finished")

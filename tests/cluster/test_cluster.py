@@ -48,10 +48,16 @@ def stored(folder):
     return table.drop_columns(times).to_pylist()
 
 
-def marked(place):
-    """Arguments for six runs, three of which say when they begin and take their time."""
+def held(place):
+    """Arguments for three runs that say when they begin, and go no further before they are let go."""
     (place / "marks").mkdir()
-    return [*SCENARIOS, "--planner", f"batch_planners:Marks,folder={place / 'marks'},idm", "--agents", 1]
+    (place / "hold").touch()
+    return [*SCENARIOS, "--planner", f"batch_planners:Marks,folder={place / 'marks'}", "--agents", 1]
+
+
+def let_go(place):
+    """Lets held runs come to their ends."""
+    (place / "hold").unlink()
 
 
 def begun(group, place, process):
@@ -91,14 +97,15 @@ def test_no_cluster_is_one_line(address, place):
 
 
 def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(mortal_cluster, place):
-    wanted = marked(place)
+    wanted = held(place)
     process = batch(place, *wanted, "--out", "ray", "--ray", mortal_cluster.address)
     lost = begun(mortal_cluster.node.pid, place, process)
     mortal_cluster.lose_node()
+    let_go(place)
     out = ended(process)
     rows = stored(place / "ray")
     assert {row["status"] for row in rows} == {"finished"}, out
-    assert len({row["key"] for row in rows}) == len(rows) == 6
+    assert len({row["key"] for row in rows}) == len(rows) == 3
     assert len(list((place / "marks").iterdir())) >= 4  # of three runs one was begun again
     assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
     ended(batch(place, *wanted, "--out", "alone", "--workers", 2))
@@ -106,10 +113,11 @@ def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(mortal_cluster,
 
 
 def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(mortal_cluster, place):
-    wanted = marked(place)
+    wanted = held(place)
     process = batch(place, *wanted, "--out", "ray", "--ray", mortal_cluster.address)
     begun(mortal_cluster.head.pid, place, process)
     mortal_cluster.lose_head()
+    let_go(place)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 2, (out, err)
     assert out == ""
@@ -119,11 +127,11 @@ def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(mor
     ended(batch(place, *wanted, "--out", "ray", "--workers", 2))
     rows = stored(place / "ray")
     assert {row["status"] for row in rows} == {"finished"}
-    assert len({row["key"] for row in rows}) == len(rows) == 6
+    assert len({row["key"] for row in rows}) == len(rows) == 3
 
 
 def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, place):
-    process = batch(place, *marked(place), "--out", "ray", "--ray", cluster.address)
+    process = batch(place, *held(place), "--out", "ray", "--ray", cluster.address)
     left = [*begun(cluster.node.pid, place, process), *works_on(cluster.head.pid, place / "marks")]
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
