@@ -89,7 +89,7 @@ class ExplodingPlan:
 
 @dataclass
 class Marks:
-    """Leaves a file for every run that it begins, and waits there as long as a file named `hold` lies beside the folder.
+    """Leaves a file for every run that it begins, and waits as long as a file named `hold` lies beside the folder.
 
     Attributes:
         folder: Where.
