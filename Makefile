@@ -74,6 +74,7 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	$(BIN)/python -m mypy.stubtest interdrive._core
 	$(BIN)/lint-imports
 	$(BIN)/python scenarios/make.py --check
+	$(BIN)/python crates/python/settings.py --check
 	$(BIN)/python frontend/contract.py --check
 
 bench: $(VENV)/.installed ## time per step, phases, memory, start; time for all criticality measures; targets

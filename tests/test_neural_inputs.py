@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from interdrive import InputError, _core
+from interdrive.native_settings import RoadSettings
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
 
 
 def scenario(cars, steps=60, dt=0.1):
     built = world(straight_road(300.0, lanes=2), cars=cars, steps=steps, dt=dt)
-    return core_scenario(built, core_road(built, 0.1, 120.0))
+    return core_scenario(built, core_road(built, RoadSettings()))
 
 
 CARS = [Car(4, 20.0, 0.3, velocity=8.0), Car(9, 60.0, 3.5, velocity=12.0, first=10), Car(11, 150.0)]

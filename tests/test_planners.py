@@ -6,16 +6,9 @@ import numpy as np
 import pytest
 
 from drivers import Straight
-from interdrive import Frenet, InputError, Trajectory, _core
-from interdrive.config.binding import flatten
+from interdrive import Frenet, InputError, Trajectory
 from interdrive.planners import FrenetWeights, native_planner
 from interdrive.testing import PlannerContractError, check_planner
-
-
-def test_the_defaults_of_the_record_are_those_of_the_core():
-    ours, core = flatten(Frenet()), _core.FrenetSettings.defaults()
-    assert ours.keys() == core.keys()
-    assert all(math.isclose(ours[key], core[key]) for key in core)
 
 
 def test_an_impossible_setting_is_refused_by_its_name():

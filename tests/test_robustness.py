@@ -16,6 +16,7 @@ import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 from interdrive import InputError, Simulation, read_scenario, scenario_from_commonroad, simulate
 from interdrive.config.schema import SimulationSettings, StepSettings
+from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Shape, limits
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import straight_road, world
@@ -155,14 +156,14 @@ def test_a_map_over_half_a_continent_is_refused(read):
 def test_a_map_with_the_coordinates_of_a_country_is_read(read):
     left, right = ((690_000, 5_335_002), (690_100, 5_335_002)), ((690_000, 5_334_998), (690_100, 5_334_998))
     scenario = read(document(lanelets=lanelet(1, left=left, right=right)))
-    core_road(scenario, 0.1, 120.0)
+    core_road(scenario, RoadSettings())
 
 
 def test_a_lanelet_without_length_is_refused_with_the_name_of_the_file(read):
     point = lanelet(3, left=((0, 2), (0, 2)), right=((0, -2), (0, -2)))
     scenario = read(document(lanelets=point))
     with pytest.raises(InputError, match=r"test\.xml: lanelet 3: its centre line has no length"):
-        core_road(scenario, 0.1, 120.0)
+        core_road(scenario, RoadSettings())
 
 
 def test_a_lanelet_of_too_many_points_is_refused(read):
@@ -310,9 +311,9 @@ FOOTPRINTS = {
 @pytest.mark.parametrize("shape", FOOTPRINTS.values(), ids=FOOTPRINTS)
 def test_every_footprint_that_is_read_is_written_such_that_it_is_read(read, tmp_path, shape):
     before = read(document(car(30, initial(10.0), DRIVING, shape=shape)))
-    core_scenario(before, core_road(before, 0.1, 120.0))
+    core_scenario(before, core_road(before, RoadSettings()))
     after = written(run_of(before), tmp_path)
-    core_scenario(after, core_road(after, 0.1, 120.0))
+    core_scenario(after, core_road(after, RoadSettings()))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 import json
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import pytest
 
@@ -23,18 +23,18 @@ class Frenet:
     """Settings of the planner.
 
     Attributes:
-        horizon: How far it plans [s]. speed_max: Never
-            faster [m/s].
+        horizon: How far it plans. speed_max: Never
+            faster.
         levels: Sampling levels.
-        offsets: Range of lateral offsets [m].
+        offsets: Range of lateral offsets.
         mode: How to search.
         effort: How hard.
     """
 
-    horizon: float = 3.0
-    speed_max: float | None = None
+    horizon: Annotated[float, "s"] = 3.0
+    speed_max: Annotated[float | None, "m/s"] = None
     levels: tuple[int, ...] = (1, 2)
-    offsets: tuple[float, float] = (-3.0, 3.0)
+    offsets: Annotated[tuple[float, float], "m"] = (-3.0, 3.0)
     mode: Mode = Mode.FAST
     effort: Literal["low", "high"] = "low"
 
@@ -147,9 +147,9 @@ def test_tables_of_a_toml_file_become_dotted_names():
     assert dotted({"planner": {"frenet": {"horizon": 2.0}}, "seed": 1}) == {"planner.frenet.horizon": 2.0, "seed": 1}
 
 
-def test_listings_show_what_the_docstrings_say():
-    texts = {name: text for name, _, text in described(Everything())}
-    assert texts["planner.frenet.horizon"] == "How far it plans [s]."
-    assert texts["planner.frenet.speed_max"] == "Never faster [m/s]."
-    assert texts["planner.frenet.effort"] == "How hard."
-    assert texts["agents.count"] == ""
+def test_listings_show_units_from_types_and_what_the_docstrings_say():
+    found = {name: (unit, text) for name, _, unit, text in described(Everything())}
+    assert found["planner.frenet.horizon"] == ("s", "How far it plans.")
+    assert found["planner.frenet.speed_max"] == ("m/s", "Never faster.")
+    assert found["planner.frenet.effort"] == ("", "How hard.")
+    assert found["agents.count"] == ("", "")

@@ -7,6 +7,7 @@ import pytest
 
 from interdrive import _core
 from interdrive.files import read_scenario, shipped_scenario
+from interdrive.native_settings import RoadSettings
 from interdrive.predictors import Neural, PredictorSettings, native
 from interdrive.predictors.neural import SHIPPED
 from interdrive.predictors.weights import read_weights
@@ -29,7 +30,7 @@ N_EVENNESS = 8
 def rows(request):
     """Rows of a shipped scenario as training has them, and what the core predicts for them."""
     scenario = read_scenario(shipped_scenario(request.param))
-    road = core_road(scenario, 0.5, 100.0)
+    road = core_road(scenario, RoadSettings(gap_tolerance=0.5, open_end_length=100.0))
     core = core_scenario(scenario, road)
     core_world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
     found = dataset.rows_of(scenario, interval=1.0)

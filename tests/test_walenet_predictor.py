@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import published_network as plain
 from interdrive import InputError, InterdriveError, Simulation, Walenet, _core
 from interdrive.cli import main
+from interdrive.native_settings import RoadSettings
 from interdrive.predictors import walenet
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
@@ -33,7 +34,7 @@ class Traffic:
     """Recorded traffic alone, and what the predictor expects of it."""
 
     def __init__(self, scenario, *, history_steps=30, **settings):
-        road = core_road(scenario, 0.1, 120.0)
+        road = core_road(scenario, RoadSettings())
         self.settings = settings
         self.world = _core.World(
             core_scenario(scenario, road), [], grace_factor=1.7, replan_every=1, history_steps=history_steps, threads=1
@@ -89,7 +90,7 @@ def drawn(lanelets, x, y, orientation):
 @pytest.mark.parametrize("x", [-30.0, 10.0, 200.0, 500.0])
 def test_the_picture_shows_the_borders_as_described(x, orientation):
     lanelets = crooked(ROAD)
-    road = core_road(world(lanelets), 0.1, 120.0)
+    road = core_road(world(lanelets), RoadSettings())
     y = 9 * np.sin(x / 40) + 1.3
     found, expected = walenet.Borders(road).picture(x, y, orientation), drawn(lanelets, x, y, orientation)
     # A point on the edge of a pixel may fall to either side.

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
-from interdrive.config.schema import RoadSettings
 from interdrive.config.specs import resolved_predictor
 from interdrive.files import read_scenario
+from interdrive.native_settings import RoadSettings
 from interdrive.predictors import PredictorSettings, native
 from interdrive.scenario.native import core_road, core_scenario
 from training.driven import behaviour_of, driven_traffic, files_to_drive
@@ -85,7 +85,7 @@ def rows_of(scenario: Scenario, interval: float = INTERVAL, only: NDArray[np.int
         only: Vehicles that become rows; all otherwise.
     """
     road_settings = RoadSettings()
-    road = core_road(scenario, road_settings.gap_tolerance, road_settings.open_end_length)
+    road = core_road(scenario, road_settings)
     core = core_scenario(scenario, road)
     world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
     settings = PredictorSettings()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.batches import batch, read_batch
     from interdrive.config.agents import PlannersSpec, ViewsSpec
-    from interdrive.config.schema import SettingsSpec, SimulationSettings, ViewSettings
+    from interdrive.config.schema import SettingsSpec, SimulationSettings
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
     from interdrive.files import (
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         shipped_scenario,
         shipped_scenarios,
     )
+    from interdrive.native_settings import ViewSettings
     from interdrive.planners import (
         Frenet,
         Idm,
@@ -97,7 +98,7 @@ _HOME = {
     "Scenario": "scenario",
     "Simulation": "simulation",
     "SimulationSettings": "config.schema",
-    "ViewSettings": "config.schema",
+    "ViewSettings": "native_settings",
     "SettingsSpec": "config.schema",
     "PlannerSpec": "config.specs",
     "PredictorSpec": "config.specs",

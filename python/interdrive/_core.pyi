@@ -6,6 +6,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from interdrive.native_settings import ConstantVelocity, LaneFollowing, RoadSettings, ViewSettings
+
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
 _Ints = NDArray[np.int64]
@@ -17,27 +19,24 @@ __all__ = [
     "NEURAL",
     "Agent",
     "Ego",
-    "FrenetSettings",
     "Goal",
-    "IdmMobilSettings",
-    "IdmSettings",
     "NeuralInputs",
     "NeuralNetwork",
+    "Planner",
     "Plans",
     "Predictions",
     "Predictor",
-    "RecordedSettings",
     "RoadNetwork",
     "Route",
     "Scenario",
     "Scene",
     "Shape",
     "Vehicle",
-    "VelocityAdjustingSettings",
     "View",
     "World",
     "__version__",
     "boundary_harm",
+    "check_settings",
     "collision_harm",
     "evaluate_criticality",
     "exposure",
@@ -47,6 +46,7 @@ __all__ = [
     "proportion_of_stopping_distance",
     "required_acceleration",
     "required_lateral_acceleration",
+    "settings_tables",
     "time_headway",
     "time_to_collision",
 ]
@@ -90,9 +90,7 @@ class RoadNetwork:
         adjacent_right: Sequence[int],
         adjacent_right_same_direction: Sequence[bool],
         speed_limit: Sequence[float],
-        *,
-        gap_tolerance: float,
-        open_end_length: float,
+        settings: RoadSettings,
     ) -> RoadNetwork: ...
     def bounds(self) -> list[tuple[_Floats, bool]]: ...
     def on_lanelet(self, points: _Floats) -> _Bools: ...
@@ -200,32 +198,14 @@ class Route:
     def project(self, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]: ...
 
 @final
-class FrenetSettings:
-    def __new__(cls, values: dict[str, Any]) -> FrenetSettings: ...
-    @staticmethod
-    def defaults() -> dict[str, Any]: ...
+class Planner:
+    """A native planner with its settings.
 
-@final
-class RecordedSettings:
-    def __new__(cls) -> RecordedSettings: ...
+    Raises:
+        InputError: No planner has this name, or a setting is outside its range.
+    """
 
-@final
-class VelocityAdjustingSettings:
-    def __new__(cls, values: dict[str, Any]) -> VelocityAdjustingSettings: ...
-    @staticmethod
-    def defaults() -> dict[str, Any]: ...
-
-@final
-class IdmSettings:
-    def __new__(cls, values: dict[str, Any]) -> IdmSettings: ...
-    @staticmethod
-    def defaults() -> dict[str, Any]: ...
-
-@final
-class IdmMobilSettings:
-    def __new__(cls, values: dict[str, Any]) -> IdmMobilSettings: ...
-    @staticmethod
-    def defaults() -> dict[str, Any]: ...
+    def __new__(cls, name: str, record: object) -> Planner: ...
 
 @final
 class Scene:
@@ -441,27 +421,18 @@ class Agent:
         start_time_step: int,
         goal: Goal,
         route: Route,
-        planner: FrenetSettings | RecordedSettings | VelocityAdjustingSettings | IdmSettings | IdmMobilSettings | None,
-        *,
-        sensor_radius: float,
-        occlusion: bool = False,
+        planner: Planner | None,
+        view: ViewSettings,
     ) -> Agent: ...
 
 @final
 class Predictor:
     @staticmethod
-    def constant_velocity(position_sigma: float, acceleration_sigma: float, lateral_rate: float) -> Predictor: ...
+    def constant_velocity(record: ConstantVelocity) -> Predictor: ...
     @staticmethod
-    def lane_following(
-        position_sigma: float,
-        acceleration_sigma: float,
-        lateral_rate: float,
-        modes_max: int,
-        lateral_acceleration: float,
-        deceleration: float,
-        return_time: float,
-        recorded: Scenario | None = None,
-    ) -> Predictor: ...
+    def lane_following(record: LaneFollowing) -> Predictor: ...
+    @staticmethod
+    def ground_truth(recorded: Scenario, agents: LaneFollowing) -> Predictor: ...
     @staticmethod
     def neural(network: NeuralNetwork, modes_max: int) -> Predictor: ...
 
@@ -563,6 +534,16 @@ class World:
     def states(self) -> dict[str, Any]: ...
     def sightings(self) -> dict[str, Any]: ...
     def plans(self) -> dict[str, Any]: ...
+
+def check_settings(name: str, given: object) -> None:
+    """Checks the fields of a record by the core's table of this name.
+
+    Raises:
+        InputError: A setting is outside its range; the location is its dotted name.
+    """
+
+def settings_tables() -> list[dict[str, Any]]:
+    """The core's tables of settings: name, text, and the fields with name, unit, text, range and default."""
 
 def time_headway(headway: _Floats, velocity: _Floats) -> _Floats: ...
 def time_to_collision(headway: _Floats, velocity: _Floats, acceleration: _Floats) -> _Floats: ...

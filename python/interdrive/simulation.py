@@ -31,9 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from interdrive.config.agents import PlannersSpec, ViewsSpec
-    from interdrive.config.schema import SettingsSpec, SimulationSettings, ViewSettings
+    from interdrive.config.schema import SettingsSpec, SimulationSettings
     from interdrive.config.specs import PredictorSpec
     from interdrive.files import ScenarioSpec
+    from interdrive.native_settings import ViewSettings
     from interdrive.planners.calls import Answer
     from interdrive.run import Outcomes
 
@@ -88,7 +89,7 @@ class Simulation:
         self.settings, self._predictor_config = config.settings, config.predictor
         self._agents_wanted = normalized(agents)
         road_settings = self.settings.road
-        self.road = core_road(self.scenario, road_settings.gap_tolerance, road_settings.open_end_length)
+        self.road = core_road(self.scenario, road_settings)
         self._core_scenario = core_scenario(self.scenario, self.road)
         self.agents, notes = select(
             self.scenario,
@@ -128,8 +129,7 @@ class Simulation:
                     agent.native_goal,
                     agent.route,
                     native_settings,
-                    sensor_radius=config.view.sensor_radius,
-                    occlusion=config.view.occlusion,
+                    config.view,
                 )
             )
         step = self.settings.step

@@ -16,8 +16,7 @@ from interdrive import (
     read_scenario,
     simulate,
 )
-from interdrive.config.binding import flatten
-from interdrive.planners import NATIVE, RECORDS, native_planner
+from interdrive.planners import NATIVE
 from interdrive.testing import CAR, Car, crossing, problem, straight_road, world
 from recordings import along_x, braking, only, with_recordings
 
@@ -395,15 +394,6 @@ def test_an_agent_that_stands_at_the_very_edge_of_its_lane_starts_at_once(kind):
     assert track(run, 2)[10] > 20.3
     assert run.outcomes.outcome[0] in ("goal_reached", "goal_reached_late")
     assert abs(track(run, 2, "y")[-1]) < 0.2
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_native_planner_has_its_defaults_from_the_core(kind):
-    record = RECORDS[kind]()
-    if kind == "recorded":
-        assert flatten(record) == {}
-        return
-    assert flatten(record) == pytest.approx(type(native_planner(record)).defaults())
 
 
 @pytest.mark.parametrize(

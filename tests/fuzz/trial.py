@@ -7,6 +7,7 @@ import io
 import json
 import re
 import traceback
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import interdrive as idr
@@ -103,7 +104,7 @@ def _tried(path: Path, folder: Path, random: Random, on_stage: Callable[[str], N
     on_stage("read again")
     try:
         again = idr.read_scenario(target / "scenario.xml")
-        core_scenario(again, core_road(again, simulation.settings.road.gap_tolerance, 0.0))
+        core_scenario(again, core_road(again, replace(simulation.settings.road, open_end_length=0.0)))
     except idr.InterdriveError as error:
         raise Broken(f"accepted and saved, but refused when read again: {error}") from error
     found = len(again.obstacles.ids)

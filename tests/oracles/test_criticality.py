@@ -13,6 +13,7 @@ from test_bodies import EXACT, EXACT_FAR_AWAY, poses_of
 
 from interdrive import _core
 from interdrive.criticality import CriticalitySettings, evaluate
+from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Shape
 from interdrive.scenario.native import core_road
 from interdrive.testing import Car, straight_road, world
@@ -152,7 +153,7 @@ def test_lanelets_whose_ways_meet_are_those_of_shapely(recorded, measured):
     n, overlaps, wrong = 0, 0, []
     erosion, least = 0.3, 0.1
     for scenario in recorded:
-        road = core_road(scenario, 0.1, 0.0)
+        road = core_road(scenario, RoadSettings(open_end_length=0.0))
         ours = set(_core.overlapping_lanelets(road, erosion, least))
         ids = scenario.lanelets.ids.tolist()
         outlines = {number: outline(scenario, number) for number in ids}

@@ -15,7 +15,7 @@ from commonroad_dc import pycrcc
 from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
 
 from interdrive import _core
-from interdrive.config.schema import RoadSettings
+from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Scenario, Shape
 from interdrive.scenario.native import core_road
 
@@ -200,7 +200,7 @@ def test_footprints_are_on_the_road_where_shapely_says_so(open_ends, maps, measu
     n, n_on, gaps, missed, refused, early = 0, 0, 0, [], [], []
     furthest = deepest = 0.0
     for k, road_map in enumerate(maps):
-        road = core_road(road_map.scenario, TOLERANCE, length)
+        road = core_road(road_map.scenario, RoadSettings(open_end_length=length))
         edges = shapely.linestrings(np.asarray(road.road_edges).reshape(-1, 2, 2))
         for probes in probes_of(road_map.scenario, k):
             inner, whole = probes.shrunk(TOLERANCE), probes.shrunk(0.0)
@@ -283,7 +283,7 @@ def test_footprints_are_on_the_road_where_the_drivability_checker_says_so(maps, 
         differs = shapely.unary_union([off_road & road_map.union, within - off_road - road_map.union]).buffer(-1e-3)
         own_maps += [(scenario.name, round(differs.area, 2))] if differs.area > 0.1 else []
         differs = _prepared(differs.buffer(2e-3))
-        road = core_road(scenario, TOLERANCE, 0.0)
+        road = core_road(scenario, RoadSettings(open_end_length=0.0))
         for probes in probes_of(scenario, k):
             if probes.shape.kind != "rectangle":
                 continue

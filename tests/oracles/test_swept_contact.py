@@ -10,6 +10,7 @@ import pytest
 from bodies import Body, body_of, distances, random_shape
 
 from interdrive import _core
+from interdrive.native_settings import ConstantVelocity, RoadSettings, ViewSettings
 from interdrive.scenario import Scenario, Shape
 
 SUBSTEPS = 1000
@@ -91,7 +92,7 @@ def plain(length: float, width: float) -> tuple[_core.RoadNetwork, _core.Route, 
     bounds = [np.column_stack([x, np.full_like(x, side * 0.5 * width)]) for side in (1.0, -1.0)]
     road = _core.RoadNetwork(
         [1], [bounds[0]], [bounds[1]], [[]], [[]], [-1], [False], [-1], [False], [np.nan],
-        gap_tolerance=0.1, open_end_length=0.0,
+        RoadSettings(open_end_length=0.0),
     )  # fmt: skip
     goal = _core.Goal([([], (10**6, 10**6), None, None)])
     return road, _core.Route.find(road, 0.0, 0.0, 0.0, 5.0, goal), goal
@@ -112,7 +113,7 @@ def agent(i: int, body: Body, pose: np.ndarray, start: int, route: _core.Route, 
     """Somebody who can do anything."""
     vehicle = _core.Vehicle(1, 4.5, 1.8, velocity_max=1e5)
     state = (*pose.tolist(), 0.0, 0.0, 0.0)
-    return _core.Agent(i, 1, body.handle, vehicle, state, start, goal, route, None, sensor_radius=80.0)
+    return _core.Agent(i, 1, body.handle, vehicle, state, start, goal, route, None, ViewSettings())
 
 
 def world_of(scenario: _core.Scenario, agents: list[_core.Agent]) -> _core.World:
@@ -146,7 +147,9 @@ def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
     world = world_of(scenario, agents)
     assert world.entered_in_contact == []
     scene = world.scene()
-    plans = world.plan(scene, world.predict(_core.Predictor.constant_velocity(0.1, 0.1, 0.1), scene, 1))
+    plans = world.plan(
+        scene, world.predict(_core.Predictor.constant_velocity(ConstantVelocity(0.1, 0.1, 0.1)), scene, 1)
+    )
     for k, p in enumerate(moved):
         # Everybody's speed grows from 0, the agent's to 1: the speed of impact is the fraction of the step.
         go(plans, world.view(scene, 2 * k), p[0], p[1], 1.0)
@@ -278,7 +281,7 @@ def replayed(scenario: Scenario) -> dict[int, tuple[int, int] | None]:
     assert all(np.diff(np.flatnonzero(o.valid[row])).max(initial=1) == 1 for row in moving)
     agents = [agent(int(o.ids[row]), bodies[row], poses[row, first[row]], first[row], route, goal) for row in moving]
     world, row_of = world_of(obstacles, agents), {int(o.ids[row]): row for row in moving}
-    predictor = _core.Predictor.constant_velocity(0.1, 0.1, 0.1)
+    predictor = _core.Predictor.constant_velocity(ConstantVelocity(0.1, 0.1, 0.1))
     while not world.is_done:
         step, scene = world.time_step, world.scene()
         plans = world.plan(scene, world.predict(predictor, scene, 1))

@@ -7,6 +7,13 @@ use std::fmt;
 pub enum Error {
     /// An argument or a datum is impossible: the text names it and says what is expected.
     InvalidInput(String),
+    /// A setting has an impossible value.
+    Setting {
+        /// Its dotted name.
+        name: String,
+        /// What is expected of it.
+        message: String,
+    },
     /// The road network does not connect a start with a goal.
     NoRoute(String),
     /// `Scene`, `Predictions` or `Plans` belong to another time step than the world's.
@@ -31,6 +38,7 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::InvalidInput(message) | Self::NoRoute(message) => f.write_str(message),
+            Self::Setting { name, message } => write!(f, "{name} {message}"),
             Self::WrongTimeStep { what, expected, found } => {
                 write!(f, "{what} belong to time step {found}, the world is at time step {expected}")
             }

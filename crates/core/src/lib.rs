@@ -3,6 +3,7 @@
 
 pub mod simd;
 pub mod error;
+pub mod settings;
 pub mod limits;
 pub mod geometry;
 pub mod trajectory;

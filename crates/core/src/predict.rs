@@ -18,6 +18,7 @@ use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
 use crate::scene::Scene;
+use crate::settings::{between, positive, settings};
 use crate::trajectory::{Predictions, State};
 use lane_candidates::LaneCandidates;
 pub use standing::is_standing;
@@ -27,26 +28,38 @@ const STATIONARY_SPEED: f64 = 0.3;
 /// Variance of the position of something that stands [m²].
 const STATIONARY_VARIANCE: f64 = 0.02;
 
-/// How the spread of a moving participant grows: along its heading like an unknown constant acceleration, across it
-/// linearly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spread {
-    /// Standard deviation of the position now [m].
-    pub position_sigma: f64,
-    /// Standard deviation of the acceleration along the heading [m/s²].
-    pub acceleration_sigma: f64,
-    /// Growth of the standard deviation across the heading [m/s].
-    pub lateral_rate: f64,
+settings! {
+    /// Spread of a moving participant.
+    ///
+    /// Along its heading it grows like an unknown constant acceleration, across it linearly.
+    pub struct Spread as Spread {
+        /// Standard deviation of the position now.
+        position_sigma: f64 ["m"] = 0.15, positive(f64::MAX);
+        /// Standard deviation of the acceleration along the heading; the spread along the heading grows with the square of
+        /// time.
+        acceleration_sigma: f64 ["m/s²"] = 0.8, positive(f64::MAX);
+        /// Growth of the standard deviation across the heading.
+        lateral_rate: f64 ["m/s"] = 0.15, positive(f64::MAX);
+    }
+
+    /// Straight on with the present velocity; stationary participants remain stationary.
+    pub struct ConstantVelocity as ConstantVelocity(spread: Spread = STRAIGHT) {}
+
+    /// Along every lane that fits the pose (one mode each), at constant speed, slower in curves; otherwise straight.
+    pub struct LaneFollowing as LaneFollowing(spread: Spread) {
+        /// Largest number of lanes to follow.
+        modes_max: usize = 3, between(1.0, MODES_LIMIT as f64);
+        /// Vehicles take curves up to this lateral acceleration without slowing down.
+        lateral_acceleration: f64 ["m/s²"] = 3.0, positive(f64::MAX);
+        /// Deceleration before curves.
+        deceleration: f64 ["m/s²"] = 2.0, positive(f64::MAX);
+        /// Time in which an offset from the lane's centre decays.
+        return_time: f64 ["s"] = 4.0, positive(f64::MAX);
+    }
 }
 
 /// Of participants that go straight on because no other predictor answers: that of `constant_velocity`.
 const STRAIGHT: Spread = Spread { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.25 };
-
-impl Default for Spread {
-    fn default() -> Self {
-        Self { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.15 }
-    }
-}
 
 impl Spread {
     /// (xx, xy, yy) [m²] for a unit vector along the heading, at a time from now [s]; slow participants spread less (fully
@@ -57,27 +70,6 @@ impl Spread {
         let across = (self.position_sigma + self.lateral_rate * scale * time).powi(2);
         let Point { x: cos, y: sin } = axis;
         (along * cos * cos + across * sin * sin, (along - across) * sin * cos, along * sin * sin + across * cos * cos)
-    }
-}
-
-/// Settings of `lane_following`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LaneFollowing {
-    /// How the spread grows.
-    pub spread: Spread,
-    /// Number of lanes that are followed at most; each is a mode.
-    pub modes_max: usize,
-    /// Lateral acceleration up to which a participant does not slow down in curves [m/s²].
-    pub lateral_acceleration: f64,
-    /// Deceleration before curves [m/s²].
-    pub deceleration: f64,
-    /// Time in which an offset from the lane's centre is given up [s].
-    pub return_time: f64,
-}
-
-impl Default for LaneFollowing {
-    fn default() -> Self {
-        Self { spread: Spread::default(), modes_max: 3, lateral_acceleration: 3.0, deceleration: 2.0, return_time: 4.0 }
     }
 }
 

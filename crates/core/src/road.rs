@@ -16,15 +16,13 @@ pub use edges::Segment;
 pub(crate) use follow::Chains;
 pub use lanelet::Lanelet;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::{Aabb, Point, Pose, wrap_angle};
 use crate::limits::LANELET_LENGTH_MAX;
+use crate::settings::{between, settings};
 use coverage::DrivableArea;
 use follow::LaneCurve;
 use surface::{Surface, strip};
-
-/// Wider gaps [m] are no errors of a map.
-const GAP_TOLERANCE_MAX: f64 = 10.0;
 
 /// A lanelet as a file states it.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,18 +45,13 @@ pub struct LaneletInput {
     pub speed_limit: f64,
 }
 
-/// How the drivable area is made from lanelets.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RoadSettings {
-    /// Gaps and overlaps up to this width [m] are errors of the map, not edges of the road.
-    pub gap_tolerance: f64,
-    /// Where the map ends, the road goes on straight for this long [m].
-    pub open_end_length: f64,
-}
-
-impl Default for RoadSettings {
-    fn default() -> Self {
-        Self { gap_tolerance: 0.1, open_end_length: 120.0 }
+settings! {
+    /// Extent of the road.
+    pub struct RoadSettings as RoadSettings {
+        /// Gaps between lanelets up to this width count as road, and a footprint may overhang the edge by this much.
+        gap_tolerance: f64 ["m"] = 0.1, between(0.0, 1.0);
+        /// Where the map ends (lanelets without successor or predecessor), the road continues straight for this length.
+        open_end_length: f64 ["m"] = 120.0, between(0.0, LANELET_LENGTH_MAX);
     }
 }
 
@@ -110,16 +103,7 @@ impl RoadNetwork {
     /// coordinate that is not a number or beyond [`crate::limits`], a centre line without length or too long; or naming
     /// the setting that is negative or too large.
     pub fn new(inputs: Vec<LaneletInput>, settings: RoadSettings) -> Result<Self> {
-        for (name, value, most) in [
-            ("gap_tolerance", settings.gap_tolerance, GAP_TOLERANCE_MAX),
-            ("open_end_length", settings.open_end_length, LANELET_LENGTH_MAX),
-        ] {
-            if !(value >= 0.0 && value <= most) {
-                return Err(Error::invalid(format!(
-                    "road setting {name} must be a length up to {most} m, not {value}"
-                )));
-            }
-        }
+        settings.validate()?;
         let lanelets = lanelet::linked(inputs)?;
         let mut fillers = open_ends::continuations(&lanelets, settings.open_end_length);
         fillers.extend(open_ends::seams(&lanelets));

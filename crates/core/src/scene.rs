@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::geometry::shape::Shape;
 use crate::scenario::Scenario;
+use crate::settings::{positive, settings};
 use crate::trajectory::{State, States};
 use crate::vehicle::ParticipantKind;
 
@@ -28,19 +29,16 @@ pub struct Participants {
     pub is_agent: Vec<bool>,
 }
 
-/// What an agent can see.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewLimits {
-    /// Participants further away [m] are not seen: centre to centre, to the nearest point of a circle around static obstacles.
-    pub sensor_radius: f64,
-    /// Participants hidden behind others are not seen; see [`line_of_sight::seen_from`]. The eye is the centre of the own footprint.
-    /// Everything hides but pedestrians, bicycles and motorcycles, past which one can look.
-    pub occlusion: bool,
-}
-
-impl Default for ViewLimits {
-    fn default() -> Self {
-        Self { sensor_radius: 80.0, occlusion: false }
+settings! {
+    /// View of an agent.
+    pub struct ViewLimits as ViewSettings {
+        /// Participants further away are not seen: centre to centre, to the nearest point of a circle around static
+        /// obstacles.
+        sensor_radius: f64 ["m"] = 80.0, positive(f64::INFINITY);
+        /// Participants without any part in the line of sight are not seen either: seen from the centre of the agent's
+        /// footprint, nearer footprints cover theirs completely. All participants hide those behind them, except
+        /// pedestrians, bicycles and motorcycles.
+        occlusion: bool = false;
     }
 }
 

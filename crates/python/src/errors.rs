@@ -13,6 +13,7 @@ pub fn exception(error: Error) -> PyErr {
     let text = error.to_string();
     match error {
         Error::InvalidInput(_) | Error::UnknownId { .. } => InputError::new_err(text),
+        Error::Setting { name, message } => InputError::new_err((name, message)),
         Error::NoRoute(_) => NoRouteError::new_err(text),
         Error::WrongTimeStep { .. } => StepOrderError::new_err(text),
     }

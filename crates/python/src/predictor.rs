@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use interdrive_core::predict::neural::Neural;
-use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
+use interdrive_core::predict::{ConstantVelocity, Predictor};
 use pyo3::prelude::*;
 
 use crate::neural::PyNeuralNetwork;
 use crate::scenario::PyScenario;
+use crate::settings::read;
 
 #[pyclass(frozen, name = "Predictor", module = "interdrive._core")]
 pub struct PyPredictor(pub Predictor);
@@ -15,31 +16,18 @@ pub struct PyPredictor(pub Predictor);
 #[pymethods]
 impl PyPredictor {
     #[staticmethod]
-    fn constant_velocity(position_sigma: f64, acceleration_sigma: f64, lateral_rate: f64) -> Self {
-        Self(Predictor::ConstantVelocity(Spread { position_sigma, acceleration_sigma, lateral_rate }))
+    fn constant_velocity(record: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self(Predictor::ConstantVelocity(read::<ConstantVelocity>(record)?.spread)))
     }
 
     #[staticmethod]
-    #[pyo3(signature = (
-        position_sigma, acceleration_sigma, lateral_rate, modes_max, lateral_acceleration, deceleration, return_time,
-        recorded=None
-    ))]
-    fn lane_following(
-        position_sigma: f64,
-        acceleration_sigma: f64,
-        lateral_rate: f64,
-        modes_max: usize,
-        lateral_acceleration: f64,
-        deceleration: f64,
-        return_time: f64,
-        recorded: Option<&PyScenario>,
-    ) -> Self {
-        let spread = Spread { position_sigma, acceleration_sigma, lateral_rate };
-        let settings = LaneFollowing { spread, modes_max, lateral_acceleration, deceleration, return_time };
-        Self(match recorded {
-            Some(scenario) => Predictor::GroundTruth(Arc::clone(&scenario.0), settings),
-            None => Predictor::LaneFollowing(settings),
-        })
+    fn lane_following(record: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self(Predictor::LaneFollowing(read(record)?)))
+    }
+
+    #[staticmethod]
+    fn ground_truth(recorded: &PyScenario, agents: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self(Predictor::GroundTruth(Arc::clone(&recorded.0), read(agents)?)))
     }
 
     #[staticmethod]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadNetwork};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::ParticipantKind;
@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
+use crate::settings::read;
 
 #[pyclass(frozen, name = "Shape", module = "interdrive._core")]
 pub struct PyShape(pub Shape);
@@ -71,7 +72,7 @@ impl PyRoadNetwork {
     #[new]
     #[pyo3(signature = (
         ids, left, right, predecessors, successors, adjacent_left, adjacent_left_same_direction,
-        adjacent_right, adjacent_right_same_direction, speed_limit, *, gap_tolerance, open_end_length
+        adjacent_right, adjacent_right_same_direction, speed_limit, settings
     ))]
     fn new(
         py: Python<'_>,
@@ -85,8 +86,7 @@ impl PyRoadNetwork {
         adjacent_right: Vec<i64>,
         adjacent_right_same_direction: Vec<bool>,
         speed_limit: Vec<f64>,
-        gap_tolerance: f64,
-        open_end_length: f64,
+        settings: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let n = ids.len();
         let lengths = [
@@ -117,7 +117,7 @@ impl PyRoadNetwork {
                 speed_limit: speed_limit[i],
             });
         }
-        let settings = RoadSettings { gap_tolerance, open_end_length };
+        let settings = read(settings)?;
         detached(py, || RoadNetwork::new(lanelets, settings)).map(|road| Self(Arc::new(road)))
     }
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
-use interdrive_core::scene::{Scene, ViewLimits};
+use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{PlanStatus, Plans, State, States};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, World, WorldSettings};
@@ -17,12 +17,13 @@ use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
-use crate::planner::NativePlanner;
+use crate::planner::PyPlanner;
 use crate::predictions::PyPredictions;
 use crate::predictor::PyPredictor;
 use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
 use crate::scene::PyScene;
+use crate::settings::read;
 use crate::vehicle::PyVehicle;
 use crate::view::PyView;
 
@@ -36,7 +37,7 @@ pub struct PyAgent(pub Agent);
 impl PyAgent {
     #[new]
     #[pyo3(signature = (
-        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, *, sensor_radius, occlusion=false
+        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view
     ))]
     fn new(
         id: i64,
@@ -47,12 +48,10 @@ impl PyAgent {
         start_time_step: i64,
         goal: &PyGoal,
         route: &PyRoute,
-        planner: Option<NativePlanner<'_>>,
-        sensor_radius: f64,
-        occlusion: bool,
+        planner: Option<&PyPlanner>,
+        view: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
-        let planner = planner.map_or(Planner::External, Planner::from);
         Ok(Self(Agent {
             id,
             kind: ParticipantKind::from_code(kind).map_err(exception)?,
@@ -62,8 +61,8 @@ impl PyAgent {
             start_time_step,
             goal: goal.0.clone(),
             route: Arc::clone(&route.route),
-            planner,
-            view: ViewLimits { sensor_radius, occlusion },
+            planner: planner.map_or(Planner::External, |planner| planner.0.clone()),
+            view: read(view)?,
         }))
     }
 }

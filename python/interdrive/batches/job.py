@@ -197,7 +197,7 @@ def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:
 
 def _able(spec: RunSpec, scenario: Scenario, wanted: str | int) -> list[Agent]:
     """Agents of the scenario: all, or at most so many."""
-    road = core_road(scenario, spec.settings.road.gap_tolerance, spec.settings.road.open_end_length)
+    road = core_road(scenario, spec.settings.road)
 
     def chosen(agents: str | int) -> list[Agent]:
         return select(

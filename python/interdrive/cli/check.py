@@ -28,7 +28,7 @@ def check(files: tuple[str, ...]) -> int:
         try:
             path = shipped_scenario(name) if name in shipped_scenarios() else name
             scenario = read_scenario(path)
-            road = core_road(scenario, settings.road.gap_tolerance, settings.road.open_end_length)
+            road = core_road(scenario, settings.road)
             core_scenario(scenario, road)
             able, refused_by_id = possible_agents(
                 scenario,

@@ -291,17 +291,20 @@ def print_plugins(found: Sequence[Listed]) -> None:
     output().print(table)
 
 
-def print_settings(rows: Sequence[tuple[str, Any, str]]) -> None:
-    """Prints name, default and meaning of settings."""
+def print_settings(rows: Sequence[tuple[str, Any, str, str]]) -> None:
+    """Prints name, default, unit and meaning of settings."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("setting", no_wrap=True)
     table.add_column("default", overflow="fold")
+    has_units = any(unit for _, _, unit, _ in rows)
+    if has_units:
+        table.add_column("unit", no_wrap=True)
     table.add_column("meaning", overflow="fold")
-    for name, value, text in rows:
+    for name, value, unit, text in rows:
         plain = f"{value:.6g}" if isinstance(value, float) else str(value)
         plain = plain.lower() if value is None or isinstance(value, bool) else plain
-        table.add_row(name, escape(plain), escape(text))
+        table.add_row(name, escape(plain), *([escape(unit)] if has_units else []), escape(text))
     console.print(table)
 
 

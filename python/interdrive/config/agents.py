@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from interdrive.config.binding import Setting, bind, flatten
 from interdrive.config.plugins import Choice, read_choice
-from interdrive.config.schema import ViewSettings
 from interdrive.config.specs import PlannerSpec, PredictorSpec, Resolved, resolved_planner, resolved_predictor
 from interdrive.errors import InputError
+from interdrive.native_settings import ViewSettings
 
 if TYPE_CHECKING:
     from interdrive.config.schema import SimulationSettings

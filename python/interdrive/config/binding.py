@@ -9,7 +9,18 @@ import math
 import re
 import types
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from interdrive.errors import InputError
 
@@ -93,21 +104,21 @@ def dotted(tables: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
-def described(owner: DataclassInstance | type[DataclassInstance]) -> list[tuple[str, Any, str]]:
-    """(dotted name, value, one line from the docstring) of every field, for listings.
+def described(owner: DataclassInstance | type[DataclassInstance]) -> list[tuple[str, Any, str, str]]:
+    """(dotted name, value, unit, one line from the docstring) of every field, for listings.
 
     For a class the values are the defaults, or a remark that there is none.
     """
     kind = owner if isinstance(owner, type) else type(owner)
-    rows: list[tuple[str, Any, str]] = []
+    rows: list[tuple[str, Any, str, str]] = []
     for item in fields(owner):
         if not item.init:
             continue
         value = _default(item) if isinstance(owner, type) else getattr(owner, item.name)
         if is_dataclass(value) and not isinstance(value, type):
-            rows += [(f"{item.name}.{name}", inner, text) for name, inner, text in described(value)]
+            rows += [(f"{item.name}.{name}", *rest) for name, *rest in described(value)]
         else:
-            rows.append((item.name, _plain(value), _documentation(kind, item.name)))
+            rows.append((item.name, _plain(value), _unit(kind, item.name), _documentation(kind, item.name)))
     return rows
 
 
@@ -183,20 +194,30 @@ def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:
 
 def _fitting(name: str, value: object, owner: type) -> object:
     """The value converted to the type of the field; otherwise an error with the expected type and unit."""
-    hint = _hint(owner, name.rpartition(".")[2])
+    hint, unit = _hint(owner, name.rpartition(".")[2])
     try:
         return _converted(value, hint)
     except _MismatchError:
-        unit = re.search(r"\[[^\]]+\]", _documentation(owner, name.rpartition(".")[2]))
-        expected = _expectation(hint) + (f" {unit.group()}" if unit else "")
+        expected = _expectation(hint) + (f" [{unit}]" if unit else "")
         raise InputError(name, f"expected {expected}, not {value!r}") from None
 
 
-def _hint(owner: type, field: str) -> object:
-    """The type of a field. Names in the types of other fields may be unknown at run time."""
+def _hint(owner: type, field: str) -> tuple[object, str]:
+    """The type of a field and its unit ("s" for `Annotated[float, "s"]`); "" if none.
+
+    Names in the types of other fields may be unknown at run time.
+    """
     kind = next(kind for kind in owner.__mro__ if field in inspect.get_annotations(kind))
     alone = {"__annotations__": {field: inspect.get_annotations(kind)[field]}, "__module__": kind.__module__}
-    return get_type_hints(type(kind.__name__, (), alone))[field]
+    hint = get_type_hints(type(kind.__name__, (), alone), include_extras=True)[field]
+    return (get_args(hint)[0], str(get_args(hint)[1])) if get_origin(hint) is Annotated else (hint, "")
+
+
+def _unit(owner: type, field: str) -> str:
+    try:
+        return _hint(owner, field)[1]
+    except NameError:  # a name that only type checkers import
+        return ""
 
 
 def _converted(value: object, hint: object) -> object:
@@ -284,10 +305,7 @@ def _expectation(hint: object) -> str:
 
 
 def _documentation(owner: type, field: str) -> str:
-    """The text after "field:" in the docstring of the class or of one of its base classes; "" if none.
-
-    The unit is in brackets.
-    """
+    """The text after "field:" in the docstring of the class or of one of its base classes; "" if none."""
     end = r"\n\s*\w+: |\s\w+: [A-Z\[]|\n\s*\n|\Z"
     for kind in owner.__mro__:
         found = re.search(rf"(?:^|(?<=[.\s])){field}: (.*?)(?={end})", _written(kind), re.DOTALL)

@@ -5,36 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from interdrive.config.binding import Setting, bind
 from interdrive.errors import InputError
+from interdrive.native_settings import RoadSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario.agents import AgentSettings, GoalSettings
 
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario
-
-
-@dataclass(frozen=True)
-class ViewSettings:
-    """View of an agent.
-
-    Attributes:
-        sensor_radius: Participants further away (centre to centre) are not seen [m].
-        occlusion: Participants without any part in the line of sight are not seen either: seen from the centre of the
-            agent's footprint, nearer footprints cover theirs completely. All participants hide those behind them,
-            except pedestrians, bicycles and motorcycles.
-    """
-
-    sensor_radius: float = 80.0
-    occlusion: bool = False
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        if not self.sensor_radius > 0:
-            raise InputError("sensor_radius", f"must be positive, not {self.sensor_radius}")
 
 
 @dataclass(frozen=True)
@@ -48,7 +29,7 @@ class StepSettings:
             same time as this number of steps of 0.1 s.
         max_steps: Largest number of time steps of a run; agents that are still driving then end with time_limit. 0:
             5000, or twice the number of recorded time steps if that is more.
-        planner_timeout_s: Time limit of a planner written in Python per plan [s]; inf: no limit. With a limit,
+        planner_timeout_s: Time limit of a planner written in Python per plan; inf: no limit. With a limit,
             outcomes depend on the speed of the machine.
     """
 
@@ -56,7 +37,7 @@ class StepSettings:
     grace_factor: float = 1.7
     history_steps: int = 30
     max_steps: int = 0
-    planner_timeout_s: float = math.inf
+    planner_timeout_s: Annotated[float, "s"] = math.inf
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -79,28 +60,6 @@ class StepSettings:
 
 
 @dataclass(frozen=True)
-class RoadSettings:
-    """Extent of the road.
-
-    Attributes:
-        gap_tolerance: Gaps between lanelets up to this width count as road, and a footprint may overhang the edge
-            by this much [m].
-        open_end_length: Where the map ends (lanelets without successor or predecessor), the road continues straight for
-            this length [m].
-    """
-
-    gap_tolerance: float = 0.1
-    open_end_length: float = 120.0
-
-    def __post_init__(self) -> None:
-        """Checks the ranges."""
-        if not 0 < self.gap_tolerance < 1:
-            raise InputError("gap_tolerance", f"must be between 0 and 1 m, not {self.gap_tolerance}")
-        if not self.open_end_length >= 0:
-            raise InputError("open_end_length", f"must not be negative, is {self.open_end_length}")
-
-
-@dataclass(frozen=True)
 class RecordSettings:
     """Records of a run besides states and plans.
 
@@ -110,13 +69,13 @@ class RecordSettings:
             predictions.parquet).
         candidates: Number of sampled candidates to keep per plan (`Run.considered`, candidates.parquet): the chosen
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
-        candidate_spacing: Time between plans of an agent whose candidates are kept [s].
+        candidate_spacing: Time between plans of an agent whose candidates are kept.
     """
 
     views: bool = False
     predictions: bool = False
     candidates: int = 0
-    candidate_spacing: float = 0.5
+    candidate_spacing: Annotated[float, "s"] = 0.5
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

@@ -13,6 +13,7 @@ from interdrive.criticality.measures import MEASURES, measure_named
 from interdrive.criticality.settings import CriticalitySettings
 from interdrive.criticality.source import connectors_of, traffic_of
 from interdrive.errors import InputError
+from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Scenario
 from interdrive.scenario.native import core_road, core_shape
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from interdrive.criticality.source import Bools, Floats, Ints, RecordedRun, Traffic
 
 #: Gaps between lanelets do not matter to the measures; this is what a road must be built with.
-_GAP_TOLERANCE, _OPEN_END_LENGTH = 0.1, 0.0
+_ROAD = RoadSettings(open_end_length=0.0)
 
 #: More threads than any machine has cores; the system would run out of them.
 _THREADS_MAX = 1024
@@ -216,7 +217,7 @@ def evaluate(
         raise InputError(f"participant {strangers[0]}: a deceleration is given for it, but it is not judged")
     found = _core.evaluate_criticality(
         scenario.dt,
-        core_road(scenario, _GAP_TOLERANCE, _OPEN_END_LENGTH),
+        core_road(scenario, _ROAD),
         traffic.ids.tolist(),
         [core_shape(shape) for shape in traffic.shapes],
         traffic.is_static.tolist(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from interdrive.errors import InputError
 
@@ -14,15 +14,15 @@ class CriticalitySettings:
     """What can be chosen; the defaults are those of docs/criticality.md.
 
     Attributes:
-        radius: Others count within this distance, centre to centre [m].
-        ttc_threshold: Time to collision up to which a vehicle is exposed [s].
-        deceleration: Deceleration that is available [m/s²]; the default is what the tyres of CommonRoad's vehicle type
+        radius: Others count within this distance, centre to centre.
+        ttc_threshold: Time to collision up to which a vehicle is exposed.
+        deceleration: Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type
             2 can do on a dry road.
-        lateral_acceleration: Lateral acceleration that is available [m/s²].
+        lateral_acceleration: Lateral acceleration that is available.
         oncoming_filter: Oncoming traffic counts only where its way meets that of the judged vehicle.
-        opposite_angle: Heading difference beyond which traffic is oncoming [rad].
-        erosion: Lanelets are eroded by this much before their overlap is measured [m].
-        overlap_min: Overlaps up to this size do not count [m²].
+        opposite_angle: Heading difference beyond which traffic is oncoming.
+        erosion: Lanelets are eroded by this much before their overlap is measured.
+        overlap_min: Overlaps up to this size do not count.
         lead_membership: Who counts as ahead: whose center lies on the path, or whose footprint reaches into it.
         thw_mode: Time headway: normalized is headway over speed, recorded is the time until the recording reaches the
             place where the vehicle ahead is now.
@@ -31,14 +31,14 @@ class CriticalitySettings:
             lanelets that cross or join.
     """
 
-    radius: float = 100.0
-    ttc_threshold: float = 2.0
-    deceleration: float = 11.5
-    lateral_acceleration: float = 8.0
+    radius: Annotated[float, "m"] = 100.0
+    ttc_threshold: Annotated[float, "s"] = 2.0
+    deceleration: Annotated[float, "m/s²"] = 11.5
+    lateral_acceleration: Annotated[float, "m/s²"] = 8.0
     oncoming_filter: bool = True
-    opposite_angle: float = 0.75 * math.pi
-    erosion: float = 0.3
-    overlap_min: float = 0.1
+    opposite_angle: Annotated[float, "rad"] = 0.75 * math.pi
+    erosion: Annotated[float, "m"] = 0.3
+    overlap_min: Annotated[float, "m²"] = 0.1
     lead_membership: Literal["center", "footprint"] = "center"
     thw_mode: Literal["normalized", "recorded"] = "normalized"
     leader_stops: bool = False

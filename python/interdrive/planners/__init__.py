@@ -6,22 +6,9 @@ settings; the core plans for all their agents in one call.
 
 from __future__ import annotations
 
+from interdrive.native_settings import Frenet, FrenetComfort, FrenetWeights, Idm, IdmMobil, VelocityAdjusting
 from interdrive.planners.contract import Planner, Trajectory
-from interdrive.planners.native import (
-    NATIVE,
-    RECORDS,
-    Frenet,
-    FrenetComfort,
-    FrenetWeights,
-    Idm,
-    IdmMobil,
-    PlannerSettings,
-    Recorded,
-    VelocityAdjusting,
-    native_name,
-    native_planner,
-    native_record,
-)
+from interdrive.planners.native import NATIVE, RECORDS, PlannerSettings, Recorded, native_planner
 
 __all__ = [
     "NATIVE",
@@ -36,7 +23,5 @@ __all__ = [
     "Recorded",
     "Trajectory",
     "VelocityAdjusting",
-    "native_name",
     "native_planner",
-    "native_record",
 ]

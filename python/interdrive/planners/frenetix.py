@@ -10,14 +10,14 @@ docs/planners_third_party.md lists its limitations and the differences from `fre
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from interdrive.errors import InputError, MissingExtraError
+from interdrive.native_settings import FrenetWeights
 from interdrive.planners.arrival import arrival_velocity, braking_along_arc
 from interdrive.planners.contract import Trajectory
-from interdrive.planners.native import FrenetWeights
 
 try:
     import frenetix
@@ -59,36 +59,36 @@ class Frenetix:
 
     Attributes:
         level: Fineness of the sampling, 0 to 4: 48, 180, 800, 3564, 12716 samples.
-        horizon: Length of a plan [s].
-        t_min: Shortest time in which a manoeuvre ends [s].
-        d_max: Lateral end positions are within this distance of the reference path [m].
-        low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
-        prediction_margin_length: Predicted participants are longer by this, in all [m].
-        prediction_margin_width: Predicted participants are wider by this, in all [m].
-        rear_cone_angle: Opening angle of the cone behind the agent [rad] ...
-        rear_cone_distance: ... in which participants further away than this are not considered at all [m].
+        horizon: Length of a plan.
+        t_min: Shortest time in which a manoeuvre ends.
+        d_max: Lateral end positions are within this distance of the reference path.
+        low_velocity: Below this speed lateral motion is planned over arc length instead of time.
+        prediction_margin_length: Predicted participants are longer by this, in all.
+        prediction_margin_width: Predicted participants are wider by this, in all.
+        rear_cone_angle: Opening angle of the cone behind the agent ...
+        rear_cone_distance: ... in which participants further away than this are not considered at all.
         arrival_reserve: The agent aims to reach its goal in the middle of the goal's time interval, but no earlier than
-            this before its end [s]; inf: in the middle, however long the interval, as in the published planner.
+            this before its end; inf: in the middle, however long the interval, as in the published planner.
         replan_every: Number of calls from one plan to the next; in between the last plan is followed unchecked.
         carry_state: Begin a plan at the Frenet state that the library stated for this point of the previous plan, as
             its own planner does; false: compute it from the agent's state.
-        path_spacing: Distance between the vertices of the reference path for the library [m].
+        path_spacing: Distance between the vertices of the reference path for the library.
         weights: Weights of the cost.
     """
 
     level: int = 2
-    horizon: float = 3.0
-    t_min: float = 1.1
-    d_max: float = 3.0
-    low_velocity: float = 2.0
-    prediction_margin_length: float = 0.5
-    prediction_margin_width: float = 0.2
-    rear_cone_angle: float = 0.3490658503988659
-    rear_cone_distance: float = 6.0
-    arrival_reserve: float = 2.0
+    horizon: Annotated[float, "s"] = 3.0
+    t_min: Annotated[float, "s"] = 1.1
+    d_max: Annotated[float, "m"] = 3.0
+    low_velocity: Annotated[float, "m/s"] = 2.0
+    prediction_margin_length: Annotated[float, "m"] = 0.5
+    prediction_margin_width: Annotated[float, "m"] = 0.2
+    rear_cone_angle: Annotated[float, "rad"] = 0.3490658503988659
+    rear_cone_distance: Annotated[float, "m"] = 6.0
+    arrival_reserve: Annotated[float, "s"] = 2.0
     replan_every: int = 3
     carry_state: bool = True
-    path_spacing: float = 1.0
+    path_spacing: Annotated[float, "m"] = 1.0
     weights: FrenetWeights = field(default_factory=FrenetWeights)
 
     #: Every agent has its own object, and objects share no state.

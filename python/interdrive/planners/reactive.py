@@ -10,7 +10,7 @@ the view. docs/planners_third_party.md lists its limitations and the differences
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
@@ -55,10 +55,10 @@ class Reactive:
 
     Attributes:
         level: Finest sampling, 1 to 3; finer levels are tried only as long as there is no trajectory without contact.
-        horizon: Length of a plan [s]; beyond the end of the predictions the way is free.
-        t_min: Shortest time in which a manoeuvre ends [s].
-        d_max: Lateral end positions are within this distance of the reference path [m].
-        low_velocity: Below this speed lateral motion is planned over arc length instead of time [m/s].
+        horizon: Length of a plan; beyond the end of the predictions the way is free.
+        t_min: Shortest time in which a manoeuvre ends.
+        d_max: Lateral end positions are within this distance of the reference path.
+        low_velocity: Below this speed lateral motion is planned over arc length instead of time.
         deceleration_ratio: Speeds are sampled down to the speed that braking at this share of the largest deceleration
             leaves after the horizon; twice the library's value, whose horizon is twice as long.
         collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
@@ -66,22 +66,22 @@ class Reactive:
         arrive_in_time: Aim for the speed that brings the agent to its goal in time; false: for the middle of the goal's
             speeds, as the library does.
         arrival_reserve: The agent aims to reach its goal in the middle of the goal's time interval, but no earlier than
-            this before its end [s].
+            this before its end.
         replan_every: Number of calls from one plan to the next; in between the last plan is followed unchecked.
-        path_spacing: Distance between the vertices of the reference path for the library [m].
+        path_spacing: Distance between the vertices of the reference path for the library.
     """
 
     level: int = 3
-    horizon: float = 3.0
-    t_min: float = 0.4
-    d_max: float = 3.0
-    low_velocity: float = 4.0
+    horizon: Annotated[float, "s"] = 3.0
+    t_min: Annotated[float, "s"] = 0.4
+    d_max: Annotated[float, "m"] = 3.0
+    low_velocity: Annotated[float, "m/s"] = 4.0
     deceleration_ratio: float = 0.25
     collision_mode_probability: float = 0.2
     arrive_in_time: bool = True
-    arrival_reserve: float = 2.0
+    arrival_reserve: Annotated[float, "s"] = 2.0
     replan_every: int = 3
-    path_spacing: float = 1.0
+    path_spacing: Annotated[float, "m"] = 1.0
 
     #: Every agent has its own object, and objects share no state.
     parallel = True

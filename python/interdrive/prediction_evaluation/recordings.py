@@ -76,7 +76,7 @@ class Recording:
             InputError: The road cannot be used.
         """
         self.scenario, self._settings = scenario, settings
-        self.road = core_road(scenario, settings.road.gap_tolerance, settings.road.open_end_length)
+        self.road = core_road(scenario, settings.road)
         self.core_scenario = core_scenario(scenario, self.road)
         self.n_steps = step_of(HORIZONS[-1], scenario.dt) + 1
         self.restart()

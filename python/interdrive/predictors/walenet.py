@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
@@ -70,13 +70,13 @@ class Walenet:
             taken one step early, as in the published framework (the present state moved on by velocity and yaw rate).
         standing_guard: Vehicles that have not moved for half a second stay; the network expects them to drive off.
         backfill: What is not known of the past is filled in at the speed first seen; otherwise it counts as standing.
-        horizon: How far to predict [s]; the network knows 4 s, beyond that the velocity is kept.
+        horizon: How far to predict; the network knows 4 s, beyond that the velocity is kept.
     """
 
     anchor: Literal["now", "next"] = "now"
     standing_guard: bool = True
     backfill: bool = True
-    horizon: float = 3.0
+    horizon: Annotated[float, "s"] = 3.0
 
     def __post_init__(self) -> None:
         """Checks library, weights and ranges."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from interdrive.config.binding import bind, flatten
-from interdrive.config.schema import SimulationSettings, ViewSettings
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError, ResultsError
+from interdrive.native_settings import ViewSettings
 from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -34,10 +34,10 @@ class AgentSettings:
     """Which recorded vehicles can become agents.
 
     Attributes:
-        min_displacement: A vehicle must get at least this far away from its start [m].
+        min_displacement: A vehicle must get at least this far away from its start.
     """
 
-    min_displacement: float = 10.0
+    min_displacement: Annotated[float, "m"] = 10.0
 
 
 @dataclass(frozen=True)
@@ -45,20 +45,20 @@ class GoalSettings:
     """Goals derived from recordings: the section of lane around the last recorded state.
 
     Attributes:
-        length_before: The section begins this far before the last recorded position [m].
-        length_after: It ends this far behind it [m].
-        time_early: The agent may arrive this much earlier than recorded [s]; inf: arbitrarily early.
-        time_late: The agent is late if it arrives more than this after the recorded time [s].
-        velocity_tolerance: Allowed difference from the last recorded speed [m/s].
-        orientation_tolerance: Allowed difference from the lane's direction there [rad].
+        length_before: The section begins this far before the last recorded position.
+        length_after: It ends this far behind it.
+        time_early: The agent may arrive this much earlier than recorded; inf: arbitrarily early.
+        time_late: The agent is late if it arrives more than this after the recorded time.
+        velocity_tolerance: Allowed difference from the last recorded speed.
+        orientation_tolerance: Allowed difference from the lane's direction there.
     """
 
-    length_before: float = 5.0
-    length_after: float = 5.0
-    time_early: float = math.inf
-    time_late: float = 1.0
-    velocity_tolerance: float = 5.0
-    orientation_tolerance: float = 0.5
+    length_before: Annotated[float, "m"] = 5.0
+    length_after: Annotated[float, "m"] = 5.0
+    time_early: Annotated[float, "s"] = math.inf
+    time_late: Annotated[float, "s"] = 1.0
+    velocity_tolerance: Annotated[float, "m/s"] = 5.0
+    orientation_tolerance: Annotated[float, "rad"] = 0.5
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

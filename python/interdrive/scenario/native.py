@@ -14,6 +14,7 @@ from interdrive.scenario.model import KINDS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from interdrive.native_settings import RoadSettings
     from interdrive.scenario.model import Obstacles, Scenario, Shape
 
 
@@ -41,7 +42,7 @@ def core_shape(shape: Shape) -> _core.Shape:
     return _core.Shape.group([core_shape(member) for member in shape.members])
 
 
-def core_road(scenario: Scenario, gap_tolerance: float, open_end_length: float) -> _core.RoadNetwork:
+def core_road(scenario: Scenario, settings: RoadSettings) -> _core.RoadNetwork:
     """The core's road network.
 
     Raises:
@@ -60,8 +61,7 @@ def core_road(scenario: Scenario, gap_tolerance: float, open_end_length: float) 
             lanelets.adjacent_right.tolist(),
             lanelets.adjacent_right_same_direction.tolist(),
             lanelets.speed_limit.tolist(),
-            gap_tolerance=gap_tolerance,
-            open_end_length=open_end_length,
+            settings,
         )
 
 

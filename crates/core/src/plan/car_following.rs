@@ -4,7 +4,7 @@
 //! simulations", Phys. Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805; Treiber, Kesting, "Traffic Flow
 //! Dynamics", Springer 2013, section 11.3 (table of parameters, improved model).
 
-use crate::error::{Error, Result};
+use crate::settings::{between, positive, settings};
 use crate::vehicle::Vehicle;
 
 /// A leader slower than this is stationary, whatever its heading [m/s].
@@ -17,24 +17,21 @@ const GAP_MIN: f64 = 0.1;
 /// Slower desired speeds count as this one [m/s].
 const DESIRED_VELOCITY_MIN: f64 = 0.01;
 
-/// Parameters of the IDM. Defaults: Treiber and Kesting 2013, table 11.2.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CarFollowing {
-    /// Time gap T to the leader [s].
-    pub time_gap: f64,
-    /// Gap s0 to a standing leader [m].
-    pub minimum_gap: f64,
-    /// Acceleration a from standstill on a free road [m/s²].
-    pub acceleration: f64,
-    /// Comfortable deceleration b [m/s²]; where it is necessary, more, up to the vehicle's limit.
-    pub deceleration: f64,
-    /// Exponent delta: how the acceleration falls as the speed nears the desired one.
-    pub exponent: f64,
-}
-
-impl Default for CarFollowing {
-    fn default() -> Self {
-        Self { time_gap: 1.0, minimum_gap: 2.0, acceleration: 1.0, deceleration: 1.5, exponent: 4.0 }
+settings! {
+    /// Parameters of the Intelligent Driver Model.
+    ///
+    /// Defaults: Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2.
+    pub struct CarFollowing as CarFollowing {
+        /// Time gap T to a leader.
+        time_gap: f64 ["s"] = 1.0, positive(60.0);
+        /// Gap s0 to a standing leader.
+        minimum_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
+        /// Acceleration a from standstill on a free road.
+        acceleration: f64 ["m/s²"] = 1.0, positive(100.0);
+        /// Comfortable deceleration b; where necessary it brakes up to the vehicle's limit.
+        deceleration: f64 ["m/s²"] = 1.5, positive(100.0);
+        /// Exponent of v / v0: how the acceleration falls as the speed nears the desired one.
+        exponent: f64 = 4.0, positive(100.0);
     }
 }
 
@@ -67,34 +64,6 @@ impl CarFollowing {
     /// The whole model [m/s²]: a (1 - (v / v0)^delta - (s* / s)²).
     pub fn acceleration(&self, velocity: f64, desired_velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
         self.free(velocity, desired_velocity) + self.interaction(velocity, gap, leader_velocity)
-    }
-
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// `InvalidInput` naming the field and what is expected.
-    pub fn validate(&self) -> Result<()> {
-        for (name, value, max) in [
-            ("time_gap", self.time_gap, 60.0),
-            ("acceleration", self.acceleration, 100.0),
-            ("deceleration", self.deceleration, 100.0),
-            ("exponent", self.exponent, 100.0),
-        ] {
-            positive(name, value, max)?;
-        }
-        if !(0.0..=100.0).contains(&self.minimum_gap) {
-            return Err(Error::invalid(format!("minimum_gap must be between 0 and 100, not {}", self.minimum_gap)));
-        }
-        Ok(())
-    }
-}
-
-/// A setting is positive and at most `max`.
-pub(super) fn positive(name: &str, value: f64, max: f64) -> Result<()> {
-    if value > 0.0 && value <= max {
-        Ok(())
-    } else {
-        Err(Error::invalid(format!("{name} must be positive and at most {max}, not {value}")))
     }
 }
 

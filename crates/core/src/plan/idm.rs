@@ -1,12 +1,12 @@
 //! Driving the route's reference path with the Intelligent Driver Model.
 
 use super::arrival;
-use super::car_following::{CarFollowing, integrate, limited, positive};
+use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::Ego;
 use super::frame::Start;
 use super::speed_profile::SpeedLimits;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
-use crate::error::Result;
+use crate::settings::{positive, settings};
 
 /// An offset from the path is given up in this time [s].
 pub(super) const RETURN_TIME: f64 = 4.0;
@@ -14,34 +14,24 @@ pub(super) const RETURN_TIME: f64 = 4.0;
 /// traffic in Treiber and Kesting 2013, table 11.2. The present speed would not do: behind a leader it would fall for ever.
 const CRUISE_VELOCITY_MIN: f64 = 15.0;
 
-/// Parameters of the planner `idm`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IdmSettings {
-    /// The car-following model.
-    pub law: CarFollowing,
-    /// Upper bound of the desired speed v0 [m/s]; below it the goal, curves and speed limits decide.
-    pub desired_velocity_max: f64,
-    /// Lateral acceleration in curves [m/s²].
-    pub lateral_acceleration: f64,
-}
-
-impl Default for IdmSettings {
-    fn default() -> Self {
-        Self { law: CarFollowing::default(), desired_velocity_max: f64::INFINITY, lateral_acceleration: 3.0 }
+settings! {
+    /// Drives the reference path of its route with the Intelligent Driver Model.
+    ///
+    /// Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys.
+    /// Rev. E 62, 2000, doi 10.1103/PhysRevE.62.1805; defaults and the braking above the desired speed as in
+    /// Treiber and Kesting, "Traffic Flow Dynamics", 2013, section 11.3. With the gap s and the leader's speed vl the
+    /// acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
+    /// desired speed v0 brings it to its goal in time, within speed limits and low enough for curves. See
+    /// docs/planners.md.
+    pub struct IdmSettings as Idm(law: CarFollowing) {
+        /// Upper bound of the desired speed v0.
+        desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);
+        /// Lateral acceleration in curves.
+        lateral_acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
     }
 }
 
 impl IdmSettings {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// `InvalidInput` naming the field and what is expected.
-    pub fn validate(&self) -> Result<()> {
-        self.law.validate()?;
-        positive("desired_velocity_max", self.desired_velocity_max, f64::INFINITY)?;
-        positive("lateral_acceleration", self.lateral_acceleration, 100.0)
-    }
-
     /// Desired speed from the goal alone [m/s].
     pub(super) fn goal_velocity(&self, request: &PlanRequest, start: &Start) -> f64 {
         let (velocity, _) = arrival::desired(request, start, self.law.deceleration, CRUISE_VELOCITY_MIN);

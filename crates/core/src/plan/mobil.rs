@@ -8,14 +8,14 @@
 
 mod neighbours;
 
-use super::car_following::{CarFollowing, integrate, limited, positive};
+use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::{IdmSettings, RETURN_TIME};
 use super::lanes::{Lane, Lanes, Need};
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
-use crate::error::{Error, Result};
 use crate::geometry::Pose;
+use crate::settings::{between, positive, settings};
 use neighbours::{Neighbours, Next};
 
 /// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
@@ -32,60 +32,31 @@ const END_BRAKING: f64 = 0.7;
 /// Shortest time in which the rest of a change is driven [s].
 const REST_MIN: f64 = 0.5;
 
-/// Parameters of the planner `idm_mobil`. Defaults as in the simulations of the source (table 1), politeness from the
-/// range studied there (0 to 1).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IdmMobilSettings {
-    /// Driving in a lane.
-    pub idm: IdmSettings,
-    /// Politeness p: what others gain or lose counts this much.
-    pub politeness: f64,
-    /// Changing threshold: a change must gain more than this [m/s²].
-    pub changing_threshold: f64,
-    /// Safe deceleration b_safe: nobody in the other lane has to brake harder than this [m/s²].
-    pub safe_deceleration: f64,
-    /// Bias for each lane nearer to the one that the route needs [m/s²].
-    pub bias: f64,
-    /// Duration of a lane change [s].
-    pub lane_change_duration: f64,
-}
-
-impl Default for IdmMobilSettings {
-    fn default() -> Self {
-        Self {
-            idm: IdmSettings::default(),
-            politeness: 0.2,
-            changing_threshold: 0.1,
-            safe_deceleration: 4.0,
-            bias: 0.3,
-            lane_change_duration: 4.0,
-        }
+settings! {
+    /// Drives with the Intelligent Driver Model, as `Idm`, and changes lanes with MOBIL.
+    ///
+    /// Kesting, Treiber, Helbing, "General lane-changing model MOBIL for car-following models", Transportation Research
+    /// Record 1999, 2007, doi 10.3141/1999-10. A change must be safe: the new follower brakes with at most b_safe (eq. 2).
+    /// And it must be worthwhile: own gain + p (gain of the new follower + gain of the old follower) + bias > threshold
+    /// (eq. 3), where a gain is the acceleration of the car-following model after the change minus that before. The bias
+    /// favours lanes that lead to the goal; it grows by up to b_safe where such a lane has to be reached soon. Defaults
+    /// as in the simulations of the source (table 1), politeness from the range studied there (0 to 1). See
+    /// docs/planners.md.
+    pub struct IdmMobilSettings as IdmMobil(idm: IdmSettings) {
+        /// Politeness p: weight of the gains and losses of the followers.
+        politeness: f64 = 0.2, between(-10.0, 10.0);
+        /// A change must gain more than this.
+        changing_threshold: f64 ["m/s²"] = 0.1, between(0.0, 100.0);
+        /// The new follower must not have to brake harder than this, b_safe.
+        safe_deceleration: f64 ["m/s²"] = 4.0, positive(100.0);
+        /// Bias for each lane nearer to the one that leads to the goal.
+        bias: f64 ["m/s²"] = 0.3, between(0.0, 100.0);
+        /// Duration of a lane change.
+        lane_change_duration: f64 ["s"] = 4.0, between(1.0, 60.0);
     }
 }
 
 impl IdmMobilSettings {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// `InvalidInput` naming the field and what is expected.
-    pub fn validate(&self) -> Result<()> {
-        self.idm.validate()?;
-        for (name, value) in [("changing_threshold", self.changing_threshold), ("bias", self.bias)] {
-            if !(0.0..=100.0).contains(&value) {
-                return Err(Error::invalid(format!("{name} must be between 0 and 100, not {value}")));
-            }
-        }
-        if !(-10.0..=10.0).contains(&self.politeness) {
-            return Err(Error::invalid(format!("politeness must be between -10 and 10, not {}", self.politeness)));
-        }
-        positive("safe_deceleration", self.safe_deceleration, 100.0)?;
-        if !(1.0..=60.0).contains(&self.lane_change_duration) {
-            let duration = self.lane_change_duration;
-            return Err(Error::invalid(format!("lane_change_duration must be between 1 and 60, not {duration}")));
-        }
-        Ok(())
-    }
-
     /// The change is worth it (eq. 3): own gain plus p times what the followers gain, above the threshold. Accelerations
     /// before and after the change [m/s²].
     fn is_worth_it(&self, own: (f64, f64), new: (f64, f64), old: (f64, f64), bias: f64) -> bool {

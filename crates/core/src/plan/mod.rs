@@ -21,6 +21,7 @@ pub use car_following::CarFollowing;
 pub use idm::IdmSettings;
 pub use mobil::IdmMobilSettings;
 pub use prediction_index::PredictionIndex;
+pub use velocity_adjusting::VelocityAdjustingSettings;
 
 use crate::error::Result;
 use crate::geometry::Pose;

@@ -7,6 +7,7 @@ use super::idm::RETURN_TIME;
 use super::recorded_path::RecordedPath;
 use super::speed_profile::SpeedLimits;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
+use crate::settings::settings;
 
 /// A vehicle this near to its recorded place is on schedule [m] and corrects the rest; a later one is late and does not
 /// catch up.
@@ -24,6 +25,18 @@ const SAME_PLACE: f64 = 0.02;
 const LATERAL_ACCELERATION: f64 = 3.0;
 /// A recording that ends (nearly) standing goes on with this speed, so that the vehicle follows its lane [m/s].
 const RECORDING_STOPPED_SPEED: f64 = 0.1;
+
+settings! {
+    /// Keeps the recorded path and, where the way is free, the recorded speed.
+    ///
+    /// Behind leaders and before crossing participants it brakes with the Intelligent Driver Model: Treiber, Hennecke,
+    /// Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys. Rev. E 62, 2000,
+    /// doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the
+    /// gap s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
+    /// acceleration is at most a (1 - (s* / s)²). It returns to the recorded speed v0 with a (1 - (v / v0)^exponent). See
+    /// docs/planners.md.
+    pub struct VelocityAdjustingSettings as VelocityAdjusting(law: CarFollowing) {}
+}
 
 /// Acceleration on a free path [m/s²].
 fn undisturbed(

@@ -1,5 +1,6 @@
 use super::testing::*;
 use super::*;
+use crate::error::Error;
 use crate::geometry::shape::{OrientedBox, Shape};
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -26,7 +26,7 @@ fn frenet(source: &mut Source) -> FrenetSettings {
     if !source.is_odd() {
         return default;
     }
-    let mut changed = default.clone();
+    let mut changed = default;
     changed.horizon = source.any(1.0, 5.0);
     changed.t_min = source.any(0.1, 1.0);
     changed.d_max = source.any(0.5, 4.0);

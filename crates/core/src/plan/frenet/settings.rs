@@ -1,59 +1,103 @@
-//! Parameters of the planner.
+//! Settings of the planner.
 
 use crate::error::{Error, Result};
+use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
-/// How much each part of the cost counts; all weights are zero or positive. Every part is zero or positive too, so a
-/// sum of some parts is a lower bound of the whole.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CostWeights {
-    /// Root of the summed squares of speed minus desired speed over all points [m/s].
-    pub velocity_offset: f64,
-    /// Root of the summed squares of the lateral offset over the last half of the points [m].
-    pub distance_to_reference: f64,
-    /// Root of the integral of the squared lateral jerk (third derivative of d by time) over the horizon [m/s^2.5].
-    pub lateral_jerk: f64,
-    /// Root of the integral of the squared longitudinal jerk (third derivative of s by time) over the horizon.
-    pub longitudinal_jerk: f64,
-    /// Integral of the squared acceleration along the heading [m²/s³].
-    pub acceleration: f64,
-    /// Integral of the squared change of that acceleration [m²/s⁵].
-    pub jerk: f64,
-    /// Integral of the squared lateral speed d_dot [m²/s].
-    pub lateral_velocity: f64,
-    /// Integral of the squared lateral acceleration d_ddot [m²/s³].
-    pub lateral_acceleration: f64,
-    /// Integral of the squared longitudinal speed s_dot [m²/s].
-    pub longitudinal_velocity: f64,
-    /// Integral of the squared longitudinal acceleration s_ddot [m²/s³].
-    pub longitudinal_acceleration: f64,
-    /// Root of the summed squares of the heading relative to the path over the last half of the points, plus the
-    /// square of the last one [rad].
-    pub orientation_offset: f64,
-    /// Sum over participants of 1 / (smallest squared distance between the centres) [1/m²].
-    pub distance_to_obstacles: f64,
-    /// 1000 times the summed probabilities that a participant's centre or corners lie in the ego's footprint, over
-    /// points and participants, weighted by the probabilities of the participants' modes.
-    pub prediction: f64,
+settings! {
+    /// Weights of the terms of the cost; zero disables a term. Every term is zero or positive.
+    pub struct CostWeights as FrenetWeights {
+        /// Root of the summed squares of speed minus desired speed over all points [m/s].
+        velocity_offset: f64 = 1.0, NOT_NEGATIVE;
+        /// Root of the summed squares of the lateral offset over the last half of the points [m].
+        distance_to_reference: f64 = 5.0, NOT_NEGATIVE;
+        /// Root of the integral of the squared lateral jerk over the horizon [m/s^2.5].
+        lateral_jerk: f64 = 0.2, NOT_NEGATIVE;
+        /// Root of the integral of the squared longitudinal jerk over the horizon [m/s^2.5].
+        longitudinal_jerk: f64 = 0.2, NOT_NEGATIVE;
+        /// Integral of the squared acceleration along the heading [m²/s³].
+        acceleration: f64 = 0.0, NOT_NEGATIVE;
+        /// Integral of the squared change of that acceleration [m²/s⁵].
+        jerk: f64 = 0.0, NOT_NEGATIVE;
+        /// Integral of the squared lateral speed [m²/s].
+        lateral_velocity: f64 = 0.0, NOT_NEGATIVE;
+        /// Integral of the squared lateral acceleration [m²/s³].
+        lateral_acceleration: f64 = 0.0, NOT_NEGATIVE;
+        /// Integral of the squared longitudinal speed [m²/s].
+        longitudinal_velocity: f64 = 0.0, NOT_NEGATIVE;
+        /// Integral of the squared longitudinal acceleration [m²/s³].
+        longitudinal_acceleration: f64 = 0.0, NOT_NEGATIVE;
+        /// Root of the summed squares of the heading relative to the path over the last half of the points, plus the
+        /// square of the last one [rad].
+        orientation_offset: f64 = 0.0, NOT_NEGATIVE;
+        /// Sum over participants of 1 / (smallest squared distance of the centres) [1/m²].
+        distance_to_obstacles: f64 = 0.0, NOT_NEGATIVE;
+        /// 1000 times the summed probabilities that a participant's centre or corners lie in the ego's footprint, over
+        /// points and participants, weighted by the probabilities of the participants' modes.
+        prediction: f64 = 0.2, NOT_NEGATIVE;
+    }
+
+    /// Comfortable driving; the desired speed respects these values, feasibility does not depend on them.
+    pub struct Comfort as FrenetComfort {
+        /// Time gap to a leader: the reaction time of the safe speed.
+        time_gap: f64 ["s"] = 1.0, positive(60.0);
+        /// Distance kept to a standing leader.
+        standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
+        /// Deceleration before leaders, curves and the goal.
+        deceleration: f64 ["m/s²"] = 3.0, positive(100.0);
+        /// Lateral acceleration in curves.
+        lateral_acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
+        /// Desired and present speed differ by at most this.
+        velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
+        /// Lowest desired speed of an agent whose goal states neither place nor speed.
+        cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
+    }
+
+    /// Sampling in the Frenet frame of the reference path.
+    ///
+    /// Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
+    /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/planner.md.
+    pub struct FrenetSettings as Frenet {
+        /// Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid.
+        level: usize = 2, between(0.0, 4.0);
+        /// Length of a plan.
+        horizon: f64 ["s"] = 3.0, positive(60.0);
+        /// Shortest time in which a manoeuvre ends; at most the horizon.
+        t_min: f64 ["s"] = 1.1, positive(60.0);
+        /// Lateral end positions are within this distance of the reference path.
+        d_max: f64 ["m"] = 3.0, positive(15.0);
+        /// Below this speed lateral motion is planned over arc length instead of time.
+        low_velocity: f64 ["m/s"] = 2.0, positive(100.0);
+        /// Predicted participants are longer by this, in all.
+        prediction_margin_length: f64 ["m"] = 0.5, between(0.0, 100.0);
+        /// Predicted participants are wider by this, in all.
+        prediction_margin_width: f64 ["m"] = 0.2, between(0.0, 100.0);
+        /// Full opening angle of the cone behind the agent.
+        rear_cone_angle: f64 ["rad"] = 20_f64.to_radians(), between(0.0, std::f64::consts::TAU);
+        /// Participants in that cone that are further away than this (centre to centre) are expected to keep their distance.
+        rear_cone_distance: f64 ["m"] = 6.0, between(0.0, 1e6);
+        /// Modes with at least this probability must not be hit; the most probable one always counts.
+        collision_mode_probability: f64 = 0.2, between(0.0, 1.0);
+        /// A less probable mode has no cost at times when the density of its positions is below this even in the middle,
+        /// because it then hardly predicts any position.
+        expectation_density_min: f64 ["1/m²"] = 0.02, between(0.0, 1e6);
+        /// Also sample stops behind the leader and before the end of the goal area.
+        stop_targets: bool = true;
+        /// Evaluate only what the choice of the best sample needs; false evaluates all. The choice is the same.
+        lazy: bool = true;
+        /// Weights of the cost.
+        weights: CostWeights;
+        /// Comfortable driving.
+        comfort: Comfort;
+    }, ends_within_horizon
 }
 
-impl Default for CostWeights {
-    fn default() -> Self {
-        Self {
-            velocity_offset: 1.0,
-            distance_to_reference: 5.0,
-            lateral_jerk: 0.2,
-            longitudinal_jerk: 0.2,
-            acceleration: 0.0,
-            jerk: 0.0,
-            lateral_velocity: 0.0,
-            lateral_acceleration: 0.0,
-            longitudinal_velocity: 0.0,
-            longitudinal_acceleration: 0.0,
-            orientation_offset: 0.0,
-            distance_to_obstacles: 0.0,
-            prediction: 0.2,
-        }
+fn ends_within_horizon(settings: &FrenetSettings) -> Result<()> {
+    let FrenetSettings { t_min, horizon, .. } = *settings;
+    if t_min <= horizon {
+        return Ok(());
     }
+    let message = format!("must be positive and at most {horizon}, not {t_min:?}");
+    Err(Error::Setting { name: "t_min".into(), message })
 }
 
 /// Number of cost terms.
@@ -94,142 +138,6 @@ impl CostWeights {
             self.distance_to_obstacles,
             self.prediction,
         ]
-    }
-}
-
-/// What the agent finds comfortable; the desired speed respects it, the limits of feasibility do not know it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Comfort {
-    /// Time gap to a leader [s]: the reaction time of the safe speed.
-    pub time_gap: f64,
-    /// Distance kept to a standing leader [m].
-    pub standstill_gap: f64,
-    /// Deceleration before leaders, curves and the goal [m/s²].
-    pub deceleration: f64,
-    /// Lateral acceleration in curves [m/s²].
-    pub lateral_acceleration: f64,
-    /// Desired and present speed differ by at most this [m/s].
-    pub velocity_step: f64,
-    /// Least speed [m/s] of an agent whose goal says nothing about where or how fast.
-    pub cruise_velocity_min: f64,
-}
-
-impl Default for Comfort {
-    fn default() -> Self {
-        Self {
-            time_gap: 1.0,
-            standstill_gap: 2.0,
-            deceleration: 3.0,
-            lateral_acceleration: 3.0,
-            velocity_step: 5.0,
-            cruise_velocity_min: 5.0,
-        }
-    }
-}
-
-/// Parameters of the sampling planner in the Frenet frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FrenetSettings {
-    /// Fineness of the sampling, 0 to 4: 48, 180, 800, 3564, 12716 samples in the grid.
-    pub level: usize,
-    /// Length of a plan [s].
-    pub horizon: f64,
-    /// Shortest time in which a manoeuvre ends [s].
-    pub t_min: f64,
-    /// Lateral end positions lie within this distance of the reference path [m].
-    pub d_max: f64,
-    /// Below this speed [m/s] lateral motion is planned over arc length instead of time.
-    pub low_velocity: f64,
-    /// Weights of the cost terms.
-    pub weights: CostWeights,
-    /// Predicted participants are longer by this (total) [m].
-    pub prediction_margin_length: f64,
-    /// Predicted participants are wider by this (total) [m].
-    pub prediction_margin_width: f64,
-    /// Full opening angle of the cone behind the agent [rad] ...
-    pub rear_cone_angle: f64,
-    /// ... in which participants further away than this [m] (centre to centre) are left to keep their own distance.
-    pub rear_cone_distance: f64,
-    /// Modes with at least this probability must not be hit; the most probable one always counts.
-    pub collision_mode_probability: f64,
-    /// A mode that need not be missed and whose expected positions have less than this probability per area [1/m²] even in
-    /// the middle, where they are densest, costs nothing then: it says next to nothing about where somebody will be.
-    pub expectation_density_min: f64,
-    /// Comfortable driving.
-    pub comfort: Comfort,
-    /// Also sample stops behind the leader and before the end of the goal area.
-    pub stop_targets: bool,
-    /// Find the best sample with as little work as possible; `false` evaluates every sample. The choice is the same.
-    pub lazy: bool,
-}
-
-impl Default for FrenetSettings {
-    fn default() -> Self {
-        Self {
-            level: 2,
-            horizon: 3.0,
-            t_min: 1.1,
-            d_max: 3.0,
-            low_velocity: 2.0,
-            weights: CostWeights::default(),
-            prediction_margin_length: 0.5,
-            prediction_margin_width: 0.2,
-            rear_cone_angle: 20_f64.to_radians(),
-            rear_cone_distance: 6.0,
-            collision_mode_probability: 0.2,
-            expectation_density_min: 0.02,
-            comfort: Comfort::default(),
-            stop_targets: true,
-            lazy: true,
-        }
-    }
-}
-
-impl FrenetSettings {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// `InvalidInput` naming the field and what is expected.
-    pub fn validate(&self) -> Result<()> {
-        if self.level > 4 {
-            return Err(Error::invalid(format!("level must be 0 to 4, not {}", self.level)));
-        }
-        let positive = [
-            ("horizon", self.horizon, 60.0),
-            ("t_min", self.t_min, self.horizon),
-            ("d_max", self.d_max, 15.0),
-            ("low_velocity", self.low_velocity, 100.0),
-            ("comfort.time_gap", self.comfort.time_gap, 60.0),
-            ("comfort.deceleration", self.comfort.deceleration, 100.0),
-            ("comfort.lateral_acceleration", self.comfort.lateral_acceleration, 100.0),
-            ("comfort.velocity_step", self.comfort.velocity_step, 100.0),
-        ];
-        for (name, value, max) in positive {
-            if !(value > 0.0 && value <= max) {
-                return Err(Error::invalid(format!("{name} must be positive and at most {max}, not {value}")));
-            }
-        }
-        let not_negative = [
-            ("prediction_margin_length", self.prediction_margin_length, 100.0),
-            ("prediction_margin_width", self.prediction_margin_width, 100.0),
-            ("rear_cone_angle", self.rear_cone_angle, std::f64::consts::TAU),
-            ("rear_cone_distance", self.rear_cone_distance, 1e6),
-            ("collision_mode_probability", self.collision_mode_probability, 1.0),
-            ("expectation_density_min", self.expectation_density_min, 1e6),
-            ("comfort.standstill_gap", self.comfort.standstill_gap, 100.0),
-            ("comfort.cruise_velocity_min", self.comfort.cruise_velocity_min, 100.0),
-        ];
-        for (name, value, max) in not_negative {
-            if !(0.0..=max).contains(&value) {
-                return Err(Error::invalid(format!("{name} must be between 0 and {max}, not {value}")));
-            }
-        }
-        for (name, weight) in CostWeights::NAMES.into_iter().zip(self.weights.as_array()) {
-            if !(0.0..=f64::MAX).contains(&weight) {
-                return Err(Error::invalid(format!("weights.{name} must not be negative, is {weight}")));
-            }
-        }
-        Ok(())
     }
 }
 

@@ -221,7 +221,7 @@ fn other_horizons_and_shorter_or_older_predictions_give_the_full_choice_in_reuse
         drive.prediction_age = random.within(0.0, 5.0) as i64;
         let horizon = random.within(1.5, 7.0);
         let lazy = FrenetSettings { horizon, ..FrenetSettings::default() };
-        let full = FrenetSettings { lazy: false, ..lazy.clone() };
+        let full = FrenetSettings { lazy: false, ..lazy };
         let (a, b) = (drive.with_request(|request| plan(request, &lazy, &mut memory)), drive.plan(&full));
         assert_eq!((a.status, &a.trajectory), (b.status, &b.trajectory), "world {world}");
         n_planned += usize::from(a.status == PlanStatus::Planned);

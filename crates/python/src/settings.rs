@@ -1,0 +1,89 @@
+//! Python's records of settings, read by the tables of the core.
+
+use interdrive_core::plan::frenet::FrenetSettings;
+use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
+use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
+use interdrive_core::road::RoadSettings;
+use interdrive_core::scene::ViewLimits;
+use interdrive_core::settings::{Record, Value, check};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::{InputError, exception};
+
+/// The records that Python makes and hands over, with the settings that they have by default.
+fn records() -> Vec<Box<dyn Record>> {
+    vec![
+        Box::new(FrenetSettings::default()),
+        Box::new(VelocityAdjustingSettings::default()),
+        Box::new(IdmSettings::default()),
+        Box::new(IdmMobilSettings::default()),
+        Box::new(ConstantVelocity::default()),
+        Box::new(LaneFollowing::default()),
+        Box::new(ViewLimits::default()),
+        Box::new(RoadSettings::default()),
+    ]
+}
+
+/// Writes what a record of Python says into one of the core.
+fn fill(record: &mut dyn Record, given: &Bound<'_, PyAny>) -> PyResult<()> {
+    for (field, value) in record.fields() {
+        let one = if field.name.is_empty() { given.clone() } else { given.getattr(field.name)? };
+        let refused = |_| InputError::new_err((field.name, format!("cannot be {one}")));
+        match value {
+            Value::Number(number) => *number = one.extract().map_err(refused)?,
+            Value::Count(count) => *count = one.extract().map_err(refused)?,
+            Value::Flag(flag) => *flag = one.extract().map_err(refused)?,
+            Value::Record(inner) => fill(inner, &one)?,
+        }
+    }
+    Ok(())
+}
+
+/// The core's settings for a record of Python.
+pub fn read<T: Record + Default>(given: &Bound<'_, PyAny>) -> PyResult<T> {
+    let mut settings = T::default();
+    fill(&mut settings, given)?;
+    check(&mut settings).map_err(exception)?;
+    Ok(settings)
+}
+
+/// Checks a record of Python by the table of this name.
+#[pyfunction]
+pub fn check_settings(name: &str, given: &Bound<'_, PyAny>) -> PyResult<()> {
+    let found = records().into_iter().find(|record| record.about().0 == name);
+    let mut settings = found.ok_or_else(|| InputError::new_err((name.to_owned(), "is no record of settings")))?;
+    fill(settings.as_mut(), given)?;
+    check(settings.as_mut()).map_err(exception)
+}
+
+/// A table as a dict: its name, its text, and the fields as dicts; a field that is a record has its table for a value.
+fn table<'py>(py: Python<'py>, record: &mut dyn Record) -> PyResult<Bound<'py, PyDict>> {
+    let (name, text) = record.about();
+    let mut fields = Vec::new();
+    for (field, value) in record.fields() {
+        let one = PyDict::new(py);
+        one.set_item("name", field.name)?;
+        one.set_item("unit", field.unit)?;
+        one.set_item("text", field.text)?;
+        one.set_item("range", field.range.text())?;
+        match value {
+            Value::Number(number) => one.set_item("default", *number)?,
+            Value::Count(count) => one.set_item("default", *count)?,
+            Value::Flag(flag) => one.set_item("default", *flag)?,
+            Value::Record(inner) => one.set_item("default", table(py, inner)?)?,
+        }
+        fields.push(one);
+    }
+    let made = PyDict::new(py);
+    made.set_item("name", name)?;
+    made.set_item("text", text)?;
+    made.set_item("fields", fields)?;
+    Ok(made)
+}
+
+/// All tables, see `crates/python/settings.py`.
+#[pyfunction]
+pub fn settings_tables(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    records().iter_mut().map(|record| table(py, record.as_mut())).collect()
+}
