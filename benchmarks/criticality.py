@@ -51,8 +51,8 @@ def runs(folder: Path, repeat: int) -> None:
         settings = CriticalitySettings(conflict_areas=areas)
         one, two = (seconds(partial(run.criticality, settings=settings, threads=n), repeat) for n in (1, 2))
         print(
-            f"| {run.scenario.name} | {int(run.states.is_agent.sum())} | {len(run.states.ids)} | {run.states.n_steps} "
-            f"| {areas} | {1e3 * one:.1f} | {1e3 * two:.1f} |"
+            f"| {run.scenario.name} | {int(run.states.is_agent.sum())} | {len(run.states.participant_id)} "
+            f"| {run.states.n_steps} | {areas} | {1e3 * one:.1f} | {1e3 * two:.1f} |"
         )
 
 

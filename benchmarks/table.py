@@ -46,7 +46,7 @@ def measure(scenario: str, agents: str, threads: int, predictor: str, steps: int
     full = driving >= 0.9 * driving.max()
     result = {
         "agents": float(driving.max()),
-        "participants": float(len(run.states.ids)),
+        "participants": float(len(run.states.participant_id)),
         "steps": float(n_steps),
         "first_step": first_step,
         "python": python,

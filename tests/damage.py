@@ -173,6 +173,7 @@ DAMAGES = (
     ),
     _table("a state far away in time", "states", with_cell("time_step", 2**31), "time_step: 2147483648 in row "),
     _table("a state far before", "states", with_cell("time_step", -(2**62), 0), "time_step: -4611686018427387904 in"),
+    _table("seconds of another time step", "states", with_cell("time_s", 77.0), "time_s: 77.0 in row "),
     _table("a state nowhere", "states", with_cell("x", float("inf")), "x: inf in row "),
     _table("a state that is no number", "states", with_cell("y", float("nan")), "y: nan in row "),
     _table("a state beyond everything", "states", with_cell("x", 1e300), "x: 1e+300 in row "),
@@ -213,7 +214,7 @@ DAMAGES = (
     _table("candidates in disorder", "candidates", _shuffled, "time_step, agent_id, candidate, point: row "),
     _table("a column too few", "states", lambda table: table.drop_columns(["yaw_rate"]), "the columns are not those"),
     _table(
-        "a column of another type", "states", lambda t: t.set_column(4, "x", t["x"].cast("float32")), "the columns ar"
+        "a column of another type", "states", lambda t: t.set_column(5, "x", t["x"].cast("float32")), "the columns ar"
     ),
     _file("an empty file", "plans", lambda _: b"", "cannot be read: "),
     _file("half a file", "states", lambda content: content[: len(content) // 2], "cannot be read: "),

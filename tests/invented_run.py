@@ -13,10 +13,10 @@ import numpy as np
 from interdrive.run import (
     PHASES,
     AgentRecord,
-    Considered,
     Outcomes,
     Plans,
-    Predicted,
+    RecordedCandidates,
+    RecordedPredictions,
     Run,
     States,
     Timings,
@@ -107,7 +107,7 @@ def states():
         table["acceleration"][row, steps] = 0.0
     ids = [track[0] for track in made]
     return States(
-        ids=np.array(ids),
+        participant_id=np.array(ids),
         kinds=tuple(track[1] for track in made),
         first_time_step=0,
         is_agent=np.array([track[2] for track in made]),
@@ -134,9 +134,11 @@ def scenario(recorded):
         dt=DT,
         lanelets=lanelets(),
         obstacles=Obstacles(
-            ids=recorded.ids,
+            ids=recorded.participant_id,
             kinds=recorded.kinds,
-            shapes=tuple(shape_of(*item) for item in zip(recorded.ids, recorded.length, recorded.width, strict=True)),
+            shapes=tuple(
+                shape_of(*item) for item in zip(recorded.participant_id, recorded.length, recorded.width, strict=True)
+            ),
             is_static=recorded.is_static,
             x=recorded.x,
             y=recorded.y,
@@ -159,7 +161,7 @@ def goal(s, offset):
 
 def plans(recorded, points=31):
     made = []
-    for row, participant in enumerate(recorded.ids):
+    for row, participant in enumerate(recorded.participant_id):
         if not recorded.is_agent[row]:
             continue
         for step in np.flatnonzero(recorded.valid[row]):
@@ -196,7 +198,7 @@ def plans(recorded, points=31):
 def with_agent_view(run, n_candidates=120):
     """The run with what agent 2 chose from, and predictions of everybody, at every time step at which it drives."""
     chance, recorded = np.random.default_rng(1), run.states
-    row = int(np.flatnonzero(recorded.ids == 2)[0])
+    row = int(np.flatnonzero(recorded.participant_id == 2)[0])
     considered, predicted = [], []
     for step in np.flatnonzero(recorded.valid[row]).tolist():
         ahead = np.linspace(0.0, 3.0, 7)
@@ -217,12 +219,12 @@ def with_agent_view(run, n_candidates=120):
                 recorded.y[other, step] + way * np.sin(heading),
             )
             covariance = (0.2 + 0.5 * ahead[1:, None, None]) ** 2 * np.diag([1.0, 0.3])
-            predicted.append((step, recorded.ids[other], 0, 1.0, x_mean, y_mean, covariance))
+            predicted.append((step, recorded.participant_id[other], 0, 1.0, x_mean, y_mean, covariance))
     step, agent, cost, rejection, chosen, x, y = zip(*considered, strict=True)
     arrays = (np.array(column) for column in (step, agent, cost))
-    kept = Considered(np.arange(7) * 5, *arrays, rejection, *(np.array(column) for column in (chosen, x, y)))
-    told = Predicted(np.arange(1, 7) * 5, *(np.array(column) for column in zip(*predicted, strict=True)))
-    return replace(run, considered=kept, predicted=told)
+    kept = RecordedCandidates(np.arange(7) * 5, *arrays, rejection, *(np.array(column) for column in (chosen, x, y)))
+    told = RecordedPredictions(np.arange(1, 7) * 5, *(np.array(column) for column in zip(*predicted, strict=True)))
+    return replace(run, candidates=kept, predictions=told)
 
 
 def invented_run(**changes):

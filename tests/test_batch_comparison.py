@@ -1,4 +1,4 @@
-"""Planners compared: tables by category, paired differences with intervals, reservations; questions in SQL."""
+"""Planners compared: tables by category, paired differences with intervals, caveats; questions in SQL."""
 
 import hashlib
 import itertools
@@ -138,10 +138,10 @@ def test_a_planner_that_lacks_scenarios_is_compared_over_those_that_it_has(tmp_p
     assert {r["n_agents"] for r in found.table.to_pylist()} == {2}
     assert found.sets[0].left_out == {"a": 1, "b": 1, "slow": 0}
     assert found.sets[0].size == "2 agents in 1 scenario, those that all 3 planners drove; not counted: a 1, b 1"
-    assert "Only agents that all planners drove are compared" in " ".join(found.reservations)
+    assert "Only agents that all planners drove are compared" in " ".join(found.caveats)
     whole = compare(folder, planners=["a", "b"])
     assert (row(whole, "all", "a")["n_agents"], whole.sets[0].size) == (3, "3 agents in 2 scenarios")
-    assert "Only agents that" not in " ".join(whole.reservations)
+    assert "Only agents that" not in " ".join(whole.caveats)
     with pytest.raises(idr.InputError, match="planner c: no run of this batch has it; there are a, b, slow"):
         compare(folder, planners=["c"])
 
@@ -166,7 +166,7 @@ def test_runs_that_no_planner_could_do_are_no_set_of_their_own(tmp_path):
     runs = [("s/x", "a", {1: {}}), ("s/y", "a", "refused", away)]
     found = compare(invented(tmp_path / "batch", runs))
     assert [(one.traffic, one.agents) for one in found.sets] == [("same", "all")]
-    assert "Not among them: 1 scenario in which no vehicle could be under test." in found.reservations
+    assert "Not among them: 1 scenario in which no vehicle could be under test." in found.caveats
 
 
 def test_an_interval_is_that_of_all_samples_that_can_be_drawn(tmp_path):
@@ -258,7 +258,7 @@ def test_the_page_calls_a_planner_better_only_over_enough_scenarios(tmp_path, n_
 
 
 def test_few_scenarios_are_warned_of_when_no_interval_has_a_width(tmp_path):
-    said = " ".join(compare(invented(tmp_path / "batch", scattered(2, values=(3.0,)))).reservations)
+    said = " ".join(compare(invented(tmp_path / "batch", scattered(2, values=(3.0,)))).caveats)
     assert "All differences are over fewer than 20 scenarios" in said
     assert "Intervals (95 %)" in said
     assert "true zeros" not in said
@@ -270,7 +270,7 @@ def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
     found = compare(invented(tmp_path / "batch", runs))
     rows = found.differences.to_pylist()
     assert sum(row["low"] is not None and row["low"] < row["high"] for row in rows) == 3
-    said = " ".join(found.reservations)
+    said = " ".join(found.caveats)
     assert "2 differences with an interval of 20 or more scenarios (1 over all categories, 1 within categories)" in said
     assert "of 2 true zeros at least about 0.1 would" in said
     assert f"{len(rows) // 3} of {len(rows)} differences are over fewer than 20" in said
@@ -354,7 +354,7 @@ def test_headings_of_the_figure_fit_its_width(tmp_path):
 
 def test_few_collisions_are_told_of_each_set_by_name(tmp_path):
     runs = [("s/x", "a", {1: {}}, {"traffic": "recorded", "agents": agents}) for agents in ("2", "alone")]
-    said = [line for line in compare(invented(tmp_path / "batch", runs)).reservations if "Few collisions" in line]
+    said = [line for line in compare(invented(tmp_path / "batch", runs)).caveats if "Few collisions" in line]
     assert [line.partition(" (")[0] for line in said] == [
         "Few collisions with traffic recorded, agents 2",
         "Few collisions with traffic recorded, agents alone",
@@ -400,7 +400,7 @@ def test_traffic_and_agents_are_compared_apart(tmp_path):
 
 
 def test_it_says_what_the_numbers_do_not_prove(tmp_path, two):
-    said = " ".join(compare(two).reservations)
+    said = " ".join(compare(two).caveats)
     assert "fewer than 20 scenarios" in said
     assert "Few collisions (a 1, b 0)" in said
     assert "planners meet different traffic" in said
@@ -410,7 +410,7 @@ def test_it_says_what_the_numbers_do_not_prove(tmp_path, two):
         [("s/x", "a", {1: {}}), ("s/x", "b", "crashed"), ("s/z", "a", "refused"), ("s/z", "b", "refused")],
     )
     found = compare(lost)
-    assert "Runs that did not finish are not in the numbers (b 1)" in " ".join(found.reservations)
+    assert "Runs that did not finish are not in the numbers (b 1)" in " ".join(found.caveats)
     assert (row(found, "all", "b")["runs_lost"], row(found, "all", "b")["n_agents"]) == (1, 0)
 
 
@@ -419,7 +419,7 @@ def test_a_comparison_is_a_folder_that_is_replaced_but_nothing_else(two, tmp_pat
     target = save_comparison(found, tmp_path / "out")
     assert sorted(path.name for path in target.iterdir()) == [
         "comparison.md", "comparison.pdf", "comparison.png", "differences.csv", "differences.parquet",
-        "reservations.txt", "table.csv", "table.parquet",
+        "caveats.txt", "table.csv", "table.parquet",
     ]  # fmt: skip
     assert (target / "comparison.pdf").read_bytes().startswith(b"%PDF")
     text = (target / "comparison.md").read_text(encoding="utf-8")

@@ -84,7 +84,7 @@ def test_a_run_of_a_batch_is_the_run_that_simulate_makes(two_planners):
 def test_comfort_is_that_of_the_planned_states(two_planners):
     row = next(row for row in two_planners.table.to_pylist() if row["scenario"] == "t_junction")
     run = idr.simulate("t_junction", planner=FAST)
-    states, at = run.states, int(np.searchsorted(run.states.ids, row["agent_id"]))
+    states, at = run.states, int(np.searchsorted(run.states.participant_id, row["agent_id"]))
     there = states.valid[at]
     acceleration = states.acceleration[at, there][1:]
     lateral = (states.velocity[at, there] * states.yaw_rate[at, there])[1:]
@@ -98,7 +98,7 @@ def test_comfort_is_that_of_the_planned_states(two_planners):
 def test_comfort_does_not_count_the_state_that_the_scenario_gave():
     """By hand: agent 4 begins at time step 5 with a = -3 and yaw rate 0.5; then a is 0, 1, 1 at 2 m/s and 0.1 rad/s."""
     run = invented_run()
-    at = int(np.searchsorted(run.states.ids, 4))
+    at = int(np.searchsorted(run.states.participant_id, 4))
     valid = run.states.valid.copy()
     valid[at] = False
     valid[at, 5:9] = True
@@ -120,7 +120,7 @@ def test_comfort_does_not_count_the_state_that_the_scenario_gave():
 def test_who_drove_no_planned_state_has_no_comfort():
     run = invented_run()
     valid = run.states.valid.copy()
-    valid[int(np.searchsorted(run.states.ids, 4)), 6:] = False
+    valid[int(np.searchsorted(run.states.participant_id, 4)), 6:] = False
     found = comfort(replace(run, states=replace(run.states, valid=valid)))
     names = ("jerk_rms", "acceleration_rms", "deceleration_max", "lateral_acceleration_max")
     assert all(math.isnan(found[name][-1]) for name in names)

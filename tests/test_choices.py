@@ -181,7 +181,7 @@ def test_a_plug_in_that_is_a_dataclass_takes_settings():
     run = simulation({100: "drivers:Straight", 200: "test_choices:Steady,share=0.98"}).run()
     assert run.settings["planner"]["200"] == {"planner": "test_choices:Steady", "share": 0.98}
     assert run.outcomes.planner == ("drivers:Straight", "test_choices:Steady")
-    row = run.states.ids.tolist().index(200)
+    row = run.states.participant_id.tolist().index(200)
     assert run.states.velocity[row, 1] == pytest.approx(0.98 * 12.0)
 
 

@@ -119,20 +119,20 @@ def test_formulas_of_measured_headways_are_the_measures():
 
 def test_a_recording_is_judged_vehicle_by_vehicle():
     found = evaluate(following())
-    assert found.ids.tolist() == [1, 2]
+    assert found.participant_id.tolist() == [1, 2]
     assert found["hw"].shape == (2, 21)
     assert found["hw"][0, 0] == pytest.approx(30.5)
     assert found["ttc"][0, 0] == pytest.approx(3.05)
     assert found["btn"][0, 0] == pytest.approx(100 / 61 / 11.5)
     assert np.isinf(found["ttc"][1]).all()
-    assert found.series["ttc"].partner[0, 0] == 2
-    assert found.ways[found.series["ttc"].way[0, 0]] == "1"
+    assert found.series["ttc"].partner_id[0, 0] == 2
+    assert found.paths[found.series["ttc"].path[0, 0]] == "1"
     assert found.extremes["ttc"].time_step.tolist() == [20, 0]
 
 
 def test_only_those_asked_for_are_judged():
     found = evaluate(following(), [2])
-    assert found.ids.tolist() == [2]
+    assert found.participant_id.tolist() == [2]
     assert found.row(2) == 0
     with pytest.raises(InputError, match="participant 1 was not judged"):
         found.row(1)
@@ -142,15 +142,15 @@ def test_others_can_be_left_out():
     cars = [Car(1, 10.0, velocity=20.0), Car(2, 45.0, velocity=10.0), Car(3, 75.0, velocity=10.0)]
     scenario = world(straight_road(400.0), cars=cars, steps=5)
     assert evaluate(scenario, [1])["hw"][0, 0] == pytest.approx(30.5)
-    alone = evaluate(scenario, [1], others=[3])
+    alone = evaluate(scenario, [1], other_ids=[3])
     assert alone["hw"][0, 0] == pytest.approx(60.5)
-    assert set(alone.series["dce"].partner[0].tolist()) == {3}
-    assert np.isinf(evaluate(scenario, [1], others=[])["hw"]).all()
+    assert set(alone.series["dce"].partner_id[0].tolist()) == {3}
+    assert np.isinf(evaluate(scenario, [1], other_ids=[])["hw"]).all()
 
 
 def test_arrays_cannot_be_written_to():
     found = evaluate(following())
-    for array in (found["ttc"], found.present, found.extremes["ttc"].value, found.ids):
+    for array in (found["ttc"], found.present, found.extremes["ttc"].value, found.participant_id):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 
@@ -213,7 +213,7 @@ def test_what_cannot_be_judged_is_refused_in_one_line():
     with pytest.raises(InputError, match="threads must be at least 1 and at most 1024, not 0"):
         evaluate(scenario, threads=0)
     with pytest.raises(InputError, match="no participant with id 8"):
-        evaluate(scenario, others=[8])
+        evaluate(scenario, other_ids=[8])
     with pytest.raises(InputError, match="participant 7: a deceleration is given for it, but it is not judged"):
         evaluate(scenario, deceleration={7: 4.0})
     with pytest.raises(InputError, match=r"available deceleration of participant 1 must be positive, not -2"):
@@ -271,7 +271,7 @@ def test_intersections_are_read_from_files(scenarios_folder):
     assert {len(incoming.connector_ids) for incoming in scenario.incomings} == {2}
     found = evaluate(scenario)
     assert found.extremes["pet"].value[found.row(5)] == pytest.approx(0.6)
-    assert " x " in found.ways[found.extremes["pet"].way[found.row(5)]]
+    assert " x " in found.paths[found.extremes["pet"].path[found.row(5)]]
 
 
 # Runs
@@ -287,10 +287,10 @@ def run():
 
 def test_a_run_judges_its_agents(run):
     found = run.criticality()
-    assert found.ids.tolist() == [1]
-    assert (found.series["hw"].partner[0, :20] == 7).all()
+    assert found.participant_id.tolist() == [1]
+    assert (found.series["hw"].partner_id[0, :20] == 7).all()
     both = run.criticality([1, 7], settings=CriticalitySettings(radius=30.0), threads=1)
-    assert both.ids.tolist() == [1, 7]
+    assert both.participant_id.tolist() == [1, 7]
     assert evaluate(run)["ttc"].tobytes() == found["ttc"].tobytes()
 
 
@@ -348,12 +348,12 @@ def test_one_table_of_criticality_without_the_other_is_refused(run, tmp_path, na
 def test_the_table_has_a_row_per_vehicle_time_step_and_measure():
     found = evaluate(following(steps=3))
     table = criticality_table(found)
-    assert table.column_names == ["agent_id", "time_step", "measure", "value", "partner_id", "path"]
+    assert table.column_names == ["participant_id", "time_step", "measure", "value", "partner_id", "path"]
     assert table.num_rows == 2 * 4 * len(NAMES)
     rows = table.to_pylist()
     assert [row["measure"] for row in rows[: len(NAMES)]] == NAMES
     assert rows[2] == {
-        "agent_id": 1,
+        "participant_id": 1,
         "time_step": 0,
         "measure": "ttc",
         "value": pytest.approx(3.05),
@@ -392,19 +392,21 @@ def test_the_command_judges_a_file_and_writes_tables_and_pictures(tmp_path, monk
 
 def test_the_command_judges_whom_it_is_told_with_settings(tmp_path):
     out = tmp_path / "tables"
-    result = invoke("criticality", "highway", "--ids", "1001,1002", "--set", "radius=30", "--out", str(out), "--quiet")
+    result = invoke(
+        "criticality", "highway", "--participants", "1001,1002", "--set", "radius=30", "--out", str(out), "--quiet"
+    )
     assert (result.exit_code, result.output) == (0, "")
-    assert pq.read_table(out / "criticality.parquet")["agent_id"].unique().to_pylist() == [1001, 1002]
+    assert pq.read_table(out / "criticality.parquet")["participant_id"].unique().to_pylist() == [1001, 1002]
 
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (("nowhere.xml",), "nowhere.xml: no such file"),
-        (("highway", "--ids", "1,x"), "--ids 1,x: write them as"),
-        (("highway", "--ids", ","), "--ids ,: write them as"),
-        (("highway", "--ids", ""), "--ids : write them as"),
-        (("highway", "--ids", "424242"), "there is no participant with id 424242"),
+        (("highway", "--participants", "1,x"), "--participants 1,x: write them as"),
+        (("highway", "--participants", ","), "--participants ,: write them as"),
+        (("highway", "--participants", ""), "--participants : write them as"),
+        (("highway", "--participants", "424242"), "there is no participant with id 424242"),
         (("highway", "--set", "radius=-1"), "radius: must be positive"),
         (("highway", "--set", "radiu=1"), "did you mean radius?"),
         (("highway", "--set", "thw_mode=quick"), "expected one of normalized, recorded"),
@@ -434,7 +436,7 @@ def test_figures_show_the_vehicle_and_the_moment():
     scenario = following()
     found = evaluate(scenario)
     moment = found.most_critical_moment()
-    assert (moment.measure, moment.agent_id, moment.partner_id, moment.time_step) == ("ttc", 1, 2, 20)
+    assert (moment.measure, moment.participant_id, moment.partner_id, moment.time_step) == ("ttc", 1, 2, 20)
     figure = draw_criticality(found, 1)
     assert len([axes for axes in figure.axes if axes.get_title(loc="left")]) == len(NAMES)
     assert "no conflict" in [text.get_text() for text in figure.axes[NAMES.index("pet")].texts]
@@ -455,7 +457,7 @@ def test_every_recorded_scenario_can_be_judged(recorded_scenarios):
         if isinstance(scenario, InputError):
             continue
         found = evaluate(scenario, settings=CriticalitySettings(conflict_areas="crossing"))
-        assert found.present.shape == (len(found.ids), scenario.obstacles.n_steps), name
+        assert found.present.shape == (len(found.participant_id), scenario.obstacles.n_steps), name
         for measure in NAMES:
             values = found[measure]
             assert np.isnan(values[~found.present]).all(), (name, measure)

@@ -101,7 +101,7 @@ def test_no_command_writes_through_a_link(folder, command, name):
     [
         ("measure", "luck", "measure: 'luck' is none of hw, thw, ttc"),
         ("time_step", 10**6, "out of order"),
-        ("agent_id", -(2**60), "agent_id: -1152921504606846976 in row 9 is too large"),
+        ("participant_id", -(2**60), "participant_id: -1152921504606846976 in row 9 is too large"),
     ],
 )
 def test_a_page_says_that_the_table_of_criticality_is_damaged(folder, column, value, words):

@@ -41,12 +41,12 @@ def ended(run, *rows):
 
 
 def test_masses_follow_kind_and_footprint(run):
-    masses = dict(zip(run.states.ids.tolist(), participant_masses(run).tolist(), strict=True))
+    masses = dict(zip(run.states.participant_id.tolist(), participant_masses(run).tolist(), strict=True))
     assert masses[1] == pytest.approx(-1333.5 + 526.9 * (4.5 * 1.8) ** 0.8)
     assert (masses[3], masses[4], masses[21], masses[24]) == (250.0, 13000.0, 25000.0, 75.0)
     assert participant_masses(run, {1: 900.0})[0] == 900.0
-    length = np.where(run.states.ids == 1, 4.508, run.states.length)
-    width = np.where(run.states.ids == 1, 1.610, run.states.width)
+    length = np.where(run.states.participant_id == 1, 4.508, run.states.length)
+    width = np.where(run.states.participant_id == 1, 1.610, run.states.width)
     type_2 = replace(run, states=replace(run.states, length=length, width=width))
     assert participant_masses(type_2)[0] == 1093.3
 

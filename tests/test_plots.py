@@ -44,8 +44,8 @@ def without_agents(run):
         impact_speed=none.astype(float),
         message=(),
     )
-    states = replace(run.states, is_agent=np.zeros(len(run.states.ids), dtype=bool))
-    return replace(run, agents=(), outcomes=nobody, states=states, considered=None, predicted=None)
+    states = replace(run.states, is_agent=np.zeros(len(run.states.participant_id), dtype=bool))
+    return replace(run, agents=(), outcomes=nobody, states=states, candidates=None, predictions=None)
 
 
 def turned(run, angle):
@@ -127,7 +127,7 @@ def test_the_view_holds_all_agents_and_not_the_whole_map(run):
 
 @pytest.mark.parametrize("angle", np.radians([50.0, 90.0, 140.0, 230.0]))
 def test_a_long_diagonal_or_upright_road_lies_flat_in_the_picture_and_traffic_drives_right(run, angle):
-    straight = replace(run, states=replace(run.states, is_agent=run.states.ids == 2))
+    straight = replace(run, states=replace(run.states, is_agent=run.states.participant_id == 2))
     view = view_of(turned(straight, angle))
     assert view.width > 2.0 * view.height
     forward = view.picture_from_world(np.array([np.cos(angle), np.sin(angle)]))
@@ -217,7 +217,7 @@ def test_a_chosen_agent_shows_what_it_considered_and_the_camera_follows_it(run):
     stage = Stage(run, 2, follow=True)
     stage.frame(10)
     assert len(stage.layers.candidates.get_segments()) == 120
-    seen = (run.predicted.time_step == 10) & (run.predicted.participant_id != 2)
+    seen = (run.predictions.time_step == 10) & (run.predictions.participant_id != 2)
     assert len(stage.layers.predictions.get_segments()) == seen.sum()
     assert len(stage.layers.ellipses.get_paths()) == 6 * seen.sum()
     before = np.array(stage.view.center)
@@ -229,9 +229,9 @@ def test_a_chosen_agent_shows_what_it_considered_and_the_camera_follows_it(run):
 
 
 def test_candidates_stay_until_the_next_ones_are_recorded_and_only_those_in_view_are_predicted(run):
-    half = replace(run.considered, time_step=run.considered.time_step // 5 * 5)
+    half = replace(run.candidates, time_step=run.candidates.time_step // 5 * 5)
     sighting = Views(np.array([2]), np.array([21]), np.array([0]), np.array([20]))
-    views = AgentViews(replace(run, considered=half, views=sighting), 2)
+    views = AgentViews(replace(run, candidates=half, views=sighting), 2)
     np.testing.assert_array_equal(views.at(14).candidates, views.at(10).candidates)
     assert not np.array_equal(views.at(15).cost, views.at(10).cost)
     assert len(views.at(20).means) == 1
@@ -243,7 +243,7 @@ def test_an_ellipse_holds_95_percent_of_what_its_covariance_says(run):
     stage = Stage(run, 2, follow=True)
     stage.frame(0)
     chance = np.random.default_rng(0)
-    told = run.predicted
+    told = run.predictions
     row = np.flatnonzero(told.participant_id != 2)[0]
     samples = chance.multivariate_normal([told.x[row, 0], told.y[row, 0]], told.covariance[row, 0], 4000)
     ring = stage.layers.ellipses.get_paths()[0]

@@ -121,7 +121,7 @@ def test_a_written_run_is_what_was_driven_for_us_and_for_commonroad_io(scenarios
     run = simulate(scenarios_folder / path)
     file = save(run, tmp_path / "run") / "scenario.xml"
     ours = read_scenario(file).obstacles
-    rows = [ours.ids.tolist().index(i) for i in run.states.ids]
+    rows = [ours.ids.tolist().index(i) for i in run.states.participant_id]
     n_steps = run.states.n_steps
     for name in ("x", "y", "orientation", "velocity"):
         difference = getattr(ours, name)[rows, :n_steps] - getattr(run.states, name)
@@ -131,7 +131,7 @@ def test_a_written_run_is_what_was_driven_for_us_and_for_commonroad_io(scenarios
         assert np.nanmax(np.abs(difference)) < EIGHT_DECIMALS, name
     theirs, problems = CommonRoadFileReader(file).open()
     assert len(problems.planning_problem_dict) == len(run.scenario.planning_problems) == 1
-    for row, number in enumerate(run.states.ids.tolist()):
+    for row, number in enumerate(run.states.participant_id.tolist()):
         obstacle = theirs.obstacle_by_id(number)
         for step in np.flatnonzero(run.states.valid[row]).tolist():
             driven = (run.states.x[row, step], run.states.y[row, step])

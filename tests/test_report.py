@@ -165,7 +165,7 @@ def test_goals_and_sight_of_agents_are_in_the_header(folder):
 
 
 def test_candidates_include_the_chosen_one_and_the_plan_is_it(run):
-    considered, plans = run.considered, run.plans
+    considered, plans = run.candidates, run.plans
     assert considered.chosen.sum() == (plans.status == 1).sum()
     first = np.flatnonzero((considered.agent_id == 200) & (considered.time_step == 0))
     assert len(first) == 12
@@ -178,8 +178,8 @@ def test_candidates_include_the_chosen_one_and_the_plan_is_it(run):
 
 def test_candidates_are_kept_every_half_second_from_the_start_of_an_agent_on(run):
     settings = SimulationSettings(record=RecordSettings(candidates=3))
-    kept = simulate(run.scenario, agents=[100, 200], settings=settings, threads=1).considered
-    every = run.considered
+    kept = simulate(run.scenario, agents=[100, 200], settings=settings, threads=1).candidates
+    every = run.candidates
     for agent in (100, 200):
         steps = np.unique(every.time_step[every.agent_id == agent])
         assert np.unique(kept.time_step[kept.agent_id == agent]).tolist() == steps[::5].tolist()
@@ -190,9 +190,9 @@ def test_candidates_are_those_of_new_plans_only(run):
     drive = simulate(run.scenario, agents=[100, 200], settings=settings, threads=1)
     carried = drive.plans.time_step[np.isnan(drive.plans.cost) & (drive.plans.status == 1)]
     assert len(carried) > 10
-    assert sorted(set(drive.considered.agent_id.tolist())) == [100, 200]
+    assert sorted(set(drive.candidates.agent_id.tolist())) == [100, 200]
     for agent in (100, 200):
-        steps = np.unique(drive.considered.time_step[drive.considered.agent_id == agent])
+        steps = np.unique(drive.candidates.time_step[drive.candidates.agent_id == agent])
         own = drive.plans.agent_id == agent
         costs = dict(zip(drive.plans.time_step[own].tolist(), drive.plans.cost[own].tolist(), strict=True))
         assert np.isfinite([costs[step] for step in steps.tolist()]).all()
@@ -200,7 +200,7 @@ def test_candidates_are_those_of_new_plans_only(run):
 
 
 def test_predictions_are_kept_every_half_second_with_probabilities_that_add_up(run):
-    predicted = run.predicted
+    predicted = run.predictions
     assert predicted.point.tolist() == [5, 10, 15, 20, 25, 30]
     for step in (0, 10):
         for participant in (7, 100, 200):
@@ -213,16 +213,16 @@ def test_predictions_are_kept_every_half_second_with_probabilities_that_add_up(r
 def test_recording_changes_nothing_that_happens(run):
     plain = simulate(run.scenario, agents=[100, 200], threads=1)
     assert plain.digest == run.digest
-    assert plain.predicted is None
-    assert plain.considered is None
+    assert plain.predictions is None
+    assert plain.candidates is None
 
 
 def test_what_was_recorded_survives_the_folder(run, folder):
     loaded = load(folder)
     assert loaded.predictions.equals(predictions_table(run))
     assert loaded.candidates.equals(candidates_table(run))
-    assert loaded.predictions.num_rows == run.predicted.x.size
-    assert loaded.candidates["candidate"].to_pylist()[:: len(run.considered.point)][:13] == [*range(12), 0]
+    assert loaded.predictions.num_rows == run.predictions.x.size
+    assert loaded.candidates["candidate"].to_pylist()[:: len(run.candidates.point)][:13] == [*range(12), 0]
 
 
 def test_a_negative_number_of_candidates_is_refused():
@@ -299,7 +299,7 @@ def test_measures_with_a_threshold_are_events_from_it_on(measure, value, text):
     shape = len(MEASURES), len(run.outcomes.agent_id)
     extreme, step, partner = np.full(shape, np.nan), np.zeros(shape, dtype=int), np.full(shape, -1)
     at = names.index(measure), 0
-    extreme[at], step[at], partner[at] = value, 17, np.searchsorted(run.states.ids, 22)
+    extreme[at], step[at], partner[at] = value, 17, np.searchsorted(run.states.participant_id, 22)
     measured = Measured(np.empty((*shape, 0)), np.empty((*shape, 0), dtype=int), extreme, step, partner)
     no_plans = pa.table({"point": []})
     found = [event for event in events_of(run, no_plans, measured, 1) if event.kind == "critical"]
@@ -359,7 +359,7 @@ def test_the_bundle_was_made_from_the_sources_that_lie_here():
 
 
 def test_a_run_as_it_is_by_default_says_what_it_lacks_and_how_to_get_it(run, tmp_path):
-    found = missing(save(replace(run, views=None, predicted=None, considered=None), tmp_path / "run"))
+    found = missing(save(replace(run, views=None, predictions=None, candidates=None), tmp_path / "run"))
     assert sorted(found) == ["candidates", "predictions", "views"]
     assert all("--report" in text for text in found.values())
 

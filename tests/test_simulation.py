@@ -83,7 +83,7 @@ def test_the_past_that_is_shown_lasts_three_seconds_however_short_the_steps_are(
 
 def test_a_plan_that_ends_before_the_next_is_due_is_replaced_in_time():
     run = simulate(two_lanes(), settings=bind(SimulationSettings(), {"step.replan_every": 500}), threads=1)
-    row = run.states.ids.tolist().index(200)
+    row = run.states.participant_id.tolist().index(200)
     there = run.states.valid[row]
     moved = np.hypot(np.diff(run.states.x[row, there]), np.diff(run.states.y[row, there])) / 0.1
     assert moved == pytest.approx(run.states.velocity[row, there][1:], abs=0.3)
@@ -144,7 +144,7 @@ def test_the_time_that_the_core_works_is_part_of_the_time_of_the_phases():
 def test_a_plan_is_recorded_for_every_agent_and_step_and_is_what_was_driven():
     run = simulate(two_lanes(), agents=[100, 200], threads=1)
     own = run.plans.agent_id == 200
-    row = run.states.ids.tolist().index(200)
+    row = run.states.participant_id.tolist().index(200)
     assert run.plans.time_step[own].tolist() == list(range(run.outcomes.time_step[1]))
     assert np.array_equal(run.plans.x[own, 1], run.states.x[row, 1 : own.sum() + 1])
 
@@ -159,7 +159,7 @@ def test_all_candidates_of_a_plan_can_be_recorded_with_their_reasons():
     settings = SimulationSettings(record=RecordSettings(candidates=10_000))
     simulation = Simulation(two_lanes(), agents=[200], settings=settings, threads=1)
     simulation.step()
-    kept = simulation.record().considered
+    kept = simulation.record().candidates
     # 8 end times, 10 end speeds and 9 offsets (the present one, 0, is on the grid); stops and braking come on top.
     assert len(kept.cost) >= 720
     assert {kept.rejection[row] for row in np.flatnonzero(kept.chosen)} == {""}

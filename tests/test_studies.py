@@ -46,7 +46,7 @@ def study(request, studies):
 
 
 def row_of(run, number):
-    return int(np.flatnonzero(run.states.ids == number)[0])
+    return int(np.flatnonzero(run.states.participant_id == number)[0])
 
 
 def polygon(run, row, column):
@@ -72,7 +72,7 @@ def test_there_is_a_run_for_every_degree_in_which_nobody_but_the_two_plans(study
     assert tuple(study.runs) == DEGREES
     for degree, run in study.runs.items():
         driven = {study.agent} if degree == "deterministic" else {study.agent, study.other}
-        assert set(run.states.ids[run.states.is_agent].tolist()) == driven
+        assert set(run.states.participant_id[run.states.is_agent].tolist()) == driven
         assert run.finished
 
 
@@ -125,8 +125,8 @@ def test_the_smallest_distance_is_the_one_that_shapely_finds(study):
 def test_the_table_has_the_criticality_of_the_agent_with_the_other_vehicle_alone(study):
     for row, run in zip(study.table.to_pylist(), study.runs.values(), strict=True):
         settings = CriticalitySettings(conflict_areas="stated" if run.scenario.incomings else "crossing")
-        found = run.criticality([study.agent], others=[study.other], settings=settings)
-        assert set(np.unique(found.series["ttc"].partner)) <= {-1, study.other}
+        found = run.criticality([study.agent], other_ids=[study.other], settings=settings)
+        assert set(np.unique(found.series["ttc"].partner_id)) <= {-1, study.other}
         for column, measure in (("min_ttc", "ttc"), ("max_btn", "btn"), ("et", "et"), ("pet", "pet")):
             value = found.extremes[measure].value[0]
             assert row[column] == (None if np.isnan(value) else value), column

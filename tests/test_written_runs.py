@@ -22,7 +22,7 @@ def run_of(scenario, *, first_time_step=0, participants=None):
     sizes = np.array([(shape.length or 1.0, shape.width or 1.0) for shape in obstacles.shapes]).reshape(-1, 2)
     names = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate", "valid")
     states = States(
-        ids=ids,
+        participant_id=ids,
         kinds=obstacles.kinds,
         first_time_step=first_time_step,
         is_agent=~obstacles.is_static,

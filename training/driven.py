@@ -86,7 +86,7 @@ def driven_traffic(scenario: Scenario, planner: str) -> tuple[Scenario, NDArray[
     states = run.states
     sizes = zip(states.length.tolist(), states.width.tolist(), strict=True)
     obstacles = Obstacles(
-        ids=states.ids,
+        ids=states.participant_id,
         kinds=states.kinds,
         shapes=tuple(Shape("rectangle", length=length, width=width) for length, width in sizes),
         is_static=states.is_static,
@@ -98,4 +98,4 @@ def driven_traffic(scenario: Scenario, planner: str) -> tuple[Scenario, NDArray[
         yaw_rate=states.yaw_rate,
         valid=states.valid,
     )
-    return replace(scenario, obstacles=obstacles), states.ids[states.is_agent]
+    return replace(scenario, obstacles=obstacles), states.participant_id[states.is_agent]

@@ -61,7 +61,7 @@ class Delay:
         """Of one agent of a run."""
         agent, dt = run.agents[i], run.scenario.dt
         states, obstacles = run.states, run.scenario.obstacles
-        row = int(np.searchsorted(states.ids, agent.id))
+        row = int(np.searchsorted(states.participant_id, agent.id))
         there = np.flatnonzero(states.valid[row])
         driven = _progress(route, states.x[row, there], states.y[row, there])
         time = np.arange(len(there)) * dt

@@ -146,7 +146,7 @@ def _row(
     outcome, step = ended.outcome[i], int(ended.time_step[i])
     cause, head, seconds = causes.get(agent.id, ("", -1, float("nan")))
     partner, partner_id = _partner(run, i)
-    speed = run.states.velocity[np.searchsorted(run.states.ids, agent.id)]
+    speed = run.states.velocity[np.searchsorted(run.states.participant_id, agent.id)]
     recorded = _recorded_speed(run, agent.id)
     late = (step - agent.goal_time_step[1]) * dt if outcome == "goal_reached_late" else float("nan")
     off_lanelets = getattr(ended, "off_lanelets", None)
@@ -182,7 +182,7 @@ def _partner(run: Run, i: int) -> tuple[str, int]:
     if ended.off_road[i]:
         return "road edge", -1
     partner = int(ended.partner_id[i])
-    row = int(np.searchsorted(states.ids, partner))
+    row = int(np.searchsorted(states.participant_id, partner))
     if states.is_agent[row]:
         return "agent", partner
     speed = states.velocity[row, max(0, int(ended.time_step[i]) - states.first_time_step)]

@@ -43,8 +43,10 @@ def samples_of(run: Run, i: int, route: _core.Route, category: str) -> Samples |
     if not len(recorded):
         return None
     every = max(1, round(SPACING / run.scenario.dt))
-    extent = {int(one): (states.length[row], states.width[row]) for row, one in enumerate(states.ids.tolist())}
-    driven = _values(run, states, int(np.searchsorted(states.ids, agent.id)), route, extent, every)
+    extent = {
+        int(one): (states.length[row], states.width[row]) for row, one in enumerate(states.participant_id.tolist())
+    }
+    driven = _values(run, states, int(np.searchsorted(states.participant_id, agent.id)), route, extent, every)
     return Samples(category, driven, _values(run, obstacles, int(recorded[0]), route, extent, every))
 
 

@@ -147,8 +147,8 @@ class Simulation:
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
         record = self.settings.record
-        self._predicted = PredictionLog(self.scenario.dt) if record.predictions else None
-        self._considered = (
+        self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
+        self._candidate_log = (
             CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
             if record.candidates
             else None
@@ -189,10 +189,10 @@ class Simulation:
         marks.append(clock())
         self._plan_python(scene, predictions, plans)
         marks.append(clock())
-        if self._predicted is not None:
-            self._predicted.add(predictions)
-        if self._considered is not None:
-            self._considered.add(world, scene, predictions, plans)
+        if self._prediction_log is not None:
+            self._prediction_log.add(predictions)
+        if self._candidate_log is not None:
+            self._candidate_log.add(world, scene, predictions, plans)
         marks.append(clock())
         collision = world.step(plans)
         marks.append(clock())
@@ -295,8 +295,8 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
-            predicted=None if self._predicted is None else self._predicted.table(),
-            considered=None if self._considered is None else self._considered.table(),
+            predictions=None if self._prediction_log is None else self._prediction_log.table(),
+            candidates=None if self._candidate_log is None else self._candidate_log.table(),
         )
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:

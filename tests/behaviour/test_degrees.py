@@ -27,13 +27,13 @@ REPLAYING = ("recorded", "velocity_adjusting")
 
 def track(run, agent_id, field="x"):
     """A field of a participant's states while it is there."""
-    row = int(np.searchsorted(run.states.ids, agent_id))
+    row = int(np.searchsorted(run.states.participant_id, agent_id))
     return getattr(run.states, field)[row, run.states.valid[row]]
 
 
 def gaps(run, leader, follower):
     """Bumper to bumper along x, while both are there."""
-    rows = [int(np.searchsorted(run.states.ids, i)) for i in (leader, follower)]
+    rows = [int(np.searchsorted(run.states.participant_id, i)) for i in (leader, follower)]
     both = run.states.valid[rows].all(axis=0)
     ahead, behind = run.states.x[rows[0], both], run.states.x[rows[1], both]
     return ahead - behind - LENGTH
@@ -110,7 +110,10 @@ def test_recorded_replays_the_recording_to_the_bit(scenarios_folder, name):
     scenario = read_scenario(scenarios_folder / f"{name}.xml")
     run = simulate(scenario, agents=_recorded_agents(scenario), planner="recorded", threads=1)
     for agent in run.outcomes.agent_id:
-        row, recorded = int(np.searchsorted(run.states.ids, agent)), int(np.searchsorted(scenario.obstacles.ids, agent))
+        row, recorded = (
+            int(np.searchsorted(run.states.participant_id, agent)),
+            int(np.searchsorted(scenario.obstacles.ids, agent)),
+        )
         n = min(run.states.n_steps, scenario.obstacles.n_steps)
         both = run.states.valid[row, :n] & scenario.obstacles.valid[recorded, :n]
         assert both.sum() > 1
@@ -331,7 +334,7 @@ def test_reactive_vehicles_start_exactly_at_their_recorded_initial_state(scenari
     from_the_start = [agent for agent, row in row_of.items() if scenario.obstacles.valid[row, 0]]
     assert from_the_start
     for agent in from_the_start:
-        row, recorded = int(np.searchsorted(run.states.ids, agent)), row_of[agent]
+        row, recorded = int(np.searchsorted(run.states.participant_id, agent)), row_of[agent]
         for field in ("x", "y", "orientation", "velocity"):
             assert getattr(run.states, field)[row, 0] == getattr(scenario.obstacles, field)[recorded, 0], (agent, field)
         # No jump afterwards: the first two steps are as long as the speeds say.
@@ -363,7 +366,7 @@ def test_who_does_not_replay_a_recording_does_not_know_it(kind):
         goal = (problem(2, 20.0, velocity=12.0, goal=(170.0, 0.0), time_step=(0, 150)),)
         scenario = with_recordings(straight_road(400.0, lanes=2), tracks, goal)
         run = simulate(scenario, agents=[2], planner=kind, threads=1)
-        row = int(np.searchsorted(run.states.ids, 2))
+        row = int(np.searchsorted(run.states.participant_id, 2))
         return np.stack([getattr(run.states, field)[row, :41] for field in ("x", "y", "velocity")])
 
     reference = states(False, True)

@@ -11,7 +11,7 @@ PREDICTORS = ["constant_velocity", "lane_following", "neural", "ground_truth"]
 
 def track(run, agent_id):
     """x, y, velocity of an agent while it is there."""
-    row = int(np.searchsorted(run.states.ids, agent_id))
+    row = int(np.searchsorted(run.states.participant_id, agent_id))
     there = run.states.valid[row]
     return run.states.x[row, there], run.states.y[row, there], run.states.velocity[row, there]
 

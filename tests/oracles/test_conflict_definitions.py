@@ -21,7 +21,7 @@ def test_conflict_areas_and_who_is_there_when_are_as_defined(recorded, measured,
             continue
         connectors = stated_connectors(scenario) if areas == "stated" else crossing_connectors(definitions)
         conflicts = Conflicts(definitions, connectors)
-        for place, number in enumerate(found.ids.tolist() if connectors else []):
+        for place, number in enumerate(found.participant_id.tolist() if connectors else []):
             n_vehicles += 1
             row = int(np.searchsorted(scenario.obstacles.ids, number))
             expected = conflicts.encroachment(row)

@@ -52,11 +52,11 @@ def test_distances_of_closest_encounters_are_those_of_shapely(recorded, measured
     worst, worst_far, n, n_scenarios, wrong = 0.0, 0.0, 0, 0, []
     for scenario in recorded:
         found = evaluate(scenario, settings=UNFILTERED)
-        if not len(found.ids):
+        if not len(found.participant_id):
             continue
         n_scenarios += 1
         bodies = [body_of(shape) for shape in scenario.obstacles.shapes]
-        for place, number in enumerate(found.ids[:VEHICLES_MAX].tolist()):
+        for place, number in enumerate(found.participant_id[:VEHICLES_MAX].tolist()):
             row = int(np.searchsorted(scenario.obstacles.ids, number))
             nearest = closest(scenario, row, bodies)
             steps = np.flatnonzero(found.present[place])
@@ -110,17 +110,17 @@ def test_encroachment_times_are_those_of_shapely(recorded, measured):
         everybody = evaluate(scenario, settings=CROSSING)
         obstacles = scenario.obstacles
         bodies = [body_of(shape) for shape in obstacles.shapes]
-        encroaching = everybody.ids[everybody.extremes["et"].way >= 0].tolist()
-        pairs = [(a, b) for a in encroaching for b in everybody.ids.tolist() if a != b][:PAIRS_MAX]
+        encroaching = everybody.participant_id[everybody.extremes["et"].path >= 0].tolist()
+        pairs = [(a, b) for a in encroaching for b in everybody.participant_id.tolist() if a != b][:PAIRS_MAX]
         n_before = n_et
         for a, b in pairs:
-            found = evaluate(scenario, [a], others=[b], settings=CROSSING, threads=1)
+            found = evaluate(scenario, [a], other_ids=[b], settings=CROSSING, threads=1)
             row, other = (int(np.searchsorted(obstacles.ids, number)) for number in (a, b))
             for name in ("et", "pet"):
                 extreme = found.extremes[name]
-                if extreme.way[0] < 0:
+                if extreme.path[0] < 0:
                     continue
-                lanelets = [outline(scenario, int(part)) for part in found.ways[extreme.way[0]].split(" x ")]
+                lanelets = [outline(scenario, int(part)) for part in found.paths[extreme.path[0]].split(" x ")]
                 if not all(lanelet.is_valid for lanelet in lanelets):
                     continue
                 area = lanelets[0].intersection(lanelets[1])
@@ -221,13 +221,13 @@ def test_headways_are_distances_in_curvilinear_coordinates(recorded, measured):
         found = evaluate(replace(scenario, obstacles=small), settings=UNFILTERED)
         n_before = n
         series = found.series["hw"]
-        for way in np.unique(series.way[series.way >= 0])[:12].tolist():
-            rows, columns = np.nonzero((series.way == way) & np.isfinite(series.value))
+        for way in np.unique(series.path[series.path >= 0])[:12].tolist():
+            rows, columns = np.nonzero((series.path == way) & np.isfinite(series.value))
             keep = np.linspace(0, len(rows) - 1, min(25, len(rows))).astype(int)
             rows, columns = rows[keep], columns[keep]
-            own = np.searchsorted(obstacles.ids, found.ids[rows])
-            other = np.searchsorted(obstacles.ids, series.partner[rows, columns])
-            path = center_line(scenario, [int(part) for part in found.ways[way].split(" > ")])
+            own = np.searchsorted(obstacles.ids, found.participant_id[rows])
+            other = np.searchsorted(obstacles.ids, series.partner_id[rows, columns])
+            path = center_line(scenario, [int(part) for part in found.paths[way].split(" > ")])
             points = [
                 np.column_stack([obstacles.x[who, columns], obstacles.y[who, columns]]) - path[0]
                 for who in (own, other)
@@ -245,7 +245,15 @@ def test_headways_are_distances_in_curvilinear_coordinates(recorded, measured):
                 at = int(np.where(kept, deviation, -1.0).argmax())
                 worst = max(worst, float(deviation[at]))
                 if deviation[at] > 0.06:
-                    cases.append((scenario.name, found.ways[way], int(found.ids[rows[at]]), columns[at], deviation[at]))
+                    cases.append(
+                        (
+                            scenario.name,
+                            found.paths[way],
+                            int(found.participant_id[rows[at]]),
+                            columns[at],
+                            deviation[at],
+                        )
+                    )
             if known.any():
                 all_worst = max(all_worst, float(deviation[known].max()))
         n_scenarios += n > n_before

@@ -36,11 +36,11 @@ def test_who_is_ahead_and_who_counts_is_as_defined(recorded, measured, oncoming_
         definitions = Definitions(scenario, oncoming_filter=oncoming_filter)
         n_scenarios += bool(len(picked))
         for row, k in zip(rows[picked].tolist(), columns[picked].tolist(), strict=True):
-            expected = definitions.moment(int(np.searchsorted(scenario.obstacles.ids, found.ids[row])), k)
+            expected = definitions.moment(int(np.searchsorted(scenario.obstacles.ids, found.participant_id[row])), k)
             if expected is None:
                 n_skipped += 1
                 continue
-            case = (scenario.name, int(found.ids[row]), k)
+            case = (scenario.name, int(found.participant_id[row]), k)
             for name in NAMES:
                 ours, theirs = (ever(name, value) for value in (found[name][row, k], getattr(expected, name)))
                 if not np.isfinite([ours, theirs]).all():

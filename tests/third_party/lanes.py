@@ -42,7 +42,7 @@ def first_view(scenario: Scenario):
 
 def travelled(run) -> np.ndarray:
     """Way of the agent since its start, shape (time_steps,) [m]."""
-    row = run.states.ids.tolist().index(AGENT)
+    row = run.states.participant_id.tolist().index(AGENT)
     x, y = run.states.x[row], run.states.y[row]
     x, y = x[np.isfinite(x)], y[np.isfinite(y)]
     return np.hypot(x - x[0], y - y[0])

@@ -156,8 +156,8 @@ def finished_rows(
         "run_seconds": run_seconds,
         "kept": kept,
     }
-    judged = np.isin(ids, criticality.ids)  # agents that never entered the world were not evaluated
-    rows = np.searchsorted(criticality.ids, ids)
+    judged = np.isin(ids, criticality.participant_id)  # agents that never entered the world were not evaluated
+    rows = np.searchsorted(criticality.participant_id, ids)
     present = criticality.present.sum(axis=1)
     exposed = ((criticality["ttc"] < TTC_CRITICAL) & criticality.present).sum(axis=1)
     share = exposed / np.maximum(present, 1)
@@ -237,7 +237,7 @@ def comfort(run: Run) -> dict[str, list[float]]:
     states, dt = run.states, run.scenario.dt
     found: dict[str, list[float]] = {}
     for number in run.outcomes.agent_id.tolist():
-        row = int(np.searchsorted(states.ids, number))
+        row = int(np.searchsorted(states.participant_id, number))
         there = states.valid[row]
         planned = np.flatnonzero(there)[1:]
         acceleration = states.acceleration[row, planned]

@@ -170,7 +170,7 @@ def print_comparison(found: Comparison, folder: Path) -> None:
                 console.print(escape(sheet.note), soft_wrap=True)
         console.print()
     console.print("Caveats:", style="bold")
-    for line in found.reservations:
+    for line in found.caveats:
         console.print(f"- {escape(line)}")
     console.print(f"tables, text and figure in {escape(str(folder))}", soft_wrap=True)
 

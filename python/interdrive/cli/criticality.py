@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("what", metavar="FILE|RUN")
-@click.option("--ids", metavar="ID,ID", help="Vehicles to evaluate (all agents of a run, all vehicles of a file).")
+@click.option(
+    "--participants", metavar="ID,ID", help="Vehicles to evaluate (all agents of a run, all vehicles of a file)."
+)
 @click.option(
     "--set",
     "assignments",
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def criticality(
     what: str,
-    ids: str | None,
+    participants: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
     out: str | None,
@@ -54,7 +56,7 @@ def criticality(
     from interdrive.criticality.tables import save_criticality  # noqa: PLC0415
 
     settings = bind(CriticalitySettings(), assigned(assignments))
-    judged = _numbers(ids)
+    judged = _numbers(participants)
     with progress(quiet=quiet) as report:
         report.say(f"reading {what}")
         run, folder = _opened(what, out)
@@ -79,7 +81,7 @@ def _numbers(ids: str | None) -> list[int] | None:
     try:
         return [int(number) for number in ids.split(",")]
     except ValueError:
-        raise InputError(f"--ids {ids}: write them as 12,34") from None
+        raise InputError(f"--participants {ids}: write them as 12,34") from None
 
 
 def _opened(what: str, out: str | None) -> tuple[Run, Path]:
@@ -104,6 +106,6 @@ def _draw(run: Run, found: Criticality, folder: Path) -> None:
     moment = found.most_critical_moment()
     if moment is None:
         return
-    color = agent_colors(run).get(moment.agent_id, AGENTS[0])
-    save_figure(draw_criticality(found, moment.agent_id, color=color), folder / "criticality.png")
+    color = agent_colors(run).get(moment.participant_id, AGENTS[0])
+    save_figure(draw_criticality(found, moment.participant_id, color=color), folder / "criticality.png")
     save_figure(draw_critical_moment(run, moment), folder / "criticality_moment.png")

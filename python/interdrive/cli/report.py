@@ -181,11 +181,11 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
             continue
         partner = str(moment.partner_id) if moment.partner_id >= 0 else ""
         value, time = f"{moment.value:.3f} {measure.unit}".rstrip(), f"{moment.time_step * found.dt:.1f}"
-        table.add_row(measure.name, measure.title, value, str(moment.agent_id), partner, time, moment.way)
-    vehicles = f"{len(found.ids)} vehicle{'s' * (len(found.ids) != 1)} judged"
+        table.add_row(measure.name, measure.title, value, str(moment.participant_id), partner, time, moment.path)
+    vehicles = f"{len(found.participant_id)} vehicle{'s' * (len(found.participant_id) != 1)} judged"
     if table.row_count:
         console.print(table)
-    if quiet and len(found.ids):
+    if quiet and len(found.participant_id):
         console.print(f"no conflict in {', '.join(quiet)}", style="dim")
     console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
     print_notes(console, found.notes, "Criticality.notes")

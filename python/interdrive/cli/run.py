@@ -184,7 +184,7 @@ def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str]
 
     if choices.png:
         save_figure(draw_run(done), folder / "run.png")
-        if choices.agent_view is not None and (done.considered or done.predicted):
+        if choices.agent_view is not None and (done.candidates or done.predictions):
             draw_agent_view(done, folder / "agent_view.png", choices.agent_view)
     for wanted, name in ((choices.gif, "run.gif"), (choices.mp4, "run.mp4")):
         if wanted:

@@ -45,7 +45,7 @@ def _has_width(row: Mapping[str, Any]) -> bool:
     return row["low"] is not None and bool(row["low"] < row["high"])
 
 
-def reservations(
+def caveats(
     rows: Mapping[str, Any],
     sets: Sequence[ComparedSet],
     counted: Sequence[Mapping[str, Any]],
@@ -94,7 +94,7 @@ def _of_the_choice(rows: Mapping[str, Any], sets: Sequence[ComparedSet]) -> list
     if refused:
         scenarios = f"{len(refused)} scenario{'s' * (len(refused) != 1)}"
         said.append(f"Not among them: {scenarios} in which no vehicle could be under test.")
-    # What every planner was refused is no reservation about any of them.
+    # What every planner was refused is no caveat about any of them.
     possible = np.array([scenario in driven for scenario in rows["scenario_sha256"]], dtype=np.bool_)
     lost = {
         variant: len(set(rows["key"][mine]))

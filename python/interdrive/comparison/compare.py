@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.batches.store import BatchFolder
-from interdrive.comparison.caveats import reservations
+from interdrive.comparison.caveats import caveats
 from interdrive.comparison.metrics import METRICS, together, weighted_medians
 from interdrive.comparison.result import DIFFERENCE_COLUMNS, TABLE_COLUMNS, Comparison
 from interdrive.comparison.variants import arrays, by_category, categories_of, chosen, compared_sets, variants_of
@@ -86,7 +86,7 @@ def compare(
         samples=samples,
         level=level,
         seed=seed,
-        reservations=reservations(rows, sets, counted, differences, level),
+        caveats=caveats(rows, sets, counted, differences, level),
     )
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from interdrive.comparison.result import Comparison
 
 #: Files of a comparison on disk; the first one marks its folder.
-_MARK = "reservations.txt"
+_MARK = "caveats.txt"
 _FILES = (
     *(_MARK, "comparison.md", "comparison.pdf", "comparison.png"),
     *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
@@ -21,7 +21,7 @@ _FILES = (
 
 
 def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes table and differences (Parquet, CSV, together as Markdown), reservations, figure (PDF, PNG).
+    """Writes table and differences (Parquet, CSV, together as Markdown), caveats, figure (PDF, PNG).
 
     Args:
         found: What to write.
@@ -43,7 +43,7 @@ def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = 
         for name, table in (("table", found.table), ("differences", found.differences)):
             for ending in ("parquet", "csv"):
                 write_table(table, partial / f"{name}.{ending}")
-        (partial / _MARK).write_text("".join(f"{line}\n" for line in found.reservations), encoding="utf-8")
+        (partial / _MARK).write_text("".join(f"{line}\n" for line in found.caveats), encoding="utf-8")
         (partial / "comparison.md").write_text(markdown(found), encoding="utf-8")
         figure = draw_comparison(found)
         for ending in ("pdf", "png"):

@@ -51,7 +51,7 @@ class Comparison:
         differences: The columns are `DIFFERENCE_COLUMNS`.
         sets: What is compared, and over which agents; rows of both tables belong to one by traffic and agents.
         samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
-        reservations: What the numbers do not prove, one line each.
+        caveats: What the numbers do not prove, one line each.
     """
 
     table: ArrowTable
@@ -60,4 +60,4 @@ class Comparison:
     samples: int
     level: float
     seed: int
-    reservations: tuple[str, ...]
+    caveats: tuple[str, ...]

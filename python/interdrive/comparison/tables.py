@@ -138,7 +138,7 @@ def markdown(found: Comparison) -> str:
         for sheet in sheets_of(found, one):
             lines += [f"{sheet.title}:", "", *_piped(sheet), ""]
             lines += [sheet.note, ""] if sheet.note else []
-    lines += ["Caveats:", "", *(f"- {line}" for line in found.reservations)]
+    lines += ["Caveats:", "", *(f"- {line}" for line in found.caveats)]
     return "\n".join(lines) + "\n"
 
 

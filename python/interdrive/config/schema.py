@@ -65,9 +65,9 @@ class RecordSettings:
 
     Attributes:
         views: Keep the visibility intervals (`Run.views`, views.parquet).
-        predictions: Keep the predictions that agents planned with, every half second ahead (`Run.predicted`,
+        predictions: Keep the predictions that agents planned with, every half second ahead (`Run.predictions`,
             predictions.parquet).
-        candidates: Number of sampled candidates to keep per plan (`Run.considered`, candidates.parquet): the chosen
+        candidates: Number of sampled candidates to keep per plan (`Run.candidates`, candidates.parquet): the chosen
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
         candidate_spacing: Time between plans of an agent whose candidates are kept.
     """

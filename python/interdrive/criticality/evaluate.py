@@ -35,13 +35,13 @@ class Series:
 
     Attributes:
         value: In the unit of the measure. inf: no conflict. nan: absent, or cannot be computed.
-        partner: Id of the decisive participant; -1 for none.
-        way: Index into `Criticality.ways`; -1 for none.
+        partner_id: Id of the decisive participant; -1 for none.
+        path: Index into `Criticality.paths`; -1 for none.
     """
 
     value: Floats
-    partner: Ints
-    way: Ints
+    partner_id: Ints
+    path: Ints
 
 
 @dataclass(frozen=True)
@@ -51,14 +51,14 @@ class Extremes:
     Attributes:
         value: nan if it could not be computed at any time step.
         time_step: When; of the distance of the closest encounter, the encounter itself.
-        partner: Id of the decisive participant; -1 for none.
-        way: Index into `Criticality.ways`; -1 for none.
+        partner_id: Id of the decisive participant; -1 for none.
+        path: Index into `Criticality.paths`; -1 for none.
     """
 
     value: Floats
     time_step: Ints
-    partner: Ints
-    way: Ints
+    partner_id: Ints
+    path: Ints
 
 
 @dataclass(frozen=True)
@@ -67,17 +67,17 @@ class CriticalMoment:
 
     Attributes:
         measure: Its name. value: In its unit.
-        agent_id: Evaluated participant. partner_id: Decisive participant; -1 for none.
+        participant_id: Evaluated participant. partner_id: Decisive participant; -1 for none.
         time_step: Time step of the moment.
-        way: Path or conflict area, as in `Criticality.ways`; "" for none.
+        path: Path or conflict area, as in `Criticality.paths`; "" for none.
     """
 
     measure: str
     value: float
-    agent_id: int
+    participant_id: int
     partner_id: int
     time_step: int
-    way: str
+    path: str
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Criticality:
     """All measures of some participants.
 
     Attributes:
-        ids: Who was judged, ascending, shape (judged,).
+        participant_id: Who was judged, ascending, shape (judged,).
         first_time_step: Time step of column 0.
         dt: Time between steps [s].
         present: Whether each was there, shape (judged, time_steps).
@@ -97,13 +97,13 @@ class Criticality:
             without any; shape (judged,).
         et_left_censored: The conflict area of the encroachment time was occupied from the first state on.
         pet_first: Id of the first participant in the conflict area of the post-encroachment time; -1 for none.
-        ways: Paths ("12 > 15 > 18", lanelets in driving order) and conflict areas ("12 x 34": the own lanelet, the
+        paths: Paths ("12 > 15 > 18", lanelets in driving order) and conflict areas ("12 x 34": the own lanelet, the
             other one's) that values refer to.
         settings: As evaluated.
         notes: One line per thing the user should know.
     """
 
-    ids: Ints
+    participant_id: Ints
     first_time_step: int
     dt: float
     present: Bools
@@ -114,7 +114,7 @@ class Criticality:
     psd_below_one: Floats
     et_left_censored: Bools
     pet_first: Ints
-    ways: tuple[str, ...]
+    paths: tuple[str, ...]
     settings: CriticalitySettings
     notes: tuple[str, ...]
 
@@ -132,7 +132,7 @@ class Criticality:
         Raises:
             InputError: It was not judged.
         """
-        rows = np.flatnonzero(self.ids == participant_id)
+        rows = np.flatnonzero(self.participant_id == participant_id)
         if not len(rows):
             raise InputError(f"participant {participant_id} was not judged")
         return int(rows[0])
@@ -155,14 +155,14 @@ class Criticality:
         if not np.isfinite(values).any():
             return None
         row = int(np.nanargmax(values) if measure.grows else np.nanargmin(values))
-        way = int(extremes.way[row])
+        path = int(extremes.path[row])
         return CriticalMoment(
             measure=measure.name,
             value=float(values[row]),
-            agent_id=int(self.ids[row]),
-            partner_id=int(extremes.partner[row]),
+            participant_id=int(self.participant_id[row]),
+            partner_id=int(extremes.partner_id[row]),
             time_step=int(extremes.time_step[row]),
-            way="" if way < 0 else self.ways[way],
+            path="" if path < 0 else self.paths[path],
         )
 
     def most_critical_moment(self) -> CriticalMoment | None:
@@ -180,9 +180,9 @@ class Criticality:
 
 def evaluate(
     source: Scenario | RecordedRun,
-    ids: Sequence[int] | None = None,
+    participant_ids: Sequence[int] | None = None,
     *,
-    others: Sequence[int] | None = None,
+    other_ids: Sequence[int] | None = None,
     settings: CriticalitySettings | None = None,
     deceleration: Mapping[int, float] | None = None,
     threads: int | None = None,
@@ -191,8 +191,8 @@ def evaluate(
 
     Args:
         source: A finished run, or a scenario whose recorded traffic is judged.
-        ids: Participants to judge; by default all agents of a run, all recorded vehicles of a scenario.
-        others: If given, only these participants (and the judged ones among themselves) are looked at.
+        participant_ids: Participants to judge; by default all agents of a run, all recorded vehicles of a scenario.
+        other_ids: If given, only these participants (and the judged ones among themselves) are looked at.
         settings: Parameters and switches; the defaults otherwise.
         deceleration: Available deceleration of single vehicles by id [m/s²].
         threads: The number of cores by default. Results do not depend on it.
@@ -208,9 +208,9 @@ def evaluate(
     chosen = settings or CriticalitySettings()
     scenario = source if isinstance(source, Scenario) else source.scenario
     traffic = traffic_of(source)
-    judged = traffic.default_ids if ids is None else list(ids)
-    if others is not None:
-        traffic = traffic.only([*judged, *others])
+    judged = traffic.default_ids if participant_ids is None else list(participant_ids)
+    if other_ids is not None:
+        traffic = traffic.only([*judged, *other_ids])
     available = dict(deceleration or {})
     strangers = [number for number in available if number not in judged]
     if strangers:
@@ -264,19 +264,17 @@ def _criticality(
     present = traffic.valid[rows]
     present.setflags(write=False)
     return Criticality(
-        ids=found["ids"],
+        participant_id=found["ids"],
         first_time_step=traffic.first_time_step,
         dt=dt,
         present=present,
-        series={
-            m.name: Series(**{key: measures[m.name][key] for key in ("value", "partner", "way")}) for m in MEASURES
-        },
+        series={m.name: Series(*(measures[m.name][key] for key in ("value", "partner", "way"))) for m in MEASURES},
         extremes={
             m.name: Extremes(
                 value=measures[m.name]["extreme"],
                 time_step=measures[m.name]["extreme_time_step"],
-                partner=measures[m.name]["extreme_partner"],
-                way=measures[m.name]["extreme_way"],
+                partner_id=measures[m.name]["extreme_partner"],
+                path=measures[m.name]["extreme_way"],
             )
             for m in MEASURES
         },
@@ -285,7 +283,7 @@ def _criticality(
         psd_below_one=found["psd_below_one"],
         et_left_censored=found["et_left_censored"],
         pet_first=found["pet_first"],
-        ways=tuple((" x " if crosses else " > ").join(map(str, lanelets)) for crosses, lanelets in found["ways"]),
+        paths=tuple((" x " if crosses else " > ").join(map(str, lanelets)) for crosses, lanelets in found["ways"]),
         settings=settings,
         notes=notes,
     )

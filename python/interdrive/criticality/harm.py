@@ -93,7 +93,7 @@ def participant_masses(run: RecordedRun, masses: Mapping[int, float] | None = No
     type_2 &= np.isclose(states.length, _BMW_320I_LENGTH) & np.isclose(states.width, _BMW_320I_WIDTH)
     found[type_2] = BMW_320I_MASS
     for number, mass in (masses or {}).items():
-        found[states.ids == number] = mass
+        found[states.participant_id == number] = mass
     return found
 
 
@@ -120,7 +120,7 @@ def collisions(run: RecordedRun, *, masses: Mapping[int, float] | None = None, a
             alone.append((who, int(ended.time_step[i]), float(ended.impact_speed[i])))
         else:
             pairs.setdefault((min(who, whom), max(who, whom)), int(ended.time_step[i]))
-    row_of = {number: row for row, number in enumerate(states.ids.tolist())}
+    row_of = {number: row for row, number in enumerate(states.participant_id.tolist())}
     rows: list[tuple[object, ...]] = []
     for (first, second), time_step in sorted(pairs.items(), key=lambda item: (item[1], item[0])):
         two = (row_of[first], row_of[second])

@@ -30,7 +30,7 @@ class RecordedStates(Protocol):
     """`interdrive.run.States`."""
 
     @property
-    def ids(self) -> Ints: ...
+    def participant_id(self) -> Ints: ...
     @property
     def kinds(self) -> tuple[str, ...]: ...
     @property
@@ -154,13 +154,13 @@ def traffic_of(source: Scenario | RecordedRun) -> Traffic:
     states, ended = source.states, source.outcomes
     rows = zip(ended.agent_id.tolist(), ended.partner_id.tolist(), ended.time_step.tolist(), ended.outcome, strict=True)
     return Traffic(
-        ids=states.ids,
+        ids=states.participant_id,
         shapes=footprints(source),
         is_static=states.is_static,
         first_time_step=states.first_time_step,
         **{name: np.ascontiguousarray(getattr(states, name), dtype=np.float64) for name in _TABLES},
         valid=states.valid,
-        default_ids=states.ids[states.is_agent & states.valid.any(axis=1)].tolist(),
+        default_ids=states.participant_id[states.is_agent & states.valid.any(axis=1)].tolist(),
         contacts=[(who, whom, when) for who, whom, when, how in rows if how == "collision" and whom >= 0],
     )
 
@@ -169,7 +169,7 @@ def footprints(run: RecordedRun) -> tuple[Shape, ...]:
     """Footprints of all participants of a run; who was never recorded has a rectangle."""
     obstacles, states = run.scenario.obstacles, run.states
     recorded = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
-    sizes = zip(states.ids.tolist(), states.length.tolist(), states.width.tolist(), strict=True)
+    sizes = zip(states.participant_id.tolist(), states.length.tolist(), states.width.tolist(), strict=True)
     return tuple(
         recorded.get(number) or Shape("rectangle", length=length, width=width) for number, length, width in sizes
     )

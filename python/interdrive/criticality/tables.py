@@ -18,7 +18,7 @@ _NAMES = tuple(measure.name for measure in MEASURES)
 
 #: Columns of criticality.parquet, one row per judged participant, time step and measure.
 COLUMNS = (
-    Column("agent_id", "integer", "the evaluated participant"),
+    Column("participant_id", "integer", "the evaluated participant"),
     Column("time_step", "integer", "when"),
     Column("measure", "label", "one of interdrive.criticality.MEASURES"),
     Column(
@@ -40,7 +40,7 @@ COLUMNS = (
 _TABLE, _EXTREMES = "criticality.parquet", "criticality_extremes.parquet"
 
 #: Columns by which their rows are sorted.
-_ORDERS = (("agent_id", "time_step", "measure"), ("agent_id", "measure"))
+_ORDERS = (("participant_id", "time_step", "measure"), ("participant_id", "measure"))
 
 
 def criticality_table(found: Criticality) -> ArrowTable:
@@ -51,16 +51,16 @@ def criticality_table(found: Criticality) -> ArrowTable:
     def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
         return np.stack([getattr(found.series[name], field)[row, step] for name in _NAMES], axis=1).ravel()
 
-    partner = stacked("partner")
+    partner = stacked("partner_id")
     return arrow_table(
         COLUMNS,
         {
-            "agent_id": np.repeat(found.ids[row], n),
+            "participant_id": np.repeat(found.participant_id[row], n),
             "time_step": np.repeat(found.first_time_step + step, n),
             "measure": labels(_NAMES, np.tile(np.arange(n), len(row))),
             "value": stacked("value"),
             "partner_id": np.ma.masked_equal(partner, -1),
-            "path": labels(found.ways, stacked("way")),
+            "path": labels(found.paths, stacked("path")),
         },
     )
 
@@ -75,12 +75,12 @@ def criticality_extremes_table(found: Criticality) -> ArrowTable:
     return arrow_table(
         COLUMNS,
         {
-            "agent_id": np.repeat(found.ids, n),
+            "participant_id": np.repeat(found.participant_id, n),
             "time_step": stacked("time_step"),
-            "measure": labels(_NAMES, np.tile(np.arange(n), len(found.ids))),
+            "measure": labels(_NAMES, np.tile(np.arange(n), len(found.participant_id))),
             "value": stacked("value"),
-            "partner_id": np.ma.masked_equal(stacked("partner"), -1),
-            "path": labels(found.ways, stacked("way")),
+            "partner_id": np.ma.masked_equal(stacked("partner_id"), -1),
+            "path": labels(found.paths, stacked("path")),
         },
     )
 

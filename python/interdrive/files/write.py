@@ -78,7 +78,7 @@ def write_scenario(run: Run) -> bytes:
     ids = _Ids(set(road_ids))
     footprints = dict(zip(scenario.obstacles.ids.tolist(), scenario.obstacles.shapes, strict=True))
     static, dynamic = [], []
-    for row, participant in enumerate(run.states.ids.tolist()):
+    for row, participant in enumerate(run.states.participant_id.tolist()):
         if not run.states.valid[row].any():
             continue
         number = ids.free(participant)

@@ -39,11 +39,11 @@ class AgentViews:
     def __init__(self, run: Run, agent_id: int | None) -> None:
         """Of an agent of the run; of none, there is nothing."""
         self._run, self._agent_id = run, agent_id
-        self.exist = agent_id is not None and (run.considered is not None or run.predicted is not None)
+        self.exist = agent_id is not None and (run.candidates is not None or run.predictions is not None)
         driven = run.plans.time_step[run.plans.agent_id == agent_id]
         #: Time steps at which the agent has a plan, ascending.
         self.time_steps: list[int] = driven.tolist() if self.exist else []
-        kept = run.considered
+        kept = run.candidates
         self._kept_at = np.unique(kept.time_step[kept.agent_id == agent_id]) if kept is not None else driven[:0]
 
     def at(self, time_step: int) -> AgentView | None:
@@ -53,19 +53,22 @@ class AgentViews:
         run, states = self._run, self._run.states
         candidates, cost, rejected = np.empty((0, 0, 2)), np.empty(0), np.empty(0, dtype=np.bool_)
         before = self._kept_at[self._kept_at <= time_step]
-        if run.considered is not None and len(before):
-            made = run.considered
+        if run.candidates is not None and len(before):
+            made = run.candidates
             rows = np.flatnonzero((made.agent_id == self._agent_id) & (made.time_step == before[-1]))
             candidates, cost = np.stack([made.x[rows], made.y[rows]], axis=-1), made.cost[rows]
             rejected = np.array([bool(made.rejection[row]) for row in rows.tolist()], dtype=np.bool_)
-        if run.predicted is None:
+        if run.predictions is None:
             return AgentView(candidates, cost, rejected, np.empty((0, 1, 2)), np.empty((0, 0, 2, 2)), np.empty(0))
-        told = run.predicted
+        told = run.predictions
         seen = told.participant_id != self._agent_id
         if run.views is not None and self._agent_id is not None:
             seen = np.isin(told.participant_id, run.views.seen_by(self._agent_id, time_step))
         rows = np.flatnonzero((told.time_step == time_step) & seen)
-        who, column = np.searchsorted(states.ids, told.participant_id[rows]), time_step - states.first_time_step
+        who, column = (
+            np.searchsorted(states.participant_id, told.participant_id[rows]),
+            time_step - states.first_time_step,
+        )
         now = np.stack([states.x[who, column], states.y[who, column]], axis=-1)
         means = np.concatenate([now[:, None], np.stack([told.x[rows], told.y[rows]], axis=-1)], axis=1)
         return AgentView(candidates, cost, rejected, means, told.covariance[rows], told.probability[rows])

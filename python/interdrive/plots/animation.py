@@ -121,7 +121,7 @@ def _modes_near(run: Run, agent_id: int, time_step: int, shown: AgentView | None
     if shown is None:
         return 0
     states = run.states
-    row, column = int(np.searchsorted(states.ids, agent_id)), time_step - states.first_time_step
+    row, column = int(np.searchsorted(states.participant_id, agent_id)), time_step - states.first_time_step
     x, y = shown.means[:, 0].T
     return int((np.hypot(x - states.x[row, column], y - states.y[row, column]) < _NEAR).sum())
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _COLUMNS, _PANEL = 3, 27.0 * MM
 
 
-def draw_criticality(found: Criticality, agent_id: int, *, color: str = AGENTS[0]) -> Figure:
+def draw_criticality(found: Criticality, participant_id: int, *, color: str = AGENTS[0]) -> Figure:
     """A figure, 180 mm wide, with a panel per measure: its values over time for one vehicle.
 
     The most critical moment is marked; dashed lines are thresholds: the one of the settings for the time to collision,
@@ -33,7 +33,7 @@ def draw_criticality(found: Criticality, agent_id: int, *, color: str = AGENTS[0
 
     Args:
         found: What was evaluated.
-        agent_id: A vehicle that was judged.
+        participant_id: A vehicle that was judged.
         color: Of the vehicle; `interdrive.plots.style.agent_colors` says which one it has in other figures.
 
     Returns:
@@ -42,7 +42,7 @@ def draw_criticality(found: Criticality, agent_id: int, *, color: str = AGENTS[0
     Raises:
         InputError: The vehicle was not judged.
     """
-    row = found.row(agent_id)
+    row = found.row(participant_id)
     rows = -(-len(MEASURES) // _COLUMNS)
     height = rows * _PANEL + 16.0 * MM
     figure = empty_figure(PAGE, height)
@@ -70,7 +70,7 @@ def draw_criticality(found: Criticality, agent_id: int, *, color: str = AGENTS[0
     for axes in list(panels.flat)[len(MEASURES) :]:
         axes.set_axis_off()
     handles = [
-        Line2D([], [], color=color, lw=1.3, label=f"vehicle {agent_id}"),
+        Line2D([], [], color=color, lw=1.3, label=f"vehicle {participant_id}"),
         Line2D([], [], ls="", marker="o", ms=4.2, mfc="white", mec=INK, mew=1.2, label="most critical"),
         Line2D([], [], color=THRESHOLD, lw=0.8, ls=(0, (4, 2)), label="threshold"),
     ]
@@ -126,5 +126,5 @@ def draw_critical_moment(run: Run, moment: CriticalMoment) -> Figure:
     time = moment.time_step * run.scenario.dt
     title = f"{run.scenario.name}: {measure.title} {value} at {time:.1f} s"
     scene = Scene(run, title, moment.time_step - run.states.first_time_step)
-    names = (f"vehicle {moment.agent_id}", f"vehicle {moment.partner_id}")
-    return draw_scenes([scene], (moment.agent_id, moment.partner_id), names, filled="at that moment")
+    names = (f"vehicle {moment.participant_id}", f"vehicle {moment.partner_id}")
+    return draw_scenes([scene], (moment.participant_id, moment.partner_id), names, filled="at that moment")

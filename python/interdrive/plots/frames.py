@@ -85,7 +85,7 @@ class Stage:
         self.footprints = Footprints(run)
         self.colors = agent_colors(run)
         self.crowded = len(run.agents) > 30
-        self.row = {number: row for row, number in enumerate(run.states.ids.tolist())}
+        self.row = {number: row for row, number in enumerate(run.states.participant_id.tolist())}
         self.plan_rows = _rows_by_time_step(run.plans.time_step)
         self.agent_views = AgentViews(run, agent_id)
         self.view = view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
@@ -165,7 +165,7 @@ class Stage:
         states, now = self.run.states, self.run.states.first_time_step + column
         areas, fills, edges, noses, labels = [], [], [], [], []
         for row in np.flatnonzero(states.valid[:, column]).tolist():
-            number = int(states.ids[row])
+            number = int(states.participant_id[row])
             color = self.colors.get(number)
             for outline in self.footprints.outlines(row, column, self.view):
                 areas.append(outline)

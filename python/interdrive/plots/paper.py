@@ -96,7 +96,7 @@ def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns:
         off_road=ended.off_road[kept],
         impact_speed=ended.impact_speed[kept],
     )
-    states = replace(run.states, is_agent=run.states.is_agent & np.isin(run.states.ids, shown))
+    states = replace(run.states, is_agent=run.states.is_agent & np.isin(run.states.participant_id, shown))
     some = replace(run, states=states, outcomes=outcomes, agents=tuple(a for a in run.agents if a.id in shown))
     others = "recorded traffic" if len(shown) == len(run.agents) else "other vehicles"
     return draw_run(some, width_mm=WIDTHS[columns], others=others)
@@ -111,7 +111,7 @@ def draw_velocity(run: Run, agents: Sequence[int] | None = None, *, columns: int
     shown = chosen_agents(run, agents, LINES_MAX)
     first = run.states.first_time_step
     time: Floats = run.scenario.dt * np.arange(first, first + run.states.n_steps, dtype=np.float64)
-    lines = {number: run.states.velocity[int(np.searchsorted(run.states.ids, number))] for number in shown}
+    lines = {number: run.states.velocity[int(np.searchsorted(run.states.participant_id, number))] for number in shown}
     styles = _styles([agent.id for agent in run.agents], shown)
     figure, panels = _panels(["velocity [m/s]"], len(shown), columns)
     _draw_lines(panels[0], time, lines, styles)
@@ -139,7 +139,7 @@ def draw_measures(
     wanted = [measure_named(name) for name in dict.fromkeys(measures)]
     first = found.first_time_step
     time: Floats = found.dt * np.arange(first, first + found.present.shape[1], dtype=np.float64)
-    styles = _styles(found.ids.tolist(), agents)
+    styles = _styles(found.participant_id.tolist(), agents)
     figure, panels = _panels([measure.label for measure in wanted], len(agents), columns)
     for measure, axes in zip(wanted, panels, strict=True):
         values = found[measure.name]
@@ -172,7 +172,7 @@ def draw_scene(
     """
     shown = chosen_agents(run, agents)
     column = round(time / run.scenario.dt) - run.states.first_time_step
-    rows = [int(np.searchsorted(run.states.ids, number)) for number in shown]
+    rows = [int(np.searchsorted(run.states.participant_id, number)) for number in shown]
     there = [row for row in rows if 0 <= column < run.states.n_steps and run.states.valid[row, column]]
     if not there:
         raise InputError(f"{run.scenario.name}: none of these agents is there at {time:g} s")
@@ -226,7 +226,7 @@ def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], c
     lines = [(track(run, row, slice(column + 1)), 0.7)]
     if plans is not None:
         step = states.first_time_step + column
-        own = np.flatnonzero((plans.agent_id == states.ids[row]) & (plans.time_step <= step))
+        own = np.flatnonzero((plans.agent_id == states.participant_id[row]) & (plans.time_step <= step))
         if len(own):
             lines.append((plan_points(plans, int(own[-1])), 1.6))
     for line, thick in lines:
@@ -235,7 +235,7 @@ def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], c
             axes.add_collection(LineCollection(points, colors=color, linewidths=thick, zorder=3), autolim=False)
     x, y = view.picture_from_world(np.array([states.x[row, column], states.y[row, column]]))
     axes.annotate(
-        str(states.ids[row]),
+        str(states.participant_id[row]),
         (x, y),
         (0, 5),
         textcoords="offset points",

@@ -129,7 +129,7 @@ def draw_scenes(
 def _track(run: Run, number: int) -> Floats:
     """Positions [m], shape (time_steps, 2); nan while absent, and everywhere if the vehicle never takes part."""
     states = run.states
-    for row in np.flatnonzero(states.ids == number):
+    for row in np.flatnonzero(states.participant_id == number):
         track: Floats = np.stack([states.x[row], states.y[row]], axis=1)
         return np.where(states.valid[row][:, None], track, np.nan)
     return np.full((states.n_steps, 2), np.nan)
@@ -174,7 +174,7 @@ def _stamps(scene: Scene, pair: tuple[int, int], every: float, view: View) -> li
     stamps: list[_Stamp] = []
     for place, number in enumerate(pair):
         track = _track(scene.run, number)
-        row = int(np.searchsorted(states.ids, number))
+        row = int(np.searchsorted(states.participant_id, number))
         stands: list[list[int]] = []  # columns at which the vehicle is in one place
         for column in np.flatnonzero(_inside(view, track)).tolist():
             time = (states.first_time_step + column) * dt
@@ -206,7 +206,7 @@ def _traffic(scene: Scene, pair: tuple[int, int], view: View) -> list[Floats]:
     if scene.nearest is None:
         return []
     states = scene.run.states
-    rows = np.flatnonzero(states.valid[:, scene.nearest] & ~np.isin(states.ids, pair)).tolist()
+    rows = np.flatnonzero(states.valid[:, scene.nearest] & ~np.isin(states.participant_id, pair)).tolist()
     return [line for row in rows for line in _footprint(scene, row, scene.nearest, view)]
 
 

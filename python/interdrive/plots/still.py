@@ -186,7 +186,7 @@ def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floa
     """Marks starts and outcomes; returns first and last position per agent."""
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
     ends = {}
-    for row, number in enumerate(run.states.ids.tolist()):
+    for row, number in enumerate(run.states.participant_id.tolist()):
         if number not in ended or not run.states.valid[row].any():
             continue
         points = view.picture_from_world(track(run, row))

@@ -35,7 +35,7 @@ def body_outlines(run: Run) -> list[list[Floats]]:
     states = run.states
     return [
         outlines(shapes.get(number, Shape("rectangle", length=float(length), width=float(width))))
-        for number, length, width in zip(states.ids.tolist(), states.length, states.width, strict=True)
+        for number, length, width in zip(states.participant_id.tolist(), states.length, states.width, strict=True)
     ]
 
 

@@ -99,7 +99,7 @@ def view_around(points: Floats, motion: Floats) -> View:
 
 def _driven(states: States) -> tuple[Floats, Floats]:
     """Corners of all footprints that count [m], shape (points, 2), and each vehicle's way from first to last."""
-    counts = states.is_agent if states.is_agent.any() else np.ones(len(states.ids), dtype=bool)
+    counts = states.is_agent if states.is_agent.any() else np.ones(len(states.participant_id), dtype=bool)
     points, motion = [np.empty((0, 2))], [np.empty((0, 2))]
     for row in np.flatnonzero(counts & states.valid.any(axis=1)):
         track = np.stack([states.x[row], states.y[row]], axis=1)[states.valid[row]]

@@ -89,7 +89,7 @@ def batch_contents(folder: str | Path, pages: Mapping[str, str], damaged: Mappin
         "variants": variants,
         "parts": [{"traffic": part[0], "agents": part[1], "category": part[2]} for part in parts],
         "compared": [*compared_of(comparison), *_unfinished(comparison, parts)],
-        "caveats": [] if comparison is None else list(comparison.reservations),
+        "caveats": [] if comparison is None else list(comparison.caveats),
         "drawn": [{"name": name, "title": title, "unit": unit, "cap": cap} for name, title, unit, _, cap in _DRAWN],
         "runs": _runs(column, pages, damaged or {}),
         "missing": missing,

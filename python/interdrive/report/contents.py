@@ -137,7 +137,7 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[Participan
     ended = results.outcomes.to_pylist()
     agents = {agent.id: agent for agent in run.agents}
     made = []
-    for row, number in enumerate(states.ids.tolist()):
+    for row, number in enumerate(states.participant_id.tolist()):
         entry: Participant = {
             "id": number,
             "kind": states.kinds[row],
@@ -177,7 +177,7 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[Participan
 def _body(run: Run, row: int) -> list[Floats] | None:
     """Outlines of a participant that is no plain rectangle about its centre; None for one that is."""
     obstacles = run.scenario.obstacles
-    at = np.flatnonzero(obstacles.ids == run.states.ids[row])
+    at = np.flatnonzero(obstacles.ids == run.states.participant_id[row])
     if not len(at):
         return None
     shape = obstacles.shapes[int(at[0])]

@@ -65,7 +65,7 @@ def events_of(run: Run, plans: ArrowTable, measured: Measured | None, replan_eve
 
 
 def _row(run: Run, number: int) -> int:
-    return int(np.searchsorted(run.states.ids, number))
+    return int(np.searchsorted(run.states.participant_id, number))
 
 
 def _ends(run: Run) -> Iterator[Event]:
@@ -116,6 +116,6 @@ def _critical(run: Run, measured: Measured) -> Iterator[Event]:
             if not np.isfinite(value) or not beyond:
                 continue
             rows = (_row(run, number), partner) if partner >= 0 else (_row(run, number),)
-            other = f" with {run.states.ids[partner]}" if partner >= 0 else ""
+            other = f" with {run.states.participant_id[partner]}" if partner >= 0 else ""
             size = f"{value:.2f}\N{NO-BREAK SPACE}{measure.unit}" if measure.unit else f"{value:.2f}"
             yield Event(step, "critical", rows, f"{number}: {measure.title} {size}{other}", value)

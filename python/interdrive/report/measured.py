@@ -81,12 +81,12 @@ class _Entries:
 
 def _placed(run: Run, table: ArrowTable) -> _Entries:
     """The rows that are about agents of the run."""
-    column = columns_of(table, ("agent_id", "time_step", "measure", "value"))
+    column = columns_of(table, ("participant_id", "time_step", "measure", "value"))
     agents = run.outcomes.agent_id
-    known = np.isin(column["agent_id"], agents)
+    known = np.isin(column["participant_id"], agents)
     return _Entries(
         measure=np.array([_PLACES[name] for name in column["measure"][known].tolist()], dtype=np.int64),
-        agent=np.searchsorted(agents, column["agent_id"][known]),
+        agent=np.searchsorted(agents, column["participant_id"][known]),
         step=column["time_step"][known] - run.states.first_time_step,
         value=column["value"][known],
         partner=rows_of(run, table["partner_id"].fill_null(-1).to_numpy()[known]),
@@ -95,8 +95,9 @@ def _placed(run: Run, table: ArrowTable) -> _Entries:
 
 def rows_of(run: Run, ids: Ints) -> Ints:
     """Rows of the states for participant ids; -1 for those that are none."""
-    at = np.searchsorted(run.states.ids, ids).clip(max=max(0, len(run.states.ids) - 1))
-    found: Ints = np.where(run.states.ids[at] == ids, at, -1) if len(run.states.ids) else np.full_like(ids, -1)
+    known = run.states.participant_id
+    at = np.searchsorted(known, ids).clip(max=max(0, len(known) - 1))
+    found: Ints = np.where(known[at] == ids, at, -1) if len(known) else np.full_like(ids, -1)
     return found
 
 

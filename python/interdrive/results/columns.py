@@ -17,6 +17,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("planner", "label", "name of its planner"),
         Column("outcome", "label", "one of interdrive.run.OUTCOMES, or running"),
         Column("time_step", "integer", "time step at which it ended"),
+        Column("time_s", "number", "the same in seconds [s]"),
         Column("partner_id", "integer", "the other participant of a collision", nullable=True),
         Column("off_road", "truth", "the collision was with the edge of the road"),
         Column("impact_speed", "number", "magnitude of the relative velocity at a collision [m/s]", nullable=True),
@@ -32,6 +33,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     ),
     "states": (
         Column("time_step", "integer", ""),
+        Column("time_s", "number", "the same in seconds [s]"),
         Column("participant_id", "integer", ""),
         Column("kind", "label", "car, truck, ... (interdrive.scenario.KINDS)"),
         Column("is_agent", "truth", "driven by a planner, otherwise replayed"),

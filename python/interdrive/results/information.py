@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from interdrive.scenario import Shape
 
 #: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
-#: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area.
-FORMAT = 2
+#: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area. 3: states and outcomes with time_s,
+#: criticality with participant_id instead of agent_id.
+FORMAT = 3
 
 
 def information(run: Run) -> dict[str, Any]:
@@ -42,8 +43,8 @@ def information(run: Run) -> dict[str, Any]:
         "digest": run.digest,
         "finished": run.finished,
         "views": None if run.views is None else "views.parquet",
-        "predictions": None if run.predicted is None else "predictions.parquet",
-        "candidates": None if run.considered is None else "candidates.parquet",
+        "predictions": None if run.predictions is None else "predictions.parquet",
+        "candidates": None if run.candidates is None else "candidates.parquet",
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),
         **software(),

@@ -101,7 +101,7 @@ def _states(results: Results, scenario: Scenario) -> States:
 
     standing = set(scenario.obstacles.ids[scenario.obstacles.is_static].tolist())
     return States(
-        ids=ids,
+        participant_id=ids,
         kinds=tuple(of_participant("kind", "unknown").tolist()),
         first_time_step=first,
         is_agent=of_participant("is_agent", absent=True).astype(np.bool_),
@@ -138,7 +138,7 @@ def _run(
 ) -> Run:
     """A run without plans and timings; `facts` are the entries of agents in run.json, by id."""
     known = facts or {}
-    rows = dict(zip(states.ids.tolist(), states.valid, strict=True))
+    rows = dict(zip(states.participant_id.tolist(), states.valid, strict=True))
     agents = tuple(
         AgentRecord(
             id=number,

@@ -13,6 +13,7 @@ from interdrive.storage.tables import arrow_table, labels
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from numpy.typing import NDArray
 
     from interdrive.run import Run
 
@@ -26,6 +27,7 @@ def outcome_table(run: Run) -> pa.Table:
         planner=labels(ended.planner),
         outcome=labels(ended.outcome),
         time_step=ended.time_step,
+        time_s=_seconds(run, ended.time_step),
         partner_id=np.ma.masked_equal(ended.partner_id, -1),
         off_road=ended.off_road,
         impact_speed=ended.impact_speed,
@@ -43,20 +45,27 @@ def states_table(run: Run) -> pa.Table:
     """One row per time step and participant that is present then, in that order, as an Arrow table."""
     states = run.states
     step, row = np.nonzero(states.valid.T)
+    time_step = states.first_time_step + step
     moving = {
         name: getattr(states, name)[row, step]
         for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
     }
     return _table(
         "states",
-        time_step=states.first_time_step + step,
-        participant_id=states.ids[row],
+        time_step=time_step,
+        time_s=_seconds(run, time_step),
+        participant_id=states.participant_id[row],
         kind=labels(states.kinds, row),
         is_agent=states.is_agent[row],
         length=states.length[row],
         width=states.width[row],
         **moving,
     )
+
+
+def _seconds(run: Run, time_step: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Time steps in seconds, without the last bits of the multiplication."""
+    return np.round(time_step * run.scenario.dt, 9)
 
 
 def plans_table(run: Run) -> pa.Table:
@@ -102,7 +111,7 @@ def views_table(run: Run) -> pa.Table | None:
 
 def predictions_table(run: Run) -> pa.Table | None:
     """One row per time step, participant, mode and point, as an Arrow table; None if that was not recorded."""
-    found = run.predicted
+    found = run.predictions
     if found is None:
         return None
     points = len(found.point)
@@ -121,7 +130,7 @@ def predictions_table(run: Run) -> pa.Table | None:
 
 def candidates_table(run: Run) -> pa.Table | None:
     """One row per kept candidate and point, as an Arrow table; None if that was not recorded."""
-    found = run.considered
+    found = run.candidates
     if found is None:
         return None
     points, reasons = len(found.point), tuple(sorted(set(found.rejection)))

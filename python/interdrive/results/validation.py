@@ -99,9 +99,10 @@ def _check_outcomes(found: Mapping[str, Columns], info: Mapping[str, Any]) -> No
     _known("partner_id", partners, states["participant_id"], "has no states")
     is_outside = ~waits & ~_is_recorded(outcomes["time_step"], states)
     refuse("time_step", outcomes["time_step"], is_outside, "is not in states.parquet")
+    _check_seconds(outcomes, info)
 
 
-def _check_states(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+def _check_states(found: Mapping[str, Columns], info: Mapping[str, Any]) -> None:
     states, timing = found["states"], found["timing"]
     steps, ids = states["time_step"], np.unique(states["participant_id"])
     for name in ("length", "width"):
@@ -119,6 +120,7 @@ def _check_states(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     for name in ("kind", "is_agent", "length", "width"):
         values = states[name]
         refuse(name, values, values != values[first_row][row], "differs from the participant's first one")
+    _check_seconds(states, info)
 
 
 def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
@@ -184,6 +186,11 @@ def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> No
         values = columns[name].reshape(-1, len(points))
         if np.any(values != values[:, :1]):
             raise Damage(f"{name}: it changes from point to point")
+
+
+def _check_seconds(columns: Columns, info: Mapping[str, Any]) -> None:
+    expected = columns["time_step"] * info["scenario"]["dt"]
+    refuse("time_s", columns["time_s"], ~np.isclose(columns["time_s"], expected), "is not that of the time step")
 
 
 _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]] = {

@@ -34,7 +34,7 @@ STATE_COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate"
 def digest(states: States) -> str:
     """SHA-256 over ids, masks and the bits of all states; equal digests mean equal runs."""
     total = hashlib.sha256()
-    for array in (states.ids, states.valid, *(getattr(states, name) for name in STATE_COLUMNS)):
+    for array in (states.participant_id, states.valid, *(getattr(states, name) for name in STATE_COLUMNS)):
         # Absent states are nan, all with the same bit pattern.
         clean = np.where(np.isnan(array), 0.0, array) if array.dtype == np.float64 else array
         total.update(np.ascontiguousarray(clean).tobytes())
@@ -57,7 +57,8 @@ def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
 
 def states_of(raw: dict[str, Any]) -> States:
     """States of all participants, from the core's table."""
-    return States(kinds=tuple(KINDS[code] for code in raw.pop("kind").tolist()), **raw)
+    ids, kinds = raw.pop("ids"), tuple(KINDS[code] for code in raw.pop("kind").tolist())
+    return States(participant_id=ids, kinds=kinds, **raw)
 
 
 def agent_record(agent: Agent, planner: str) -> AgentRecord:
@@ -99,7 +100,7 @@ def recorded_run(scenario: Scenario) -> Run:
     obstacles = scenario.obstacles
     sizes = np.array([core_shape(shape).extent for shape in obstacles.shapes]).reshape(-1, 2)
     states = States(
-        ids=obstacles.ids,
+        participant_id=obstacles.ids,
         kinds=obstacles.kinds,
         first_time_step=0,
         is_agent=np.zeros(len(obstacles.ids), dtype=np.bool_),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import PLAN_STATUS, Considered, Predicted
+from interdrive.run.record import PLAN_STATUS, RecordedCandidates, RecordedPredictions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,7 +47,7 @@ class PredictionLog:
         step = np.full(len(row), predictions.time_step)
         self._rows.append((step, predictions.ids[row], mode, predictions.probability[row, mode], x, y, covariance))
 
-    def table(self) -> Predicted:
+    def table(self) -> RecordedPredictions:
         """All rows so far."""
         points = max((rows[4].shape[1] for rows in self._rows), default=0)
         ints, floats, empty = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, points))
@@ -56,7 +56,7 @@ class PredictionLog:
         parts += [(*rows[:4], *(_widened(table, points) for table in rows[4:])) for rows in self._rows]
         step, participant, mode, probability, x, y, covariance = map(np.concatenate, zip(*parts, strict=True))
         ahead = self._stride * np.arange(1, points + 1)
-        return Predicted(ahead, step, participant, mode, probability, x, y, covariance)
+        return RecordedPredictions(ahead, step, participant, mode, probability, x, y, covariance)
 
 
 def steps_between(spacing: float, dt: float, replan_every: int) -> int:
@@ -100,12 +100,12 @@ class CandidateLog:
                 )
             )
 
-    def table(self) -> Considered:
+    def table(self) -> RecordedCandidates:
         """All rows so far."""
         points = max((rows[5].shape[1] for rows in self._rows), default=0)
         counts = [len(rows[2]) for rows in self._rows]
         empty = np.empty((0, points))
-        return Considered(
+        return RecordedCandidates(
             point=self._stride * np.arange(points),
             time_step=np.repeat(np.array([rows[0] for rows in self._rows], dtype=np.int64), counts),
             agent_id=np.repeat(np.array([rows[1] for rows in self._rows], dtype=np.int64), counts),

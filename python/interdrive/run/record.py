@@ -67,7 +67,7 @@ class States:
     """States of all participants at all time steps; rows sorted by participant id, nan and `valid` False where absent.
 
     Attributes:
-        ids: Shape (participants,).
+        participant_id: Shape (participants,).
         kinds: One of `interdrive.scenario.KINDS` each.
         first_time_step: Time step of column 0.
         is_agent: Driven by a planner (the others replay their recording), shape (participants,).
@@ -78,7 +78,7 @@ class States:
         valid: Whether the participant is present.
     """
 
-    ids: Ints
+    participant_id: Ints
     kinds: tuple[str, ...]
     first_time_step: int
     is_agent: Bools
@@ -147,7 +147,7 @@ class Views:
 
 
 @dataclass(frozen=True)
-class Predicted:
+class RecordedPredictions:
     """Predictions available to agents: one row per time step, participant and mode with a probability above 0.
 
     Rows are sorted by these. An agent has the rows of participants in its view.
@@ -171,7 +171,7 @@ class Predicted:
 
 
 @dataclass(frozen=True)
-class Considered:
+class RecordedCandidates:
     """Some of the candidates of sampling planners, sorted by time step, agent, then in the order of `CandidateLog`.
 
     Attributes:
@@ -241,8 +241,8 @@ class Run:
         digest: SHA-256 of all states; equal digests mean equal bits.
         finished: False if the run was stopped from outside.
         views: Visibility intervals; None unless `record.views` is set.
-        predicted: Predictions available to agents; None unless `record.predictions` is set.
-        considered: Candidates of agents; None unless `record.candidates` is set.
+        predictions: Predictions available to agents; None unless `record.predictions` is set.
+        candidates: Candidates of agents; None unless `record.candidates` is set.
     """
 
     scenario: Scenario
@@ -256,14 +256,14 @@ class Run:
     digest: str
     finished: bool = True
     views: Views | None = None
-    predicted: Predicted | None = None
-    considered: Considered | None = None
+    predictions: RecordedPredictions | None = None
+    candidates: RecordedCandidates | None = None
 
     def criticality(
         self,
-        ids: Sequence[int] | None = None,
+        participant_ids: Sequence[int] | None = None,
         *,
-        others: Sequence[int] | None = None,
+        other_ids: Sequence[int] | None = None,
         settings: CriticalitySettings | None = None,
         deceleration: Mapping[int, float] | None = None,
         threads: int | None = None,
@@ -274,4 +274,6 @@ class Run:
         """
         from interdrive.criticality import evaluate  # noqa: PLC0415 - only who asks pays for it
 
-        return evaluate(self, ids, others=others, settings=settings, deceleration=deceleration, threads=threads)
+        return evaluate(
+            self, participant_ids, other_ids=other_ids, settings=settings, deceleration=deceleration, threads=threads
+        )

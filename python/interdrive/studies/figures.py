@@ -42,7 +42,7 @@ def nearest_step(study: CaseStudy, run: Run) -> int | None:
 
 def _profile(study: CaseStudy, run: Run, number: int) -> Profile:
     states = run.states
-    row = int(np.searchsorted(states.ids, number))
+    row = int(np.searchsorted(states.participant_id, number))
     path = next(agent.reference_path for agent in study.runs["interactive"].agents if agent.id == study.other)
     position = np.stack([states.x[row], states.y[row]], axis=1)
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))

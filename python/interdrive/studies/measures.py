@@ -47,7 +47,7 @@ def footprint_distances(run: Run, first: int, second: int) -> Floats:
     """
     states = run.states
     distances = np.full(states.n_steps, np.nan)
-    rows = [int(row) for number in (first, second) for row in np.flatnonzero(states.ids == number)]
+    rows = [int(row) for number in (first, second) for row in np.flatnonzero(states.participant_id == number)]
     if len(rows) < 2:
         return distances
     (i, a), (j, b) = ((row, _footprint(run, row)) for row in rows)
@@ -59,7 +59,7 @@ def footprint_distances(run: Run, first: int, second: int) -> Floats:
 
 def _footprint(run: Run, row: int) -> _core.Shape:
     obstacles, states = run.scenario.obstacles, run.states
-    recorded = np.flatnonzero(obstacles.ids == states.ids[row])
+    recorded = np.flatnonzero(obstacles.ids == states.participant_id[row])
     if len(recorded):
         return core_shape(obstacles.shapes[int(recorded[0])])
     return core_shape(Shape("rectangle", length=float(states.length[row]), width=float(states.width[row])))
@@ -74,7 +74,7 @@ def collided(run: Run, first: int, second: int) -> bool:
 
 def distance_of_closest_encounter(run: Run, first: int, second: int) -> float:
     """Smallest distance between the footprints while both are there, DCE [m]; 0 if they collide, nan if never both."""
-    if run.states.is_static[run.states.ids == first].any():
+    if run.states.is_static[run.states.participant_id == first].any():
         first, second = second, first
     # No limit except the size of maps; oncoming vehicles count, too.
     settings = CriticalitySettings(radius=_EVERYWHERE, oncoming_filter=False)
@@ -86,12 +86,12 @@ def _extreme(name: str, settings: CriticalitySettings | None = None) -> Callable
     """The most critical value of a measure for the first participant, with the second one as the only other one."""
 
     def of(run: Run, first: int, second: int) -> float:
-        there = set(run.states.ids[run.states.valid.any(axis=1)].tolist())
+        there = set(run.states.participant_id[run.states.valid.any(axis=1)].tolist())
         if not {first, second} <= there:
             return float("nan")
         areas: Literal["stated", "crossing"] = "stated" if run.scenario.incomings else "crossing"
         chosen = settings or CriticalitySettings(conflict_areas=areas)
-        return float(run.criticality([first], others=[second], settings=chosen).extremes[name].value[0])
+        return float(run.criticality([first], other_ids=[second], settings=chosen).extremes[name].value[0])
 
     return of
 

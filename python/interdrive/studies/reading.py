@@ -43,7 +43,7 @@ def _encounter(study: CaseStudy, run: Run) -> str:
 def _reaction(study: CaseStudy, run: Run) -> str:
     """What the other vehicle does compared with its recording."""
     states, obstacles = run.states, run.scenario.obstacles
-    row = int(np.searchsorted(states.ids, study.other))
+    row = int(np.searchsorted(states.participant_id, study.other))
     if not states.is_agent[row]:
         return ""
     recorded = int(np.searchsorted(obstacles.ids, study.other))
