@@ -17,10 +17,10 @@ from interdrive.run import (
     Plans,
     RecordedCandidates,
     RecordedPredictions,
-    Run,
     States,
     Timings,
 )
+from interdrive.results import Run
 from interdrive.scenario import GoalState, Lanelets, Obstacles, Scenario, Shape
 
 N_STEPS = 60

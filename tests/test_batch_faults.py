@@ -289,7 +289,7 @@ def test_a_batch_that_is_killed_leaves_a_folder_that_can_be_read_and_continued(p
     out, err = again.communicate(timeout=120)
     assert again.returncode == 0, out + err
     for key in set(check_whole(place, 4)["key"].to_pylist()):
-        assert idr.load(BatchFolder.open(place / "out").recording(key)).info["digest"]
+        assert idr.load(BatchFolder.open(place / "out").recording(key)).digest
 
 
 def test_no_worker_outlives_a_batch_that_is_killed_even_if_it_hangs(place):

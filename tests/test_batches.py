@@ -143,7 +143,7 @@ def test_a_kept_run_folder_is_a_whole_one_and_can_be_verified(two_planners):
     row = two_planners.table.to_pylist()[0]
     folder = BatchFolder.open(two_planners.folder).recording(row["key"])
     assert row["kept"]
-    assert idr.load(folder).info["digest"] == row["digest"]
+    assert idr.load(folder).digest == row["digest"]
     assert interdrive("verify", folder).returncode == 0
 
 

@@ -12,7 +12,8 @@ import pytest
 from click.testing import CliRunner
 
 from drivers import Straight
-from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings, load
+from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings
+from interdrive.results import read_results
 from interdrive.cli import main
 from interdrive.config.binding import bind
 from interdrive.config.plugins import Choice, read_choice
@@ -216,7 +217,7 @@ def test_the_examples_of_the_documentation_run(tmp_path, monkeypatch):
     (tmp_path / "run.toml").write_text(configuration)
     done = CliRunner().invoke(main, ["run", "--config", "run.toml", "--out", "made"])
     assert done.exit_code == 0, done.output
-    made = load("made").info["settings"]
+    made = read_results("made").info["settings"]
     assert made["planner"]["1001"] == {"planner": "idm", "time_gap": 2.0}
     assert made["planner"]["1002"] == {"planner": "frenet", "weights.prediction": 0.5}
     assert made["views"] == {"1001": {"sensor_radius": 40.0, "occlusion": True}}

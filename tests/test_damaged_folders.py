@@ -19,7 +19,7 @@ from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.packing import Packer
 from interdrive.results import load, save
-from interdrive.results.reader import reopen
+from interdrive.results import reopen
 from interdrive.simulation import Simulation, simulate
 from interdrive.testing import Car, problem, straight_road, world
 

@@ -10,7 +10,8 @@ from click.testing import CliRunner
 
 import commonroad_documents as cr
 from commonroad_documents import car, document, initial, state
-from interdrive import load, read_batch
+from interdrive import read_batch
+from interdrive.results import read_results
 from interdrive.batches.plan import scenario_files
 from interdrive.cli import main
 from interdrive.errors import ResultsError
@@ -47,7 +48,7 @@ def refusal(*arguments):
 
 def test_a_scenario_whose_name_is_not_utf_8_is_run_and_its_path_comes_back(here):
     assert CliRunner().invoke(main, ["run", f"{LATIN}.xml", "--out", "made"]).exit_code == 0
-    info = load("made").info
+    info = read_results("made").info
     assert info["scenario"]["name"] == r"caf\xe9"
     assert Path(info["scenario"]["path"]) == here / f"{LATIN}.xml"
     assert CliRunner().invoke(main, ["verify", "made"]).exit_code == 0

@@ -24,7 +24,8 @@ from interdrive.plots import (
 )
 from interdrive.plots.style import agent_colors, pair_colors
 from interdrive.results import load, save
-from interdrive.results.reader import reopen, stored_plans
+from interdrive.results import reopen
+from interdrive.results.reader import stored_plans
 from interdrive.simulation import simulate
 from invented_run import invented_run
 

@@ -54,8 +54,8 @@ def test_a_run_from_python_gives_outcomes_and_states(tmp_path):
 def test_a_run_step_by_step_is_saved(tmp_path):
     assert printed(1, tmp_path) == ""
     found = idr.load(tmp_path / "out" / "lane_merge")
-    assert found.outcomes.num_rows == 3
-    assert found.info["settings"]["predictor"] == "constant_velocity"
+    assert len(found.agents) == 3
+    assert found.settings["predictor"] == "constant_velocity"
 
 
 def test_every_agent_gets_its_planner(tmp_path):
@@ -97,8 +97,8 @@ def test_a_run_folder_holds_the_files_of_the_table(console):
 def test_settings_of_an_agent_reach_its_run(console):
     folder, _ = console
     mixed, views = (idr.load(folder / "out" / name) for name in ("mixed", "views"))
-    chosen = dict(zip(mixed.outcomes["agent_id"].to_pylist(), mixed.outcomes["planner"].to_pylist(), strict=True))
+    chosen = dict(zip(mixed.outcomes.agent_id.tolist(), mixed.outcomes.planner, strict=True))
     assert (chosen[1001], chosen[1002]) == ("idm", "frenet")
-    assert mixed.info["settings"]["planner"]["1002"] == {"planner": "frenet", "level": 1}
-    assert views.info["settings"]["views"]["2001"]["occlusion"] is True
-    assert views.views.num_rows > 0
+    assert mixed.settings["planner"]["1002"] == {"planner": "frenet", "level": 1}
+    assert views.settings["views"]["2001"]["occlusion"] is True
+    assert len(views.views.observer_id)

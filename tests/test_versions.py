@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from interdrive import SimulationSettings, load, read_batch, save, simulate
+from interdrive import SimulationSettings, read_batch, save, simulate
+from interdrive.results import read_results
 from interdrive.config.schema import RecordSettings
 from interdrive.plots import animate_run
 from interdrive.report import write_run_report
@@ -32,7 +33,7 @@ def command(*arguments):
 
 
 def test_tables_come_back_as_they_were_written(folder):
-    found = load(folder)
+    found = read_results(folder)
     assert found.outcomes["outcome"].to_pylist() == ["goal_reached"] * 8
     assert found.states.num_rows > 100
     assert found.predictions.num_rows > 0

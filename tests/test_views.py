@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drivers import Straight
-from interdrive import Simulation, SimulationSettings, ViewSettings, load, save, simulate
+from interdrive import Simulation, SimulationSettings, ViewSettings, save, simulate
+from interdrive.results import read_results
 from interdrive.config.binding import bind
 from interdrive.scenario import Shape
 from interdrive.testing import Car, crossing, problem, straight_road, world
@@ -132,7 +133,7 @@ def test_the_record_of_views_is_what_planners_were_shown():
 
 def test_the_record_of_views_is_saved_and_read_again(tmp_path):
     run = simulate(corner(), agents=[AGENT], settings=settings(record__views="true"), threads=1)
-    read = load(save(run, tmp_path / "made"))
+    read = read_results(save(run, tmp_path / "made"))
     assert read.info["views"] == "views.parquet"
     assert read.views.column_names == ["observer_id", "seen_id", "first_time_step", "last_time_step"]
     assert read.views.column("seen_id").to_pylist() == run.views.seen_id.tolist()
@@ -142,7 +143,7 @@ def test_the_record_of_views_is_saved_and_read_again(tmp_path):
 def test_views_are_recorded_only_when_asked(tmp_path):
     run = simulate(corner(), agents=[AGENT], threads=1)
     assert run.views is None
-    read = load(save(run, tmp_path / "made"))
+    read = read_results(save(run, tmp_path / "made"))
     assert read.views is None
     assert not (tmp_path / "made" / "views.parquet").exists()
 

@@ -11,7 +11,8 @@ import pytest
 import commonroad_documents as cr
 from commonroad_documents import car, document, driven, goal, initial, lanelet, planning_problem, point, state
 from interdrive.files import read_scenario, write_scenario
-from interdrive.run import Run, States
+from interdrive.results import Run
+from interdrive.run import States
 
 
 def run_of(scenario, *, first_time_step=0, participants=None):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.config.schema import SimulationSettings
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 #: An agent stands below the first speed and is slow below the second one [m/s].
 STANDING, SLOW = 0.1, 1.0

@@ -48,12 +48,19 @@ if TYPE_CHECKING:
         PredictorSettings,
     )
     from interdrive.predictors.walenet import Walenet
-    from interdrive.results import load, save
-    from interdrive.run import Run
+    from interdrive.results import Run, save
+    from interdrive.results.run import load
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import AgentSettings, GoalSettings
     from interdrive.simulation import Simulation, simulate
     from interdrive.studies import CaseStudy, case_study
+
+    import interdrive.criticality
+    import interdrive.plots
+    import interdrive.report
+
+#: Packages that are imported when they are first used.
+_PACKAGES = ("criticality", "plots", "report")
 
 # Modules are imported when a name is first used: `interdrive --help` needs none of them.
 _HOME = {
@@ -92,9 +99,9 @@ _HOME = {
     "Predictor": "predictors",
     "PredictorSettings": "predictors",
     "Walenet": "predictors.walenet",
-    "load": "results",
+    "load": "results.run",
     "save": "results",
-    "Run": "run",
+    "Run": "results",
     "Scenario": "scenario",
     "Simulation": "simulation",
     "SimulationSettings": "config.schema",
@@ -110,6 +117,9 @@ _HOME = {
 }
 
 __all__ = [
+    "criticality",
+    "plots",
+    "report",
     "AgentSettings",
     "CaseStudy",
     "ConstantVelocity",
@@ -164,6 +174,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+    if name in _PACKAGES:
+        return importlib.import_module(f"interdrive.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'interdrive' has no attribute {name!r}")
     return getattr(importlib.import_module(f"interdrive.{_HOME[name]}"), name)

@@ -151,8 +151,8 @@ def test_the_same_runs_come_out_with_and_without_ray_and_run_folders_come_back(c
     assert out.splitlines()[-2].startswith("4 runs in")
     assert stored(place / "ray") == stored(place / "alone")
     for key in {row["key"] for row in stored(place / "ray")}:
-        info = idr.load(BatchFolder.open(place / "ray").recording(key)).info
-        assert Path(info["scenario"]["path"]).exists()
+        found = idr.load(BatchFolder.open(place / "ray").recording(key))
+        assert found.scenario.path.exists()
 
 
 def test_a_run_that_kills_its_process_or_hangs_is_a_row(cluster, place):

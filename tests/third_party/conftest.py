@@ -13,7 +13,7 @@ import interdrive as idr
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 #: Real scenarios and the agents that drive in the tests: a T-junction, a merge, a few vehicles of a dense highway.
 REAL = {

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from interdrive.batches.plan import RunSpec
     from interdrive.criticality import Criticality
-    from interdrive.run import Run
+    from interdrive.results import Run
     from interdrive.storage import ArrowTable
 
 #: How a run can end. Agents exist only in finished ones.

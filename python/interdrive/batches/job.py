@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from interdrive.batches.plan import RunSpec
     from interdrive.config.agents import PlannersSpec
     from interdrive.config.specs import PlannerSpec
-    from interdrive.run import Run
+    from interdrive.results import Run
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
 

@@ -14,7 +14,7 @@ from interdrive.errors import InputError
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 
 @click.command()
@@ -87,8 +87,8 @@ def _numbers(ids: str | None) -> list[int] | None:
 def _opened(what: str, out: str | None) -> tuple[Run, Path]:
     """The run to evaluate, and the folder for the tables."""
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
-    from interdrive.results.reader import reopen  # noqa: PLC0415
-    from interdrive.run.assemble import recorded_run  # noqa: PLC0415
+    from interdrive.results import reopen  # noqa: PLC0415
+    from interdrive.results import recorded_run  # noqa: PLC0415
     from interdrive.storage import not_a_link, resolved  # noqa: PLC0415
 
     if Path(what).is_dir():

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 KINDS = ("trajectories", "velocity", "criticality", "scene@SECONDS")
 
@@ -54,7 +54,8 @@ def plot(
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
     from interdrive.plots import draw_scene, draw_trajectories, draw_velocity, save_figure  # noqa: PLC0415 - matplotlib
     from interdrive.results import load  # noqa: PLC0415
-    from interdrive.results.reader import reopen, stored_plans  # noqa: PLC0415
+    from interdrive.results import reopen  # noqa: PLC0415
+    from interdrive.results.reader import stored_plans  # noqa: PLC0415
 
     figure: Figure
     with progress(quiet=quiet) as bar:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from interdrive.config.plugins import Listed
     from interdrive.criticality import Criticality
-    from interdrive.run import Run
+    from interdrive.results import Run
     from interdrive.scenario.inspection import Inspection
     from interdrive.studies import CaseStudy
     from interdrive.studies.runtime import RuntimeStudy

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
     from interdrive.config.specs import PlannerSpec
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 
 #: Additional recordings for a report or the film of an agent; each can be switched off again.

@@ -11,7 +11,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.criticality.measures import MEASURES, measure_named
 from interdrive.criticality.settings import CriticalitySettings
-from interdrive.criticality.source import connectors_of, traffic_of
+from interdrive.criticality.source import RecordedRun, connectors_of, traffic_of
 from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Scenario
@@ -20,7 +20,8 @@ from interdrive.scenario.native import core_road, core_shape
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.criticality.source import Bools, Floats, Ints, RecordedRun, Traffic
+    from interdrive.criticality.source import Bools, Floats, Ints, Traffic
+    from interdrive.files import ScenarioSpec
 
 #: Gaps between lanelets do not matter to the measures; this is what a road must be built with.
 _ROAD = RoadSettings(open_end_length=0.0)
@@ -179,7 +180,7 @@ class Criticality:
 
 
 def evaluate(
-    source: Scenario | RecordedRun,
+    source: ScenarioSpec | RecordedRun,
     participant_ids: Sequence[int] | None = None,
     *,
     other_ids: Sequence[int] | None = None,
@@ -190,7 +191,7 @@ def evaluate(
     """All measures at every time step.
 
     Args:
-        source: A finished run, or a scenario whose recorded traffic is judged.
+        source: A run, or a scenario (see `interdrive.ScenarioSpec`) whose recorded traffic is evaluated.
         participant_ids: Participants to judge; by default all agents of a run, all recorded vehicles of a scenario.
         other_ids: If given, only these participants (and the judged ones among themselves) are looked at.
         settings: Parameters and switches; the defaults otherwise.
@@ -206,6 +207,10 @@ def evaluate(
     if threads is not None and not 1 <= threads <= _THREADS_MAX:
         raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
     chosen = settings or CriticalitySettings()
+    if not isinstance(source, Scenario | RecordedRun):
+        from interdrive.files import open_scenario  # noqa: PLC0415 - commonroad-io takes a second to load
+
+        source = open_scenario(source)
     scenario = source if isinstance(source, Scenario) else source.scenario
     traffic = traffic_of(source)
     judged = traffic.default_ids if participant_ids is None else list(participant_ids)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -74,6 +74,7 @@ class RecordedOutcomes(Protocol):
     def impact_speed(self) -> Floats: ...
 
 
+@runtime_checkable
 class RecordedRun(Protocol):
     """`interdrive.run.Run`."""
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.run import Run, States
+    from interdrive.run import RunRecord, States
 
     Floats = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class _Ids:
         return number
 
 
-def write_scenario(run: Run) -> bytes:
+def write_scenario(run: RunRecord) -> bytes:
     """The simulated world as a CommonRoad 2020a document, for commonroad-io and tools based on it.
 
     - Roads, signs, lights and intersections are those of the scenario's file if it still exists unchanged; otherwise

@@ -9,7 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive.plots.view import Bools, Floats
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 
 @dataclass(frozen=True)

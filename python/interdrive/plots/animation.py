@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from interdrive.plots.agent_view import AgentView
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 #: The last frame stays for this long [s].
 _HOLD = 2.0

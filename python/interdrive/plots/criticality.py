@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from interdrive.criticality import Criticality, CriticalMoment, Measure
     from interdrive.plots.view import Floats
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 _COLUMNS, _PANEL = 3, 27.0 * MM
 

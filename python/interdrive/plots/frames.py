@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from interdrive.plots.agent_view import AgentView
     from interdrive.plots.view import Floats
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
 _WIDTH, _ASPECT_MIN, _ASPECT_MAX = 1200, 0.22, 0.66

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from interdrive.plots.view import Floats, View
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 _ASPECT_MAX, _PAD = 150.0 / 180.0, 0.5 * MM
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from interdrive.run import Run
+    from interdrive.results import Run
 
 #: A millimetre [in], and the width of a page [in].
 MM = 1.0 / 25.4

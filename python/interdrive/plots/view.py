@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive.run import Run, States
+    from interdrive.results import Run
+    from interdrive.run import States
 
     Floats = NDArray[np.float64]
     Bools = NDArray[np.bool_]

@@ -20,7 +20,7 @@ from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
 from interdrive.report.tables import pack_candidates, pack_plans, pack_predictions, pack_road, pack_states, pack_views
 from interdrive.results import load
-from interdrive.results.reader import reopen
+from interdrive.results import reopen
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from interdrive.report import contract
     from interdrive.report.contract import BatchHeader, Missing, Participant, RunEvent, RunHeader
     from interdrive.results import Results
-    from interdrive.run import Run
+    from interdrive.results import Run
 
     Floats = NDArray[np.float64]
 

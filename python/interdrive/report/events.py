@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from interdrive.report.measured import Measured
-    from interdrive.run import Run
+    from interdrive.results import Run
     from interdrive.storage import ArrowTable
 
 #: Moments at which a measure goes beyond this are events; of each agent the most critical one.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.run import Run
+    from interdrive.results import Run
     from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]

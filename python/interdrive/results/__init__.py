@@ -8,13 +8,15 @@ bytes. Absent numbers are null.
 from __future__ import annotations
 
 from interdrive.results.columns import COLUMNS
-from interdrive.results.folder import Results, check_target, holds_run, load, save
+from interdrive.results.folder import Results, check_target, holds_run, read_results, save
 from interdrive.results.information import FORMAT, information, software
+from interdrive.results.run import Run, recorded_run, reopen
 from interdrive.results.tables import (
     candidates_table,
     outcome_table,
     plans_table,
     predictions_table,
+    routes_table,
     states_table,
     timing_table,
     views_table,
@@ -24,14 +26,18 @@ __all__ = [
     "COLUMNS",
     "FORMAT",
     "Results",
+    "Run",
     "candidates_table",
     "check_target",
     "holds_run",
     "information",
-    "load",
     "outcome_table",
     "plans_table",
     "predictions_table",
+    "read_results",
+    "recorded_run",
+    "reopen",
+    "routes_table",
     "save",
     "software",
     "states_table",

@@ -87,6 +87,12 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("x", "number", "centre of the footprint [m]", nullable=True),
         Column("y", "number", "centre of the footprint [m]", nullable=True),
     ),
+    "routes": (
+        Column("agent_id", "integer", "whose reference path it is"),
+        Column("point", "integer", "number of the point"),
+        Column("x", "number", "[m]"),
+        Column("y", "number", "[m]"),
+    ),
     "timing": (
         Column("time_step", "integer", ""),
         Column("phase", "label", "one of interdrive.run.PHASES; the phases of a time step add up to the step"),

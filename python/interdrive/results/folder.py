@@ -13,6 +13,7 @@ from interdrive.results.tables import (
     outcome_table,
     plans_table,
     predictions_table,
+    routes_table,
     states_table,
     timing_table,
     views_table,
@@ -24,7 +25,7 @@ from interdrive.storage.writing import check_folder, replacing, resolved, write_
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from interdrive.run import Run
+    from interdrive.run import RunRecord
 
 
 #: Other files of a run folder; a folder with any further file is never replaced.
@@ -53,13 +54,14 @@ class Results:
     """Contents of a run folder: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
 
     `views`, `predictions` and `candidates` are None unless the settings `record.*` request them. `missing` names the
-    tables that are unexpectedly missing; `load` accepts this only with `in_part`.
+    tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
     """
 
     outcomes: pa.Table
     states: pa.Table
     plans: pa.Table
     timing: pa.Table
+    routes: pa.Table
     info: dict[str, Any]
     views: pa.Table | None = None
     predictions: pa.Table | None = None
@@ -67,7 +69,7 @@ class Results:
     missing: tuple[str, ...] = ()
 
 
-def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
+def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path:
     """Writes the run folder, whole or not at all, and returns its path.
 
     All files are written into a hidden folder beside the target, flushed to disk, and then renamed. Nothing is left
@@ -92,6 +94,7 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
             ("states", states_table(run)),
             ("plans", plans_table(run)),
             ("timing", timing_table(run)),
+            ("routes", routes_table(run)),
             ("views", views_table(run)),
             ("predictions", predictions_table(run)),
             ("candidates", candidates_table(run)),
@@ -105,7 +108,7 @@ def save(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     return target
 
 
-def load(folder: str | Path, *, in_part: bool = False) -> Results:
+def read_results(folder: str | Path, *, in_part: bool = False) -> Results:
     """Reads a run folder, and checks that its files are valid and belong to the same run.
 
     Args:

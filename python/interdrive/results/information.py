@@ -16,16 +16,16 @@ from interdrive.storage.writing import one_line, read_json
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from interdrive.run import AgentRecord, Run
+    from interdrive.run import AgentRecord, RunRecord
     from interdrive.scenario import Shape
 
 #: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
-#: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area. 3: states and outcomes with time_s,
-#: criticality with participant_id instead of agent_id.
+#: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area. 3: routes; states and outcomes with
+#: time_s, criticality with participant_id instead of agent_id.
 FORMAT = 3
 
 
-def information(run: Run) -> dict[str, Any]:
+def information(run: RunRecord) -> dict[str, Any]:
     """The contents of run.json as plain values."""
     scenario = run.scenario
     return {

@@ -1,28 +1,45 @@
-"""Reads a run folder back into a run, for evaluation and figures."""
+"""Reads a run folder back into arrays."""
 
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive.files import content_of_file, read_scenario
-from interdrive.results.folder import load
-from interdrive.run import PLAN_STATUS, AgentRecord, Outcomes, Plans, Run, States
+from interdrive.results.folder import read_results
+from interdrive.run import (
+    PLAN_STATUS,
+    AgentRecord,
+    Outcomes,
+    Plans,
+    RecordedCandidates,
+    RecordedPredictions,
+    RunRecord,
+    States,
+    Timings,
+    Views,
+)
 from interdrive.run.assemble import STATE_COLUMNS, no_plans, no_timings
 from interdrive.scenario import Shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
     from interdrive.results.folder import Results
     from interdrive.scenario import Scenario
+    from interdrive.storage import ArrowTable
+
+    Ints = NDArray[np.int64]
 
 
-def reopen(folder: str | Path, results: Results | None = None) -> Run:
-    """Reads a run folder as a run with states, outcomes and scenario; plans and timings are left out.
+def read_part(folder: str | Path, results: Results | None = None) -> RunRecord:
+    """Scenario, states and outcomes of a run folder; settings, plans, timings and what `record.*` keeps are left out.
 
     The scenario is the simulated file if it still exists unchanged, otherwise scenario.xml in the folder.
 
@@ -34,7 +51,7 @@ def reopen(folder: str | Path, results: Results | None = None) -> Run:
         ResultsError: if the folder or one of its files is missing, damaged or of another format.
         InputError: if the scenario cannot be read.
     """
-    results = results or load(folder)
+    results = results or read_results(folder)
     info = results.info
     scenario = _scenario_of(Path(folder), info)
     states, outcomes = _states(results, scenario), _outcomes(results)
@@ -42,10 +59,72 @@ def reopen(folder: str | Path, results: Results | None = None) -> Run:
     return _run(scenario, states, outcomes, info["digest"], tuple(info["notes"]), facts)
 
 
+def read_run(folder: str | Path) -> RunRecord:
+    """Everything that `results.save` wrote.
+
+    Raises:
+        ResultsError: if the folder or one of its files is missing, damaged or of another format.
+        InputError: if the scenario cannot be read.
+    """
+    results = read_results(folder)
+    part, info, routes = read_part(folder, results), results.info, _columns(results.routes)
+    paths = np.stack([routes["x"], routes["y"]], axis=1)
+    return replace(
+        part,
+        settings=info["settings"],
+        agents=tuple(replace(agent, reference_path=paths[routes["agent_id"] == agent.id]) for agent in part.agents),
+        plans=stored_plans(results),
+        timings=_timings(results),
+        finished=info["finished"],
+        views=None if results.views is None else Views(**_columns(results.views)),
+        predictions=None if results.predictions is None else _predictions(_columns(results.predictions)),
+        candidates=None if results.candidates is None else _candidates(_columns(results.candidates)),
+    )
+
+
+def _columns(table: ArrowTable) -> dict[str, Any]:
+    return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+
+
+def _timings(results: Results) -> Timings:
+    column = _columns(results.timing)
+    return Timings(column["time_step"], tuple(column["phase"].tolist()), column["seconds"])
+
+
+def _blocks(column: Mapping[str, Any]) -> tuple[Ints, dict[str, Any]]:
+    """The points that every row of a prediction or candidate has, and the columns with shape (rows, points)."""
+    points = np.unique(column["point"])
+    return points, {name: values.reshape(-1, max(1, len(points))) for name, values in column.items()}
+
+
+def _predictions(column: Mapping[str, Any]) -> RecordedPredictions:
+    points, table = _blocks(column)
+    xx, xy, yy = (table[name] for name in ("variance_x", "covariance_xy", "variance_y"))
+    names = ("time_step", "participant_id", "mode", "probability")
+    return RecordedPredictions(
+        point=points,
+        **{name: table[name][:, 0] for name in names},
+        x=table["x"],
+        y=table["y"],
+        covariance=np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2),
+    )
+
+
+def _candidates(column: Mapping[str, Any]) -> RecordedCandidates:
+    points, table = _blocks(column)
+    return RecordedCandidates(
+        point=points,
+        **{name: table[name][:, 0] for name in ("time_step", "agent_id", "cost", "chosen")},
+        rejection=tuple(table["rejection"][:, 0].tolist()),
+        x=table["x"],
+        y=table["y"],
+    )
+
+
 def stored_plans(results: Results) -> Plans:
     """The plans of a run folder as arrays; empty if the folder has none."""
     table = results.plans
-    column = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    column = _columns(table)
     starts = column["point"] == 0
     row = np.cumsum(starts) - 1
     shape = int(starts.sum()), int(column["point"].max(initial=-1)) + 1
@@ -78,7 +157,7 @@ def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
 
 def _states(results: Results, scenario: Scenario) -> States:
     table = results.states
-    column = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    column = _columns(table)
     # Agents that had not started when the run was stopped have no state.
     ids = np.union1d(column["participant_id"], results.outcomes["agent_id"].to_numpy())
     row = np.searchsorted(ids, column["participant_id"])
@@ -135,7 +214,7 @@ def _run(
     digest: str,
     notes: tuple[str, ...],
     facts: Mapping[int, Mapping[str, Any]] | None = None,
-) -> Run:
+) -> RunRecord:
     """A run without plans and timings; `facts` are the entries of agents in run.json, by id."""
     known = facts or {}
     rows = dict(zip(states.participant_id.tolist(), states.valid, strict=True))
@@ -154,7 +233,7 @@ def _run(
         )
         for number, planner in zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True)
     )
-    return Run(scenario, {}, agents, outcomes, states, no_plans(), no_timings(), notes, digest)
+    return RunRecord(scenario, {}, agents, outcomes, states, no_plans(), no_timings(), notes, digest)
 
 
 def _area(said: Mapping[str, Any]) -> Shape:

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    from interdrive.run import Run
+    from interdrive.run import RunRecord
 
 
-def outcome_table(run: Run) -> pa.Table:
+def outcome_table(run: RunRecord) -> pa.Table:
     """Outcomes, one row per agent, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
     ended, harm = run.outcomes, agent_harm(run)
     return _table(
@@ -41,7 +41,7 @@ def outcome_table(run: Run) -> pa.Table:
     )
 
 
-def states_table(run: Run) -> pa.Table:
+def states_table(run: RunRecord) -> pa.Table:
     """One row per time step and participant that is present then, in that order, as an Arrow table."""
     states = run.states
     step, row = np.nonzero(states.valid.T)
@@ -63,12 +63,12 @@ def states_table(run: Run) -> pa.Table:
     )
 
 
-def _seconds(run: Run, time_step: NDArray[np.int64]) -> NDArray[np.float64]:
+def _seconds(run: RunRecord, time_step: NDArray[np.int64]) -> NDArray[np.float64]:
     """Time steps in seconds, without the last bits of the multiplication."""
     return np.round(time_step * run.scenario.dt, 9)
 
 
-def plans_table(run: Run) -> pa.Table:
+def plans_table(run: RunRecord) -> pa.Table:
     """One row per plan and point, sorted by time step, agent and point, as an Arrow table."""
     plans = run.plans
     present = np.isfinite(plans.x)
@@ -92,7 +92,7 @@ def plans_table(run: Run) -> pa.Table:
     )
 
 
-def timing_table(run: Run) -> pa.Table:
+def timing_table(run: RunRecord) -> pa.Table:
     """Wall time per time step and phase, as an Arrow table."""
     names = (*PHASES, *sorted(set(run.timings.phase) - set(PHASES)))
     order = {phase: index for index, phase in enumerate(names)}
@@ -100,7 +100,20 @@ def timing_table(run: Run) -> pa.Table:
     return _table("timing", time_step=run.timings.time_step, phase=labels(names, index), seconds=run.timings.seconds)
 
 
-def views_table(run: Run) -> pa.Table | None:
+def routes_table(run: RunRecord) -> pa.Table:
+    """The reference paths of all agents, one row per point, as an Arrow table."""
+    counts = [len(agent.reference_path) for agent in run.agents]
+    points = np.concatenate([np.empty((0, 2)), *(agent.reference_path for agent in run.agents)])
+    return _table(
+        "routes",
+        agent_id=np.repeat(np.array([agent.id for agent in run.agents], dtype=np.int64), counts),
+        point=np.concatenate([np.empty(0, dtype=np.int64), *map(np.arange, counts)]),
+        x=points[:, 0],
+        y=points[:, 1],
+    )
+
+
+def views_table(run: RunRecord) -> pa.Table | None:
     """Visibility intervals, one row each, as an Arrow table; None if they were not recorded."""
     seen = run.views
     if seen is None:
@@ -109,7 +122,7 @@ def views_table(run: Run) -> pa.Table | None:
     return _table("views", **{name: getattr(seen, name) for name in names})
 
 
-def predictions_table(run: Run) -> pa.Table | None:
+def predictions_table(run: RunRecord) -> pa.Table | None:
     """One row per time step, participant, mode and point, as an Arrow table; None if that was not recorded."""
     found = run.predictions
     if found is None:
@@ -128,7 +141,7 @@ def predictions_table(run: Run) -> pa.Table | None:
     )
 
 
-def candidates_table(run: Run) -> pa.Table | None:
+def candidates_table(run: RunRecord) -> pa.Table | None:
     """One row per kept candidate and point, as an Arrow table; None if that was not recorded."""
     found = run.candidates
     if found is None:

@@ -37,6 +37,7 @@ ORDER: Mapping[str, Sequence[str]] = {
     "outcomes": ("agent_id",),
     "states": ("time_step", "participant_id"),
     "plans": ("time_step", "agent_id", "point"),
+    "routes": ("agent_id", "point"),
     "views": ("observer_id", "seen_id", "first_time_step"),
     "predictions": ("time_step", "participant_id", "mode", "point"),
     "candidates": ("time_step", "agent_id", "candidate", "point"),
@@ -151,6 +152,10 @@ def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
         raise Damage(f"time_step: agent {driver[lost[0]]} has no plan at time step {driven_at[lost[0]]}")
 
 
+def _check_routes(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    _known("agent_id", found["routes"]["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
+
+
 def _check_views(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     views, states = found["views"], found["states"]
     _known("observer_id", views["observer_id"], found["outcomes"]["agent_id"], "is not an agent")
@@ -198,6 +203,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
     "states": _check_states,
     "outcomes": _check_outcomes,
     "plans": _check_plans,
+    "routes": _check_routes,
     "views": _check_views,
     "predictions": _check_predictions,
     "candidates": _check_candidates,

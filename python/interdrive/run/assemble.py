@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import PHASES, AgentRecord, Outcomes, Plans, Run, States, Timings
+from interdrive.run.record import PHASES, AgentRecord, Outcomes, Plans, RunRecord, States, Timings
 from interdrive.scenario import KINDS
 from interdrive.scenario.native import core_shape
 
@@ -95,7 +95,7 @@ def no_timings() -> Timings:
     return Timings(np.empty(0, dtype=np.int64), (), np.empty(0))
 
 
-def recorded_run(scenario: Scenario) -> Run:
+def recorded_traffic(scenario: Scenario) -> RunRecord:
     """The recorded traffic of a scenario as a run without agents."""
     obstacles = scenario.obstacles
     sizes = np.array([core_shape(shape).extent for shape in obstacles.shapes]).reshape(-1, 2)
@@ -112,4 +112,4 @@ def recorded_run(scenario: Scenario) -> Run:
     )
     none = np.empty(0, dtype=np.int64)
     no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), ())
-    return Run(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")
+    return RunRecord(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")

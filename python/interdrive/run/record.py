@@ -6,12 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     import numpy as np
     from numpy.typing import NDArray
 
-    from interdrive.criticality import Criticality, CriticalitySettings
     from interdrive.scenario import Scenario
 
     Floats = NDArray[np.float64]
@@ -226,8 +223,8 @@ class AgentRecord:
 
 
 @dataclass(frozen=True)
-class Run:
-    """A finished (or interrupted) simulation.
+class RunRecord:
+    """The arrays of a finished (or interrupted) simulation; `interdrive.Run` has methods besides.
 
     Attributes:
         scenario: The simulated scenario.
@@ -258,22 +255,3 @@ class Run:
     views: Views | None = None
     predictions: RecordedPredictions | None = None
     candidates: RecordedCandidates | None = None
-
-    def criticality(
-        self,
-        participant_ids: Sequence[int] | None = None,
-        *,
-        other_ids: Sequence[int] | None = None,
-        settings: CriticalitySettings | None = None,
-        deceleration: Mapping[int, float] | None = None,
-        threads: int | None = None,
-    ) -> Criticality:
-        """All criticality measures at every time step, of all agents by default.
-
-        Arguments and errors are those of `interdrive.criticality.evaluate`.
-        """
-        from interdrive.criticality import evaluate  # noqa: PLC0415 - only who asks pays for it
-
-        return evaluate(
-            self, participant_ids, other_ids=other_ids, settings=settings, deceleration=deceleration, threads=threads
-        )
