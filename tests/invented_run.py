@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from interdrive.results import Run
 from interdrive.run import (
     PHASES,
     AgentRecord,
@@ -20,7 +21,6 @@ from interdrive.run import (
     States,
     Timings,
 )
-from interdrive.results import Run
 from interdrive.scenario import GoalState, Lanelets, Obstacles, Scenario, Shape
 
 N_STEPS = 60

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import commonroad_documents as cr
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 from interdrive.cli import main
-from interdrive.results import load
+from interdrive.results import read_results
 
 #: A second lanelet that no way leads to.
 APART = lanelet(1) + lanelet(2, left=((0, 52), (100, 52)), right=((0, 48), (100, 48)))
@@ -90,7 +90,7 @@ def test_among_all_an_agent_without_a_route_is_left_out_and_named(here, content,
     done = CliRunner().invoke(main, ["run", "some.xml", "--out", "made"])
     assert (done.exit_code, done.stderr) == (0, "")
     assert f"note: agent {id_}: no " in done.stdout
-    assert load("made").outcomes["agent_id"].to_pylist() == [30]
+    assert read_results("made").outcomes["agent_id"].to_pylist() == [30]
 
 
 def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
@@ -100,7 +100,7 @@ def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
     assert "1 vehicles: 30" in shown.stdout
     assert "recorded at one time step only" in shown.stdout
     assert CliRunner().invoke(main, ["run", "some.xml", "--out", "made"]).exit_code == 0
-    states = load("made").states.to_pandas()
+    states = read_results("made").states.to_pandas()
     assert states[states.participant_id == 31].time_step.tolist() == [0]
 
 

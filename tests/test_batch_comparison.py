@@ -418,8 +418,8 @@ def test_a_comparison_is_a_folder_that_is_replaced_but_nothing_else(two, tmp_pat
     found = compare(two)
     target = save_comparison(found, tmp_path / "out")
     assert sorted(path.name for path in target.iterdir()) == [
-        "comparison.md", "comparison.pdf", "comparison.png", "differences.csv", "differences.parquet",
-        "caveats.txt", "table.csv", "table.parquet",
+        "caveats.txt", "comparison.md", "comparison.pdf", "comparison.png", "differences.csv", "differences.parquet",
+        "table.csv", "table.parquet",
     ]  # fmt: skip
     assert (target / "comparison.pdf").read_bytes().startswith(b"%PDF")
     text = (target / "comparison.md").read_text(encoding="utf-8")

@@ -13,10 +13,10 @@ from click.testing import CliRunner
 
 from drivers import Straight
 from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings
-from interdrive.results import read_results
 from interdrive.cli import main
 from interdrive.config.binding import bind
 from interdrive.config.plugins import Choice, read_choice
+from interdrive.results import read_results
 from interdrive.testing import Car, problem, straight_road, world
 
 

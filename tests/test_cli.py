@@ -21,7 +21,7 @@ from interdrive import files, simulation
 from interdrive.cli import main
 from interdrive.config.plugins import Choice
 from interdrive.errors import InputError
-from interdrive.results import load, save
+from interdrive.results import read_results, save
 from invented_run import invented_run, with_agent_view
 
 RUN = invented_run()
@@ -88,7 +88,7 @@ def refused(result):
 def test_a_run_is_simulated_saved_and_reported(simulated, here):
     done = invoke("run", "bend.xml", "--out", "made")
     assert done.exit_code == 0, done.output
-    assert load("made").info["digest"] == GOOD.digest
+    assert read_results("made").info["digest"] == GOOD.digest
     for text in (
         "bend, 4 agents: 1 goal_reached, 1 goal_reached_late, 1 goal_missed, 1 collision",
         "with parked_vehicle 22",
@@ -152,7 +152,7 @@ def test_a_planner_error_is_saved_and_exits_with_1(simulated, here):
     done = invoke("run", "bend.xml", "--out", "made")
     assert done.exit_code == 1
     assert "ZeroDivisionError: division by zero" in done.stdout
-    assert load("made").outcomes["outcome"].to_pylist()[3] == "planner_error"
+    assert read_results("made").outcomes["outcome"].to_pylist()[3] == "planner_error"
 
 
 def test_pictures_lie_beside_the_tables(simulated, here):
@@ -271,7 +271,7 @@ def test_an_interrupt_while_drawing_keeps_the_run(simulated, here, monkeypatch):
     monkeypatch.setattr("interdrive.plots.draw_run", stop)
     done = invoke("run", "bend.xml", "--out", "made", "--png")
     assert (done.exit_code, done.stderr) == (130, "interrupted while drawing; the run is in made\n")
-    assert load("made").info["digest"] == GOOD.digest
+    assert read_results("made").info["digest"] == GOOD.digest
 
 
 def test_a_full_disk_is_one_line_and_leaves_nothing(simulated, here, monkeypatch):
@@ -355,7 +355,7 @@ def real(tmp_path, monkeypatch):
 def test_without_choices_the_command_line_does_what_python_does_without(real):
     assert invoke("run", "bend.xml", "--out", "made", "--quiet").exit_code == 0
     save(simulation.simulate(real / "bend.xml"), "by_python")
-    made, by_python = load("made"), load("by_python")
+    made, by_python = read_results("made"), read_results("by_python")
     assert made.info["digest"] == by_python.info["digest"]
     assert made.info["settings"] == by_python.info["settings"]
     assert made.views is made.predictions is made.candidates is None
@@ -367,7 +367,7 @@ def test_a_real_run_is_the_same_again_to_the_last_bit(real):
         "run", "bend.xml", "--agents", "3,4", "--out", "made", "--threads", "1", "--set", "view.sensor_radius=60"
     )
     assert done.exit_code == 0, done.output
-    made = load("made")
+    made = read_results("made")
     assert made.outcomes["agent_id"].to_pylist() == [3, 4]
     assert made.info["settings"]["settings"]["view.sensor_radius"] == 60.0
     agents = made.states.filter(pc.field("is_agent"))
@@ -398,7 +398,7 @@ def test_a_real_run_with_a_planner_per_agent_is_the_same_again(real):
     options = ["-m", "interdrive", "run", "bend.xml", "--agents", "1,3,4", *chosen, "--out", "made"]
     done = python(*options)
     assert done.returncode == 0, done.stderr
-    made = load("made")
+    made = read_results("made")
     assert made.outcomes["planner"].to_pylist() == ["frenet", "mine:Straight", "frenet"]
     assert made.info["settings"]["planner"] == {
         "1": "frenet",
@@ -429,7 +429,7 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
     # -P: python itself does not look for modules in the working folder.
     done = python("-P", "-m", "interdrive", "run", "bend.xml", *chosen)
     assert (done.returncode, done.stderr) == (1, "")
-    assert "division by zero" in load("made").outcomes["message"].to_pylist()[0]
+    assert "division by zero" in read_results("made").outcomes["message"].to_pylist()[0]
 
 
 @pytest.mark.parametrize(

@@ -33,9 +33,7 @@ from interdrive.criticality.tables import (
 )
 from interdrive.errors import InputError, ResultsError
 from interdrive.files import write_scenario
-from interdrive.results import save
-from interdrive.results import reopen
-from interdrive.results import recorded_run
+from interdrive.results import recorded_run, reopen, save
 from interdrive.scenario import Incoming, Shape
 from interdrive.simulation import simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world

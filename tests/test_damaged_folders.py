@@ -18,8 +18,7 @@ from interdrive.config.schema import RecordSettings, SimulationSettings
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.packing import Packer
-from interdrive.results import load, save
-from interdrive.results import reopen
+from interdrive.results import read_results, reopen, save
 from interdrive.simulation import Simulation, simulate
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -139,7 +138,7 @@ def test_a_page_holds_no_nan(folder):
 
 def test_a_folder_without_row_counts_is_read_as_before(folder):
     edited(folder / "run.json", lambda info: info.pop("rows"))
-    assert load(folder).states.num_rows > 0
+    assert read_results(folder).states.num_rows > 0
 
 
 def test_a_run_that_was_stopped_before_an_agent_had_started_is_sound(tmp_path):

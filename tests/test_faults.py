@@ -82,7 +82,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(disk, room, arguments, named):
 
 @pytest.mark.parametrize(
     ("room", "pictures", "failing"),
-    [(600, ("--png", "--gif"), "run.gif"), (500, ("--mp4",), "run.mp4"), (1150, ("--report",), "report.html")],
+    [(600, ("--png", "--gif"), "run.gif"), (540, ("--mp4",), "run.mp4"), (1150, ("--report",), "report.html")],
 )
 def test_a_disk_that_is_full_when_a_run_is_drawn_keeps_the_run(disk, ffmpeg, room, pictures, failing):
     done = disk.run(room, "run", *RUN, *pictures, "--out", "small/new", "--quiet", path=os.environ["PATH"])

@@ -11,10 +11,10 @@ from click.testing import CliRunner
 import commonroad_documents as cr
 from commonroad_documents import car, document, initial, state
 from interdrive import read_batch
-from interdrive.results import read_results
 from interdrive.batches.plan import scenario_files
 from interdrive.cli import main
 from interdrive.errors import ResultsError
+from interdrive.results import read_results
 from interdrive.storage import resolved
 
 #: How the system gives a name with the byte E9 (é in Latin-1) to Python.

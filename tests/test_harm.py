@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from interdrive.criticality import agent_harm, collisions, participant_masses
-from interdrive.results import load, outcome_table, save
+from interdrive.results import outcome_table, read_results, save
 from interdrive.run import Outcomes
 from invented_run import invented_run
 
@@ -72,7 +72,7 @@ def test_the_outcome_table_tells_harm_angle_and_area(run, tmp_path):
     for row in (0, 2, 3):
         assert [rows[row][name] for name in ("harm", "partner_harm", "impact_angle", "impact_area")] == [None] * 4
     folder = save(run, tmp_path / "run")
-    assert load(folder).outcomes.equals(outcome_table(run))
+    assert read_results(folder).outcomes.equals(outcome_table(run))
 
 
 def test_a_pair_of_agents_counts_once_and_who_hits_several_has_the_larger_harm(run):

@@ -23,8 +23,7 @@ from interdrive.plots import (
     save_figure,
 )
 from interdrive.plots.style import agent_colors, pair_colors
-from interdrive.results import load, save
-from interdrive.results import reopen
+from interdrive.results import read_results, reopen, save
 from interdrive.results.reader import stored_plans
 from interdrive.simulation import simulate
 from invented_run import invented_run
@@ -138,7 +137,7 @@ def test_a_scene_shows_agents_where_they_are_with_their_plans(run):
 
 
 def test_plans_of_a_folder_are_those_of_the_run(merge, folder):
-    plans = stored_plans(load(folder))
+    plans = stored_plans(read_results(folder))
     for name in ("time_step", "agent_id", "status", "cost", "x", "velocity"):
         np.testing.assert_array_equal(getattr(plans, name), getattr(merge.plans, name))
 

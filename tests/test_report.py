@@ -27,8 +27,7 @@ from interdrive.report.contents import run_contents
 from interdrive.report.events import events_of
 from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
-from interdrive.results import candidates_table, holds_run, load, predictions_table, save
-from interdrive.results import recorded_run
+from interdrive.results import candidates_table, holds_run, load, predictions_table, recorded_run, save
 from interdrive.simulation import simulate
 from interdrive.testing import Car, problem, straight_road, world
 from invented_run import invented_run

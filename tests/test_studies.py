@@ -16,7 +16,7 @@ from interdrive import read_scenario, shipped_scenario, simulate
 from interdrive.cli import main
 from interdrive.criticality import CriticalitySettings
 from interdrive.errors import InputError, ResultsError
-from interdrive.results import load
+from interdrive.results import read_results
 from interdrive.studies import (
     DEGREES,
     case_study,
@@ -311,7 +311,7 @@ def test_the_folder_holds_tables_runs_and_figures(studies, tmp_path):
             [*DEGREES, "profiles.pdf", "profiles.png", "scenes.pdf", "scenes.png"]
         )
         for degree, run in study.runs.items():
-            assert load(inside / degree).info["digest"] == run.digest
+            assert read_results(inside / degree).info["digest"] == run.digest
         assert (inside / "scenes.pdf").read_bytes().startswith(b"%PDF")
     cases = json.loads((folder / "study.json").read_text())["cases"]
     assert [case["folder"] for case in cases] == [study.name for study in studies.values()]
@@ -398,7 +398,7 @@ def test_any_scenario_and_pair_can_be_studied_with_planner_and_settings(here):
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     for degree in DEGREES:
-        settings = load(here / "made" / "t_junction_2001_1003" / degree).info["settings"]
+        settings = read_results(here / "made" / "t_junction_2001_1003" / degree).info["settings"]
         assert settings["predictor"] == "constant_velocity"
         assert settings["settings"]["planner.frenet.level"] == 1
     assert "a study already exists there" in refused("merge", "--out", "made")

@@ -8,10 +8,10 @@ import sys
 import pytest
 
 from interdrive import SimulationSettings, read_batch, save, simulate
-from interdrive.results import read_results
 from interdrive.config.schema import RecordSettings
 from interdrive.plots import animate_run
 from interdrive.report import write_run_report
+from interdrive.results import read_results
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 
 from drivers import Straight
 from interdrive import Simulation, SimulationSettings, ViewSettings, save, simulate
-from interdrive.results import read_results
 from interdrive.config.binding import bind
+from interdrive.results import read_results
 from interdrive.scenario import Shape
 from interdrive.testing import Car, crossing, problem, straight_road, world
 

@@ -47,13 +47,15 @@ def samples_of(run: Run, i: int, route: _core.Route, category: str) -> Samples |
     extent = {
         int(one): (states.length[row], states.width[row]) for row, one in enumerate(states.participant_id.tolist())
     }
-    driven = _values(run, states, int(np.searchsorted(states.participant_id, agent.id)), route, extent, every)
-    return Samples(category, driven, _values(run, obstacles, int(recorded[0]), route, extent, every))
+    row = int(np.searchsorted(states.participant_id, agent.id))
+    driven = _values(run, states, states.participant_id, row, route, extent, every)
+    return Samples(category, driven, _values(run, obstacles, obstacles.ids, int(recorded[0]), route, extent, every))
 
 
 def _values(
     run: Run,
     table: States | Obstacles,
+    ids: NDArray[np.int64],
     row: int,
     route: _core.Route,
     extent: dict[int, tuple[float, float]],
@@ -66,17 +68,21 @@ def _values(
     return {
         "speed": table.velocity[row, steps],
         "acceleration": table.acceleration[row, steps],
-        "headway": _headways(table, row, steps, extent),
+        "headway": _headways(table, ids, row, steps, extent),
         "lateral offset": offset[~np.isnan(offset)],
         "standing time": np.array([standing]),
     }
 
 
 def _headways(
-    table: States | Obstacles, row: int, steps: NDArray[np.int64], extent: dict[int, tuple[float, float]]
+    table: States | Obstacles,
+    ids: NDArray[np.int64],
+    row: int,
+    steps: NDArray[np.int64],
+    extent: dict[int, tuple[float, float]],
 ) -> Floats:
     """Time to the rear of the nearest participant straight ahead [s], where there is one."""
-    known = [extent.get(int(one), (np.nan, np.nan)) for one in table.ids.tolist()]
+    known = [extent.get(int(one), (np.nan, np.nan)) for one in ids.tolist()]
     length, width = np.array(known).T[:, :, None]
     x, y = table.x[:, steps] - table.x[row, steps], table.y[:, steps] - table.y[row, steps]
     cos, sin = np.cos(table.orientation[row, steps]), np.sin(table.orientation[row, steps])

@@ -14,6 +14,7 @@ TYPE_CHECKING = False  # typing takes longer to import than this module
 if TYPE_CHECKING:
     from typing import Any
 
+    from interdrive import criticality, plots, report
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.batches import batch, read_batch
     from interdrive.config.agents import PlannersSpec, ViewsSpec
@@ -48,16 +49,11 @@ if TYPE_CHECKING:
         PredictorSettings,
     )
     from interdrive.predictors.walenet import Walenet
-    from interdrive.results import Run, save
-    from interdrive.results.run import load
+    from interdrive.results import Run, load, save
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import AgentSettings, GoalSettings
     from interdrive.simulation import Simulation, simulate
     from interdrive.studies import CaseStudy, case_study
-
-    import interdrive.criticality
-    import interdrive.plots
-    import interdrive.report
 
 #: Packages that are imported when they are first used.
 _PACKAGES = ("criticality", "plots", "report")
@@ -99,7 +95,7 @@ _HOME = {
     "Predictor": "predictors",
     "PredictorSettings": "predictors",
     "Walenet": "predictors.walenet",
-    "load": "results.run",
+    "load": "results",
     "save": "results",
     "Run": "results",
     "Scenario": "scenario",
@@ -117,9 +113,6 @@ _HOME = {
 }
 
 __all__ = [
-    "criticality",
-    "plots",
-    "report",
     "AgentSettings",
     "CaseStudy",
     "ConstantVelocity",
@@ -161,10 +154,13 @@ __all__ = [
     "__version__",
     "batch",
     "case_study",
+    "criticality",
     "evaluate_predictors",
     "load",
+    "plots",
     "read_batch",
     "read_scenario",
+    "report",
     "save",
     "scenario_from_commonroad",
     "shipped_scenario",

@@ -20,8 +20,8 @@ from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import ask
 from interdrive.planners.workers import Workers, can_be_sent
-from interdrive.run import Plans, Views
 from interdrive.results import Run
+from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.scenario import KINDS, Scenario

@@ -87,8 +87,7 @@ def _numbers(ids: str | None) -> list[int] | None:
 def _opened(what: str, out: str | None) -> tuple[Run, Path]:
     """The run to evaluate, and the folder for the tables."""
     from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
-    from interdrive.results import reopen  # noqa: PLC0415
-    from interdrive.results import recorded_run  # noqa: PLC0415
+    from interdrive.results import recorded_run, reopen  # noqa: PLC0415 - pyarrow
     from interdrive.storage import not_a_link, resolved  # noqa: PLC0415
 
     if Path(what).is_dir():

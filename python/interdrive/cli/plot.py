@@ -53,14 +53,13 @@ def plot(
 
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
     from interdrive.plots import draw_scene, draw_trajectories, draw_velocity, save_figure  # noqa: PLC0415 - matplotlib
-    from interdrive.results import load  # noqa: PLC0415
-    from interdrive.results import reopen  # noqa: PLC0415
+    from interdrive.results import read_results, reopen  # noqa: PLC0415 - pyarrow
     from interdrive.results.reader import stored_plans  # noqa: PLC0415
 
     figure: Figure
     with progress(quiet=quiet) as bar:
         bar.say(f"reading {folder}")
-        results = load(folder, in_part=True)
+        results = read_results(folder, in_part=True)
         run = reopen(folder, results)
         bar.say("drawing")
         if time is not None:

@@ -31,10 +31,10 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
     from interdrive.config.agents import modules_named  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
-    from interdrive.results import information, load  # noqa: PLC0415
+    from interdrive.results import information, read_results  # noqa: PLC0415
     from interdrive.simulation import simulate  # noqa: PLC0415
 
-    info = load(folder).info
+    info = read_results(folder).info
     path = _scenario_file(folder, info, scenario)
     try:
         wanted = info["settings"]

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
     from interdrive.criticality import Criticality
     from interdrive.plots.view import Floats
-    from interdrive.run import Plans
     from interdrive.results import Run
+    from interdrive.run import Plans
 
 #: Widths on paper [mm] by number of columns: those of IEEE journals (88.9 and 181.9 mm), a little less.
 WIDTHS = {1: 88.0, 2: 180.0}

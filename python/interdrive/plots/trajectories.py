@@ -8,8 +8,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive.plots.view import Floats
-    from interdrive.run import Plans
     from interdrive.results import Run
+    from interdrive.run import Plans
 
 #: The least probable mode keeps so much of its strength.
 _FAINTEST = 0.15

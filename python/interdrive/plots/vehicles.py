@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from interdrive.plots.view import Floats, View
-    from interdrive.run import AgentRecord
     from interdrive.results import Run
+    from interdrive.run import AgentRecord
 
 
 def outlines(shape: Shape) -> list[Floats]:

@@ -19,8 +19,7 @@ from interdrive.report.events import Event, events_of
 from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
 from interdrive.report.tables import pack_candidates, pack_plans, pack_predictions, pack_road, pack_states, pack_views
-from interdrive.results import load
-from interdrive.results import reopen
+from interdrive.results import read_results, reopen
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 
@@ -30,8 +29,7 @@ if TYPE_CHECKING:
     from interdrive.criticality import Measure
     from interdrive.report import contract
     from interdrive.report.contract import BatchHeader, Missing, Participant, RunEvent, RunHeader
-    from interdrive.results import Results
-    from interdrive.results import Run
+    from interdrive.results import Results, Run
 
     Floats = NDArray[np.float64]
 
@@ -51,7 +49,7 @@ def run_contents(folder: str | Path) -> Contents:
         ResultsError: if the folder is no run folder, or damaged, or of another format.
         InputError: if its scenario cannot be read.
     """
-    results = load(folder, in_part=True)
+    results = read_results(folder, in_part=True)
     run = reopen(folder, results)
     view = view_of(run)
     packer, lacking, origin = Packer(), _lacking(results), _origin(view)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import Results, check_target, holds_run, read_results, save
 from interdrive.results.information import FORMAT, information, software
-from interdrive.results.run import Run, recorded_run, reopen
+from interdrive.results.run import Run, load, recorded_run, reopen
 from interdrive.results.tables import (
     candidates_table,
     outcome_table,
@@ -31,6 +31,7 @@ __all__ = [
     "check_target",
     "holds_run",
     "information",
+    "load",
     "outcome_table",
     "plans_table",
     "predictions_table",
