@@ -148,7 +148,7 @@ report_bundle: ## builds the front end of reports (needs node and npm); says whe
 	git diff --exit-code --stat -- python/interdrive/report/bundle
 
 versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with the oldest libraries that pyproject.toml allows
-	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/test_versions.py
+	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/project/test_versions.py
 
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training

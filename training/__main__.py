@@ -128,7 +128,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--networks", type=Path, help="where networks are kept; those that are there are not trained")
     parser.add_argument("--log", type=Path, default=ROOT / "training" / "log")
     parser.add_argument("--weights", type=Path, default=ROOT / "python/interdrive/predictors/neural.safetensors")
-    parser.add_argument("--fixture", type=Path, default=ROOT / "tests/neural_forward.npz")
+    parser.add_argument("--fixture", type=Path, default=ROOT / "tests/predictors/neural_forward.npz")
     return parser.parse_args()
 
 

@@ -13,13 +13,13 @@ import pytest
 import interdrive as idr
 from interdrive.batches import BatchFolder
 
-HERE = Path(__file__).parent
+SUPPORT = Path(__file__).parents[1] / "support"
 SCENARIOS = ["t_junction", "lane_merge", "highway"]
 
 
 @pytest.fixture
 def place(tmp_path):
-    shutil.copy(HERE.parent / "batch_planners.py", tmp_path / "batch_planners.py")
+    shutil.copy(SUPPORT / "batch_planners.py", tmp_path / "batch_planners.py")
     return tmp_path
 
 

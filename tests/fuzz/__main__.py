@@ -25,7 +25,7 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # tests share small documents
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "support"))  # tests share small documents
 
 from tests.fuzz.isolation import Ending, Limits, isolated
 from tests.fuzz.mutants import mutant

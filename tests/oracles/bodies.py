@@ -8,10 +8,17 @@ import numpy as np
 import shapely
 
 from interdrive import _core
-from interdrive.scenario import Shape
+from interdrive.scenario import Obstacles, Shape
 from interdrive.scenario.native import core_shape
 
 Pose = tuple[float, float, float]
+
+#: Rounding of distances: near the origin, and where coordinates have seven digits before the point.
+EXACT, EXACT_FAR_AWAY = 1e-10, 2e-8
+
+
+def poses_of(obstacles: Obstacles, row: int) -> np.ndarray:
+    return np.column_stack([obstacles.x[row], obstacles.y[row], obstacles.orientation[row]])
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,13 @@ import warnings
 import numpy as np
 import pytest
 import shapely
-from bodies import body_of, core_distances, distances, random_shape
+from bodies import EXACT, EXACT_FAR_AWAY, body_of, core_distances, distances, poses_of, random_shape
 from commonroad.common.file_reader import CommonRoadFileReader
 from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
 
 from interdrive import Simulation
 from interdrive.scenario import GoalState, InitialState, Obstacles, PlanningProblem, Scenario, Shape
 from interdrive.testing import straight_road
-
-#: Rounding of distances: near the origin, and where coordinates have seven digits before the point.
-EXACT, EXACT_FAR_AWAY = 1e-10, 2e-8
-
-
-def poses_of(obstacles: Obstacles, row: int) -> np.ndarray:
-    return np.column_stack([obstacles.x[row], obstacles.y[row], obstacles.orientation[row]])
 
 
 @pytest.mark.parametrize("kinds", list(itertools.combinations_with_replacement(("rectangle", "circle", "polygon"), 2)))

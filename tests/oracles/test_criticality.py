@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from bodies import body_of, distances
+from bodies import EXACT, EXACT_FAR_AWAY, body_of, distances, poses_of
 from commonroad_curves import curvilinear
-from test_bodies import EXACT, EXACT_FAR_AWAY, poses_of
 
 from interdrive import _core
 from interdrive.criticality import CriticalitySettings, evaluate

@@ -1,0 +1,75 @@
+"""The benchmark of driving: what its figures mean, on shipped scenarios and invented numbers."""
+
+import csv
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from interdrive import shipped_scenario
+
+FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "driving"
+if not FOLDER.is_dir():
+    pytest.skip("benchmarks/ is part of the repository, not of the package", allow_module_level=True)
+
+
+@pytest.fixture
+def part(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+
+    def imported(name):
+        return __import__(name)
+
+    yield imported
+    for name in ("causes", "drives", "realism", "tables"):
+        sys.modules.pop(name, None)
+
+
+def benchmark(*arguments):
+    return subprocess.run(
+        [sys.executable, str(FOLDER), *map(str, arguments), "--workers", "1"],
+        env=os.environ,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def test_every_agent_has_a_row_and_a_second_run_differs_in_nobody(tmp_path):
+    (tmp_path / "junction").mkdir()
+    shutil.copy(shipped_scenario("t_junction"), tmp_path / "junction")
+    files = [tmp_path / "one.csv", tmp_path / "other.csv"]
+    cache = ("--reachable", tmp_path / "reachable.json")
+    first = benchmark(tmp_path, "--csv", files[0], *cache)
+    assert first.returncode == 0, first.stderr
+    second = benchmark(tmp_path, "--csv", files[1], "--against", files[0], *cache)
+    assert files[0].read_text() == files[1].read_text()
+    with files[0].open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) > 1
+    assert all(row["category"] == "junction" for row in rows)
+    assert second.stdout.split("cause now |")[1].split("## Failures")[0].strip() == "|---|--:|---|---|---|---|"
+
+
+def test_a_folder_without_scenarios_is_refused_in_one_line(tmp_path):
+    done = benchmark(tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+
+
+def test_distance_of_distributions_is_how_far_one_must_be_moved(part):
+    wasserstein = part("realism").wasserstein
+    assert wasserstein(np.array([1.0, 2.0, 3.0]), np.array([4.0, 2.0, 3.0])) == pytest.approx(1.0)
+    assert wasserstein(np.array([0.0]), np.array([0.0, 1.0])) == pytest.approx(0.5)
+    assert np.isnan(wasserstein(np.array([]), np.array([1.0])))
+
+
+def test_the_longest_stand_is_one_without_a_break(part):
+    stands = np.array([1, 1, 0, 1, 1, 1, 0, 1], dtype=bool)
+    assert part("drives").longest(stands, 0.5) == pytest.approx(1.5)
+    assert part("drives").longest(np.zeros(0, dtype=bool), 0.5) == 0.0

@@ -1,0 +1,104 @@
+"""The README does what it says: its examples run, one after the other as a reader would, and leave what it promises."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import interdrive as idr
+from interdrive.report import is_batch
+from interdrive.results import holds_run
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+COMMANDS = [line[2:] for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL) for line in block.splitlines()]
+
+
+def printed(number, folder):
+    """What an example in Python prints."""
+    words = [sys.executable, "-c", PYTHON[number]]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def console(tmp_path_factory):
+    """The folder in which all commands ran, and what each of them printed."""
+    folder, said = tmp_path_factory.mktemp("readme"), {}
+    for command in COMMANDS:
+        program, *arguments = shlex.split(command)
+        assert program == "interdrive"
+        words = [sys.executable, "-m", "interdrive", *arguments]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, ""), command
+        said[command] = done.stdout
+    return folder, said
+
+
+def test_a_run_from_python_gives_outcomes_and_states(tmp_path):
+    *outcomes, shape = printed(0, tmp_path).splitlines()
+    run = idr.simulate("t_junction", agents="all")
+    assert outcomes == [
+        f"{agent} {end}" for agent, end in zip(run.outcomes.agent_id, run.outcomes.outcome, strict=True)
+    ]
+    assert shape == str(run.states.x.shape)
+
+
+def test_a_run_step_by_step_is_saved(tmp_path):
+    assert printed(1, tmp_path) == ""
+    found = idr.load(tmp_path / "out" / "lane_merge")
+    assert len(found.agents) == 3
+    assert found.settings["predictor"] == "constant_velocity"
+
+
+def test_every_agent_gets_its_planner(tmp_path):
+    planners = ast.literal_eval(printed(2, tmp_path))
+    assert planners.pop(1001) == "idm"
+    assert set(planners.values()) == {"frenet"}
+    assert len(planners) > 2
+
+
+def test_the_planner_of_the_reader_keeps_the_contract(tmp_path):
+    assert PYTHON[3:] == PYTHON[3:4], "an example that no test looks at"
+    ends = ast.literal_eval(printed(3, tmp_path))
+    assert ends["an empty road"] == "goal_reached"
+    assert len(ends) == 4
+    assert "planner_error" not in ends.values()
+
+
+def test_every_command_leaves_what_it_is_told_to_make(console):
+    folder, said = console
+    made = {Path(words[words.index("--out") + 1]) for words in map(shlex.split, COMMANDS) if "--out" in words}
+    runs = {path for path in made if holds_run(folder / path)}
+    assert runs == {Path("out/t_junction"), Path("out/mixed"), Path("out/views")}
+    assert {path for path in made if is_batch(folder / path)} == {Path("out/batch")}
+    assert (folder / "out" / "velocity.pdf").read_bytes().startswith(b"%PDF")
+    assert (folder / "out" / "predictions" / "measures.parquet").is_file()
+    assert made - runs == {Path("out/batch"), Path("out/velocity.pdf"), Path("out/predictions")}
+    assert [text[:6] for command, text in said.items() if command.startswith("interdrive verify")] == ["equal:"] * 2
+
+
+def test_a_run_folder_holds_the_files_of_the_table(console):
+    folder, _ = console
+    rows = re.findall(r"^\| (`[^|]*) \| (.*) \|$", README.split("## What comes out")[1], re.MULTILINE)
+    described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
+    found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
+    others = {"run.png", "run.gif", "criticality_extremes.parquet"}  # asked for, or part of what is described
+    assert described - {"predictions.parquet", "candidates.parquet"} == found - others
+
+
+def test_settings_of_an_agent_reach_its_run(console):
+    folder, _ = console
+    mixed, views = (idr.load(folder / "out" / name) for name in ("mixed", "views"))
+    chosen = dict(zip(mixed.outcomes.agent_id.tolist(), mixed.outcomes.planner, strict=True))
+    assert (chosen[1001], chosen[1002]) == ("idm", "frenet")
+    assert mixed.settings["planner"]["1002"] == {"planner": "frenet", "level": 1}
+    assert views.settings["views"]["2001"]["occlusion"] is True
+    assert len(views.views.observer_id)

@@ -1,0 +1,55 @@
+"""The picture in ARCHITECTURE.md is the one that the layer checks use."""
+
+import re
+import tomllib
+from pathlib import Path
+
+from interdrive import _core
+from interdrive.criticality import IMPACT_AREAS, MEASURES
+from interdrive.run import PLAN_STATUS
+from interdrive.run.assemble import OUTCOME_NAMES
+from interdrive.scenario import KINDS
+
+ROOT = Path(__file__).parents[2]
+PICTURE = re.search(r"## The picture\n\n(.*?)\n\n", (ROOT / "ARCHITECTURE.md").read_text(), re.DOTALL)[1]
+PYTHON, RUST = (
+    [line.strip().split("  ")[0] for line in part.splitlines() if line.strip()]
+    for part in re.split(r"\n    ---.*", PICTURE)
+)
+
+
+def test_the_python_part_is_what_import_linter_checks():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        contracts = tomllib.load(file)["tool"]["importlinter"]["contracts"]
+    layers = next(contract["layers"] for contract in contracts if contract["type"] == "layers")
+    assert layers == PYTHON
+
+
+def test_the_rust_part_is_the_order_in_lib_rs():
+    lib = (ROOT / "crates" / "core" / "src" / "lib.rs").read_text()
+    assert RUST[0].startswith("interdrive._core")
+    assert [name for line in RUST[1:] for name in line.split(", ")] == re.findall(r"^pub mod (\w+);", lib, re.M)[::-1]
+
+
+def test_no_module_of_the_package_imports_the_package_itself():
+    """import-linter takes the compiled core for the package and cannot tell."""
+    found = {
+        (names, path.name if names != "_core" else "")
+        for path in (ROOT / "python" / "interdrive").rglob("*.py")
+        for names in re.findall(r"^\s*from interdrive import (.*)", path.read_text(), re.M)
+    }
+    assert found == {("_core", ""), ("criticality, plots, report", "__init__.py")}
+
+
+def test_codes_mean_the_same_on_both_sides_of_the_boundary():
+    def snake(name: str) -> str:
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+    ours = {
+        "kind": KINDS,
+        "outcome": OUTCOME_NAMES,
+        "plan_status": PLAN_STATUS,
+        "impact_area": IMPACT_AREAS,
+        "measure": tuple(measure.name for measure in MEASURES),
+    }
+    assert {what: tuple(map(snake, names)) for what, names in _core.CODES.items()} == ours
