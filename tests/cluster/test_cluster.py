@@ -83,6 +83,14 @@ def works_on(group, marks):
     return found
 
 
+def await_end(processes):
+    """Until processes are gone; the system may take a moment to clear away what was killed."""
+    until = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in processes):
+        assert time.monotonic() < until, "runs go on"
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize("address", ["auto", "127.0.0.1:1"])
 def test_no_cluster_is_one_line(address, place):
     begin = time.monotonic()
@@ -107,7 +115,7 @@ def test_a_node_that_is_killed_loses_no_run_and_makes_none_twice(mortal_cluster,
     assert {row["status"] for row in rows} == {"finished"}, out
     assert len({row["key"] for row in rows}) == len(rows) == 3
     assert len(list((place / "marks").iterdir())) >= 4  # of three runs one was begun again
-    assert all(not Path(f"/proc/{pid}").exists() for pid in lost)
+    await_end(lost)
     ended(batch(place, *wanted, "--out", "alone", "--workers", 2))
     assert rows == stored(place / "alone")
 
@@ -137,10 +145,7 @@ def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, pla
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, (out, err)
     assert err == "interrupted; finished runs are in ray, the same command does the missing ones\n"
-    until = time.monotonic() + 30
-    while any(Path(f"/proc/{pid}").exists() for pid in left):
-        assert time.monotonic() < until, "runs go on"
-        time.sleep(0.05)
+    await_end(left)
     assert stored(place / "ray") == []
 
 
