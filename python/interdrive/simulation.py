@@ -7,7 +7,7 @@ import time
 from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from interdrive import _core
 from interdrive.config.agents import agent_configs, run_config, stored
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import ViewSettings
     from interdrive.planners.calls import Answer
-    from interdrive.run import Outcomes
+    from interdrive.run import Outcomes, RunSettings
 
 #: More threads than any machine has cores; the system would run out of them.
 _THREADS_MAX = 1024
@@ -313,7 +313,7 @@ class Simulation:
             f"the run ended after {most} time steps (step.max_steps) while these agents were still driving: {shown}"
         ]
 
-    def _repeatable_settings(self) -> dict[str, Any]:
+    def _repeatable_settings(self) -> RunSettings:
         return {
             "agents": self._agents_wanted,
             **stored(self._configs, self._predictor_config, self.settings),

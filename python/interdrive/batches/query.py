@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 from interdrive.batches.columns import RUN_COLUMNS
 from interdrive.batches.dataset import key_table, streamed
@@ -14,6 +14,7 @@ from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import date, time, timedelta
     from pathlib import Path
 
     from duckdb import DuckDBPyConnection, DuckDBPyRelation, Statement
@@ -34,6 +35,10 @@ _MEMORY_MIN = 50_000_000
 _PORTION, _CELL = 1000, 64
 
 
+#: A value of an answer; DuckDB gives dates and the like as its own types have them in Python.
+Cell: TypeAlias = "bool | int | float | str | bytes | date | time | timedelta | list[Cell] | dict[str, Cell] | None"
+
+
 @dataclass(frozen=True)
 class Answer:
     """What came of a question.
@@ -44,7 +49,7 @@ class Answer:
     """
 
     columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
+    rows: tuple[tuple[Cell, ...], ...]
 
 
 def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: float = MEMORY) -> Answer:
@@ -102,7 +107,7 @@ def _answer(asked: DuckDBPyRelation, memory: float) -> Answer:
     """All rows, read in portions."""
     read = asked.to_arrow_reader if hasattr(asked, "to_arrow_reader") else asked.fetch_arrow_reader  # before 1.4
     portions = read(_PORTION)
-    rows: list[tuple[Any, ...]] = []
+    rows: list[tuple[Cell, ...]] = []
     held = 0.0
     for portion in portions:
         columns = [[_plain(value) for value in column.to_pylist()] for column in portion.columns]

@@ -21,7 +21,7 @@ import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from interdrive import _core
 from interdrive.batches.columns import NOT_ARRIVED
@@ -335,7 +335,7 @@ def _version(path: Path) -> tuple[int, ...]:
     return found.st_ino, found.st_mtime_ns, found.st_size
 
 
-def read_batch(path: str | Path, columns: Sequence[str] | None = None) -> Any:  # noqa: ANN401 - an Arrow table
+def read_batch(path: str | Path, columns: Sequence[str] | None = None) -> ArrowTable:
     """The data set of a batch folder as an Arrow table, one row per run and agent.
 
     Args:

@@ -37,7 +37,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     info = read_results(folder).info
     path = _scenario_file(folder, info, scenario)
     try:
-        wanted = info["settings"]
+        wanted: dict[str, Any] = {**info["settings"]}
         if not wanted.get("repeatable", True):
             raise InputError(
                 f"{folder}: the run used objects made in Python, which run.json cannot name; repeat it there"

@@ -41,7 +41,7 @@ class Metric:
     better: int = -1
     digits: int = 1
 
-    def values(self, columns: Mapping[str, Any]) -> Floats:
+    def values(self, columns: Mapping[str, NDArray[Any]]) -> Floats:
         """One value per agent.
 
         Args:

@@ -18,6 +18,7 @@ from interdrive.native_settings import ViewSettings
 
 if TYPE_CHECKING:
     from interdrive.config.schema import SimulationSettings
+    from interdrive.run import RunSettings
     from interdrive.scenario.agents import Agent
 
 T = TypeVar("T")
@@ -119,7 +120,7 @@ def agent_configs(config: RunConfig, views: ViewsSpec, agents: Sequence[Agent]) 
     return found
 
 
-def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> dict[str, Any]:
+def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> RunSettings:
     """Planners, views and predictor as plain values, and whether they reproduce the run ("repeatable")."""
     plain = {agent: config.planner.plain(settings.planner) for agent, config in agents.items()}
     values = [value for value, _ in plain.values()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import Choice, read_choice
@@ -19,12 +19,13 @@ from interdrive.prediction_evaluation.timing import Timing, measured_timings
 from interdrive.predictors import NATIVE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PredictorSpec
     from interdrive.prediction_evaluation.recordings import Recording
     from interdrive.prediction_evaluation.split import Split
+    from interdrive.run import Json
 
 #: Predictors that "all" leaves out: no planner in a car could have them.
 _FOR_STUDIES = ("ground_truth",)
@@ -50,7 +51,7 @@ class PredictionEvaluation:
     samples: Samples
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
-    settings: dict[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Json] = field(default_factory=dict)
     choices: tuple[Choice, ...] = ()
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
 

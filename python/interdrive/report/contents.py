@@ -24,12 +24,14 @@ from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from interdrive.criticality import Measure
     from interdrive.report import contract
     from interdrive.report.contract import BatchHeader, Missing, Participant, RunEvent, RunHeader
-    from interdrive.results import Results, Run
+    from interdrive.results import Results, Run, RunInformation
 
     Floats = NDArray[np.float64]
 
@@ -55,7 +57,7 @@ def run_contents(folder: str | Path) -> Contents:
     packer, lacking, origin = Packer(), _lacking(results), _origin(view)
     pack_states(packer, run, origin)
     pack_road(packer, run, origin)
-    settings = results.info.get("settings", {}).get("settings", {})
+    settings = _settings(results.info)
     replan_every = int(settings.get("step.replan_every", 1))
     pack_plans(packer, run, origin, results.plans, replan_every)
     pack_views(packer, run, results.views)
@@ -91,9 +93,9 @@ def run_contents(folder: str | Path) -> Contents:
         "missing": lacking,
         "info": {
             "digest": info.get("digest", ""),
-            "settings": info.get("settings", {}),
-            "versions": info.get("versions", {}),
-            "platform": info.get("platform", {}),
+            "settings": {**info.get("settings", {})},
+            "versions": {**info.get("versions", {})},
+            "platform": {**info.get("platform", {})},
             "notes": info.get("notes", []),
             "seed": info.get("seed"),
         },
@@ -184,16 +186,20 @@ def _body(run: Run, row: int) -> list[Floats] | None:
     return body_outlines(run)[row]
 
 
-def _sight(info: dict[str, Any], number: int) -> tuple[float | None, bool]:
+def _settings(info: RunInformation) -> Mapping[str, Any]:
+    """All settings by their dotted names, checked when they were read."""
+    return info.get("settings", {}).get("settings", {})
+
+
+def _sight(info: RunInformation, number: int) -> tuple[float | None, bool]:
     """How far an agent sees [m] (None: without limit), and whether others hide each other."""
-    said = info.get("settings", {})
-    values = {**said.get("settings", {}), **_dotted(said.get("views", {}).get(str(number), {}))}
+    values = {**_settings(info), **_dotted(info.get("settings", {}).get("views", {}).get(str(number), {}))}
     radius = values.get("view.sensor_radius")
     far = None if radius is None or not np.isfinite(float(radius)) else float(radius)
     return far, bool(values.get("view.occlusion", False))
 
 
-def _dotted(own: dict[str, Any]) -> dict[str, Any]:
+def _dotted(own: Mapping[str, Any]) -> dict[str, Any]:
     return {f"view.{name.removeprefix('view.')}": value for name, value in own.items()}
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import Results, check_target, holds_run, read_results, save
-from interdrive.results.information import FORMAT, information, software
+from interdrive.results.information import FORMAT, RunInformation, information, software
 from interdrive.results.run import Run, load, recorded_run, reopen
 from interdrive.results.tables import (
     candidates_table,
@@ -27,6 +27,7 @@ __all__ = [
     "FORMAT",
     "Results",
     "Run",
+    "RunInformation",
     "candidates_table",
     "check_target",
     "holds_run",

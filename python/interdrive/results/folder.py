@@ -25,6 +25,7 @@ from interdrive.storage.writing import check_folder, replacing, resolved, write_
 if TYPE_CHECKING:
     import pyarrow as pa
 
+    from interdrive.results.information import RunInformation
     from interdrive.run import RunRecord
 
 
@@ -62,7 +63,7 @@ class Results:
     plans: pa.Table
     timing: pa.Table
     routes: pa.Table
-    info: dict[str, Any]
+    info: RunInformation
     views: pa.Table | None = None
     predictions: pa.Table | None = None
     candidates: pa.Table | None = None

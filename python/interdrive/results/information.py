@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
 
@@ -14,9 +14,10 @@ from interdrive.results.schema import check_information
 from interdrive.storage.writing import one_line, read_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from interdrive.run import AgentRecord, RunRecord
+    from interdrive.run import AgentRecord, Json, RunRecord, RunSettings
     from interdrive.scenario import Shape
 
 #: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
@@ -25,7 +26,66 @@ if TYPE_CHECKING:
 FORMAT = 3
 
 
-def information(run: RunRecord) -> dict[str, Any]:
+class ScenarioInformation(TypedDict):
+    """The simulated scenario: `path` is None if it was made in Python, `sha256` that of its content, `dt` in s."""
+
+    name: str
+    benchmark_id: str
+    path: str | None
+    sha256: str
+    dt: float
+    notes: list[str]
+
+
+class AgentInformation(TypedDict):
+    """Constant properties of one agent; `goal_time_step` is the first and the last admissible one."""
+
+    id: int
+    origin: str
+    start_time_step: int
+    goal_time_step: list[int]
+    goal_areas: list[Mapping[str, Json]]
+    route_lanelet_ids: list[int]
+
+
+class SoftwareInformation(TypedDict):
+    """What a file of results was made with."""
+
+    versions: Mapping[str, str | None]
+    platform: Mapping[str, str | int | None]
+
+
+class RunInformation(SoftwareInformation):
+    """The contents of run.json.
+
+    Attributes:
+        format: `FORMAT`.
+        scenario: The simulated scenario.
+        settings: What repeats the run.
+        seed: Seed of what is drawn.
+        digest: SHA-256 of all states.
+        finished: False if the run was stopped from outside.
+        views: Name of the table of visibility intervals, None if there is none.
+        predictions: Name of the table of predictions, None if there is none.
+        candidates: Name of the table of candidates, None if there is none.
+        agents: One entry per agent, sorted by id.
+        notes: Remarks, one line each.
+    """
+
+    format: int
+    scenario: ScenarioInformation
+    settings: RunSettings
+    seed: int | None
+    digest: str
+    finished: bool
+    views: str | None
+    predictions: str | None
+    candidates: str | None
+    agents: list[AgentInformation]
+    notes: list[str]
+
+
+def information(run: RunRecord) -> RunInformation:
     """The contents of run.json as plain values."""
     scenario = run.scenario
     return {
@@ -51,7 +111,7 @@ def information(run: RunRecord) -> dict[str, Any]:
     }
 
 
-def software() -> dict[str, Any]:
+def software() -> SoftwareInformation:
     """Versions and platform, for files that document the origin of results."""
     return {
         "versions": {
@@ -64,7 +124,7 @@ def software() -> dict[str, Any]:
     }
 
 
-def read_information(folder: Path) -> dict[str, Any]:
+def read_information(folder: Path) -> RunInformation:
     """Reads the run.json of a folder.
 
     Raises:
@@ -72,7 +132,7 @@ def read_information(folder: Path) -> dict[str, Any]:
     """
     path = folder / "run.json"
     try:
-        info = read_json(path)
+        info: Any = read_json(path)
     except (FileNotFoundError, NotADirectoryError):
         raise ResultsError(f"{folder}: this is not a run folder, it has no run.json") from None
     except (OSError, ValueError) as cause:
@@ -81,7 +141,7 @@ def read_information(folder: Path) -> dict[str, Any]:
         raise ResultsError(f"{path}: it states no format, so this is not a run folder")
     if found == FORMAT:
         check_information(path, info)
-        return info
+        return cast("RunInformation", info)
     if found > FORMAT:
         raise ResultsError(f"{path}: format {found} is newer than what this interdrive reads ({FORMAT}); update it")
     raise ResultsError(
@@ -90,7 +150,7 @@ def read_information(folder: Path) -> dict[str, Any]:
     )
 
 
-def _facts(agent: AgentRecord) -> dict[str, Any]:
+def _facts(agent: AgentRecord) -> AgentInformation:
     """The entry of an agent in run.json, without its outcome."""
     return {
         "id": agent.id,

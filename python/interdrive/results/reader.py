@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.results.folder import Results
+    from interdrive.results.information import RunInformation
     from interdrive.scenario import Scenario
     from interdrive.storage import ArrowTable
 
@@ -143,7 +144,7 @@ def stored_plans(results: Results) -> Plans:
     )
 
 
-def _scenario_of(folder: Path, info: dict[str, Any]) -> Scenario:
+def _scenario_of(folder: Path, info: RunInformation) -> Scenario:
     stored = info["scenario"]
     if stored["path"] is not None:
         path = Path(stored["path"])

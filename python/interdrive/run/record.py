@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
-    from interdrive.scenario import Scenario
+    from interdrive.scenario import Scenario, Shape
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
+
+#: A value of a JSON document.
+Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
 
 #: Outcomes of agents, in the order of tables.
 OUTCOMES = (
@@ -217,9 +222,33 @@ class AgentRecord:
     origin: str  # "planning problem" or "recorded"
     start_time_step: int
     goal_time_step: tuple[int, int]
-    goal_areas: tuple[Any, ...]
+    goal_areas: tuple[Shape, ...]
     route_lanelet_ids: tuple[int, ...]
     reference_path: Floats
+
+
+class RunSettings(TypedDict, total=False):
+    """What repeats a run; run.json stores it.
+
+    Attributes:
+        agents: "all" or what else chose them.
+        planner: One choice for all agents, or one per agent id: a name, or a table with its settings.
+        views: Settings of views that differ from those of all, per agent id.
+        predictor: A name, or a table with its settings.
+        repeatable: Whether the names above suffice; objects made in Python have none.
+        seed: Seed of what is drawn.
+        threads: Threads used; the results do not depend on them.
+        settings: All settings by their dotted names.
+    """
+
+    agents: Json
+    planner: Json
+    views: Mapping[str, Mapping[str, Json]]
+    predictor: Json
+    repeatable: bool
+    seed: int | None
+    threads: int
+    settings: Mapping[str, Json]
 
 
 @dataclass(frozen=True)
@@ -243,7 +272,7 @@ class RunRecord:
     """
 
     scenario: Scenario
-    settings: dict[str, Any]
+    settings: RunSettings
     agents: tuple[AgentRecord, ...]
     outcomes: Outcomes
     states: States

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from interdrive._core import Predictions, View
-    from interdrive.planners import Trajectory
+    from interdrive.planners import Planner, Trajectory
     from interdrive.scenario import Scenario
 
 
@@ -55,7 +55,7 @@ class PlannerContractError(AssertionError):
 class _Watched:
     """Calls a planner twice per step and compares, times it, and checks what it returns."""
 
-    def __init__(self, factory: Callable[[], Any], seconds_max: float, findings: list[str]) -> None:
+    def __init__(self, factory: Callable[[], Planner], seconds_max: float, findings: list[str]) -> None:
         self._first, self._second = factory(), factory()
         self._seconds_max, self._findings = seconds_max, findings
 
@@ -111,7 +111,7 @@ def _seen(view: View) -> np.ndarray:
     return np.concatenate([np.ravel(a) for a in (view.x, view.y, view.orientation, view.velocity, view.ego.state)])
 
 
-def check_planner(factory: Callable[[], Any], *, seconds_max: float = 1.0) -> dict[str, str]:
+def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -> dict[str, str]:
     """Drives a planner through small worlds and checks the contract at every step.
 
     The checks cover shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits
