@@ -62,7 +62,7 @@ demo: $(VENV)/.installed ## the T-junction: every car plans for itself
 
 test: $(VENV)/.installed ## all tests
 	cargo test --release --quiet -p interdrive-core
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n 2 --durations=20 # workers often wait for processes that they started
 
 check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	cargo fmt --all --check

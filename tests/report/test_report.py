@@ -27,7 +27,7 @@ from interdrive.report.contents import run_contents
 from interdrive.report.events import events_of
 from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
-from interdrive.results import candidates_table, holds_run, load, predictions_table, recorded_run, save
+from interdrive.results import candidates_table, holds_run, predictions_table, read_results, recorded_run, save
 from interdrive.simulation import simulate
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -192,7 +192,7 @@ def test_recording_changes_nothing_that_happens(run):
 
 
 def test_what_was_recorded_survives_the_folder(run, folder):
-    loaded = load(folder)
+    loaded = read_results(folder)
     assert loaded.predictions.equals(predictions_table(run))
     assert loaded.candidates.equals(candidates_table(run))
     assert loaded.predictions.num_rows == run.predictions.x.size
@@ -433,7 +433,7 @@ def test_a_planner_that_weighs_no_candidates_has_a_page_without_them(tmp_path):
     options = ["--agents", "1", "--planner", "idm", "--report", "--out", str(out), "--quiet"]
     done = CliRunner().invoke(main, ["run", "lane_merge", *options])
     assert (done.exit_code, done.output) == (0, "")
-    assert load(out).candidates.num_rows == 0
+    assert read_results(out).candidates.num_rows == 0
 
 
 def test_what_the_user_sets_wins_over_what_a_report_wants(tmp_path):

@@ -22,11 +22,19 @@ from work import calls_in
 import interdrive
 from interdrive import results, storage
 from interdrive.errors import InputError, ResultsError
-from interdrive.results import check_target, load, outcome_table, plans_table, save, states_table, timing_table
+from interdrive.results import check_target, outcome_table, plans_table, read_results, save, states_table, timing_table
 from interdrive.run import Plans
 from interdrive.storage import replacing
 
-FILES = ["outcomes.parquet", "plans.parquet", "run.json", "scenario.xml", "states.parquet", "timing.parquet"]
+FILES = [
+    "outcomes.parquet",
+    "plans.parquet",
+    "routes.parquet",
+    "run.json",
+    "scenario.xml",
+    "states.parquet",
+    "timing.parquet",
+]
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +65,7 @@ def contents(folder: Path) -> list[str]:
 def test_a_saved_run_can_be_loaded_and_says_the_same(run, tmp_path):
     folder = save(run, tmp_path / "made" / "on the way")
     assert contents(folder) == FILES
-    loaded = load(folder)
+    loaded = read_results(folder)
     assert loaded.outcomes.equals(outcome_table(run))
     assert loaded.states.equals(states_table(run))
     assert loaded.plans.equals(plans_table(run))
@@ -88,7 +96,7 @@ def test_states_have_one_row_per_present_participant_sorted_by_time_then_id(run)
 
 
 def test_states_are_stored_to_the_last_bit(run, tmp_path):
-    stored = load(save(run, tmp_path / "run")).states["x"].to_numpy()
+    stored = read_results(save(run, tmp_path / "run")).states["x"].to_numpy()
     assert stored.dtype == np.float64
     np.testing.assert_array_equal(stored, run.states.x.T[run.states.valid.T])
 
@@ -122,7 +130,7 @@ def test_the_same_run_gives_the_same_bytes(run, tmp_path):
 
 
 def test_every_column_says_what_it_means_in_the_file(run, tmp_path):
-    outcomes = load(save(run, tmp_path / "run")).outcomes
+    outcomes = read_results(save(run, tmp_path / "run")).outcomes
     assert outcomes.schema.field("impact_speed").metadata[b"description"].endswith(b"[m/s]")
 
 
@@ -141,7 +149,7 @@ def test_a_run_is_replaced_only_on_request(run, tmp_path):
     with pytest.raises(ResultsError, match="a run already exists there"):
         save(run, folder)
     save(replace(run, digest="1" * 64), folder, overwrite=True)
-    assert load(folder).info["digest"] == "1" * 64
+    assert read_results(folder).info["digest"] == "1" * 64
     assert contents(tmp_path) == ["run"]
 
 
@@ -157,7 +165,7 @@ def test_the_old_run_is_back_when_the_new_one_cannot_take_its_place(run, tmp_pat
     monkeypatch.setattr(Path, "rename", refuse)
     with pytest.raises(ResultsError, match="run: cannot be written: Permission denied"):
         save(replace(run, digest="1" * 64), folder, overwrite=True)
-    assert load(folder).info["digest"] == run.digest
+    assert read_results(folder).info["digest"] == run.digest
     assert contents(tmp_path) == ["run"]
 
 
@@ -283,17 +291,17 @@ def test_a_folder_that_refuses_new_entries_is_an_error_in_one_line(run, tmp_path
 
 def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     with pytest.raises(ResultsError, match="nowhere: this is not a run folder"):
-        load(tmp_path / "nowhere")
+        read_results(tmp_path / "nowhere")
     folder = save(run, tmp_path / "run")
     (folder / "plans.parquet").write_bytes(b"PAR1 but not really")
     with pytest.raises(ResultsError, match=r"plans.parquet: cannot be read: "):
-        load(folder)
+        read_results(folder)
     (folder / "plans.parquet").unlink()
     with pytest.raises(ResultsError, match=r"plans.parquet: this file of the run is missing"):
-        load(folder)
+        read_results(folder)
     storage.write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
     with pytest.raises(ResultsError, match=r"plans.parquet: the columns are not those of a run \(a\)"):
-        load(folder)
+        read_results(folder)
     for text, message in (
         (
             '{"format": 1}',
@@ -307,10 +315,10 @@ def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     ):
         (folder / "run.json").write_text(text)
         with pytest.raises(ResultsError, match=message):
-            load(folder)
+            read_results(folder)
     (folder / "run.json").write_text("{")
     with pytest.raises(ResultsError, match=r"run.json: cannot be read"):
-        load(folder)
+        read_results(folder)
 
 
 def test_a_replaced_file_is_whole_or_as_it_was(tmp_path):

@@ -136,7 +136,7 @@ def test_a_written_run_is_valid_by_the_schema_of_commonroad_io(scenarios_folder,
 def test_equal_runs_are_written_as_equal_bytes_whatever_the_order_of_hashes():
     script = (
         "import hashlib\n"
-        "from interdrive.run.assemble import recorded_run\n"
+        "from interdrive.results import recorded_run\n"
         "from interdrive.files import read_scenario, shipped_scenario, write_scenario\n"
         "data = write_scenario(recorded_run(read_scenario(shipped_scenario('intersection'))))\n"
         "print(len(data), hashlib.sha256(data).hexdigest())\n"
