@@ -106,6 +106,9 @@ class Simulation:
         self._workers: Workers | None = None
         self.reset()
 
+    def __repr__(self) -> str:
+        return f"<Simulation of {self.scenario.name}: {len(self.agents)} agents, time step {self.world.time_step}>"
+
     def reset(self) -> None:
         """Returns to the first time step, with new planners and a new predictor."""
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)

@@ -59,6 +59,11 @@ impl PyPredictions {
 
 #[pymethods]
 impl PyPredictions {
+    fn __repr__(&self) -> String {
+        let (step, modes, steps) = (self.table.time_step, self.table.n_modes, self.table.n_steps);
+        format!("<Predictions at time step {step}: {} participants, {modes} modes, {steps} points>", self.n_shown())
+    }
+
     /// Checks and keeps the arrays of a predictor from outside.
     #[new]
     #[pyo3(signature = (time_step, ids, probability, x, y, orientation, velocity, covariance, valid))]

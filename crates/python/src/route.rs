@@ -41,6 +41,12 @@ impl PyGoal {
         Self(Goal { states })
     }
 
+    fn __repr__(&self) -> String {
+        let times: Vec<_> =
+            self.0.states.iter().map(|state| format!("{} to {}", state.time_step.0, state.time_step.1)).collect();
+        format!("<Goal at time steps {}>", times.join(" or "))
+    }
+
     /// Every alternative: outlines of its areas in the world frame (none: anywhere), time steps, velocity interval,
     /// orientation interval.
     #[getter]
@@ -71,6 +77,11 @@ pub struct PyRoute {
 
 #[pymethods]
 impl PyRoute {
+    fn __repr__(&self) -> String {
+        let ids: Vec<_> = self.lanelet_ids().iter().map(i64::to_string).collect();
+        format!("<Route over lanelets {}, {:.1} m>", ids.join(" > "), self.length())
+    }
+
     /// Route and reference path from a pose to a goal; raises `NoRouteError`.
     #[staticmethod]
     fn find(

@@ -11,6 +11,11 @@ pub struct PyVehicle(pub Vehicle);
 
 #[pymethods]
 impl PyVehicle {
+    fn __repr__(&self) -> String {
+        let Vehicle { length, width, wheelbase, .. } = self.0;
+        format!("<Vehicle {length:.2} m long, {width:.2} m wide, wheelbase {wheelbase:.2} m>")
+    }
+
     /// Limits that fit a footprint; keyword arguments replace single limits.
     #[new]
     #[pyo3(signature = (

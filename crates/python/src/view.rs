@@ -79,6 +79,11 @@ participants_seen!(PyView);
 
 #[pymethods]
 impl PyView {
+    fn __repr__(&self) -> String {
+        let (id, step, seen) = (self.agent.id, self.scene.time_step, self.visible.len());
+        format!("<View of agent {id} at time step {step}: {seen} participants>")
+    }
+
     /// The agent itself.
     #[getter]
     fn ego(slf: Py<Self>) -> PyEgo {
@@ -160,6 +165,11 @@ pub struct PyEgo {
 
 #[pymethods]
 impl PyEgo {
+    fn __repr__(&self) -> String {
+        let State { x, y, orientation, velocity, .. } = self.view.get().state;
+        format!("<Ego {}: centre ({x:.2}, {y:.2}) m, {orientation:.3} rad, {velocity:.2} m/s>", self.id())
+    }
+
     /// Id of the agent.
     #[getter]
     fn id(&self) -> i64 {

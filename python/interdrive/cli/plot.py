@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from interdrive.cli.arguments import shown
 from interdrive.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from matplotlib.figure import Figure
-
-    from interdrive.results import Run
 
 KINDS = ("trajectories", "velocity", "criticality", "scene@SECONDS")
 
@@ -48,42 +41,27 @@ def plot(
         raise InputError(f"--kind {kind}: no such figure; the kinds are {', '.join(KINDS)}")
     time = _seconds(kind, moment) if name == "scene" else None
     numbers = _numbers(agents)
+    panels = [name.strip() for name in measures.split(",") if name.strip()]
+    if kind == "criticality" and not panels:
+        raise InputError("--measures: name at least one, for instance ttc")
     if out is not None and Path(out).suffix.lower() not in (".pdf", ".png", ".svg"):
         raise InputError(f"--out {out}: figures end in .pdf, .png or .svg")
 
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
-    from interdrive.plots import draw_scene, draw_trajectories, draw_velocity, save_figure  # noqa: PLC0415 - matplotlib
+    from interdrive.plots import draw_figure, save_figure  # noqa: PLC0415 - matplotlib
     from interdrive.results import read_results, reopen  # noqa: PLC0415 - pyarrow
     from interdrive.results.reader import stored_plans  # noqa: PLC0415
 
-    figure: Figure
     with progress(quiet=quiet) as bar:
         bar.say(f"reading {folder}")
         results = read_results(folder, in_part=True)
-        run = reopen(folder, results)
+        run = replace(reopen(folder, results), plans=stored_plans(results))
         bar.say("drawing")
-        if time is not None:
-            plans = stored_plans(results)
-            figure = draw_scene(run, plans, time, numbers, columns=columns or 1)
-        elif name == "velocity":
-            figure = draw_velocity(run, numbers, columns=columns or 1)
-        elif name == "criticality":
-            figure = _criticality(run, numbers, [m.strip() for m in measures.split(",") if m.strip()], columns or 1)
-        else:
-            figure = draw_trajectories(run, numbers, columns=columns or 2)
+        figure = draw_figure(run, kind, agents=numbers, measures=panels, columns=columns)
         path = Path(out or f"{run.scenario.name}_{name}{f'_{time:g}s' if time is not None else ''}.pdf")
         save_figure(figure, path)
     if not quiet:
         output().print(f"figure in {shown(path.resolve())}", soft_wrap=True, markup=False)
-
-
-def _criticality(run: Run, agents: Sequence[int] | None, measures: Sequence[str], columns: int) -> Figure:
-    from interdrive.plots import LINES_MAX, chosen_agents, draw_measures  # noqa: PLC0415 - matplotlib
-
-    if not measures:
-        raise InputError("--measures: name at least one, for instance ttc")
-    shown_agents = chosen_agents(run, agents, LINES_MAX)
-    return draw_measures(run.criticality(), shown_agents, measures, columns=columns)
 
 
 def _seconds(kind: str, moment: str) -> float:

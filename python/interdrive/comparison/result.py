@@ -61,3 +61,12 @@ class Comparison:
     level: float
     seed: int
     caveats: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        variants = dict.fromkeys(self.table["variant"].to_pylist())
+        return f"<Comparison of {', '.join(variants)}>"
+
+    def _repr_html_(self) -> str:
+        """The table, for notebooks."""
+        page: str = self.table.to_pandas().to_html(index=False, float_format="%.4g", na_rep="")
+        return page

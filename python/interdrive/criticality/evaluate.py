@@ -119,6 +119,10 @@ class Criticality:
     settings: CriticalitySettings
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        judged, steps = self.present.shape
+        return f"<Criticality of {judged} participants over {steps} time steps: {', '.join(self.series)}>"
+
     def __getitem__(self, name: str) -> Floats:
         """Values of a measure, shape (judged, time_steps).
 

@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from interdrive.files.read import quiet
 from interdrive.files.roads import free_id, plain_decimal, road_elements
 from interdrive.scenario import GoalState, PlanningProblem, Shape
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive.files.shapes import Foreign
     from interdrive.run import RunRecord, States
 
     Floats = NDArray[np.float64]
@@ -54,6 +56,15 @@ class _Ids:
         number = wanted if wanted > 0 and wanted not in self.taken else free_id(self.taken)
         self.taken.add(number)
         return number
+
+
+def commonroad_objects(document: bytes) -> tuple[Foreign, Foreign]:
+    """A document of `write_scenario` as `Scenario` and `PlanningProblemSet` of commonroad-io."""
+    from commonroad.common.reader.file_reader_xml import XMLFileReader  # noqa: PLC0415 - a fifth of a second
+
+    with quiet("scenario.xml"):
+        opened: tuple[Foreign, Foreign] = XMLFileReader(document).open(lanelet_assignment=False)
+    return opened
 
 
 def write_scenario(run: RunRecord) -> bytes:

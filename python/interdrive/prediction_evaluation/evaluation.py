@@ -55,6 +55,9 @@ class PredictionEvaluation:
     choices: tuple[Choice, ...] = ()
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
 
+    def __repr__(self) -> str:
+        return f"<PredictionEvaluation of {', '.join(self.predictors)} on {len(self.files)} files>"
+
 
 def chosen_predictors(
     predictors: PredictorSpec | Sequence[PredictorSpec], settings: SimulationSettings, recording: Recording

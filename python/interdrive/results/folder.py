@@ -69,6 +69,10 @@ class Results:
     candidates: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        name = self.info["scenario"]["name"]
+        return f"<Results of {name}: {self.outcomes.num_rows} agents, {self.states.num_rows} states>"
+
 
 def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path:
     """Writes the run folder, whole or not at all, and returns its path.

@@ -1,9 +1,20 @@
-"""A run and what you can do with it: evaluate, save, load."""
+"""A run and what you can do with it: evaluate, save, load, look at, hand to other tools."""
 
 from __future__ import annotations
 
+import importlib
+import sys
+import tempfile
+import webbrowser
+from collections import Counter
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from interdrive.files import commonroad_objects, write_scenario
+from interdrive.results import tables
 from interdrive.results.folder import save
 from interdrive.results.reader import read_part, read_run
 from interdrive.run import RunRecord
@@ -11,16 +22,43 @@ from interdrive.run.assemble import recorded_traffic
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
     from typing import Self
 
+    from matplotlib.figure import Figure
+
     from interdrive.criticality import Criticality, CriticalitySettings
+    from interdrive.files import Foreign
     from interdrive.results.folder import Results
     from interdrive.scenario import Scenario
 
 
+@dataclass(frozen=True, repr=False)
 class Run(RunRecord):
     """A finished (or interrupted) simulation; its attributes are those of `interdrive.run.RunRecord`."""
+
+    def __post_init__(self) -> None:
+        makers = (
+            (self.outcomes, tables.outcome_table), (self.states, tables.states_table), (self.plans, tables.plans_table),
+            (self.timings, tables.timing_table), (self.views, tables.views_table),
+            (self.predictions, tables.predictions_table), (self.candidates, tables.candidates_table),
+        )  # fmt: skip
+        for part, maker in makers:
+            if part is not None:
+                object.__setattr__(part, "_as_table", partial(maker, self))
+
+    def __repr__(self) -> str:
+        counts = Counter(self.outcomes.outcome)
+        outcomes = ", ".join(f"{n} {outcome}" for outcome, n in counts.most_common()) or "no agents"
+        seconds = (self.states.n_steps - 1) * self.scenario.dt
+        return f"<Run of {self.scenario.name}: {outcomes}; {seconds:.1f} s{'' if self.finished else ', interrupted'}>"
+
+    def _repr_html_(self) -> str:
+        """The line of `repr` and the table of outcomes, for notebooks."""
+        table = self.outcomes.to_arrow().to_pylist()
+        columns = ("agent_id", "planner", "outcome", "time_s", "partner_id", "impact_speed", "message")
+        head = "".join(f"<th>{name}</th>" for name in columns)
+        rows = "".join(f"<tr>{''.join(f'<td>{_cell(row.get(name))}</td>' for name in columns)}</tr>" for row in table)
+        return f"<p>{escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -64,6 +102,63 @@ class Run(RunRecord):
         return evaluate(
             self, participant_ids, other_ids=other_ids, settings=settings, deceleration=deceleration, threads=threads
         )
+
+    def plot(
+        self,
+        kind: str = "run",
+        *,
+        agents: Sequence[int] | None = None,
+        measures: Sequence[str] = ("ttc", "thw"),
+        columns: int | None = None,
+    ) -> Figure:
+        """A figure of the run; arguments and errors are those of `interdrive.plots.draw_figure`."""
+        figure: Figure = importlib.import_module("interdrive.plots").draw_figure(
+            self, kind, agents=agents, measures=measures, columns=columns
+        )
+        return figure
+
+    def animation(self, path: str | Path, *, agent_id: int | None = None, fps: float = 10.0) -> Path:
+        """Writes a film of the run, .gif or .mp4, and returns its path; see `interdrive.plots.animate_run`."""
+        importlib.import_module("interdrive.plots").animate_run(self, path, agent_id, fps=fps)
+        return Path(path)
+
+    def show(self) -> RunPage:
+        """The interactive report: inline in Jupyter, otherwise in your browser; returns the page.
+
+        It is written into a folder for temporary files; `interdrive.report` writes one to keep.
+        """
+        folder = Path(tempfile.mkdtemp(prefix="interdrive-")) / "run"
+        self.save(folder)
+        page = RunPage(importlib.import_module("interdrive.report").write_run_report(folder))
+        if "ipykernel" not in sys.modules:
+            webbrowser.open(page.path.as_uri())
+        return page
+
+    def to_commonroad(self) -> tuple[Foreign, Foreign]:
+        """The simulated world as `Scenario` and `PlanningProblemSet` of commonroad-io; see `write_scenario`."""
+        return commonroad_objects(write_scenario(self))
+
+
+class RunPage:
+    """The page of a run; Jupyter shows it where it is the value of a cell.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __repr__(self) -> str:
+        return f"<RunPage {self.path}>"
+
+    def _repr_html_(self) -> str:
+        page = escape(self.path.read_text(encoding="utf-8"), quote=True)
+        return f'<iframe srcdoc="{page}" style="width: 100%; height: 720px; border: 0"></iframe>'
+
+
+def _cell(value: float | str | None) -> str:
+    return "" if value is None else f"{value:.4g}" if isinstance(value, float) else escape(str(value))
 
 
 def load(folder: str | Path) -> Run:

@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
+from interdrive.errors import MissingExtraError
+
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import numpy as np
+    import pandas as pd
+    import polars as pl
     from numpy.typing import NDArray
 
     from interdrive.scenario import Scenario, Shape
+    from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
@@ -39,8 +44,43 @@ PLAN_STATUS = ("none", "planned", "emergency_braking", "infeasible", "error")
 PHASES = ("observe", "predict", "plan", "plan_python", "record", "collision", "advance")
 
 
+class Tabular:
+    """Arrays of a run that its folder stores as a table; `interdrive.Run` says how they become one."""
+
+    _as_table: Callable[[], ArrowTable] | None = None
+
+    def to_arrow(self) -> ArrowTable:
+        """The table that the run folder stores, as an Arrow table.
+
+        Raises:
+            TypeError: The arrays belong to no `interdrive.Run`.
+        """
+        if self._as_table is None:
+            raise TypeError(f"{type(self).__name__} that belong to no run have no table")
+        return self._as_table()
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The table that the run folder stores, as a pandas data frame."""
+        frame: pd.DataFrame = self.to_arrow().to_pandas()
+        return frame
+
+    def to_polars(self) -> pl.DataFrame:
+        """The table that the run folder stores, as a polars data frame.
+
+        Raises:
+            MissingExtraError: polars is not installed.
+        """
+        try:
+            import polars  # noqa: PLC0415 - optional
+        except ImportError:
+            raise MissingExtraError("to_polars needs polars: pip install polars") from None
+        frame = polars.from_arrow(self.to_arrow())
+        assert isinstance(frame, polars.DataFrame)
+        return frame
+
+
 @dataclass(frozen=True)
-class Outcomes:
+class Outcomes(Tabular):
     """Outcomes of agents; one row per agent, sorted by id.
 
     Attributes:
@@ -65,7 +105,7 @@ class Outcomes:
 
 
 @dataclass(frozen=True)
-class States:
+class States(Tabular):
     """States of all participants at all time steps; rows sorted by participant id, nan and `valid` False where absent.
 
     Attributes:
@@ -102,7 +142,7 @@ class States:
 
 
 @dataclass(frozen=True)
-class Plans:
+class Plans(Tabular):
     """All plans: one row per agent and time step, sorted by time step, then id.
 
     Attributes:
@@ -126,7 +166,7 @@ class Plans:
 
 
 @dataclass(frozen=True)
-class Views:
+class Views(Tabular):
     """Visibility intervals per observer and participant, sorted by observer, participant and time.
 
     Attributes:
@@ -149,7 +189,7 @@ class Views:
 
 
 @dataclass(frozen=True)
-class RecordedPredictions:
+class RecordedPredictions(Tabular):
     """Predictions available to agents: one row per time step, participant and mode with a probability above 0.
 
     Rows are sorted by these. An agent has the rows of participants in its view.
@@ -173,7 +213,7 @@ class RecordedPredictions:
 
 
 @dataclass(frozen=True)
-class RecordedCandidates:
+class RecordedCandidates(Tabular):
     """Some of the candidates of sampling planners, sorted by time step, agent, then in the order of `CandidateLog`.
 
     Attributes:
@@ -196,7 +236,7 @@ class RecordedCandidates:
 
 
 @dataclass(frozen=True)
-class Timings:
+class Timings(Tabular):
     """Wall time in long form: one row per time step and phase.
 
     Attributes:

@@ -103,6 +103,9 @@ class Lanelets:
     speed_limit: Floats
     types: tuple[tuple[str, ...], ...]
 
+    def __repr__(self) -> str:
+        return f"<Lanelets: {len(self.ids)}>"
+
     def __post_init__(self) -> None:
         """Arrays are read-only from here on."""
         _freeze(self)
@@ -140,6 +143,9 @@ class Obstacles:
     acceleration: Floats
     yaw_rate: Floats
     valid: Bools
+
+    def __repr__(self) -> str:
+        return f"<Obstacles: {len(self.ids)} over {self.x.shape[1]} time steps>"
 
     def __post_init__(self) -> None:
         """Arrays are read-only from here on."""
@@ -240,3 +246,11 @@ class Scenario:
     sha256: str = ""
     notes: tuple[str, ...] = ()
     incomings: tuple[Incoming, ...] = ()
+
+    def __repr__(self) -> str:
+        still = int(self.obstacles.is_static.sum())
+        counts = (
+            (len(self.lanelets.ids), "lanelets"), (len(self.obstacles.ids) - still, "recorded participants"),
+            (still, "static obstacles"), (len(self.planning_problems), "planning problems"),
+        )  # fmt: skip
+        return f"<Scenario {self.name}: {', '.join(f'{count} {what}' for count, what in counts)}, dt {self.dt:g} s>"

@@ -1,0 +1,66 @@
+"""Every figure of a run by its name."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from interdrive.errors import InputError
+from interdrive.plots.paper import LINES_MAX, chosen_agents, draw_measures, draw_scene, draw_trajectories, draw_velocity
+from interdrive.plots.still import draw_run
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from interdrive.results import Run
+
+#: Kinds of figures; a scene is at a time in seconds.
+KINDS = ("run", "trajectories", "velocity", "criticality", "scene@SECONDS")
+
+
+def draw_figure(
+    run: Run,
+    kind: str = "run",
+    *,
+    agents: Sequence[int] | None = None,
+    measures: Sequence[str] = ("ttc", "thw"),
+    columns: int | None = None,
+) -> Figure:
+    """A figure of a run, as wide as one or two columns of a paper.
+
+    Args:
+        run: What happened.
+        kind: One of `KINDS`, such as "velocity" or "scene@3.5".
+        agents: Ids of the agents to draw; all by default ("run" always shows all).
+        measures: Of "criticality", one panel each.
+        columns: Width: one is 88 mm, two are 180 mm; by default what suits the kind.
+
+    Raises:
+        InputError: No such kind; an id that is no agent of the run; too many agents for lines.
+    """
+    name, _, moment = kind.partition("@")
+    if name == "scene":
+        return draw_scene(run, run.plans, seconds_of(kind, moment), agents, columns=columns or 1)
+    if kind not in KINDS:
+        raise InputError(f"kind {kind!r}: no such figure; the kinds are {', '.join(KINDS)}")
+    if kind == "velocity":
+        return draw_velocity(run, agents, columns=columns or 1)
+    if kind == "criticality":
+        shown = chosen_agents(run, agents, LINES_MAX)
+        return draw_measures(run.criticality(), shown, measures, columns=columns or 1)
+    if kind == "trajectories":
+        return draw_trajectories(run, agents, columns=columns or 2)
+    return draw_run(run)
+
+
+def seconds_of(kind: str, moment: str) -> float:
+    """The time of a scene [s]; raises InputError where it is no number."""
+    try:
+        seconds = float(moment)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise InputError(f"kind {kind!r}: write the time in seconds, for instance scene@3.5")
+    return seconds

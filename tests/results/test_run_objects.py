@@ -1,0 +1,102 @@
+"""A run shows itself, gives its tables, figures and page, and goes to other tools."""
+
+import pickle
+import webbrowser
+
+import pytest
+
+import interdrive as idr
+from interdrive.results import read_results
+from interdrive.run import States
+
+
+@pytest.fixture(scope="module")
+def run():
+    return idr.simulate("t_junction", agents=2, threads=1)
+
+
+def test_every_object_that_a_user_meets_is_one_line(run, tmp_path):
+    seen = []
+
+    class Looks:
+        def plan(self, view, predictions):
+            seen.extend([repr(view), repr(view.ego), repr(predictions)])
+            raise RuntimeError("enough")
+
+    simulation = idr.Simulation("t_junction", agents=1, planner=Looks)
+    simulation.run()
+    folder = run.save(tmp_path / "run")
+    shown = [
+        repr(run), repr(run.scenario), repr(run.scenario.obstacles), repr(run.criticality()), repr(simulation),
+        repr(read_results(folder)), *seen,
+    ]  # fmt: skip
+    assert len(shown) == 9
+    assert [line for line in shown if len(line) > 160 or "\n" in line or " object at " in line] == []
+    assert repr(run).startswith("<Run of t_junction: 1 goal_reached, 1 collision; ")
+
+
+def test_a_notebook_shows_the_outcomes_of_a_run_and_escapes_them(run):
+    page = run._repr_html_()
+    assert page.count("<tr>") == 1 + len(run.agents)
+    assert "&lt;Run of t_junction" in page
+    assert f"<td>{run.agents[0].id}</td>" in page
+
+
+def test_parts_of_a_run_are_the_tables_of_its_folder(run, tmp_path):
+    stored = read_results(run.save(tmp_path / "run"))
+    for name in ("outcomes", "states", "plans"):
+        assert getattr(run, name).to_arrow().equals(getattr(stored, name)), name
+    frame = run.states.to_pandas()
+    assert len(frame) == run.states.valid.sum()
+    assert run.outcomes.to_polars()["outcome"].to_list() == list(run.outcomes.outcome)
+    assert idr.load(tmp_path / "run").states.to_pandas().equals(frame)
+
+
+def test_a_run_that_was_sent_to_another_process_still_has_its_tables(run):
+    sent = pickle.loads(pickle.dumps(run))
+    assert sent.outcomes.to_arrow().equals(run.outcomes.to_arrow())
+
+
+def test_arrays_without_a_run_say_that_they_have_no_table(run):
+    with pytest.raises(TypeError, match="States that belong to no run have no table"):
+        States(**{name: value for name, value in vars(run.states).items() if name != "_as_table"}).to_arrow()
+
+
+@pytest.mark.parametrize("kind", ["run", "trajectories", "velocity", "criticality", "scene@3.5"])
+def test_a_run_draws_every_kind_of_figure(run, kind):
+    figure = run.plot(kind)
+    assert figure.axes
+    assert any(axes.has_data() for axes in figure.axes)
+
+
+def test_a_figure_that_does_not_exist_is_refused_with_those_that_do(run):
+    with pytest.raises(idr.InputError, match="the kinds are run, trajectories, velocity, criticality, scene@SECONDS"):
+        run.plot("speed")
+
+
+def test_the_page_of_a_run_opens_in_the_browser_and_inline_in_a_notebook(run, monkeypatch):
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    page = run.show()
+    assert opened == [page.path.as_uri()]
+    assert page.path.read_text(encoding="utf-8").startswith("<!doctype html>")
+    assert page._repr_html_().startswith('<iframe srcdoc="&lt;!doctype html')
+
+
+def test_a_film_is_written_where_it_is_wanted(run, tmp_path):
+    assert run.animation(tmp_path / "run.gif", fps=2.0).read_bytes().startswith(b"GIF8")
+
+
+def test_a_run_becomes_objects_of_commonroad_io(run, capsys):
+    scenario, problems = run.to_commonroad()
+    assert {obstacle.obstacle_id for obstacle in scenario.dynamic_obstacles} >= {agent.id for agent in run.agents}
+    assert len(problems.planning_problem_dict) == len(run.scenario.planning_problems)
+    again = idr.scenario_from_commonroad(scenario, problems)
+    assert again.lanelets.ids.tolist() == run.scenario.lanelets.ids.tolist()
+    assert capsys.readouterr().out == ""
+
+
+def test_criticality_is_judged_for_a_name_and_for_a_loaded_run(run, tmp_path):
+    assert len(idr.criticality.evaluate("t_junction").participant_id) == 7
+    loaded = idr.load(run.save(tmp_path / "run"))
+    assert idr.criticality.evaluate(loaded).participant_id.tolist() == [agent.id for agent in run.agents]
