@@ -6,7 +6,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from interdrive.native_settings import ConstantVelocity, LaneFollowing, RoadSettings, ViewSettings
+from interdrive.native_settings import ConstantVelocity, LaneFollowing, MeasureSettings, RoadSettings, ViewSettings
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
@@ -584,15 +584,5 @@ def evaluate_criticality(
     connectors: Sequence[tuple[int, int]] | None,
     contacts: Sequence[tuple[int, int, int]],
     threads: int,
-    radius: float,
-    ttc_threshold: float,
-    default_deceleration: float,
-    lateral_acceleration: float,
-    oncoming_filter: bool,
-    opposite_angle: float,
-    erosion: float,
-    overlap_min: float,
-    lead_by_footprint: bool,
-    thw_recorded: bool,
-    leader_stops: bool,
+    settings: MeasureSettings,
 ) -> dict[str, Any]: ...

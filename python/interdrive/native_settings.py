@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from interdrive import _core
 
@@ -89,7 +89,7 @@ class Frenet:
             most 100.
         prediction_margin_length: Predicted participants are longer by this, in all. Between 0 and 100.
         prediction_margin_width: Predicted participants are wider by this, in all. Between 0 and 100.
-        rear_cone_angle: Full opening angle of the cone behind the agent. Between 0 and 6.2832.
+        rear_cone_angle: Full opening angle of the cone behind the agent. Between 0 and 2 pi.
         rear_cone_distance: Participants in that cone that are further away than this (centre to centre) are
             expected to keep their distance. Between 0 and 1000000.
         collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
@@ -305,3 +305,42 @@ class RoadSettings:
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""
         _core.check_settings("RoadSettings", self)
+
+
+@dataclass(frozen=True)
+class MeasureSettings:
+    """Parameters and switches of all measures; the defaults are those of docs/criticality.md.
+
+    Attributes:
+        radius: Others count within this distance, centre to centre. Positive.
+        ttc_threshold: Time to collision up to which a vehicle is exposed. Positive.
+        deceleration: Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type 2
+            can do on a dry road, which is optimistic. Positive.
+        lateral_acceleration: Lateral acceleration that is available. Positive.
+        oncoming_filter: Oncoming traffic counts only where its way meets that of the judged vehicle.
+        opposite_angle: Heading difference beyond which traffic is oncoming. Positive and at most pi.
+        erosion: Lanelets are eroded by this much before their overlap is measured. Not negative.
+        overlap_min: Overlaps up to this size do not count. Not negative.
+        lead_membership: Participants ahead: those whose center lies on the path, or those whose footprint reaches
+            into it.
+        thw_mode: Time headway: normalized is headway over speed, recorded is the time until the recording reaches
+            the place where the vehicle ahead is now.
+        leader_stops: A braking vehicle ahead comes to rest and stays there, for the required longitudinal
+            acceleration.
+    """
+
+    radius: Annotated[float, "m"] = 100.0
+    ttc_threshold: Annotated[float, "s"] = 2.0
+    deceleration: Annotated[float, "m/s²"] = 11.5
+    lateral_acceleration: Annotated[float, "m/s²"] = 8.0
+    oncoming_filter: bool = True
+    opposite_angle: Annotated[float, "rad"] = 2.356194490192345
+    erosion: Annotated[float, "m"] = 0.3
+    overlap_min: Annotated[float, "m²"] = 0.1
+    lead_membership: Literal["center", "footprint"] = "center"
+    thw_mode: Literal["normalized", "recorded"] = "normalized"
+    leader_stops: bool = False
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("MeasureSettings", self)

@@ -2,6 +2,8 @@
 //! structs, checks the ranges and describes the fields; the binding reads Python's records by it, and
 //! `crates/python/settings.py` writes those records and docs/settings.md from it.
 
+use std::f64::consts::{PI, TAU};
+
 use crate::error::{Error, Result};
 
 /// Values that a setting may have, as numbers.
@@ -35,7 +37,7 @@ impl Range {
     /// What is expected of a value; empty if everything is allowed.
     pub fn text(self) -> String {
         let Self { min, max, above } = self;
-        let shown = (max * 1e4).round() / 1e4;
+        let shown = number(max);
         match (min, max) {
             (f64::NEG_INFINITY, _) => String::new(),
             (0.0, f64::MAX..) if above => "positive".into(),
@@ -50,9 +52,20 @@ impl Range {
             Ok(())
         } else if self == NOT_NEGATIVE {
             Err(format!("must not be negative, is {value:?}"))
+        } else if self.above && value > self.max {
+            Err(format!("must be at most {}, not {value:?}", number(self.max)))
         } else {
             Err(format!("must be {}, not {value:?}", self.text()))
         }
+    }
+}
+
+/// A bound as text.
+fn number(bound: f64) -> String {
+    match bound {
+        PI => "pi".into(),
+        TAU => "2 pi".into(),
+        _ => bound.to_string(),
     }
 }
 
@@ -78,8 +91,20 @@ pub enum Value<'a> {
     Count(&'a mut usize),
     /// Yes or no.
     Flag(&'a mut bool),
+    /// One of several words.
+    Choice(&'a mut dyn Choice),
     /// Settings of their own.
     Record(&'a mut dyn Record),
+}
+
+/// One of several words, declared by `choice!`.
+pub trait Choice: std::fmt::Debug {
+    /// All words.
+    fn words(&self) -> &'static [&'static str];
+    /// Its own.
+    fn word(&self) -> &'static str;
+    /// Changes to another word; says whether there is such a word.
+    fn choose(&mut self, word: &str) -> bool;
 }
 
 /// A struct of settings, declared by `settings!`.
@@ -137,7 +162,7 @@ pub fn check(record: &mut dyn Record) -> Result<()> {
                 let Range { min, max, .. } = field.range;
                 return Err(refused(format!("must be {min} to {max}, not {value}")));
             }
-            Value::Count(_) | Value::Flag(_) => {}
+            Value::Count(_) | Value::Flag(_) | Value::Choice(_) => {}
             Value::Record(inner) => check(inner).map_err(|error| match error {
                 Error::Setting { name, message } if !field.name.is_empty() => {
                     Error::Setting { name: format!("{}.{name}", field.name), message }
@@ -148,6 +173,41 @@ pub fn check(record: &mut dyn Record) -> Result<()> {
     }
     record.relations()
 }
+
+/// Declares an enum of words; the first one is the default.
+macro_rules! choice {
+    (
+        $(#[$about:meta])*
+        pub enum $name:ident {
+            $(#[$about_first:meta])* $first:ident = $word:literal,
+            $($(#[$about_other:meta])* $other:ident = $other_word:literal,)*
+        }
+    ) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+        pub enum $name { $(#[$about_first])* #[default] $first, $($(#[$about_other])* $other,)* }
+
+        impl $crate::settings::Choice for $name {
+            fn words(&self) -> &'static [&'static str] {
+                &[$word, $($other_word),*]
+            }
+            fn word(&self) -> &'static str {
+                match self { Self::$first => $word, $(Self::$other => $other_word),* }
+            }
+            fn choose(&mut self, word: &str) -> bool {
+                *self = match word { $word => Self::$first, $($other_word => Self::$other,)* _ => return false };
+                true
+            }
+        }
+
+        impl $crate::settings::AsValue for $name {
+            fn as_value(&mut self) -> $crate::settings::Value<'_> {
+                $crate::settings::Value::Choice(self)
+            }
+        }
+    };
+}
+pub(crate) use choice;
 
 /// Declares structs of settings:
 ///

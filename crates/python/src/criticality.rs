@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use interdrive_core::criticality::harm::{self, CrashBody, ImpactArea, Sides};
 use interdrive_core::criticality::{
-    ConflictAreas, Connector, Criticality, LeadMembership, Measure, Request, Settings, ThwMode, Traffic, evaluate,
-    kernels, overlapping_lanelets as core_overlapping_lanelets,
+    ConflictAreas, Connector, Criticality, Measure, Request, Traffic, evaluate, kernels,
+    overlapping_lanelets as core_overlapping_lanelets,
 };
 use interdrive_core::error::Error;
 use interdrive_core::geometry::Point;
@@ -18,6 +18,7 @@ use pyo3::types::{PyDict, PyTuple};
 use crate::arrays;
 use crate::errors::{InputError, detached, exception};
 use crate::scenario::{PyRoadNetwork, PyShape};
+use crate::settings::read;
 
 type Floats<'py> = PyReadonlyArray1<'py, f64>;
 
@@ -186,9 +187,7 @@ pub fn overlapping_lanelets(py: Python<'_>, road: &PyRoadNetwork, erosion: f64, 
 #[pyfunction]
 #[pyo3(signature = (
     dt, road, ids, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, valid, *,
-    judged, deceleration, connectors, contacts, threads, radius, ttc_threshold, default_deceleration,
-    lateral_acceleration, oncoming_filter, opposite_angle, erosion, overlap_min, lead_by_footprint, thw_recorded,
-    leader_stops
+    judged, deceleration, connectors, contacts, threads, settings
 ))]
 pub fn evaluate_criticality<'py>(
     py: Python<'py>,
@@ -209,17 +208,7 @@ pub fn evaluate_criticality<'py>(
     connectors: Option<Vec<(i64, i64)>>,
     contacts: Vec<(i64, i64, i64)>,
     threads: usize,
-    radius: f64,
-    ttc_threshold: f64,
-    default_deceleration: f64,
-    lateral_acceleration: f64,
-    oncoming_filter: bool,
-    opposite_angle: f64,
-    erosion: f64,
-    overlap_min: f64,
-    lead_by_footprint: bool,
-    thw_recorded: bool,
-    leader_stops: bool,
+    settings: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let n_steps = x.as_array().shape()[1];
     let shape = [ids.len(), n_steps];
@@ -249,19 +238,7 @@ pub fn evaluate_criticality<'py>(
         }
         None => ConflictAreas::Crossing,
     };
-    let settings = Settings {
-        radius,
-        ttc_threshold,
-        deceleration: default_deceleration,
-        lateral_acceleration,
-        oncoming_filter,
-        opposite_angle,
-        erosion,
-        overlap_min,
-        lead_membership: if lead_by_footprint { LeadMembership::Footprint } else { LeadMembership::Center },
-        thw_mode: if thw_recorded { ThwMode::Recorded } else { ThwMode::Normalized },
-        leader_stops,
-    };
+    let settings = read(settings)?;
     let request = Request { ids: judged, deceleration, settings, conflict_areas, contacts, threads };
     let shapes = shapes.iter().map(|shape| shape.0.clone()).collect();
     let road = Arc::clone(&road.0);

@@ -1,5 +1,6 @@
 //! Python's records of settings, read by the tables of the core.
 
+use interdrive_core::criticality::Settings as MeasureSettings;
 use interdrive_core::plan::frenet::FrenetSettings;
 use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
@@ -22,6 +23,7 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(LaneFollowing::default()),
         Box::new(ViewLimits::default()),
         Box::new(RoadSettings::default()),
+        Box::new(MeasureSettings::default()),
     ]
 }
 
@@ -34,6 +36,12 @@ fn fill(record: &mut dyn Record, given: &Bound<'_, PyAny>) -> PyResult<()> {
             Value::Number(number) => *number = one.extract().map_err(refused)?,
             Value::Count(count) => *count = one.extract().map_err(refused)?,
             Value::Flag(flag) => *flag = one.extract().map_err(refused)?,
+            Value::Choice(choice) => {
+                if !choice.choose(&one.extract::<String>().map_err(refused)?) {
+                    let words = choice.words().join(", ");
+                    return Err(InputError::new_err((field.name, format!("must be one of {words}, not {one}"))));
+                }
+            }
             Value::Record(inner) => fill(inner, &one)?,
         }
     }
@@ -71,6 +79,10 @@ fn table<'py>(py: Python<'py>, record: &mut dyn Record) -> PyResult<Bound<'py, P
             Value::Number(number) => one.set_item("default", *number)?,
             Value::Count(count) => one.set_item("default", *count)?,
             Value::Flag(flag) => one.set_item("default", *flag)?,
+            Value::Choice(choice) => {
+                one.set_item("default", choice.word())?;
+                one.set_item("words", choice.words())?;
+            }
             Value::Record(inner) => one.set_item("default", table(py, inner)?)?,
         }
         fields.push(one);

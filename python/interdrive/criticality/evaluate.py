@@ -242,17 +242,7 @@ def evaluate(
         connectors=connectors_of(scenario) if chosen.conflict_areas == "stated" else None,
         contacts=traffic.contacts,
         threads=threads or os.cpu_count() or 1,
-        radius=chosen.radius,
-        ttc_threshold=chosen.ttc_threshold,
-        default_deceleration=chosen.deceleration,
-        lateral_acceleration=chosen.lateral_acceleration,
-        oncoming_filter=chosen.oncoming_filter,
-        opposite_angle=chosen.opposite_angle,
-        erosion=chosen.erosion,
-        overlap_min=chosen.overlap_min,
-        lead_by_footprint=chosen.lead_membership == "footprint",
-        thw_recorded=chosen.thw_mode == "recorded",
-        leader_stops=chosen.leader_stops,
+        settings=chosen,
     )
     notes = []
     if not judged:

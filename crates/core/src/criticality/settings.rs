@@ -2,99 +2,54 @@
 
 use std::f64::consts::PI;
 
-use crate::error::{Error, Result};
+use crate::settings::{NOT_NEGATIVE, choice, positive, settings};
 
-/// Which participants count as ahead on a path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum LeadMembership {
-    /// Those whose centre lies on one of its lanelets.
-    #[default]
-    Center,
-    /// Those whose footprint reaches into one of its lanelets.
-    Footprint,
-}
-
-/// What time headway is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ThwMode {
-    /// Headway over speed.
-    #[default]
-    Normalized,
-    /// Time until the recorded vehicle reaches the place where the one ahead is now.
-    Recorded,
-}
-
-/// Parameters and switches of all measures.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
-    /// Others count within this distance, centre to centre [m].
-    pub radius: f64,
-    /// Time to collision below which a vehicle is exposed [s].
-    pub ttc_threshold: f64,
-    /// Deceleration that is available [m/s²]; can be given per vehicle.
-    pub deceleration: f64,
-    /// Lateral acceleration that is available [m/s²].
-    pub lateral_acceleration: f64,
-    /// Oncoming traffic counts only where the ways meet.
-    pub oncoming_filter: bool,
-    /// Heading difference beyond which traffic is oncoming [rad].
-    pub opposite_angle: f64,
-    /// Lanelets are eroded by this much before their overlap is measured [m].
-    pub erosion: f64,
-    /// Overlaps up to this size do not count [m²].
-    pub overlap_min: f64,
-    /// Which participants count as ahead.
-    pub lead_membership: LeadMembership,
-    /// What time headway is.
-    pub thw_mode: ThwMode,
-    /// A braking leader comes to rest and stays there.
-    pub leader_stops: bool,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            radius: 100.0,
-            ttc_threshold: 2.0,
-            deceleration: 11.5,
-            lateral_acceleration: 8.0,
-            oncoming_filter: true,
-            opposite_angle: 135.0_f64.to_radians(),
-            erosion: 0.3,
-            overlap_min: 0.1,
-            lead_membership: LeadMembership::Center,
-            thw_mode: ThwMode::Normalized,
-            leader_stops: false,
-        }
+choice! {
+    /// Which participants count as ahead on a path.
+    pub enum LeadMembership {
+        /// Those whose centre lies on one of its lanelets.
+        Center = "center",
+        /// Those whose footprint reaches into one of its lanelets.
+        Footprint = "footprint",
     }
 }
 
-impl Settings {
-    /// Checks the ranges.
-    ///
-    /// # Errors
-    /// `InvalidInput` naming the setting.
-    pub fn validate(&self) -> Result<()> {
-        for (name, value) in [
-            ("radius", self.radius),
-            ("ttc_threshold", self.ttc_threshold),
-            ("deceleration", self.deceleration),
-            ("lateral_acceleration", self.lateral_acceleration),
-            ("opposite_angle", self.opposite_angle),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(Error::invalid(format!("criticality setting {name} must be positive, not {value}")));
-            }
-        }
-        if self.opposite_angle > PI {
-            let value = self.opposite_angle;
-            return Err(Error::invalid(format!("criticality setting opposite_angle must be at most pi, not {value}")));
-        }
-        for (name, value) in [("erosion", self.erosion), ("overlap_min", self.overlap_min)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(Error::invalid(format!("criticality setting {name} must not be negative, is {value}")));
-            }
-        }
-        Ok(())
+choice! {
+    /// What time headway is.
+    pub enum ThwMode {
+        /// Headway over speed.
+        Normalized = "normalized",
+        /// Time until the recorded vehicle reaches the place where the one ahead is now.
+        Recorded = "recorded",
+    }
+}
+
+settings! {
+    /// Parameters and switches of all measures; the defaults are those of docs/criticality.md.
+    pub struct Settings as MeasureSettings {
+        /// Others count within this distance, centre to centre.
+        radius: f64 ["m"] = 100.0, positive(f64::MAX);
+        /// Time to collision up to which a vehicle is exposed.
+        ttc_threshold: f64 ["s"] = 2.0, positive(f64::MAX);
+        /// Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type 2 can do on a dry
+        /// road, which is optimistic.
+        deceleration: f64 ["m/s²"] = 11.5, positive(f64::MAX);
+        /// Lateral acceleration that is available.
+        lateral_acceleration: f64 ["m/s²"] = 8.0, positive(f64::MAX);
+        /// Oncoming traffic counts only where its way meets that of the judged vehicle.
+        oncoming_filter: bool = true;
+        /// Heading difference beyond which traffic is oncoming.
+        opposite_angle: f64 ["rad"] = 135.0_f64.to_radians(), positive(PI);
+        /// Lanelets are eroded by this much before their overlap is measured.
+        erosion: f64 ["m"] = 0.3, NOT_NEGATIVE;
+        /// Overlaps up to this size do not count.
+        overlap_min: f64 ["m²"] = 0.1, NOT_NEGATIVE;
+        /// Participants ahead: those whose center lies on the path, or those whose footprint reaches into it.
+        lead_membership: LeadMembership;
+        /// Time headway: normalized is headway over speed, recorded is the time until the recording reaches the place where
+        /// the vehicle ahead is now.
+        thw_mode: ThwMode;
+        /// A braking vehicle ahead comes to rest and stays there, for the required longitudinal acceleration.
+        leader_stops: bool = false;
     }
 }
