@@ -1,4 +1,4 @@
-"""What is aimed at next to what was measured last on this machine: by `make bench`, the study and the peers' scripts.
+"""Targets beside the latest measurements on this machine: by `make bench`, the study and the peers' scripts.
 
     python benchmarks/targets.py [STUDY]     # STUDY: folder of `interdrive study runtime`
     python benchmarks/targets.py STUDY --document   # writes tables and figures into docs/performance.md

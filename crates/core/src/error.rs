@@ -1,4 +1,4 @@
-//! The one error type of the crate. It may use nothing of ours.
+//! The one error type of the crate, which depends on no other module.
 
 use std::fmt;
 

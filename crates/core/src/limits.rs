@@ -1,5 +1,6 @@
 //! The largest numbers that the core takes. They lie far beyond any map, recording or vehicle, and keep what is worked out
-//! from them finite and in proportion to the number of points. It may use nothing of ours but errors.
+//! from them finite and in proportion to the number of points. It depends on no other
+//! module but `error`. Files are held to `scenario/limits.py`; these bounds are wider, for worlds built in memory.
 
 use crate::error::{Error, Result};
 

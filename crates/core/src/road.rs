@@ -1,4 +1,4 @@
-//! The roads: lanelets and their relations, which of them are here, and where it is drivable.
+//! The roads: lanelets and their relations, which of them lie at a point, and the drivable area.
 
 mod coverage;
 mod edges;

@@ -9,7 +9,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES, agent_harm
 from interdrive.planners import NATIVE
-from interdrive.run import PHASES
+from interdrive.run import OUTCOMES, PHASES
 from interdrive.storage import Column, arrow_table, labels
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ STATUS = ("finished", "refused", "failed", "crashed", "timeout", "memory")
 TTC_CRITICAL = 2.0
 
 #: How a run that is worth a look ended for one of the agents under test.
-NOT_ARRIVED = ("time_limit", "goal_missed", "infeasible", "collision", "planner_error")
+NOT_ARRIVED = tuple(outcome for outcome in OUTCOMES if not outcome.startswith("goal_reached"))
 
 
 def extreme(name: str, *, grows: bool) -> str:

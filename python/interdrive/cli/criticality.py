@@ -44,7 +44,7 @@ def criticality(
     png: bool,
     quiet: bool,
 ) -> int:
-    """Evaluate thirteen criticality measures for every vehicle and time step, without simulating.
+    """Evaluate all criticality measures for every vehicle and time step, without simulating.
 
     FILE is a CommonRoad file or the name of a shipped scenario, whose recorded traffic is evaluated. RUN is a run
     folder. The command writes criticality.parquet (every vehicle, time step and measure) and

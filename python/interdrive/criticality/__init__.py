@@ -1,4 +1,4 @@
-"""Criticality of recorded or simulated traffic: thirteen measures per vehicle and time step, and harm of collisions.
+"""Criticality of recorded or simulated traffic: all measures per vehicle and time step, and harm of collisions.
 
 found = interdrive.criticality.evaluate(run)
 found["ttc"]                   # time to collision [s], shape (judged, time_steps)

@@ -1,4 +1,4 @@
-"""What the measures are called, in which unit they are, and which way is more critical."""
+"""Names, units and directions of the criticality measures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page of a batch says about planners: which values are printed how, which differences are ones."""
+"""What the page of a batch says about planners: how values are printed, which differences are significant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command that does one run of a batch again, to look at it."""
+"""The command that repeats one run of a batch for inspection."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, cast
 import numpy as np
 
 from interdrive.errors import ResultsError
-from interdrive.results.schema import check_information
+from interdrive.results.run_json import check_information
 from interdrive.storage.writing import one_line, read_json
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import PHASES, AgentRecord, Outcomes, Plans, RunRecord, States, Timings
+from interdrive.run.record import OUTCOMES, PHASES, AgentRecord, Outcomes, Plans, RunRecord, States, Timings
 from interdrive.scenario import KINDS
 from interdrive.scenario.native import core_shape
 
@@ -16,16 +16,7 @@ if TYPE_CHECKING:
     from interdrive.scenario.agents import Agent
 
 #: Names of the core's outcome codes.
-OUTCOME_NAMES = (
-    "running",
-    "goal_reached",
-    "goal_reached_late",
-    "time_limit",
-    "goal_missed",
-    "infeasible",
-    "collision",
-    "planner_error",
-)
+OUTCOME_NAMES = ("running", *OUTCOMES)
 
 #: Arrays of `States` with one number per participant and time step.
 STATE_COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")

@@ -1,4 +1,4 @@
-//! Criticality: how near recorded or simulated traffic comes to accidents, thirteen measures for every vehicle and time
+//! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time
 //! step, and the harm of collisions. Evaluated afterwards, on what was recorded. Definitions: docs/criticality.md.
 
 mod conflict;

@@ -1,4 +1,4 @@
-//! What can be chosen about the measures.
+//! Options of the criticality measures.
 
 use std::f64::consts::PI;
 

@@ -17,8 +17,8 @@ const MISSED_MARGIN: f64 = 1.0;
 impl World {
     /// Moves all agents to point 1 of their plans and all others along their recording, judges, and records.
     ///
-    /// An agent whose plan has status `Error`, is not a number, starts elsewhere or jumps leaves with outcome `planner_error`; one with
-    /// status `Infeasible` with that outcome; both at their present state.
+    /// An agent leaves with outcome `planner_error` if its plan has status `Error`, contains NaN, starts elsewhere or
+    /// jumps; with outcome `infeasible` if its plan has that status; both at their present state.
     ///
     /// # Errors
     /// `WrongTimeStep`; `InvalidInput` if the plans' rows are not exactly the agents that drive now.
@@ -26,8 +26,8 @@ impl World {
         self.step_marked(plans, || ())
     }
 
-    /// As [`World::step`]; `mark` is called right before and right after contacts and road departures are looked for, so
-    /// so that a caller with a clock can time them.
+    /// As [`World::step`]; `mark` is called right before and right after the search for contacts and road departures, so
+    /// that a caller with a clock can time them.
     ///
     /// # Errors
     /// As [`World::step`].
