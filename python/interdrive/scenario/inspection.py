@@ -1,4 +1,4 @@
-"""Contents of a scenario before a run: its size, its traffic, which vehicles can become agents, and why others cannot."""
+"""Contents of a scenario before a run: size, traffic, which vehicles can become agents, and why others cannot."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """All bounds on the contents of a scenario, and the check of a converted scenario against them.
 
-They are narrower than those of the core (`limits.rs`). The bounds keep time and memory in proportion to the file: a mistyped exponent must not cost gigabytes. They are far
+They are narrower than those of the core (`limits.rs`).
+
+The bounds keep time and memory in proportion to the file: a mistyped exponent must not cost gigabytes. They are far
 beyond real maps and recordings, whose lanelets are up to 10 km long and whose recordings have up to 30,000 steps.
 """
 
