@@ -35,7 +35,7 @@ export interface Participant {
   off_road?: boolean;
   impact_speed?: number | null;
   harm?: number | null;
-  message?: string;
+  reason?: string;
   origin?: string;
   goal_time_step?: [number, number];
   goal?: number[][][];

@@ -93,7 +93,7 @@ export class Panels {
     for (const { p, row } of rows) {
       const line = element("tr", { "data-agent": String(p.id) });
       const what = [p.partner !== null && p.partner !== undefined ? `with ${p.partner}` : p.off_road ? "road edge" : ""];
-      what.push(text(p.impact_speed, 1, "m/s"), p.harm == null ? "" : `harm ${text(p.harm, 3)}`, p.message ?? "");
+      what.push(text(p.impact_speed, 1, "m/s"), p.harm == null ? "" : `harm ${text(p.harm, 3)}`, p.reason ?? "");
       const more = what.filter(Boolean).join(", ");
       const outcome = element("td", {}, markIcon(p.outcome ?? ""), mark(p.outcome ?? "").text);
       if (more) outcome.append(element("small", {}, more));

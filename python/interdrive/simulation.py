@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ from interdrive.results import Run
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.logs import CandidateLog, PredictionLog
+from interdrive.run.reasons import reasons
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, core_shape
@@ -279,7 +281,7 @@ class Simulation:
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names)
-        return Run(
+        run = Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
@@ -302,6 +304,7 @@ class Simulation:
             predictions=None if self._prediction_log is None else self._prediction_log.table(),
             candidates=None if self._candidate_log is None else self._candidate_log.table(),
         )
+        return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)))
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:
         """One line if the run reached its largest number of time steps before all agents had an outcome."""

@@ -91,7 +91,7 @@ def test_a_run_is_simulated_saved_and_reported(simulated, here):
     assert read_results("made").info["digest"] == GOOD.digest
     for text in (
         "bend, 4 agents: 1 goal_reached, 1 goal_reached_late, 1 goal_missed, 1 collision",
-        "with parked_vehicle 22",
+        "ran into 22 from",
         "note: vehicle 21 stays recorded: it leaves the map",
         "60 steps, 16.8 ms per step (median), 5.95 times real time",
         "results in made",

@@ -36,6 +36,7 @@ def ended(run, *rows):
             np.array(off_road),
             np.array(speed, dtype=float),
             ("",) * len(rows),
+            ("",) * len(rows),
         ),
     )
 

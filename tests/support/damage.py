@@ -114,7 +114,7 @@ def _folder_instead(folder: Path) -> None:
 
 
 _SETTINGS = ("settings", "settings")
-_GOAL = ("agents", 0, "goal_areas")
+_GOAL = ("agents", 0, "goal")
 
 #: Every one is found when the folder is read, whatever it is read for.
 DAMAGES = (
@@ -128,25 +128,24 @@ DAMAGES = (
     _said("a view of nobody", _put("settings", "views", value={"all": {}}), "settings.views: expected an agent id"),
     _said("agents are a table", _put("agents", value={}), "agents: expected a list, not {}"),
     _said("an agent occurs twice", lambda info: info["agents"].append(info["agents"][0]), "agents: agent 1 occurs t"),
+    _said("a goal is no list", _put(*_GOAL, value=7), "agents[0].goal: expected a list, not 7"),
+    _said("a goal's time is a word", _put(*_GOAL, 0, "time_step", value="soon"), "agents[0].goal[0].time_step: expec"),
+    _said("a goal's time is half a step", _put(*_GOAL, 0, "time_step", value=[1.5, 3]), "agents[0].goal[0].time_step"),
+    _said("a goal's speed is a word", _put(*_GOAL, 0, "velocity", value=["fast", 3]), "agents[0].goal[0].velocity[0]"),
     _said(
-        "a goal's time is a word", _put("agents", 0, "goal_time_step", value="soon"), "agents[0].goal_time_step: expec"
-    ),
-    _said(
-        "a goal's time is a number", _put("agents", 0, "goal_time_step", value=[1.5, 3]), "agents[0].goal_time_step[0]"
-    ),
-    _said("a goal is no list", _put(*_GOAL, value=7), "agents[0].goal_areas: expected a list, not 7"),
-    _said(
-        "a goal of another shape", _put(*_GOAL, value=[{"kind": "blob"}]), "agents[0].goal_areas[0].kind: expected a k"
+        "a goal of another shape",
+        _put(*_GOAL, 0, "areas", value=[{"kind": "blob"}]),
+        "agents[0].goal[0].areas[0].kind: expected a k",
     ),
     _said(
         "a goal's corner is a word",
-        _put(*_GOAL, value=[{"kind": "polygon", "vertices": [[0, 0], [1, "x"], [1, 1]]}]),
-        'agents[0].goal_areas[0].vertices[1][1]: expected a number, not "x"',
+        _put(*_GOAL, 0, "areas", value=[{"kind": "polygon", "vertices": [[0, 0], [1, "x"], [1, 1]]}]),
+        'agents[0].goal[0].areas[0].vertices[1][1]: expected a number, not "x"',
     ),
     _said(
         "a goal of two corners",
-        _put(*_GOAL, value=[{"kind": "polygon", "vertices": [[0, 0], [1, 1]]}]),
-        "agents[0].goal_areas[0].vertices: expected a list of at least 3",
+        _put(*_GOAL, 0, "areas", value=[{"kind": "polygon", "vertices": [[0, 0], [1, 1]]}]),
+        "agents[0].goal[0].areas[0].vertices: expected a list of at least 3",
     ),
     _said("a note is a number", _put("notes", value=[3]), "notes[0]: expected a text, not 3"),
     _said("the digest is short", _put("digest", value="abc"), "digest: expected 64 hexadecimal digits"),

@@ -239,6 +239,7 @@ def invented_run(**changes):
         off_road=np.array([False] * 4),
         impact_speed=np.array([np.nan, 17.0, np.nan, np.nan]),
         message=("", "with parked_vehicle 22", "", "ZeroDivisionError: division by zero"),
+        reason=("", "ran into 22 from behind", "late", "ZeroDivisionError: division by zero"),
     )
     agents = tuple(
         AgentRecord(
@@ -246,8 +247,7 @@ def invented_run(**changes):
             planner="frenet",
             origin="recorded",
             start_time_step=5 if number == 4 else 0,
-            goal_time_step=(40, 60),
-            goal_areas=goal(s, offset)[0].areas,
+            goal=goal(s, offset),
             route_lanelet_ids=(10,),
             reference_path=along(np.linspace(0, 160, 50), offset)[0],
         )

@@ -74,7 +74,8 @@ AGENT_COLUMNS = (
     Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
     Column("harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True),
     Column("partner_harm", "number", "the same in the other participant", nullable=True),
-    Column("message", "text", "explanation of the outcome", nullable=True),
+    Column("message", "text", "what the simulation noted, such as the exception of a planner", nullable=True),
+    Column("reason", "text", "why it ended so, in words and numbers; empty if it reached its goal", nullable=True),
     *(
         Column(
             extreme(measure.name, grows=measure.grows),
@@ -178,6 +179,7 @@ def finished_rows(
         "harm": harm.harm,
         "partner_harm": harm.partner_harm,
         "message": ended.message,
+        "reason": ended.reason,
         "ttc_critical": of_agents(share),
         "emergencies": emergencies,
         "plan_seconds": _plan_seconds(run),

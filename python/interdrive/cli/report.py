@@ -139,7 +139,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     harms = agent_harm(run).harm
     right = ("agent", "time [s]", "impact [m/s]", "harm")
-    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "harm", "message"):
+    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "harm", "reason"):
         table.add_column(escape(name), justify="right" if name in right else "left")
     several = len(set(ended.planner)) > 1
     if several:
@@ -156,7 +156,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
             partner,
             impact,
             f"{harms[row]:.3f}" if np.isfinite(harms[row]) else "",
-            escape(ended.message[row]),
+            escape(ended.reason[row]),
         ]
         table.add_row(*cells, *([escape(ended.planner[row])] if several else []))
     return table

@@ -91,6 +91,7 @@ def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns:
         planner=tuple(ended.planner[row] for row in rows),
         outcome=tuple(ended.outcome[row] for row in rows),
         message=tuple(ended.message[row] for row in rows),
+        reason=tuple(ended.reason[row] for row in rows),
         agent_id=ended.agent_id[kept],
         time_step=ended.time_step[kept],
         partner_id=ended.partner_id[kept],

@@ -163,7 +163,7 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[Participan
                 "off_road": outcome["off_road"],
                 "impact_speed": outcome["impact_speed"],
                 "harm": outcome["harm"],
-                "message": outcome["message"],
+                "reason": outcome["reason"],
                 "origin": agent.origin,
                 "goal_time_step": agent.goal_time_step,
                 "goal": [np.round(line - origin, 2).tolist() for line in goal],

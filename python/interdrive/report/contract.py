@@ -46,7 +46,7 @@ class Participant(TypedDict):
     off_road: NotRequired[bool]
     impact_speed: NotRequired[float | None]
     harm: NotRequired[float | None]
-    message: NotRequired[str]
+    reason: NotRequired[str]
     origin: NotRequired[str]
     goal_time_step: NotRequired[tuple[int, int]]
     goal: NotRequired[list[list[list[float]]]]

@@ -29,7 +29,8 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
             "impact_angle", "number", "direction to the other participant, seen from the agent [rad]", nullable=True
         ),
         Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
-        Column("message", "text", "explanation of the outcome"),
+        Column("message", "text", "what the simulation noted, such as the exception of a planner"),
+        Column("reason", "text", "why it ended so, in words and numbers; empty if it reached its goal"),
     ),
     "states": (
         Column("time_step", "integer", ""),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
 #: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area. 3: routes; states and outcomes with
-#: time_s, criticality with participant_id instead of agent_id.
+#: time_s, criticality with participant_id instead of agent_id, outcomes with reason, run.json with whole goals.
 FORMAT = 3
 
 
@@ -37,14 +37,23 @@ class ScenarioInformation(TypedDict):
     notes: list[str]
 
 
+class GoalInformation(TypedDict):
+    """One alternative of a goal: first and last admissible time step, intervals of speed [m/s] and heading [rad]."""
+
+    areas: list[Mapping[str, Json]]
+    lanelet_ids: list[int]
+    time_step: list[int]
+    velocity: list[float] | None
+    orientation: list[float] | None
+
+
 class AgentInformation(TypedDict):
-    """Constant properties of one agent; `goal_time_step` is the first and the last admissible one."""
+    """Constant properties of one agent; `goal` are its alternatives."""
 
     id: int
     origin: str
     start_time_step: int
-    goal_time_step: list[int]
-    goal_areas: list[Mapping[str, Json]]
+    goal: list[GoalInformation]
     route_lanelet_ids: list[int]
 
 
@@ -156,8 +165,16 @@ def _facts(agent: AgentRecord) -> AgentInformation:
         "id": agent.id,
         "origin": agent.origin,
         "start_time_step": agent.start_time_step,
-        "goal_time_step": list(agent.goal_time_step),
-        "goal_areas": [_shape(area) for area in agent.goal_areas],
+        "goal": [
+            {
+                "areas": [_shape(area) for area in alternative.areas],
+                "lanelet_ids": list(alternative.lanelet_ids),
+                "time_step": list(alternative.time_step),
+                "velocity": None if alternative.velocity is None else list(alternative.velocity),
+                "orientation": None if alternative.orientation is None else list(alternative.orientation),
+            }
+            for alternative in agent.goal
+        ],
         "route_lanelet_ids": list(agent.route_lanelet_ids),
     }
 

@@ -24,7 +24,7 @@ from interdrive.run import (
     Views,
 )
 from interdrive.run.assemble import STATE_COLUMNS, no_plans, no_timings
-from interdrive.scenario import Shape
+from interdrive.scenario import GoalState, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -205,6 +205,7 @@ def _outcomes(results: Results) -> Outcomes:
         off_road=table["off_road"].to_numpy(zero_copy_only=False),
         impact_speed=table["impact_speed"].to_numpy(zero_copy_only=False),
         message=tuple(table["message"].to_pylist()),
+        reason=tuple(table["reason"].to_pylist()),
     )
 
 
@@ -227,14 +228,26 @@ def _run(
             start_time_step=states.first_time_step + int(rows[number].argmax())
             if rows[number].any()
             else known.get(number, {}).get("start_time_step", 0),
-            goal_time_step=tuple(known.get(number, {}).get("goal_time_step", (0, 0))),
-            goal_areas=tuple(_area(area) for area in known.get(number, {}).get("goal_areas", ())),
+            goal=tuple(_goal_state(said) for said in known.get(number, {}).get("goal", ())),
             route_lanelet_ids=tuple(known.get(number, {}).get("route_lanelet_ids", ())),
             reference_path=np.empty((0, 2)),
         )
         for number, planner in zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True)
     )
     return RunRecord(scenario, {}, agents, outcomes, states, no_plans(), no_timings(), notes, digest)
+
+
+def _goal_state(said: Mapping[str, Any]) -> GoalState:
+    """An alternative of a goal from run.json."""
+    speeds, headings = said["velocity"], said["orientation"]
+    first, last = said["time_step"]
+    return GoalState(
+        areas=tuple(_area(area) for area in said["areas"]),
+        lanelet_ids=tuple(said["lanelet_ids"]),
+        time_step=(first, last),
+        velocity=None if speeds is None else (float(speeds[0]), float(speeds[1])),
+        orientation=None if headings is None else (float(headings[0]), float(headings[1])),
+    )
 
 
 def _area(said: Mapping[str, Any]) -> Shape:

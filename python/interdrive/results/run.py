@@ -55,7 +55,7 @@ class Run(RunRecord):
     def _repr_html_(self) -> str:
         """The line of `repr` and the table of outcomes, for notebooks."""
         table = self.outcomes.to_arrow().to_pylist()
-        columns = ("agent_id", "planner", "outcome", "time_s", "partner_id", "impact_speed", "message")
+        columns = ("agent_id", "planner", "outcome", "time_s", "partner_id", "impact_speed", "reason")
         head = "".join(f"<th>{name}</th>" for name in columns)
         rows = "".join(f"<tr>{''.join(f'<td>{_cell(row.get(name))}</td>' for name in columns)}</tr>" for row in table)
         return f"<p>{escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"

@@ -132,6 +132,7 @@ def _is_whole(value: object) -> bool:
 _TEXT = _Plain("a text", lambda value: isinstance(value, str))
 _WHOLE = _Plain("a whole number", _is_whole)
 _NUMBER = _Plain("a number", _is_number)
+_INFINITE = _Plain("inf", lambda value: value in ("inf", "-inf"))
 _POSITIVE = _Plain("a positive number", lambda value: _is_number(value) and value > 0)
 _TRUTH = _Plain("true or false", lambda value: isinstance(value, bool))
 _NULL = _Plain("null", lambda value: value is None)
@@ -160,13 +161,26 @@ def _shape(depth: int) -> _Table:
     )
 
 
+#: Two bounds, which may be infinite.
+_INTERVAL = _OneOf((_ListOf(_OneOf((_NUMBER, _INFINITE)), 2), _NULL))
+
+_GOAL = _Table(
+    needed={
+        "areas": _ListOf(_shape(3)),
+        "lanelet_ids": _ListOf(_WHOLE),
+        "time_step": _ListOf(_WHOLE, 2),
+        "velocity": _INTERVAL,
+        "orientation": _INTERVAL,
+    },
+    optional={},
+)
+
 _AGENT = _Table(
     needed={"id": _WHOLE},
     optional={
         "origin": _TEXT,
         "start_time_step": _WHOLE,
-        "goal_time_step": _ListOf(_WHOLE, 2),
-        "goal_areas": _ListOf(_shape(3)),
+        "goal": _ListOf(_GOAL),
         "route_lanelet_ids": _ListOf(_WHOLE),
     },
 )

@@ -38,6 +38,7 @@ def outcome_table(run: RunRecord) -> pa.Table:
             IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area], dtype=np.int64)
         ),
         message=ended.message,
+        reason=ended.reason,
     )
 
 

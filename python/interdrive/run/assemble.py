@@ -43,6 +43,7 @@ def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
         off_road=raw["off_road"],
         impact_speed=raw["impact_speed"],
         message=tuple(raw["message"]),
+        reason=("",) * len(raw["agent_id"]),
     )
 
 
@@ -59,8 +60,7 @@ def agent_record(agent: Agent, planner: str) -> AgentRecord:
         planner=planner,
         origin=agent.origin,
         start_time_step=agent.initial_state.time_step,
-        goal_time_step=(min(g.time_step[0] for g in agent.goal), max(g.time_step[1] for g in agent.goal)),
-        goal_areas=tuple(area for alternative in agent.goal for area in alternative.areas),
+        goal=agent.goal,
         route_lanelet_ids=tuple(agent.route.lanelet_ids),
         reference_path=agent.route.reference_path,
     )
@@ -102,5 +102,5 @@ def recorded_traffic(scenario: Scenario) -> RunRecord:
         valid=obstacles.valid,
     )
     none = np.empty(0, dtype=np.int64)
-    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), ())
+    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), (), ())
     return RunRecord(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")

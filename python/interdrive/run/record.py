@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from interdrive.scenario import Scenario, Shape
+    from interdrive.scenario import GoalState, Scenario, Shape
     from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
@@ -91,7 +91,8 @@ class Outcomes(Tabular):
         partner_id: The other participant of a collision; -1 for none (also for leaving the road).
         off_road: The collision was with the edge of the road.
         impact_speed: Magnitude of the relative velocity at a collision [m/s]; nan without a collision.
-        message: Explanation for the reader, such as the exception of a planner.
+        message: What the simulation noted, such as the exception of a planner.
+        reason: Why, in words and numbers, from what was recorded; "" if it reached its goal.
     """
 
     agent_id: Ints
@@ -102,6 +103,7 @@ class Outcomes(Tabular):
     off_road: Bools
     impact_speed: Floats
     message: tuple[str, ...]
+    reason: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -254,17 +256,27 @@ class Timings(Tabular):
 class AgentRecord:
     """Constant properties of one agent during a run.
 
-    `goal_areas`, `route_lanelet_ids` and `reference_path` (shape (points, 2) [m]) are for figures and files.
+    `goal` are its alternatives; `reference_path` has shape (points, 2) [m].
     """
 
     id: int
     planner: str
     origin: str  # "planning problem" or "recorded"
     start_time_step: int
-    goal_time_step: tuple[int, int]
-    goal_areas: tuple[Shape, ...]
+    goal: tuple[GoalState, ...]
     route_lanelet_ids: tuple[int, ...]
     reference_path: Floats
+
+    @property
+    def goal_time_step(self) -> tuple[int, int]:
+        """First and last admissible time step of all alternatives; (0, 0) if the goal is not known."""
+        steps = [alternative.time_step for alternative in self.goal] or [(0, 0)]
+        return min(first for first, _ in steps), max(last for _, last in steps)
+
+    @property
+    def goal_areas(self) -> tuple[Shape, ...]:
+        """Areas of all alternatives."""
+        return tuple(area for alternative in self.goal for area in alternative.areas)
 
 
 class RunSettings(TypedDict, total=False):

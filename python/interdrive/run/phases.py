@@ -1,0 +1,219 @@
+"""What an agent did when: driving, slowing, standing, emergency braking; and which participants it waited for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from interdrive.run.record import PLAN_STATUS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive.run.record import AgentRecord, RunRecord
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+
+PhaseKind: TypeAlias = Literal["driving", "slowing", "standing", "emergency braking"]
+
+#: Slower vehicles stand [m/s].
+STANDING_SPEED = 0.2
+
+#: An agent that decelerates by more than this slows [m/s²].
+_SLOWING = 1.0
+
+#: Shorter phases belong to their neighbour [s].
+_SHORTEST = 0.5
+
+#: A vehicle ahead is named if it is at most this far away: [m] while standing, [m] and [s] while driving.
+_AHEAD_STANDING, _AHEAD_DRIVING, _AHEAD_S = 10.0, 20.0, 3.0
+
+#: Participants cross the path of a waiting agent within this distance [m], faster than this [m/s].
+_CROSSING_AHEAD, _CROSSING_SPEED = 20.0, 1.0
+
+#: Distance between the points of a path [m].
+_PATH_SPACING = 1.0
+
+#: Moments of a phase at which the vehicle ahead is looked for.
+_MOMENTS = 9
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of time in which an agent did one thing.
+
+    Attributes:
+        kind: What it did.
+        first_time_step: Its first time step. last_time_step: Its last one, included.
+        leader_id: The vehicle ahead in most of this time, -1 for none.
+        crossing_ids: While it stood without a vehicle ahead: participants that crossed its path, in their order.
+    """
+
+    kind: PhaseKind
+    first_time_step: int
+    last_time_step: int
+    leader_id: int = -1
+    crossing_ids: tuple[int, ...] = ()
+
+    @property
+    def n_steps(self) -> int:
+        """Number of time steps."""
+        return self.last_time_step - self.first_time_step + 1
+
+
+def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
+    """Phases of an agent in their order, one after the other, from its first to its last state.
+
+    The last state counts only if it is the only one: nothing was driven from there. Empty if it never started.
+    """
+    states = run.states
+    row = int(np.searchsorted(states.participant_id, agent.id))
+    columns = np.flatnonzero(states.valid[row])
+    columns = columns[:-1] if len(columns) > 1 else columns
+    if not len(columns):
+        return ()
+    kinds = _kinds(run, row, columns)
+    shortest = max(1, round(_SHORTEST / run.scenario.dt))
+    path = _thinned(agent.reference_path)
+    found, at = [], 0
+    for kind, length in _merged(kinds, shortest):
+        inside = columns[at : at + length]
+        leader = _leader_in(run, path, row, inside, standing=kind == "standing")
+        crossing = _crossing(run, path, row, inside) if kind == "standing" and leader < 0 else ()
+        first, last = (int(column) + states.first_time_step for column in (inside[0], inside[-1]))
+        found.append(Phase(kind, first, last, leader, crossing))
+        at += length
+    return tuple(found)
+
+
+def emergency_steps(run: RunRecord, agent_id: int) -> Ints:
+    """Time steps at which an agent had no admissible sample and braked as hard as it could, ascending."""
+    plans = run.plans
+    braking = (plans.agent_id == agent_id) & (plans.status == PLAN_STATUS.index("emergency_braking"))
+    found: Ints = np.sort(plans.time_step[braking])
+    return found
+
+
+def _kinds(run: RunRecord, row: int, columns: Ints) -> list[PhaseKind]:
+    states = run.states
+    speed, acceleration = np.abs(states.velocity[row, columns]), states.acceleration[row, columns]
+    emergency = np.isin(columns + states.first_time_step, emergency_steps(run, int(states.participant_id[row])))
+    kinds: list[PhaseKind] = []
+    for v, a, braking in zip(speed.tolist(), acceleration.tolist(), emergency.tolist(), strict=True):
+        if v < STANDING_SPEED:
+            kinds.append("standing")
+        elif braking:
+            kinds.append("emergency braking")
+        else:
+            kinds.append("slowing" if a < -_SLOWING else "driving")
+    return kinds
+
+
+def _merged(kinds: list[PhaseKind], shortest: int) -> list[tuple[PhaseKind, int]]:
+    """Phases and their lengths; short ones, but for emergencies, are part of what came before or comes next."""
+    runs = [(kind, len(list(steps))) for kind, steps in groupby(kinds)]
+    made: list[tuple[PhaseKind, int]] = []
+    waiting = 0
+    for kind, length in runs:
+        is_short = length < shortest and kind != "emergency braking"
+        if made and (is_short or made[-1][0] == kind):
+            made[-1] = made[-1][0], made[-1][1] + length
+        elif is_short:
+            waiting += length
+        else:
+            made.append((kind, length + waiting))
+            waiting = 0
+    return made if not waiting else [(kinds[-1], waiting)]
+
+
+def _leader_in(run: RunRecord, path: Floats, row: int, columns: Ints, *, standing: bool) -> int:
+    """The vehicle ahead at more than half of some moments; -1 for none."""
+    moments = columns[np.unique(np.linspace(0, len(columns) - 1, _MOMENTS).round().astype(np.int64))]
+    speed = np.abs(run.states.velocity[row, moments])
+    reach = np.full(len(moments), _AHEAD_STANDING) if standing else np.maximum(_AHEAD_DRIVING, _AHEAD_S * speed)
+    ahead = [_leader(run, path, row, int(column), float(far)) for column, far in zip(moments, reach, strict=True)]
+    ids, counts = np.unique(ahead, return_counts=True)
+    most = int(counts.argmax())
+    return int(ids[most]) if 2 * counts[most] > len(ahead) else -1
+
+
+def _leader(run: RunRecord, path: Floats, row: int, column: int, reach: float) -> int:
+    """The nearest participant that reaches into what a footprint would cover along the path; -1 for none.
+
+    `reach` is the largest distance between the two footprints along the path [m].
+    """
+    states = run.states
+    rows = _near(run, row, column, reach)
+    if not len(rows) or len(path) < 2:
+        return -1
+    near, beside, own_front, half = _extents(run, path, row, rows, column)
+    gap = np.where(beside < half, near - own_front, np.inf)
+    gap[gap < -0.5 * states.length[row]] = np.inf  # beside or behind
+    best = int(gap.argmin())
+    return int(states.participant_id[rows[best]]) if gap[best] <= reach else -1
+
+
+def _crossing(run: RunRecord, path: Floats, row: int, columns: Ints) -> tuple[int, ...]:
+    """Moving participants that passed through the next metres of the path, in their order."""
+    states = run.states
+    if len(path) < 2:
+        return ()
+    found: list[int] = []
+    for column in columns[:: max(1, round(_SHORTEST / run.scenario.dt))].tolist():
+        rows = _near(run, row, column, _CROSSING_AHEAD)
+        rows = rows[np.abs(states.velocity[rows, column]) > _CROSSING_SPEED]
+        if not len(rows):
+            continue
+        near, beside, own_front, half = _extents(run, path, row, rows, column)
+        passing = (beside < half) & (near - own_front <= _CROSSING_AHEAD) & (near > own_front - 0.5)
+        found += [number for number in states.participant_id[rows[passing]].tolist() if number not in found]
+    return tuple(found)
+
+
+def _near(run: RunRecord, row: int, column: int, reach: float) -> Ints:
+    """Rows of the other participants that could be within reach."""
+    states = run.states
+    far = np.hypot(states.x[:, column] - states.x[row, column], states.y[:, column] - states.y[row, column])
+    size = 0.5 * (np.hypot(states.length, states.width) + np.hypot(states.length[row], states.width[row]))
+    there = states.valid[:, column] & (far <= reach + size)
+    there[row] = False
+    found: Ints = np.flatnonzero(there)
+    return found
+
+
+def _extents(run: RunRecord, path: Floats, row: int, rows: Ints, column: int) -> tuple[Floats, Floats, float, Floats]:
+    """Where participants are beside the path: nearest arc length, distance of centres, own front, and half widths."""
+    states = run.states
+    everyone = np.append(rows, row)
+    points = np.stack([states.x[everyone, column], states.y[everyone, column]], axis=1)
+    s, beside, heading = path_coordinates(path, points)
+    own_front = float(s[-1]) + 0.5 * float(states.length[row])
+    s, beside, turned = s[:-1], beside[:-1], states.orientation[rows, column] - heading[:-1]
+    along, across = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+    length, width = 0.5 * states.length[rows], 0.5 * states.width[rows]
+    half = along * width + across * length + 0.5 * states.width[row]
+    return s - (along * length + across * width), beside, own_front, half
+
+
+def _thinned(path: Floats) -> Floats:
+    """Every so many points of a path, about a metre apart."""
+    spacing = float(np.hypot(*np.diff(path[:2], axis=0).T).sum()) if len(path) > 1 else 0.0
+    return path[:: max(1, round(_PATH_SPACING / spacing))] if spacing > 0.0 else path
+
+
+def path_coordinates(path: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Arc length of the nearest point of a path [m], distance from it [m] and heading there [rad], shape (points,)."""
+    start, side = path[:-1], np.diff(path, axis=0)
+    size = np.maximum(np.hypot(*side.T), 1e-9)
+    s0 = np.concatenate([[0.0], np.cumsum(size)[:-1]])
+    offset = points[:, None] - start
+    part = np.clip((offset * side).sum(axis=2) / size**2, 0.0, 1.0)
+    distance = np.hypot(*np.moveaxis(offset - part[..., None] * side, 2, 0))
+    nearest = distance.argmin(axis=1)
+    each = np.arange(len(points))
+    heading = np.arctan2(side[nearest, 1], side[nearest, 0])
+    return s0[nearest] + part[each, nearest] * size[nearest], distance[each, nearest], heading

@@ -1,0 +1,230 @@
+"""Why every agent ended as it did, in words and numbers, from what was recorded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.run.contact import contact_sides
+from interdrive.run.goals import approach, inside, said_time
+from interdrive.run.phases import STANDING_SPEED, emergency_steps, phases
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive import _core
+    from interdrive.run.phases import Phase
+    from interdrive.run.record import AgentRecord, RunRecord
+
+    Floats = NDArray[np.float64]
+
+#: Shorter stops and shorter times without an admissible sample are no reason for being late [s].
+_LONG = 1.0
+
+#: Participants of these kinds are named with their kind.
+_NAMED = ("pedestrian", "bicycle", "motorcycle", "train")
+
+
+def reasons(run: RunRecord, road: _core.RoadNetwork) -> tuple[str, ...]:
+    """One sentence per agent, in the order of `run.outcomes`; "" for those that reached their goal.
+
+    Args:
+        run: The run; its outcomes need no reasons.
+        road: Its road network, for how far agents left it.
+    """
+    agents = {agent.id: agent for agent in run.agents}
+    numbers = run.outcomes.agent_id.tolist()
+    return tuple(_reason(run, agents[number], place, road) for place, number in enumerate(numbers))
+
+
+def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetwork) -> str:
+    ended, message = run.outcomes, run.outcomes.message[place]
+    match ended.outcome[place]:
+        case "goal_reached":
+            text = ""
+        case "collision":
+            text = _departure(run, agent, road) if ended.off_road[place] else _collision(run, place)
+        case "running":
+            text = _stopped(run, agent)
+        case "planner_error":
+            text = message
+        case "infeasible":
+            steps = len(emergency_steps(run, agent.id))
+            before = f" after emergency braking at {said_count(steps, 'time step')}" if steps else ""
+            text = f"no plan{before}: {message or 'the planner gave no reason'}"
+        case "goal_reached_late":
+            text = _joined(_lateness(run, agent), *_causes(run, agent))
+        case "goal_missed":
+            text = approach(run, agent) or "drove past its goal"
+        case _:
+            text = _time_over(run, agent, message or "the time was over")
+    return text
+
+
+def _time_over(run: RunRecord, agent: AgentRecord, over: str) -> str:
+    """What cost an agent its time, and how near its goal it was in the end; `over` says what ended it."""
+    near = approach(run, agent)
+    was_there = near.startswith(("in ", "at ", "from "))
+    return _joined(*_causes(run, agent), near if was_there else f"{near} when {over}" if near else over)
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(part for part in parts if part)
+
+
+def said_count(n: int, what: str) -> str:
+    """A number of things, such as "1 time step" or "2 time steps"."""
+    return f"{n} {what}{'s' * (n != 1)}"
+
+
+def said_list(ids: tuple[int, ...]) -> str:
+    """Ids in words, at most three of them: "12, 14 and 3 others"."""
+    shown = [str(number) for number in (ids if len(ids) <= 3 else ids[:2])]
+    if len(ids) > 3:
+        shown.append(f"{len(ids) - 2} others")
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def _stopped(run: RunRecord, agent: AgentRecord) -> str:
+    row = int(np.searchsorted(run.states.participant_id, agent.id))
+    columns = np.flatnonzero(run.states.valid[row])
+    if not len(columns):
+        return "had not started when the run was stopped"
+    return (
+        f"still driving when the run was stopped at {said_time(run, int(columns[-1]) + run.states.first_time_step)} s"
+    )
+
+
+def _lateness(run: RunRecord, agent: AgentRecord) -> str:
+    """When it reached its goal, and how long after its time."""
+    place = int(np.searchsorted(run.outcomes.agent_id, agent.id))
+    reached, last = int(run.outcomes.time_step[place]), agent.goal_time_step[1]
+    columns = [inside(run, agent, alternative) for alternative in agent.goal]
+    in_time = any((c + run.states.first_time_step <= last).any() for c in columns)
+    return (
+        f"reached {'all conditions of its goal' if in_time else 'the goal area'} at {said_time(run, reached)} s, "
+        f"{said_time(run, reached - last)} s after its last admissible time {said_time(run, last)} s"
+    )
+
+
+def _causes(run: RunRecord, agent: AgentRecord) -> tuple[str, ...]:
+    """What cost an agent its time: the vehicle ahead or its longest stop; times without an admissible sample."""
+    dt, done = run.scenario.dt, phases(run, agent)
+    stop = max((phase for phase in done if phase.kind == "standing"), key=lambda phase: phase.n_steps, default=None)
+    stood = stop.n_steps if stop is not None and stop.n_steps * dt >= _LONG else 0
+    behind: dict[int, tuple[int, int]] = {}
+    for phase in done:
+        if phase.leader_id >= 0:
+            total, standing = behind.get(phase.leader_id, (0, 0))
+            behind[phase.leader_id] = total + phase.n_steps, standing + phase.n_steps * (phase.kind == "standing")
+    number = max(behind, key=lambda number: (behind[number][0], -number), default=-1)
+    total, standing = behind.get(number, (0, 0))
+    none = no_sample(run, agent.id)
+    if total * dt >= _LONG and total >= stood:
+        name, long = said_name(run, number), said_time(run, total)
+        if standing == total:
+            text = f"stood behind {name} for {long} s"
+        elif standing * dt >= _LONG:
+            text = f"behind {name} for {long} s, standing for {said_time(run, standing)} s"
+        else:
+            text = f"drove behind {name} for {long} s"
+        return (text, none) if none and standing < total else (text,)
+    if stop is not None and stood:
+        return (said_stop(run, agent.id, stop),)
+    return (none,) if none else ()
+
+
+def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
+    """A stop: how long, behind which vehicle, for which crossing participants, or without any admissible sample."""
+    seconds = said_time(run, stop.n_steps)
+    lasted = f"stood for {seconds} s"
+    if stop.leader_id >= 0:
+        return f"stood behind {said_name(run, stop.leader_id)} for {seconds} s"
+    none = no_sample(run, agent_id, stop.first_time_step, stop.last_time_step)
+    if stop.crossing_ids:
+        return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"
+    return f"{lasted} without a vehicle ahead" + (f": {none}" if none else ", as planned")
+
+
+def no_sample(run: RunRecord, agent_id: int, first: int | None = None, last: int | None = None) -> str:
+    """How long an agent had no admissible sample between two time steps; "" for less than a second."""
+    steps = emergency_steps(run, agent_id)
+    steps = steps[(steps >= (steps.min(initial=0) if first is None else first))]
+    steps = steps if last is None else steps[steps <= last]
+    if not len(steps):
+        return ""
+    pieces = np.split(steps, np.flatnonzero(np.diff(steps) > 1) + 1)
+    longest = max(len(piece) for piece in pieces)
+    if longest * run.scenario.dt < _LONG:
+        return ""
+    seconds, count = said_time(run, longest), said_count(len(steps), "time step")
+    return f"no admissible sample for {seconds} s (emergency braking at {count})"
+
+
+def said_name(run: RunRecord, participant_id: int) -> str:
+    """A participant by its id, pedestrians and two-wheelers with their kind."""
+    kind = run.states.kinds[int(np.searchsorted(run.states.participant_id, participant_id))]
+    return f"{kind} {participant_id}" if kind in _NAMED else str(participant_id)
+
+
+def _collision(run: RunRecord, place: int) -> str:
+    """Which of two participants ran into which, how fast, and whether the other one could react."""
+    ended, states = run.outcomes, run.states
+    number, partner, time_step = (int(c[place]) for c in (ended.agent_id, ended.partner_id, ended.time_step))
+    row, other = (int(np.searchsorted(states.participant_id, i)) for i in (number, partner))
+    own, theirs = contact_sides(states, row, other, time_step)
+    name, sides = said_name(run, partner), ("left", "right")
+    if (own, theirs) == ("front", "rear"):
+        text = f"ran into {name} from behind"
+    elif (own, theirs) == ("rear", "front"):
+        text = f"hit from behind by {name}"
+    elif (own, theirs) == ("front", "front"):
+        text = f"frontal collision with {name}"
+    elif own in sides and theirs in sides:
+        text = f"side contact with {name}"
+    elif own == "front":
+        text = f"ran into the {theirs} side of {name}"
+    elif theirs == "front":
+        text = f"hit on its {own} side by {name}"
+    else:
+        text = f"its {own} touched the {theirs} of {name}"
+    speed = float(ended.impact_speed[place])
+    how_fast = f" at {speed:.1f} m/s" if np.isfinite(speed) else ""
+    if states.is_agent[other]:
+        what = ""
+    elif states.is_static[other]:
+        what = ", which is static"
+    else:
+        column = max(time_step - 1 - states.first_time_step, 0)
+        stands = abs(float(states.velocity[other, column])) < STANDING_SPEED
+        what = ", which replays its recording" + (" and stood" if stands else "")
+    return f"{text}{how_fast}{what}"
+
+
+def _departure(run: RunRecord, agent: AgentRecord, road: _core.RoadNetwork) -> str:
+    """Where an agent left the road, and how far the corner furthest outside was beyond its edge."""
+    states = run.states
+    place = int(np.searchsorted(run.outcomes.agent_id, agent.id))
+    row = int(np.searchsorted(states.participant_id, agent.id))
+    column = int(run.outcomes.time_step[place]) - states.first_time_step
+    angle = float(states.orientation[row, column])
+    forward, left = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+    half = 0.5 * np.array([states.length[row], states.width[row]])
+    center = np.array([states.x[row, column], states.y[row, column]])
+    corners = np.array([center + a * half[0] * forward + b * half[1] * left for a in (1, -1) for b in (1, -1)])
+    outside = corners[~road.on_road(np.ascontiguousarray(corners))]
+    if not len(outside):
+        return f"touched the edge of the road at ({center[0]:.1f}, {center[1]:.1f})"
+    beyond = _distances(road.road_edges, outside)
+    x, y = outside[int(beyond.argmax())].tolist()
+    return f"left the road at ({x:.1f}, {y:.1f}), {beyond.max():.1f} m beyond its edge"
+
+
+def _distances(edges: Floats, points: Floats) -> Floats:
+    """Distance of points from the nearest of some segments [m], shape (points,)."""
+    start, side = edges[:, 0], edges[:, 1] - edges[:, 0]
+    offset = points[:, None] - start
+    part = np.clip((offset * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    found: Floats = np.hypot(*np.moveaxis(offset - part[..., None] * side, 2, 0)).min(axis=1)
+    return found
