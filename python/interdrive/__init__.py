@@ -49,7 +49,7 @@ if TYPE_CHECKING:
         PredictorSettings,
     )
     from interdrive.predictors.walenet import Walenet
-    from interdrive.results import Run, load, save
+    from interdrive.results import Run, RunInterrupted, load, save
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import AgentSettings, GoalSettings
     from interdrive.simulation import Simulation, simulate
@@ -98,6 +98,7 @@ _HOME = {
     "load": "results",
     "save": "results",
     "Run": "results",
+    "RunInterrupted": "results",
     "Scenario": "scenario",
     "Simulation": "simulation",
     "SimulationSettings": "config.schema",
@@ -139,6 +140,7 @@ __all__ = [
     "Recorded",
     "ResultsError",
     "Run",
+    "RunInterrupted",
     "Scenario",
     "ScenarioSpec",
     "Scene",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+import sysconfig
+import traceback
 import warnings
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -99,13 +101,29 @@ def text_of(error: BaseException) -> str:
         return ""
 
 
-def failure(error: BaseException, given: str = "") -> str:
+def place_of(error: BaseException) -> str:
+    """Where foreign code raised an exception: file, line and function of its last frame; "" if it has none."""
+    ours, libraries = Path(__file__).parent, {Path(path) for path in sysconfig.get_paths().values()}
+    found = ""
+    # Of the class itself, because a subclass may have an attribute of this name.
+    trace = vars(BaseException)["__traceback__"].__get__(error)
+    for frame in traceback.extract_tb(trace):
+        file = Path(frame.filename)
+        if not frame.filename.startswith("<") and not {ours, *libraries} & set(file.parents):
+            found = f"{file.name}:{frame.lineno} in {frame.name}"
+    return found
+
+
+def failure(error: BaseException, given: str = "", *, placed: bool = False) -> str:
     """One line for an exception of foreign code.
 
     Args:
         error: The exception.
         given: Its read-only argument; "" if none.
+        placed: Begin with where it was raised.
     """
+    if placed and (place := place_of(error)):
+        return f"{place}: {failure(error, given)}"
     kind, text = type(error), text_of(error)
     if issubclass(kind, InterdriveError) and text:
         return text

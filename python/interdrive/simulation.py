@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from interdrive import _core
 from interdrive.config.agents import agent_configs, run_config, stored
@@ -19,9 +19,9 @@ from interdrive.errors import InputError
 from interdrive.files import open_scenario
 from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
-from interdrive.planners.calls import ask
+from interdrive.planners.calls import ask, planned
 from interdrive.planners.workers import Workers, can_be_sent
-from interdrive.results import Run
+from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.logs import CandidateLog, PredictionLog
@@ -66,6 +66,7 @@ class Simulation:
         settings: SettingsSpec | None = None,
         seed: int = 0,
         threads: int | None = None,
+        on_planner_error: Literal["end_agent", "raise"] = "end_agent",
     ) -> None:
         """Prepares agents, routes and the world.
 
@@ -78,12 +79,17 @@ class Simulation:
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             seed: Seed for the choice of agents.
             threads: Threads that plan; None: the number of cores. Results do not depend on it.
+            on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
+                "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
 
         Raises:
             InputError: The input cannot be used; one line states why.
         """
         if threads is not None and not 1 <= threads <= _THREADS_MAX:
             raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
+        if on_planner_error not in ("end_agent", "raise"):
+            raise InputError(f"on_planner_error must be 'end_agent' or 'raise', not {on_planner_error!r}")
+        self._raises = on_planner_error == "raise"
         if seed < 0:
             raise InputError(f"the seed must not be negative, is {seed}")
         self.scenario = open_scenario(scenario)
@@ -214,7 +220,7 @@ class Simulation:
     def _start_workers(self) -> None:
         """Moves planners in Python that allow it to separate processes, if there is more than one core for them."""
         willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
-        if self.threads == 1 or not willing:
+        if self.threads == 1 or self._raises or not willing:
             return
         make = {i: self._configs[i].planner.make for i in willing}
         unfit = [i for i in willing if not can_be_sent(make[i])]
@@ -243,6 +249,10 @@ class Simulation:
             wanted = {i: view.ego.s for i, view in views.items() if i not in self._python_planners}
             answers = self._workers.ask(scene, predictions, wanted)
         timeout_s = self.settings.step.planner_timeout_s
+        if self._raises:
+            for agent_id, view in views.items():
+                plans.set(view, *planned(self._python_planners[agent_id], view, predictions.seen_by(view)))
+            return
         with same_folder() if self._python_planners else nullcontext():
             for agent_id, view in views.items():
                 planner = self._python_planners.get(agent_id)
@@ -268,12 +278,19 @@ class Simulation:
 
         Returns:
             The finished run.
+
+        Raises:
+            RunInterrupted: Ctrl-C; the exception holds the run so far.
         """
         last = self.world.last_time_step or 0
-        while not self.world.is_done:
-            self.step()
-            if on_step is not None:
-                on_step(self.world.time_step, len(self.world.driving), len(self.agents), last)
+        try:
+            while not self.world.is_done:
+                self.step()
+                if on_step is not None:
+                    on_step(self.world.time_step, len(self.world.driving), len(self.agents), last)
+        except KeyboardInterrupt:
+            self._stop_workers()
+            raise RunInterrupted(self.record()) from None
         return self.record()
 
     def record(self) -> Run:
@@ -301,8 +318,8 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
-            predictions=None if self._prediction_log is None else self._prediction_log.table(),
-            candidates=None if self._candidate_log is None else self._candidate_log.table(),
+            predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
+            candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
         return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)))
 
@@ -339,6 +356,7 @@ def simulate(
     settings: SettingsSpec | None = None,
     seed: int = 0,
     threads: int | None = None,
+    on_planner_error: Literal["end_agent", "raise"] = "end_agent",
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> Run:
     """Runs a scenario until every agent has its outcome; the arguments are those of `Simulation`.
@@ -359,6 +377,7 @@ def simulate(
         settings=settings,
         seed=seed,
         threads=threads,
+        on_planner_error=on_planner_error,
     )
     return simulation.run(on_step)
 

@@ -22,7 +22,7 @@ from interdrive import files, simulation
 from interdrive.cli import main
 from interdrive.config.plugins import Choice
 from interdrive.errors import InputError
-from interdrive.results import read_results, save
+from interdrive.results import RunInterrupted, read_results, save
 
 RUN = invented_run()
 GOOD = replace(
@@ -256,9 +256,17 @@ def test_errors_of_the_simulation_are_one_line(simulated, here):
     assert not (here / "out").exists()
 
 
-@pytest.mark.parametrize("result", [KeyboardInterrupt(), replace(GOOD, finished=False)])
-def test_an_interrupted_run_writes_nothing_and_exits_with_130(simulated, here, result):
-    simulated.result = result
+def test_an_interrupted_run_is_kept_as_far_as_it_came_and_exits_with_130(simulated, here):
+    simulated.result = RunInterrupted(replace(GOOD, finished=False))
+    done = invoke("run", "bend.xml", "--out", "made")
+    seconds = (GOOD.states.n_steps - 1) * GOOD.scenario.dt
+    line = f"interrupted after {seconds:.1f} s; the run so far is in made\n"
+    assert (done.exit_code, done.stdout, done.stderr) == (130, "", line)
+    assert read_results("made").info["finished"] is False
+
+
+def test_an_interrupt_before_the_simulation_writes_nothing_and_exits_with_130(simulated, here):
+    simulated.result = KeyboardInterrupt()
     done = invoke("run", "bend.xml")
     assert (done.exit_code, done.stdout, done.stderr) == (130, "", "interrupted, nothing written\n")
     assert not (here / "out").exists()

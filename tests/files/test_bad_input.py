@@ -1,6 +1,7 @@
 """What cannot be used ends the command with exit code 2 and one line on stderr; nothing half-written stays behind."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 
+import interdrive as idr
 from interdrive.cli import main
 from interdrive.results import read_results
 
@@ -191,7 +193,8 @@ def test_ctrl_c_in_the_middle_of_a_run(here):
         "from interdrive import Predictions\n"
         "class Watched:\n"
         "    def predict(self, scene):\n"
-        "        Path('started').touch()\n"
+        "        if scene.time_step == 3:\n"
+        "            Path('started').touch()\n"
         "        none = np.zeros((0, 1, 30))\n"
         "        ids, valid = np.zeros(0, dtype=np.int64), np.zeros((0, 1, 30), dtype=bool)\n"
         "        covariance = np.zeros((0, 1, 30, 2, 2))\n"
@@ -214,5 +217,10 @@ def test_ctrl_c_in_the_middle_of_a_run(here):
             stdout, stderr = running.communicate(timeout=60)
         finally:
             running.kill()
-    assert (running.returncode, stdout, stderr) == (130, "", "interrupted, nothing written\n")
-    assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"watched.py", "started"}
+    assert (running.returncode, stdout) == (130, "")
+    assert re.fullmatch(r"interrupted after \d\.\d s; the run so far is in made\n", stderr)
+    assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"watched.py", "started", "made"}
+    kept = idr.load(here / "made")
+    assert not kept.finished
+    assert kept.states.n_steps > 3
+    assert set(kept.outcomes.outcome) == {"running"}

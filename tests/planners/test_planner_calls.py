@@ -10,7 +10,7 @@ import pytest
 from drivers import Straight
 from parallel_drivers import Alone, Dying, Elsewhere, Raising, Remembering, Sleeping, Stuck
 
-from interdrive import InputError, SimulationSettings, Trajectory, simulate
+from interdrive import InputError, RunInterrupted, SimulationSettings, Trajectory, simulate
 from interdrive.config.schema import StepSettings
 from interdrive.testing import Car, check_planner, problem, straight_road, world
 
@@ -23,8 +23,8 @@ def two_agents(steps: tuple[int, int] = (0, 50)):
     return world(straight_road(lanes=2), cars=[Car(7, 40.0, 3.5, 9.0)], problems=problems)
 
 
-def drive(planner, threads=1, steps=(0, 50), settings=None):
-    return simulate(two_agents(steps), agents=[100, 200], planner=planner, threads=threads, settings=settings)
+def drive(planner, threads=1, steps=(0, 50), **choices):
+    return simulate(two_agents(steps), agents=[100, 200], planner=planner, threads=threads, **choices)
 
 
 def with_timeout(seconds: float) -> SimulationSettings:
@@ -164,3 +164,42 @@ def test_outlines_of_participants_in_view_are_where_they_are():
 
 def test_the_check_of_the_contract_reports_how_every_small_world_ended():
     assert check_planner(Straight)["an empty road"] == "goal_reached"
+
+
+class Failing:
+    """Divides by zero in a function that it calls, at time step 2."""
+
+    def plan(self, view, predictions):
+        if view.time_step == 2:
+            self.helper(0.0)
+        return Straight().plan(view, predictions)
+
+    def helper(self, nothing):
+        return 1.0 / nothing
+
+
+def test_a_failure_says_file_line_and_function_of_the_planner():
+    message = drive(Failing).outcomes.message[0]
+    line = Failing.helper.__code__.co_firstlineno + 1
+    assert message.endswith(
+        f"time step 2: test_planner_calls.py:{line} in helper: ZeroDivisionError: float division by zero"
+    )
+
+
+def test_a_failure_passes_through_on_request():
+    with pytest.raises(ZeroDivisionError):
+        drive(Failing, on_planner_error="raise")
+
+
+def test_a_run_that_is_interrupted_is_in_the_exception():
+    class Interrupting(Failing):
+        def helper(self, nothing):
+            raise KeyboardInterrupt
+
+    settings = {"record.predictions": True, "record.candidates": 3}
+    with pytest.raises(RunInterrupted, match=r"interrupted after 0\.2 s") as stop:
+        drive(Interrupting, settings=settings)
+    run = stop.value.run
+    assert (run.finished, run.states.n_steps) == (False, 3)
+    assert run.predictions.time_step.max(initial=0) < 2
+    assert set(run.outcomes.outcome) == {"running"}

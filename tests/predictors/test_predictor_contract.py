@@ -222,5 +222,5 @@ def test_in_the_command_line_garbage_of_a_predictor_is_one_line(tmp_path):
         )
         assert done.returncode == 2
         assert done.stderr.count("\n") == 1
-        assert "predictor mine:Broken, time step 0: ValueError: no idea at all" in done.stderr
+        assert "predictor mine:Broken, time step 0: mine.py:3 in predict: ValueError: no idea at all" in done.stderr
         assert not (tmp_path / "found").exists()

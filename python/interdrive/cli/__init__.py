@@ -66,7 +66,9 @@ class _Commands(click.Group):
         except InterdriveError as error:
             return _complain(str(error), 2)
         except KeyboardInterrupt as stop:
-            say(str(stop) or "interrupted, nothing written", err=True)
+            # How far a simulation came matters only where it is kept.
+            told = "" if hasattr(stop, "run") else str(stop)
+            say(told or "interrupted, nothing written", err=True)
             return INTERRUPTED
         except BrokenPipeError:
             # The interpreter would flush stdout once more and complain.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import click
 
 from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, scenario_named, shown
 from interdrive.cli.config import RunChoices, read_config
+from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
 from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError, InterdriveError
@@ -72,12 +74,14 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
+@click.option("--raise", "raises", is_flag=True, help="Let an exception of a planner in Python through.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def run(
     file: str | None,
     assignments: tuple[str, ...],
     by_agent: tuple[str, ...],
     config: str | None,
+    raises: bool,
     quiet: bool,
     **given: Any,  # noqa: ANN401 - texts and flags
 ) -> int:
@@ -95,7 +99,7 @@ def run(
         choices = replace(choices, gif=True)
 
     from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
-    from interdrive.results import save  # noqa: PLC0415
+    from interdrive.results import RunInterrupted, save  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
 
     source = scenario_named(choices.scenario)
@@ -114,12 +118,22 @@ def run(
             settings=settings,
             seed=choices.seed,
             threads=choices.threads,
+            on_planner_error="raise" if raises else "end_agent",
         )
         if choices.agent_view not in {None, *(agent.id for agent in simulation.agents)}:
             raise InputError(f"agent {choices.agent_view}: a film of it is asked for, but it is not an agent")
-        done = simulation.run(report.step)
-        if not done.finished:
-            raise KeyboardInterrupt
+        try:
+            done = simulation.run(report.step)
+        except RunInterrupted as stop:
+            if stop.run.states.n_steps < 2:
+                raise KeyboardInterrupt from None
+            save(stop.run, folder, overwrite=choices.overwrite)
+            raise KeyboardInterrupt(f"{stop}; the run so far is in {shown(folder)}") from None
+        except Exception:
+            if not raises:
+                raise
+            say(traceback.format_exc(), err=True)
+            return 1
         report.say("writing")
         save(done, folder, overwrite=choices.overwrite)
         with _kept(folder):

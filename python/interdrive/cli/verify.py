@@ -38,6 +38,8 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     path = _scenario_file(folder, info, scenario)
     try:
         wanted: dict[str, Any] = {**info["settings"]}
+        if not info.get("finished", True):
+            raise InputError(f"{folder}: the run was interrupted, so its repetition would be another one")
         if not wanted.get("repeatable", True):
             raise InputError(
                 f"{folder}: the run used objects made in Python, which run.json cannot name; repeat it there"

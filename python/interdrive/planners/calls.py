@@ -47,7 +47,7 @@ def ask(planner: Planner, view: View, predictions: Predictions, timeout_s: float
     start = time.perf_counter()
     try:
         with _interrupted_after(timeout_s):
-            answer = undisturbed(_planned, planner, view, predictions)
+            answer = undisturbed(planned, planner, view, predictions)
         seconds = time.perf_counter() - start
         return answer if seconds <= timeout_s else _too_slow(seconds, timeout_s)
     except _TooLong:
@@ -55,11 +55,12 @@ def ask(planner: Planner, view: View, predictions: Predictions, timeout_s: float
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - whatever a planner raises costs its own agent only
-        return failure(error, "view")
+        return failure(error, "view", placed=True)
 
 
-def _planned(planner: Planner, view: View, predictions: Predictions) -> Answer:
-    return cast("Answer", stated(planner.plan(view, predictions)))
+def planned(planner: Planner, view: View, predictions: Predictions) -> tuple[Any, ...]:
+    """The arrays of a planner's trajectory; whatever it raises passes through."""
+    return cast("tuple[Any, ...]", stated(planner.plan(view, predictions)))
 
 
 @contextmanager

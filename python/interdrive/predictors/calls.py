@@ -48,7 +48,7 @@ class BoundPredictor:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            raise PredictorError(where, failure(error, "scene")) from error
+            raise PredictorError(where, failure(error, "scene", placed=True)) from error
         if not isinstance(answer, Predictions):
             raise PredictorError(where, f"it returned {type(answer).__name__}, interdrive.Predictions expected")
         if answer.time_step != scene.time_step:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import Results, check_target, holds_run, read_results, save
 from interdrive.results.information import FORMAT, RunInformation, information, software
-from interdrive.results.run import Run, load, recorded_run, reopen
+from interdrive.results.run import Run, RunInterrupted, load, recorded_run, reopen
 from interdrive.results.tables import (
     candidates_table,
     outcome_table,
@@ -28,6 +28,7 @@ __all__ = [
     "Results",
     "Run",
     "RunInformation",
+    "RunInterrupted",
     "candidates_table",
     "check_target",
     "holds_run",

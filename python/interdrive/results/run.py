@@ -139,6 +139,18 @@ class Run(RunRecord):
         return commonroad_objects(write_scenario(self))
 
 
+class RunInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a simulation.
+
+    Attributes:
+        run: The run so far, with `finished` False; `save` and all the rest work.
+    """
+
+    def __init__(self, run: Run) -> None:
+        super().__init__(f"interrupted after {(run.states.n_steps - 1) * run.scenario.dt:.1f} s")
+        self.run = run
+
+
 class RunPage:
     """The page of a run; Jupyter shows it where it is the value of a cell.
 

@@ -47,13 +47,14 @@ class PredictionLog:
         step = np.full(len(row), predictions.time_step)
         self._rows.append((step, predictions.ids[row], mode, predictions.probability[row, mode], x, y, covariance))
 
-    def table(self) -> RecordedPredictions:
-        """All rows so far."""
-        points = max((rows[4].shape[1] for rows in self._rows), default=0)
+    def table(self, end: int) -> RecordedPredictions:
+        """All rows before a time step."""
+        made = [rows for rows in self._rows if not len(rows[0]) or rows[0][0] < end]
+        points = max((rows[4].shape[1] for rows in made), default=0)
         ints, floats, empty = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, points))
         parts: list[tuple[NDArray[Any], ...]]
         parts = [(ints, ints, ints, floats, empty, empty, np.empty((0, points, 2, 2)))]
-        parts += [(*rows[:4], *(_widened(table, points) for table in rows[4:])) for rows in self._rows]
+        parts += [(*rows[:4], *(_widened(table, points) for table in rows[4:])) for rows in made]
         step, participant, mode, probability, x, y, covariance = map(np.concatenate, zip(*parts, strict=True))
         ahead = self._stride * np.arange(1, points + 1)
         return RecordedPredictions(ahead, step, participant, mode, probability, x, y, covariance)
@@ -100,20 +101,21 @@ class CandidateLog:
                 )
             )
 
-    def table(self) -> RecordedCandidates:
-        """All rows so far."""
-        points = max((rows[5].shape[1] for rows in self._rows), default=0)
-        counts = [len(rows[2]) for rows in self._rows]
+    def table(self, end: int) -> RecordedCandidates:
+        """All rows before a time step."""
+        made = [rows for rows in self._rows if rows[0] < end]
+        points = max((rows[5].shape[1] for rows in made), default=0)
+        counts = [len(rows[2]) for rows in made]
         empty = np.empty((0, points))
         return RecordedCandidates(
             point=self._stride * np.arange(points),
-            time_step=np.repeat(np.array([rows[0] for rows in self._rows], dtype=np.int64), counts),
-            agent_id=np.repeat(np.array([rows[1] for rows in self._rows], dtype=np.int64), counts),
-            cost=np.concatenate([np.empty(0), *(rows[2] for rows in self._rows)]),
-            rejection=tuple(text for rows in self._rows for text in rows[3]),
-            chosen=np.concatenate([np.empty(0, dtype=np.bool_), *(rows[4] for rows in self._rows)]),
-            x=np.concatenate([empty, *(_widened(rows[5], points) for rows in self._rows)]),
-            y=np.concatenate([empty, *(_widened(rows[6], points) for rows in self._rows)]),
+            time_step=np.repeat(np.array([rows[0] for rows in made], dtype=np.int64), counts),
+            agent_id=np.repeat(np.array([rows[1] for rows in made], dtype=np.int64), counts),
+            cost=np.concatenate([np.empty(0), *(rows[2] for rows in made)]),
+            rejection=tuple(text for rows in made for text in rows[3]),
+            chosen=np.concatenate([np.empty(0, dtype=np.bool_), *(rows[4] for rows in made)]),
+            x=np.concatenate([empty, *(_widened(rows[5], points) for rows in made)]),
+            y=np.concatenate([empty, *(_widened(rows[6], points) for rows in made)]),
         )
 
 

@@ -69,7 +69,7 @@ class _Watched:
         try:
             plan: Trajectory = self._first.plan(view, predictions)
         except Exception as error:  # noqa: BLE001 - whatever it raises is the finding
-            fail(f"plan: {failure(error, 'view')}")
+            fail(f"plan: {failure(error, 'view', placed=True)}")
         seconds = time.perf_counter() - start
         try:
             view.check_plan(*stated(plan))
