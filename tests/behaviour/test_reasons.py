@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from drivers import Straight, Turning
+
 from interdrive import Simulation, Trajectory, load, save, simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world
 

@@ -52,6 +52,19 @@ def test_speed_limit_of_2020a_is_that_of_the_lowest_sign(read):
 # Recorded traffic
 
 
+def test_lights_signs_and_stop_lines_that_nobody_obeys_are_counted_in_a_note(read):
+    stop = "<stopLine><lineMarking>solid</lineMarking></stopLine>"
+    signs = "".join(
+        f'<trafficSign id="{number}"><trafficSignElement><trafficSignID>{code}</trafficSignID>{value}'
+        "</trafficSignElement></trafficSign>"
+        for number, code, value in ((7, 274, "<additionalValue>10</additionalValue>"), (8, 206, ""), (9, 205, ""))
+    )
+    lanelets = lanelet(1, more=stop + "".join(f'<trafficSignRef ref="{number}"/>' for number in (7, 8, 9)))
+    notes = read(document(signs, lanelets=lanelets)).notes
+    assert "2 signs, 1 stop line: no planner obeys them yet" in notes
+    assert not any("obeys" in note for note in read(document("")).notes)
+
+
 def test_a_trajectory_is_in_the_tables_at_its_time_steps(read):
     states = [state(t, float(t), orientation=0.5, velocity=10.0, acceleration=0.25, yawRate=0.125) for t in (1, 2, 3)]
     one = driven(read(document(car(30, initial(0.0, orientation=0.5, acceleration=0.25, yawRate=0.125), states))))

@@ -19,6 +19,7 @@ from interdrive.cli.batch import batch
 from interdrive.cli.check import check
 from interdrive.cli.compare import compare
 from interdrive.cli.criticality import criticality
+from interdrive.cli.explain import explain
 from interdrive.cli.models import models
 from interdrive.cli.page import report
 from interdrive.cli.plot import plot
@@ -91,7 +92,7 @@ def main() -> None:
 
 
 for _command in (
-    *(run, batch, compare, sql, report, plot, study, criticality, predict_eval),
+    *(run, explain, batch, compare, sql, report, plot, study, criticality, predict_eval),
     *(check, verify, settings, planners, predictors, models),
 ):
     main.add_command(_command)

@@ -102,7 +102,7 @@ def converted(
         planning_problems=planning_problems,
         path=path,
         sha256=sha256,
-        notes=notes.lines(),
+        notes=(*notes.lines(), *_not_obeyed(scenario.lanelet_network)),
         incomings=_incomings(scenario.lanelet_network),
     )
     limits.require_scenario(found, file)
@@ -142,6 +142,22 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
         speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
         types=tuple(tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or ())) for lanelet in lanelets),
     )
+
+
+def _not_obeyed(network: Foreign) -> tuple[str, ...]:
+    """One line if there are lights, signs or stop lines; of signs, speed limits alone are obeyed."""
+    signs = [
+        sign
+        for sign in network.traffic_signs
+        if any(element.traffic_sign_element_id.name != "MAX_SPEED" for element in sign.traffic_sign_elements)
+    ]
+    counts = (
+        (len(network.traffic_lights), "traffic light"),
+        (len(signs), "sign"),
+        (sum(lanelet.stop_line is not None for lanelet in network.lanelets), "stop line"),
+    )
+    found = ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts if count)
+    return (f"{found}: no planner obeys them yet",) if found else ()
 
 
 def _incomings(network: Foreign) -> tuple[Incoming, ...]:

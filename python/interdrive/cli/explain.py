@@ -1,0 +1,57 @@
+"""`interdrive explain`: why agents ended as they did, in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from interdrive.cli.arguments import shown
+from interdrive.errors import InputError
+
+
+@click.command()
+@click.argument("folder", metavar="RUN")
+@click.argument("agent", required=False)
+@click.option("--png", metavar="FILE", help="Also draw its speed and phases to this .png file.")
+@click.option("--pdf", metavar="FILE", help="Also draw its speed and phases to this .pdf file.")
+def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) -> None:
+    """Tell why the agents of a run ended as they did.
+
+    RUN is a run folder. Without AGENT there is one line per agent; with the id of an agent its story: what it did when,
+    behind which vehicle, when its planner found no admissible sample, and its most critical moments.
+    """
+    files = [(png, ".png"), (pdf, ".pdf")]
+    for name, ending in files:
+        if name is not None and Path(name).suffix.lower() != ending:
+            raise InputError(f"--{ending[1:]} {name}: the file must end in {ending}")
+    wanted = [Path(name) for name, _ in files if name is not None]
+    number = _number(agent)
+    if number is None and wanted:
+        raise InputError("explain: a figure shows one agent; name it after the run folder")
+
+    from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
+    from interdrive.results import load  # noqa: PLC0415 - pyarrow
+    from interdrive.results.story import ending as ending_of  # noqa: PLC0415
+    from interdrive.results.story import story  # noqa: PLC0415
+
+    run = load(folder)
+    lines = [ending_of(run, one.id) for one in run.agents] if number is None else story(run, number)
+    print_text("\n".join(lines) or "the run has no agents")
+    if number is not None and wanted:
+        from interdrive.plots import save_figure  # noqa: PLC0415 - matplotlib
+        from interdrive.plots.story import draw_story  # noqa: PLC0415
+
+        figure = draw_story(run, number)
+        for path in wanted:
+            save_figure(figure, path)
+            print_text(f"figure in {shown(path.resolve())}")
+
+
+def _number(agent: str | None) -> int | None:
+    if agent is None:
+        return None
+    try:
+        return int(agent)
+    except ValueError:
+        raise InputError(f"explain {agent}: write the id of an agent, such as 605") from None

@@ -1,0 +1,79 @@
+"""`interdrive explain`: what it tells of a run that was saved."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from drivers import Straight
+
+from interdrive import save, simulate
+from interdrive.cli import main
+from interdrive.testing import Car, problem, straight_road, world
+
+
+class Braking(Straight):
+    """Brakes at 4 m/s² to a stop."""
+
+    def plan(self, view, predictions):
+        plan, ego, time = super().plan(view, predictions), view.ego, np.arange(31) * view.dt
+        braked = np.minimum(time, ego.velocity / 4.0)
+        plan.velocity[:] = ego.velocity - 4.0 * braked
+        plan.x[:] = ego.x + ego.velocity * braked - 2.0 * braked**2
+        return plan
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Agent 100 brakes from 8 m/s behind car 7, which stands 20 m ahead; agent 200 is alone on its lane."""
+    problems = [
+        problem(100, 20.0, velocity=8.0, goal=(60.0, 0.0), time_step=(0, 30)),
+        problem(200, 20.0, 3.5, goal=(60.0, 3.5), time_step=(0, 60)),
+    ]
+    scenario = world(straight_road(lanes=2), cars=[Car(7, 40.0)], problems=problems)
+    run = simulate(scenario, agents=[100, 200], planner={100: Braking, "default": Straight}, threads=1)
+    path = tmp_path_factory.mktemp("explain") / "run"
+    save(run, path)
+    return str(path)
+
+
+def explain(*arguments):
+    return CliRunner().invoke(main, ["explain", *arguments])
+
+
+def test_without_an_agent_there_is_one_line_per_agent(folder):
+    reason = "behind 7 for 5.1 s, standing for 3.1 s; 27.0 m before the goal area when the time was over"
+    assert explain(folder).stdout.splitlines() == [
+        f"agent 100: time_limit at 5.1 s: {reason}",
+        "agent 200: goal_reached at 3.5 s",
+    ]
+
+
+def test_the_story_of_an_agent_has_phases_and_critical_moments(folder):
+    lines = explain(folder, "100").stdout.splitlines()
+    assert lines[1:6] == [
+        "  a planning problem, planner test_explain:Braking",
+        "  goal from 0.0 to 3.0 s",
+        "    0.0 to   2.0 s  slowing behind 7, from 8.0 to 0.0 m/s",
+        "    2.0 to   5.1 s  standing behind 7",
+        "  least time to collision 1.9 s with 7 at 0.0 s",
+    ]
+
+
+def test_a_figure_of_the_story_is_written(folder, tmp_path):
+    done = explain(folder, "100", "--png", str(tmp_path / "a.png"), "--pdf", str(tmp_path / "a.pdf"))
+    assert done.exit_code == 0
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["300"], "agent 300: not an agent of this run; its agents are 100, 200"),
+        (["all"], "explain all: write the id of an agent, such as 605"),
+        (["--png", "a.png"], "explain: a figure shows one agent; name it after the run folder"),
+        (["100", "--png", "a.jpg"], "--png a.jpg: the file must end in .png"),
+    ],
+)
+def test_what_cannot_be_explained_is_refused_in_one_line(folder, arguments, words):
+    done = explain(folder, *arguments)
+    assert (done.exit_code, done.stderr) == (2, f"error: {words}\n")
