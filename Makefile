@@ -9,7 +9,7 @@ export PYTHONWARNINGS ?=
 export UV_SYSTEM_CERTS ?= 1
 export MPLBACKEND := Agg
 
-.PHONY: demo test check bench performance driving instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test check bench performance driving driving_guard instructions oracles third_party planners ray browser train report_bundle environments versions fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-training
@@ -97,6 +97,9 @@ performance: $(VENV)/.installed .venv-third/.installed ## measures all of docs/p
 
 driving: $(VENV)/.installed ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/driving.md
 	$(BIN)/python benchmarks/driving $(SCENARIOS)
+
+driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? benchmarks/driving/guard.py --update stores new figures
+	$(BIN)/python benchmarks/driving/guard.py $(SCENARIOS)
 
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py

@@ -12,6 +12,8 @@ import numpy as np
 from causes import Delay, held_up_by
 from realism import Samples, samples_of
 
+from interdrive.config.binding import bind
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InterdriveError
 from interdrive.simulation import Simulation
 
@@ -41,7 +43,7 @@ class Drive:
         late: How long after its deadline it arrived [s]; nan where it did not, or was in time.
         lost: Behind its recording at the same place, at its end or deadline [s].
         stood, slow: Longest time below 0.1 and 1 m/s [s]. recorded_slow: The latter in its recording.
-        off_lanelets: Largest overhang of its body beyond the lanelets [m]; nan where that is not measured.
+        off_lanelets: Largest overhang of its body beyond the lanelets [m].
         partner: What it ran into: "agent", "replayed", "standing", "road edge", or "". partner_id: -1 for none.
         impact_speed: Relative speed at the contact [m/s]; nan without.
         cause: What held it up longest before its deadline; "" where it was in time.
@@ -83,7 +85,13 @@ class Driven:
 
 
 def drive(
-    path: Path, place: str, reachable: Sequence[int] | None, predictor: str, settings: SimulationSettings
+    path: Path,
+    place: str,
+    reachable: Sequence[int] | None,
+    predictor: str,
+    settings: SimulationSettings,
+    *,
+    with_causes: bool = True,
 ) -> Driven:
     """Drives a scenario; `reachable` are the ids of the reachable agents if they are known already."""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -100,17 +108,21 @@ def drive(
         for agent, outcome in zip(run.agents, run.outcomes.outcome, strict=True)
         if agent.id in known and outcome != "goal_reached"
     ]
-    causes = held_up_by(simulation, delays, failing) if failing else {}
+    causes = held_up_by(simulation, delays, failing) if failing and with_causes else {}
     drives = tuple(_row(run, i, path, place, known, delays, causes) for i in range(len(run.agents)))
     samples = tuple(samples_of(run, i, routes[i], path.parent.name) for i in range(len(run.agents)))
     return Driven(path, digest, known, drives, tuple(one for one in samples if one is not None))
 
 
 def reachable_agents(path: Path) -> tuple[int, ...]:
-    """Recorded vehicles that reach their goal in time if all replay their recordings, planning problems by frenet."""
-    agents = Simulation(path, threads=1).agents
+    """Recorded vehicles that reach their goal in time if all replay their recordings, planning problems by frenet.
+
+    The whole footprint must stay on the road, so that the figures do not depend on the judge.
+    """
+    body = bind(SimulationSettings(), {"road.judge": "body"})
+    agents = Simulation(path, settings=body, threads=1).agents
     planners: dict[Any, str] = {agent.id: "frenet" for agent in agents if agent.origin != "recorded"}
-    run = Simulation(path, planner={"default": "recorded", **planners}, threads=1).run()
+    run = Simulation(path, planner={"default": "recorded", **planners}, settings=body, threads=1).run()
     ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
     return tuple(i for i, outcome in ended if outcome == "goal_reached" and i not in planners)
 
@@ -149,7 +161,6 @@ def _row(
     speed = run.states.velocity[np.searchsorted(run.states.participant_id, agent.id)]
     recorded = _recorded_speed(run, agent.id)
     late = (step - agent.goal_time_step[1]) * dt if outcome == "goal_reached_late" else float("nan")
-    off_lanelets = getattr(ended, "off_lanelets", None)
     return Drive(
         path.parent.name,
         place,
@@ -164,7 +175,7 @@ def _row(
         longest(speed < STANDING, dt),
         longest(speed < SLOW, dt),
         longest(recorded < SLOW, dt),
-        float("nan") if off_lanelets is None else float(off_lanelets[i]),
+        float(ended.off_lanelets[i]),
         partner,
         partner_id,
         float(ended.impact_speed[i]),

@@ -14,8 +14,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+#: A body that never reaches further beyond the lanelets stays on them [m].
+ON_LANELETS = 0.1
 _HEADINGS = (
-    *("category", "agents", "in time", "share", "reachable", "in time", "share", "seconds lost"),
+    *("category", "agents", "in time", "share", "reachable", "in time", "share", "body on lanelets"),
+    "seconds lost",
     *("ran into agents", "replayed", "standing", "road edge", "slow > 10 s", "stand > 10 s"),
 )
 _TYPES: dict[str, Any] = {"str": str, "int": int, "float": float, "bool": lambda text: text == "True"}
@@ -70,7 +73,8 @@ def shares(drives: Sequence[Drive]) -> str:
         lost = sum(one.lost for one in reachable if one.outcome != "goal_reached")
         cells = (
             *(category, len(rows), in_time(rows), _percent(rows)),
-            *(len(reachable), in_time(reachable), _percent(reachable), f"{lost:.0f}"),
+            *(len(reachable), in_time(reachable), _percent(reachable)),
+            *(in_time(one for one in reachable if one.off_lanelets <= ON_LANELETS), f"{lost:.0f}"),
             *(hits[partner] for partner in ("agent", "replayed", "standing", "road edge")),
             *(sum(map(is_stuck, rows)), sum(one.stood > LONG for one in rows)),
         )

@@ -184,6 +184,8 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         partner_id=np.full(n, -1),
         off_road=np.zeros(n, dtype=bool),
         impact_speed=np.full(n, np.nan),
+        off_lanelets=np.zeros(n),
+        off_lanelets_s=np.zeros(n),
         message=("",) * n,
         reason=("",) * n,
     )

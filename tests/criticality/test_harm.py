@@ -35,6 +35,8 @@ def ended(run, *rows):
             np.array(partner),
             np.array(off_road),
             np.array(speed, dtype=float),
+            np.zeros(len(rows)),
+            np.zeros(len(rows)),
             ("",) * len(rows),
             ("",) * len(rows),
         ),

@@ -42,6 +42,8 @@ def without_agents(run):
         partner_id=none,
         off_road=none.astype(bool),
         impact_speed=none.astype(float),
+        off_lanelets=none.astype(float),
+        off_lanelets_s=none.astype(float),
         message=(),
     )
     states = replace(run.states, is_agent=np.zeros(len(run.states.participant_id), dtype=bool))

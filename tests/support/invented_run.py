@@ -238,6 +238,8 @@ def invented_run(**changes):
         partner_id=np.array([-1, 22, -1, -1]),
         off_road=np.array([False] * 4),
         impact_speed=np.array([np.nan, 17.0, np.nan, np.nan]),
+        off_lanelets=np.array([0.0, 0.0, 0.25, 0.0]),
+        off_lanelets_s=np.array([0.0, 0.0, 1.5, 0.0]),
         message=("", "with parked_vehicle 22", "", "ZeroDivisionError: division by zero"),
         reason=("", "ran into 22 from behind", "late", "ZeroDivisionError: division by zero"),
     )

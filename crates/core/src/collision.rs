@@ -4,6 +4,7 @@
 use crate::geometry::shape::{ConvexPart, OrientedBox, Placement, Shape};
 use crate::geometry::{Aabb, Point, Pose, wrap_angle};
 use crate::road::RoadNetwork;
+use crate::vehicle::Vehicle;
 
 /// Bodies that come nearer than this during a step are in contact [m].
 const CONTACT: f64 = 1e-4;
@@ -158,13 +159,14 @@ fn swept_box(mover: &Mover<'_>) -> Aabb {
     start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT)
 }
 
-/// Earliest fraction of the step at which the footprint is not covered by the road, looked at every 0.25 m of motion and
-/// at both ends; `None` if it stays on the road.
-pub fn departs_road(road: &RoadNetwork, shape: &Shape, from: Pose, to: Pose) -> Option<f64> {
+/// Earliest fraction of the step at which the road does not admit the vehicle, looked at every 0.25 m of motion and at
+/// both ends; `None` if it stays on the road.
+pub fn departs_road(road: &RoadNetwork, shape: &Shape, vehicle: &Vehicle, from: Pose, to: Pose) -> Option<f64> {
     let motion = RigidMotion::new(from, to);
     let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
     let looks = (travel / ROAD_CHECK_SPACING).ceil().clamp(1.0, ROAD_CHECKS_MAX) as usize;
-    (0..=looks).map(|look| look as f64 / looks as f64).find(|fraction| !road.covers(shape, motion.pose_at(*fraction)))
+    let mut fractions = (0..=looks).map(|look| look as f64 / looks as f64);
+    fractions.find(|fraction| !road.admits(shape, vehicle, motion.pose_at(*fraction)))
 }
 
 /// One box per interval between consecutive poses, each around a footprint (length, width [m], centred on the pose) at

@@ -53,6 +53,10 @@ pub struct Outcome {
     pub off_road: bool,
     /// Size of the relative velocity at the contact [m/s]; NaN without a collision.
     pub impact_speed: f64,
+    /// Largest overhang of its body beyond the lanelets so far [m].
+    pub off_lanelets: f64,
+    /// For so long it was more than the tolerance of the map [s].
+    pub off_lanelets_s: f64,
     /// For people; often empty.
     pub message: String,
 }
@@ -66,6 +70,8 @@ impl Outcome {
             partner: None,
             off_road: false,
             impact_speed: f64::NAN,
+            off_lanelets: 0.0,
+            off_lanelets_s: 0.0,
             message: String::new(),
         }
     }

@@ -4,6 +4,7 @@ mod coverage;
 mod edges;
 mod follow;
 mod grid;
+mod judge;
 mod lanelet;
 mod open_ends;
 mod surface;
@@ -14,6 +15,7 @@ mod tests;
 
 pub use edges::Segment;
 pub(crate) use follow::Chains;
+pub use judge::RoadJudge;
 pub use lanelet::Lanelet;
 
 use crate::error::Result;
@@ -46,12 +48,20 @@ pub struct LaneletInput {
 }
 
 settings! {
-    /// Extent of the road.
+    /// Extent of the road, and what must stay on it.
     pub struct RoadSettings as RoadSettings {
         /// Gaps between lanelets up to this width count as road, and a footprint may overhang the edge by this much.
         gap_tolerance: f64 ["m"] = 0.1, between(0.0, 1.0);
         /// Where the map ends (lanelets without successor or predecessor), the road continues straight for this length.
         open_end_length: f64 ["m"] = 120.0, between(0.0, LANELET_LENGTH_MAX);
+        /// What must stay on the road. "wheels": the rectangle from the rear to the front axle, as wide as the vehicle;
+        /// the body may reach over the edge, as above a kerb. "body": the whole footprint. Contacts always count with the
+        /// whole body.
+        judge: RoadJudge = RoadJudge::Wheels;
+        /// Wheels may cross the edge by this much beside bends (curvature of at least 0.08 1/m).
+        turn_tolerance: f64 ["m"] = 0.3, between(0.0, 2.0);
+        /// The body may reach beyond the lanelets by this much if wheels are judged.
+        overhang_max: f64 ["m"] = 0.8, between(0.0, 10.0);
     }
 }
 
@@ -126,6 +136,9 @@ impl RoadNetwork {
             curves: Vec::new(),
         };
         road.curves = (0..road.lanelets.len()).map(|i| LaneCurve::of(&road, i)).collect();
+        if settings.judge != RoadJudge::Body {
+            road.find_bends();
+        }
         Ok(road)
     }
 

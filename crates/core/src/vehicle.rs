@@ -1,6 +1,7 @@
 //! Kinds of participants, vehicle parameters and limits, and the kinematic single-track relations.
 
 use crate::error::{Error, Result};
+use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, Pose};
 
 /// Kind of a participant, in CommonRoad's words.
@@ -203,6 +204,17 @@ impl Vehicle {
             self.acceleration_max * self.velocity_switch / velocity
         } else {
             self.acceleration_max
+        }
+    }
+
+    /// The rectangle from the rear to the front axle, as wide as the footprint. A footprint that is larger all around (by a
+    /// margin) has a rectangle that is larger by as much.
+    #[inline]
+    pub fn wheels(&self, footprint: &OrientedBox) -> OrientedBox {
+        OrientedBox {
+            center: footprint.center + footprint.axis * (0.5 * self.wheelbase - self.rear_axle_to_center),
+            half_length: footprint.half_length - 0.5 * (self.length - self.wheelbase),
+            ..*footprint
         }
     }
 

@@ -59,19 +59,17 @@ impl PyView {
         Ok(points)
     }
 
-    /// The swept boxes of the agent's footprint along a drive, given by its centres and headings.
-    fn swept(
+    /// The poses of a drive, given by its centres and headings.
+    fn poses(
         &self,
         x: &PyReadonlyArray1<'_, f64>,
         y: &PyReadonlyArray1<'_, f64>,
         orientation: &PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<Vec<OrientedBox>> {
+    ) -> PyResult<Vec<Pose>> {
         let x = x.as_array();
         let (y, orientation) =
             (arrays::read_row("y", y, x.len())?, arrays::read_row("orientation", orientation, x.len())?);
-        let poses: Vec<Pose> =
-            x.iter().zip(y).zip(orientation).map(|((x, y), theta)| Pose::new(*x, y, theta)).collect();
-        Ok(swept_boxes(&poses, self.agent.vehicle.length, self.agent.vehicle.width))
+        Ok(x.iter().zip(y).zip(orientation).map(|((x, y), theta)| Pose::new(*x, y, theta)).collect())
     }
 }
 
@@ -118,16 +116,21 @@ impl PyView {
         self.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()]).map(|_| ())
     }
 
-    /// Whether the agent stays on the road along a drive of its footprint's centre, shape (points,) each: the boxes
-    /// that it sweeps from point to point.
+    /// Whether the agent stays on the road along a drive of its footprint's centre, shape (points,) each, in the eyes of
+    /// the judge of the run (`road.judge`), from point to point.
     fn on_road(
         &self,
         x: PyReadonlyArray1<'_, f64>,
         y: PyReadonlyArray1<'_, f64>,
         orientation: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<bool> {
+        let vehicle = &self.agent.vehicle;
         let mut scratch = Vec::new();
-        Ok(self.swept(&x, &y, &orientation)?.iter().all(|swept| self.road.box_is_covered(swept, &mut scratch)))
+        let footprint = |pose: &Pose| OrientedBox::new(*pose, vehicle.length, vehicle.width);
+        Ok(self
+            .poses(&x, &y, &orientation)?
+            .windows(2)
+            .all(|pair| self.road.admits_motion(vehicle, &footprint(&pair[0]), &footprint(&pair[1]), &mut scratch)))
     }
 
     /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with another participant of the
@@ -142,7 +145,8 @@ impl PyView {
         margin_length: f64,
         margin_width: f64,
     ) -> PyResult<Option<(i64, usize)>> {
-        let drive = self.swept(&x, &y, &orientation)?;
+        let vehicle = &self.agent.vehicle;
+        let drive = swept_boxes(&self.poses(&x, &y, &orientation)?, vehicle.length, vehicle.width);
         Ok(self.scene.first_contact(self.agent.id, &drive, &predictions.table(), [margin_length, margin_width]))
     }
 }

@@ -294,6 +294,8 @@ impl PyWorld {
         dict.set_item("partner_id", arrays::row(py, outcomes.iter().map(|o| o.partner.unwrap_or(-1)).collect()))?;
         dict.set_item("off_road", arrays::row(py, outcomes.iter().map(|o| o.off_road).collect()))?;
         dict.set_item("impact_speed", arrays::row(py, outcomes.iter().map(|o| o.impact_speed).collect()))?;
+        dict.set_item("off_lanelets", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets).collect()))?;
+        dict.set_item("off_lanelets_s", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets_s).collect()))?;
         dict.set_item("message", outcomes.iter().map(|o| o.message.clone()).collect::<Vec<_>>())?;
         Ok(dict)
     }

@@ -138,8 +138,8 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
     ended = run.outcomes
     table = Table(box=None, header_style="bold", pad_edge=False)
     harms = agent_harm(run).harm
-    right = ("agent", "time [s]", "impact [m/s]", "harm")
-    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "harm", "reason"):
+    right = ("agent", "time [s]", "impact [m/s]", "harm", "off lanelets [m]")
+    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "harm", "off lanelets [m]", "reason"):
         table.add_column(escape(name), justify="right" if name in right else "left")
     several = len(set(ended.planner)) > 1
     if several:
@@ -156,6 +156,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
             partner,
             impact,
             f"{harms[row]:.3f}" if np.isfinite(harms[row]) else "",
+            f"{ended.off_lanelets[row]:.2f}" if ended.off_lanelets[row] > 0.0 else "",
             escape(ended.reason[row]),
         ]
         table.add_row(*cells, *([escape(ended.planner[row])] if several else []))

@@ -24,6 +24,7 @@ class Metric:
         heading: For people, with unit.
         column: Of the data set; an outcome counts the agents that ended so.
         outcome: Whether `column` is an outcome.
+        off_lanelets_max: It counts only if the body never reached further beyond the lanelets [m].
         scale: Values are multiplied by this.
         absent: Value of agents without one; nan: they do not count.
         median: Agents are put together by their median, otherwise by their mean.
@@ -35,6 +36,7 @@ class Metric:
     heading: str
     column: str
     outcome: bool = False
+    off_lanelets_max: float = float("inf")
     scale: float = 1.0
     absent: float = float("nan")
     median: bool = False
@@ -48,16 +50,31 @@ class Metric:
             columns: Of the data set, as numpy arrays; absent numbers are nan.
         """
         if self.outcome:
-            ended: Floats = self.scale * (columns["outcome"] == self.column).astype(np.float64)
-            return ended
+            ended = columns["outcome"] == self.column
+            if self.off_lanelets_max < float("inf"):
+                ended = ended & (np.asarray(columns["off_lanelets"], dtype=np.float64) <= self.off_lanelets_max)
+            share: Floats = self.scale * ended.astype(np.float64)
+            return share
         found = np.asarray(columns[self.column], dtype=np.float64)
         values: Floats = self.scale * np.where(np.isnan(found), self.absent, found)
         return values
 
 
+#: A body that never reaches further beyond the lanelets stays on them, whatever the judge of the road allows [m].
+ON_LANELETS = 0.1
+
 #: In the order of tables. Shares and rates are per agent under test.
 METRICS = (
     Metric("goal_reached", "reached %", "goal_reached", outcome=True, scale=100.0, better=1),
+    Metric(
+        "goal_reached_on_lanelets",
+        "reached on lanelets %",
+        "goal_reached",
+        outcome=True,
+        off_lanelets_max=ON_LANELETS,
+        scale=100.0,
+        better=1,
+    ),
     Metric("goal_reached_late", "late %", "goal_reached_late", outcome=True, scale=100.0, better=0),
     Metric("time_limit", "time limit %", "time_limit", outcome=True, scale=100.0),
     Metric("goal_missed", "missed %", "goal_missed", outcome=True, scale=100.0),

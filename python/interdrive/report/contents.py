@@ -163,7 +163,7 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[Participan
                 "off_road": outcome["off_road"],
                 "impact_speed": outcome["impact_speed"],
                 "harm": outcome["harm"],
-                "reason": outcome["reason"],
+                "reason": ", ".join(filter(None, (outcome["reason"], _swung_out(outcome["off_lanelets"])))),
                 "origin": agent.origin,
                 "goal_time_step": agent.goal_time_step,
                 "goal": [np.round(line - origin, 2).tolist() for line in goal],
@@ -172,6 +172,10 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[Participan
             }
         made.append(entry)
     return made
+
+
+def _swung_out(off_lanelets: float) -> str:
+    return f"up to {off_lanelets:.2f} m beyond the lanelets" if off_lanelets >= 0.01 else ""
 
 
 def _body(run: Run, row: int) -> list[Floats] | None:

@@ -204,6 +204,8 @@ def _outcomes(results: Results) -> Outcomes:
         partner_id=np.array(partner, dtype=np.int64),
         off_road=table["off_road"].to_numpy(zero_copy_only=False),
         impact_speed=table["impact_speed"].to_numpy(zero_copy_only=False),
+        off_lanelets=table["off_lanelets"].to_numpy(zero_copy_only=False),
+        off_lanelets_s=table["off_lanelets_s"].to_numpy(zero_copy_only=False),
         message=tuple(table["message"].to_pylist()),
         reason=tuple(table["reason"].to_pylist()),
     )

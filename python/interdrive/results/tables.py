@@ -31,6 +31,8 @@ def outcome_table(run: RunRecord) -> pa.Table:
         partner_id=np.ma.masked_equal(ended.partner_id, -1),
         off_road=ended.off_road,
         impact_speed=ended.impact_speed,
+        off_lanelets=ended.off_lanelets,
+        off_lanelets_s=ended.off_lanelets_s,
         harm=harm.harm,
         partner_harm=harm.partner_harm,
         impact_angle=harm.impact_angle,

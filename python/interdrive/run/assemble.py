@@ -42,6 +42,8 @@ def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
         partner_id=raw["partner_id"],
         off_road=raw["off_road"],
         impact_speed=raw["impact_speed"],
+        off_lanelets=raw["off_lanelets"],
+        off_lanelets_s=raw["off_lanelets_s"],
         message=tuple(raw["message"]),
         reason=("",) * len(raw["agent_id"]),
     )
@@ -102,5 +104,6 @@ def recorded_traffic(scenario: Scenario) -> RunRecord:
         valid=obstacles.valid,
     )
     none = np.empty(0, dtype=np.int64)
-    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), none.astype(np.float64), (), ())
+    numbers = none.astype(np.float64)
+    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), numbers, numbers, numbers, (), ())
     return RunRecord(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")

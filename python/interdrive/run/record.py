@@ -91,6 +91,8 @@ class Outcomes(Tabular):
         partner_id: The other participant of a collision; -1 for none (also for leaving the road).
         off_road: The collision was with the edge of the road.
         impact_speed: Magnitude of the relative velocity at a collision [m/s]; nan without a collision.
+        off_lanelets: Largest overhang of the body beyond the lanelets [m], whatever the judge of the road allows.
+        off_lanelets_s: How long it was more than `road.gap_tolerance` [s].
         message: What the simulation noted, such as the exception of a planner.
         reason: Why, in words and numbers, from what was recorded; "" if it reached its goal.
     """
@@ -102,6 +104,8 @@ class Outcomes(Tabular):
     partner_id: Ints
     off_road: Bools
     impact_speed: Floats
+    off_lanelets: Floats
+    off_lanelets_s: Floats
     message: tuple[str, ...]
     reason: tuple[str, ...]
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::geometry::shape::Lcg;
-use crate::road::{LaneletInput, RoadSettings};
+use crate::road::{LaneletInput, RoadJudge, RoadSettings};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 fn car() -> Shape {
@@ -199,20 +199,24 @@ fn straight_road() -> RoadNetwork {
         adjacent_right: None,
         speed_limit: f64::NAN,
     };
-    RoadNetwork::new(vec![lanelet], RoadSettings::default()).expect("one lanelet")
+    let settings = RoadSettings { judge: RoadJudge::Body, ..RoadSettings::default() };
+    RoadNetwork::new(vec![lanelet], settings).expect("one lanelet")
 }
+
+/// The judge looks at the footprint here, so its parameters do not matter.
+const VEHICLE: Vehicle = Vehicle::BMW_320I;
 
 #[test]
 fn a_car_departs_when_its_footprint_crosses_the_border_even_if_it_comes_back() {
     let road = straight_road();
     let ahead = at(100.0, 0.0, 0.0);
-    assert_eq!(departs_road(&road, &car(), ahead, at(110.0, 0.9, 0.0)), None);
+    assert_eq!(departs_road(&road, &car(), &VEHICLE, ahead, at(110.0, 0.9, 0.0)), None);
     // Its side reaches the border of the lane, 1 m away, after a third of the way; the road may allow 0.1 m more.
-    let found = departs_road(&road, &car(), ahead, at(103.0, 3.0, 0.0)).expect("3 m to the side");
+    let found = departs_road(&road, &car(), &VEHICLE, ahead, at(103.0, 3.0, 0.0)).expect("3 m to the side");
     assert!((0.33..=0.46).contains(&found), "{found}");
     // Crosswise it sticks out in the middle of half a turn, and fits at both ends.
-    assert!(departs_road(&road, &Shape::rectangle(4.6, 1.0), ahead, at(100.0, 0.0, PI)).is_some());
-    assert_eq!(departs_road(&road, &car(), at(100.0, 3.0, 0.0), ahead), Some(0.0));
+    assert!(departs_road(&road, &Shape::rectangle(4.6, 1.0), &VEHICLE, ahead, at(100.0, 0.0, PI)).is_some());
+    assert_eq!(departs_road(&road, &car(), &VEHICLE, at(100.0, 3.0, 0.0), ahead), Some(0.0));
 }
 
 #[test]
@@ -231,10 +235,12 @@ fn a_gap_in_the_road_is_found_where_the_footprint_first_reaches_into_it() {
     };
     let road = crate::road::testing::closed(vec![lanelet(1, 0.0, 50.0), lanelet(2, 52.0, 100.0)]);
     // Looked at every 0.25 m of 50 m; the map may be wrong by 0.1 m.
-    let found = departs_road(&road, &car(), at(30.0, 0.0, 0.0), at(80.0, 0.0, 0.0)).expect("it drives over the gap");
+    let found =
+        departs_road(&road, &car(), &VEHICLE, at(30.0, 0.0, 0.0), at(80.0, 0.0, 0.0)).expect("it drives over the gap");
     assert!((0.36..=0.3675).contains(&found), "{found}");
-    assert_eq!(departs_road(&road, &car(), at(30.0, 0.0, 0.0), at(47.9, 0.0, 0.0)), None);
-    let found = departs_road(&road, &car(), at(30.0, 0.0, 0.0), at(48.5, 0.0, 0.0)).expect("its front is in the gap");
+    assert_eq!(departs_road(&road, &car(), &VEHICLE, at(30.0, 0.0, 0.0), at(47.9, 0.0, 0.0)), None);
+    let found =
+        departs_road(&road, &car(), &VEHICLE, at(30.0, 0.0, 0.0), at(48.5, 0.0, 0.0)).expect("its front is in the gap");
     assert!(found > 0.97, "{found}");
 }
 

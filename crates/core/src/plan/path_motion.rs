@@ -130,7 +130,7 @@ fn stays_on_road(request: &PlanRequest, points: &[State], memory: &mut Vec<u32>)
     let (length, width) = (request.vehicle.length, request.vehicle.width);
     let mut was_on_road = false;
     let leaves = points.iter().position(|point| {
-        let covered = request.road.box_is_covered(&OrientedBox::new(point.pose(), length, width), memory);
+        let covered = request.road.admits_box(request.vehicle, &OrientedBox::new(point.pose(), length, width), memory);
         was_on_road |= covered;
         was_on_road && !covered
     });

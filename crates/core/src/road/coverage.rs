@@ -1,4 +1,4 @@
-//! Whether a footprint is on the road: its centre is, and no road edge crosses it.
+//! Whether a footprint lies on the road: its centre does, and no road edge crosses it.
 
 use super::RoadNetwork;
 use super::edges::Segment;
@@ -22,7 +22,9 @@ enum Ground {
 #[derive(Debug, Clone)]
 pub(super) struct DrivableArea {
     pub(super) surface: Surface,
-    edges: Vec<Segment>,
+    pub(super) edges: Vec<Segment>,
+    /// A lane beside the edge bends.
+    pub(super) bends: Vec<bool>,
     buckets: Buckets,
     ground: Vec<Ground>,
 }
@@ -30,9 +32,7 @@ pub(super) struct DrivableArea {
 impl DrivableArea {
     pub(super) fn new(surface: Surface, edges: Vec<Segment>, tolerance: f64) -> Self {
         let grid = surface.grid;
-        let buckets = Buckets::fill(grid.n_cells(), edges.len(), |i, add| {
-            grid.visit_convex(&[edges[i].a, edges[i].b], tolerance, &mut *add);
-        });
+        let buckets = cells_of(&edges, &surface, tolerance);
         // Without an edge in it, a cell is of one kind everywhere, but for gaps and holes that are too small to count:
         // one of the points lies beside them.
         let ground_of = |cell: usize| {
@@ -45,7 +45,14 @@ impl DrivableArea {
             }
         };
         let ground = (0..grid.n_cells()).map(ground_of).collect();
-        Self { surface, edges, buckets, ground }
+        let bends = vec![false; edges.len()];
+        Self { surface, edges, bends, buckets, ground }
+    }
+
+    /// The same edges in other pieces.
+    pub(super) fn replace_edges(&mut self, edges: Vec<Segment>, bends: Vec<bool>, tolerance: f64) {
+        self.buckets = cells_of(&edges, &self.surface, tolerance);
+        (self.edges, self.bends) = (edges, bends);
     }
 
     #[inline]
@@ -59,7 +66,7 @@ impl DrivableArea {
 
     /// Every cell under the box is road, or none: the answer; `None` if road edges are about.
     #[inline]
-    fn uniform(&self, aabb: &Aabb) -> Option<bool> {
+    pub(super) fn uniform(&self, aabb: &Aabb) -> Option<bool> {
         let Some(range) = self.surface.grid.range(aabb) else { return Some(false) };
         let mut cells = self.surface.grid.cells(range);
         let first = self.ground[cells.next()?];
@@ -102,18 +109,20 @@ impl RoadNetwork {
     /// edge crosses them.
     pub fn covers(&self, shape: &Shape, pose: Pose) -> bool {
         let aabb = shape.aabb(pose);
-        if let Some(answer) = self.area.uniform(&aabb) {
-            return answer;
-        }
+        self.area.uniform(&aabb).unwrap_or_else(|| self.covers_by(shape, pose, &aabb, self.settings.gap_tolerance))
+    }
+
+    /// The centres of the parts lie on the road, and no road edge comes deeper than `margin` [m] into one.
+    pub(super) fn covers_by(&self, shape: &Shape, pose: Pose, aabb: &Aabb, margin: f64) -> bool {
         let mut near = Vec::new();
-        self.area.edges_near(&aabb, &mut near);
+        self.area.edges_near(aabb, &mut near);
         shape.parts().iter().all(|part| {
             let sum = part.vertices.iter().fold(Point::default(), |sum, vertex| sum + *vertex);
             let center = pose.world_from_body(sum * (part.vertices.len() as f64).recip());
             self.is_on_road(center)
                 && near.iter().map(|i| &self.area.edges[*i as usize]).all(|edge| {
                     let (a, b) = (pose.body_from_world(edge.a), pose.body_from_world(edge.b));
-                    !enters(&part.vertices, part.radius, a, b, self.settings.gap_tolerance)
+                    !enters(&part.vertices, part.radius, a, b, margin)
                 })
         })
     }
@@ -138,6 +147,14 @@ impl RoadNetwork {
             !inner.overlaps_segment(edge.a, edge.b)
         })
     }
+}
+
+/// Which cells edges are in or within the tolerance of.
+fn cells_of(edges: &[Segment], surface: &Surface, tolerance: f64) -> Buckets {
+    let grid = surface.grid;
+    Buckets::fill(grid.n_cells(), edges.len(), |i, add| {
+        grid.visit_convex(&[edges[i].a, edges[i].b], tolerance, &mut *add);
+    })
 }
 
 /// A segment comes deeper than `margin` [m] into a convex part (vertices counter-clockwise; one vertex: a circle).

@@ -69,7 +69,7 @@ impl LaneCurve {
     }
 
     #[inline]
-    fn curvature_at(&self, s: f64) -> f64 {
+    pub(super) fn curvature_at(&self, s: f64) -> f64 {
         let (i, u) = self.knot(s);
         self.curvatures[i] + u * (self.curvatures[i + 1] - self.curvatures[i])
     }

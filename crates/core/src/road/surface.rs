@@ -33,14 +33,24 @@ impl Triangle {
 
     /// The point is inside or at most this far [m] away.
     pub(super) fn is_within(&self, point: Point, distance: f64) -> bool {
-        self.contains(point)
-            || (0..3).any(|i| {
-                let start = self.corners[i];
-                let side = self.corners[(i + 1) % 3] - start;
-                let offset = point - start;
-                let fraction = (offset.dot(side) / side.norm_squared()).clamp(0.0, 1.0);
-                offset.distance(side * fraction) <= distance
-            })
+        self.contains(point) || (0..3).any(|i| self.distance_to_side(i, point) <= distance)
+    }
+
+    /// Distance of a point [m], 0 inside.
+    fn distance(&self, point: Point) -> f64 {
+        if self.contains(point) {
+            return 0.0;
+        }
+        (0..3).map(|i| self.distance_to_side(i, point)).fold(f64::INFINITY, f64::min)
+    }
+
+    #[inline]
+    fn distance_to_side(&self, i: usize, point: Point) -> f64 {
+        let start = self.corners[i];
+        let side = self.corners[(i + 1) % 3] - start;
+        let offset = point - start;
+        let fraction = (offset.dot(side) / side.norm_squared()).clamp(0.0, 1.0);
+        offset.distance(side * fraction)
     }
 
     /// Fractions of the segment from `a` to `b` between which it lies inside.
@@ -103,6 +113,21 @@ impl Surface {
             self.in_cell(cell).any(|triangle| triangle.contains(point))
                 || self.in_cell(cell).any(|triangle| triangle.is_within(point, self.tolerance))
         })
+    }
+
+    /// The point is inside a triangle or at most this far [m] from one.
+    pub(super) fn is_within(&self, point: Point, distance: f64) -> bool {
+        let Some(range) = self.grid.range(&Aabb { min: point, max: point }.grown(distance)) else { return false };
+        let is_inside = |cell: usize| self.in_cell(cell).any(|triangle| triangle.contains(point));
+        self.grid.cell_of(point).is_some_and(is_inside)
+            || self.grid.cells(range).any(|cell| self.in_cell(cell).any(|triangle| triangle.is_within(point, distance)))
+    }
+
+    /// Distance from the nearest triangle [m], at most `most`.
+    pub(super) fn distance(&self, point: Point, most: f64) -> f64 {
+        let Some(range) = self.grid.range(&Aabb { min: point, max: point }.grown(most)) else { return most };
+        let cells = self.grid.cells(range);
+        cells.flat_map(|cell| self.in_cell(cell)).map(|triangle| triangle.distance(point)).fold(most, f64::min)
     }
 
     /// Writes the lanelets with a triangle in the cells of a box that satisfies the test, ascending.

@@ -1,6 +1,6 @@
 //! Small invented roads for tests. Lanes are 3.5 m wide.
 
-use super::{LaneletInput, RoadNetwork, RoadSettings};
+use super::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
 
@@ -69,7 +69,8 @@ pub(crate) fn parallel_lanes(n: i64, length: f64) -> Vec<LaneletInput> {
 
 /// A network without continuations beyond its ends, so that its edges are those of the lanelets.
 pub(crate) fn closed(lanelets: Vec<LaneletInput>) -> RoadNetwork {
-    RoadNetwork::new(lanelets, RoadSettings { open_end_length: 0.0, ..RoadSettings::default() }).expect("a test's road")
+    let settings = RoadSettings { open_end_length: 0.0, judge: RoadJudge::Body, ..RoadSettings::default() };
+    RoadNetwork::new(lanelets, settings).expect("a test's road")
 }
 
 /// A network with continuations.

@@ -4,7 +4,13 @@ use crate::error::Error;
 use crate::geometry::shape::{OrientedBox, Shape};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-const NO_EXTENSION: RoadSettings = RoadSettings { gap_tolerance: 0.1, open_end_length: 0.0 };
+const NO_EXTENSION: RoadSettings = RoadSettings {
+    gap_tolerance: 0.1,
+    open_end_length: 0.0,
+    judge: RoadJudge::Body,
+    turn_tolerance: 0.3,
+    overhang_max: 0.8,
+};
 
 fn ids(road: &RoadNetwork, indices: &[usize]) -> Vec<i64> {
     indices.iter().map(|i| road.lanelets()[*i].id).collect()

@@ -84,7 +84,7 @@ impl World {
             let now = self.states[drive.row].expect("a driving agent has a state");
             let points = plans.row_points(row);
             let length = points.iter().position(|point| !point.is_finite()).unwrap_or(points.len());
-            let end = |kind, message: String| Outcome { kind, message, ..Outcome::running(time_step) };
+            let end = |kind, message| Outcome { kind, time_step, message, ..drive.outcome };
             match plans.status[row] {
                 PlanStatus::Infeasible => {
                     drive.outcome = end(OutcomeKind::Infeasible, plans.message[row].clone());
@@ -172,12 +172,19 @@ impl World {
             let (from, to) =
                 (self.states[drive.row].expect("driving").pose(), next[drive.row].expect("driving").pose());
             if drive.was_on_road {
-                if let Some(fraction) = departs_road(&road, &drive.agent.shape, from, to) {
+                if let Some(fraction) = departs_road(&road, &drive.agent.shape, &drive.agent.vehicle, from, to) {
                     let speed = next[drive.row].expect("driving").velocity.abs();
                     departures.push((drive.row, speed, fraction));
                 }
             } else {
-                drive.was_on_road = road.covers(&drive.agent.shape, to);
+                drive.was_on_road = road.admits(&drive.agent.shape, &drive.agent.vehicle, to);
+            }
+            if drive.was_on_road {
+                let overhang = road.overhang(&drive.agent.shape, to);
+                drive.outcome.off_lanelets = drive.outcome.off_lanelets.max(overhang);
+                if overhang > road.settings().gap_tolerance {
+                    drive.outcome.off_lanelets_s += self.scenario.dt;
+                }
             }
         }
         for (row, speed, fraction) in departures {
@@ -203,6 +210,7 @@ impl World {
             off_road: partner.is_none(),
             impact_speed,
             message,
+            ..drive.outcome
         };
     }
 
@@ -251,7 +259,8 @@ impl World {
         for drive in &mut self.drives {
             if drive.agent.start_time_step == time_step {
                 self.states[drive.row] = Some(drive.agent.initial_state);
-                drive.was_on_road = self.scenario.road.covers(&drive.agent.shape, drive.agent.initial_state.pose());
+                let (agent, road) = (&drive.agent, &self.scenario.road);
+                drive.was_on_road = road.admits(&agent.shape, &agent.vehicle, agent.initial_state.pose());
                 entered.push(drive.row);
             }
         }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use interdrive_core::geometry::{Aabb, Point, Pose};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings};
 
 use crate::source::Source;
 
@@ -134,7 +134,8 @@ fn settings(source: &mut Source) -> RoadSettings {
     if !source.is_odd() {
         return default;
     }
-    RoadSettings { gap_tolerance: source.any(0.0, 0.5), open_end_length: source.any(0.0, 200.0) }
+    let judge = if source.chance(2) { RoadJudge::Wheels } else { RoadJudge::Body };
+    RoadSettings { gap_tolerance: source.any(0.0, 0.5), open_end_length: source.any(0.0, 200.0), judge }
 }
 
 /// A network, if the lanelets make one; otherwise the reason was text.

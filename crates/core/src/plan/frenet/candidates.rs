@@ -30,6 +30,8 @@ pub struct Candidates {
     pub end_velocity: Vec<f64>,
     /// Lateral position at its end [m].
     pub end_offset: Vec<f64>,
+    /// Speed at the end of the horizon [m/s].
+    pub last_velocity: Vec<f64>,
     /// The chosen sample; `None` if none is admissible.
     pub chosen: Option<usize>,
     /// Desired speed [m/s].
@@ -45,6 +47,12 @@ impl Candidates {
     /// There are none: the agent cannot be described in the frame of its path.
     pub fn is_empty(&self) -> bool {
         self.cost.is_empty()
+    }
+
+    /// Least cost of the samples that were rejected for the road alone; inf: none was.
+    pub(super) fn off_road_cost(&self) -> f64 {
+        let costs = self.cost.iter().zip(&self.rejection).filter(|(_, why)| **why == Rejection::OffRoad);
+        costs.fold(f64::INFINITY, |least, (cost, _)| least.min(*cost))
     }
 
     /// Evaluates all samples to the end.
@@ -95,6 +103,7 @@ impl Candidates {
         self.x.extend(evaluation.points().iter().map(|point| point.center.x));
         self.y.extend(evaluation.points().iter().map(|point| point.center.y));
         let last = evaluation.points()[self.n_points - 1];
+        self.last_velocity.push(last.velocity);
         let (end_time, end_velocity, end_offset) = match evaluation.cell(sample) {
             Some((profile, end_offset)) => {
                 let profile = &evaluation.tables.samples.profiles[profile];

@@ -55,8 +55,8 @@ pub(super) struct EvaluationMemory {
     road: Vec<u32>,
     /// Samples that are rejected for a contact alone.
     pub(super) contacts: Vec<(u32, Contact)>,
-    /// Some sample was rejected because of the road.
-    pub(super) leaves_road: bool,
+    /// Least cost of the samples that were rejected for the road alone; inf: none was.
+    pub(super) off_road_cost: f64,
 }
 
 impl EvaluationMemory {
@@ -68,7 +68,7 @@ impl EvaluationMemory {
         self.contributions.clear();
         self.order.clear();
         self.contacts.clear();
-        self.leaves_road = false;
+        self.off_road_cost = f64::INFINITY;
     }
 }
 
@@ -86,7 +86,7 @@ pub(super) struct Problem<'a> {
     pub(super) settings: &'a FrenetSettings,
     pub(super) start: &'a Start,
     pub(super) limits: &'a Limits,
-    /// Keep clear of the road's edge by the tolerance of the map, if the agent does so now.
+    /// Keep the margin from what the road admits, if the agent does so now.
     pub(super) keeps_clear: bool,
 }
 
@@ -116,10 +116,10 @@ impl<'a> Evaluation<'a> {
         let memory = &mut *tables.memory;
         memory.reset(tables.samples.len() + usize::from(tables.warm_start.is_valid()));
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
-        let margin = request.road.settings().gap_tolerance;
-        let has_room = problem.keeps_clear && request.road.box_is_covered(&footprint.grown(margin), &mut memory.road);
+        let (road, vehicle, margin) = (request.road, request.vehicle, settings.road_margin);
+        let has_room = problem.keeps_clear && road.admits_box(vehicle, &footprint.grown(margin), &mut memory.road);
         Self {
-            starts_on_road: has_room || request.road.box_is_covered(&footprint, &mut memory.road),
+            starts_on_road: has_room || road.admits_box(vehicle, &footprint, &mut memory.road),
             road_margin: if has_room { margin } else { 0.0 },
             prediction_weight: settings.weights.prediction,
             world_terms: has_world_terms(&settings.weights),
@@ -179,7 +179,8 @@ impl<'a> Evaluation<'a> {
         if stays {
             Refined::Cost(cost)
         } else {
-            self.tables.memory.leaves_road = true;
+            let least = &mut self.tables.memory.off_road_cost;
+            *least = least.min(cost);
             Refined::Rejected
         }
     }
@@ -254,7 +255,7 @@ impl<'a> Evaluation<'a> {
         let PlanRequest { road, shape, state, vehicle, .. } = *self.problem.request;
         let scratch = &mut self.tables.memory.road;
         let is_exact = self.starts_on_road && self.road_margin == 0.0;
-        if is_exact && departs_road(road, shape, state.pose(), points[1].pose()).is_some() {
+        if is_exact && departs_road(road, shape, vehicle, state.pose(), points[1].pose()).is_some() {
             return false;
         }
         let half_length = 0.5 * vehicle.length + self.road_margin;
@@ -264,9 +265,9 @@ impl<'a> Evaluation<'a> {
         points.windows(2).skip(usize::from(is_exact)).all(|pair| {
             let (from, to) = (footprint(&pair[0]), footprint(&pair[1]));
             if was_on_road {
-                return road.box_is_covered(&OrientedBox::spanning(&from, &to), scratch);
+                return road.admits_motion(vehicle, &from, &to, scratch);
             }
-            was_on_road = road.box_is_covered(&to, scratch);
+            was_on_road = road.admits_box(vehicle, &to, scratch);
             true
         })
     }

@@ -93,7 +93,7 @@ fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>
     let (length, width) = (request.vehicle.length, request.vehicle.width);
     let mut was_on_road = false;
     points.iter().all(|point| {
-        let covered = request.road.box_is_covered(&OrientedBox::new(point.pose(), length, width), scratch);
+        let covered = request.road.admits_box(request.vehicle, &OrientedBox::new(point.pose(), length, width), scratch);
         was_on_road |= covered;
         covered || !was_on_road
     })

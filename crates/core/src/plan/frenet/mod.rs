@@ -74,9 +74,12 @@ struct Premises {
     yaw_rate_counts: bool,
     /// Factor of the limits of steering rate and lateral acceleration.
     slack: f64,
-    /// The footprint keeps clear of the road's edge by the tolerance of the map; otherwise it may use the tolerance.
+    /// The agent keeps the margin of its settings from what the road admits.
     keeps_clear: bool,
 }
+
+/// Who ends slower than this [m/s] crawls.
+const CRAWLING: f64 = 1.0;
 
 impl Premises {
     const STATED: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
@@ -91,21 +94,35 @@ impl Premises {
 
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
 ///
-/// If nothing is admissible, the agent may come as close to the edge of the road as the tolerance of the map allows.
+/// If nothing is admissible, or nothing but standing and crawling where the road forbids better samples, the agent may
+/// come as close to the edge of the road as the judge allows.
 /// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
 /// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
     memory.effort = 0;
     let mut result = attempt(request, settings, memory, Premises::STATED);
-    if result.status != PlanStatus::Planned && memory.evaluation.leaves_road {
-        result = attempt(request, settings, memory, Premises::NARROW);
+    let off_road_cost = memory.evaluation.off_road_cost;
+    if result.status != PlanStatus::Planned {
+        if off_road_cost.is_finite() {
+            result = attempt(request, settings, memory, Premises::NARROW);
+        }
+    } else if off_road_cost < result.cost && end_velocity(&result) < CRAWLING {
+        let narrow = attempt(request, settings, memory, Premises::NARROW);
+        if narrow.status == PlanStatus::Planned && end_velocity(&narrow) > end_velocity(&result) {
+            result = narrow;
+        }
     }
     if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
         return result;
     }
     let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
     again.find(|again| again.status == PlanStatus::Planned).unwrap_or(result)
+}
+
+/// Speed at the end of a plan [m/s].
+fn end_velocity(result: &PlanResult) -> f64 {
+    result.trajectory.points.last().map_or(0.0, |point| point.velocity)
 }
 
 fn attempt(
@@ -115,7 +132,7 @@ fn attempt(
     premises: Premises,
 ) -> PlanResult {
     let n_points = n_points(request, settings);
-    memory.evaluation.leaves_road = false;
+    memory.evaluation.off_road_cost = f64::INFINITY;
     if !request.state.is_finite() {
         return fallback::refuse(request, n_points, "the present state is not a number".into());
     }
@@ -160,7 +177,16 @@ fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
 /// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan`.
 pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
     let all = sample_all(request, settings, Premises::STATED);
-    if all.chosen.is_some() || !request.state.is_finite() {
+    if let Some(chosen) = all.chosen {
+        if all.off_road_cost() < all.cost[chosen] && all.last_velocity[chosen] < CRAWLING {
+            let narrow = sample_all(request, settings, Premises::NARROW);
+            if narrow.chosen.is_some_and(|faster| narrow.last_velocity[faster] > all.last_velocity[chosen]) {
+                return narrow;
+            }
+        }
+        return all;
+    }
+    if !request.state.is_finite() {
         return all;
     }
     let doubted = if request.previous.is_some() { &[] } else { &Premises::DOUBTED[..] };

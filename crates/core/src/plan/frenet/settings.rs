@@ -65,6 +65,8 @@ settings! {
         t_min: f64 ["s"] = 1.1, positive(60.0);
         /// Lateral end positions are within this distance of the reference path.
         d_max: f64 ["m"] = 3.0, positive(15.0);
+        /// Distance kept from what the road admits where there is room.
+        road_margin: f64 ["m"] = 0.1, between(0.0, 10.0);
         /// Below this speed lateral motion is planned over arc length instead of time.
         low_velocity: f64 ["m/s"] = 2.0, positive(100.0);
         /// Predicted participants are longer by this, in all.

@@ -281,7 +281,7 @@ fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
         let mut fresh = FrenetMemory::default();
         let result = blocked.with_request(|request| attempt(request, &settings, &mut fresh, premises));
         assert_ne!(result.status, PlanStatus::Planned, "nobody gets around it");
-        (fresh.effort(), fresh.evaluation.leaves_road)
+        (fresh.effort(), fresh.evaluation.off_road_cost.is_finite())
     };
     let (stated, leaves_road) = of_attempt(Premises::STATED);
     let narrow = if leaves_road { of_attempt(Premises::NARROW).0 } else { 0 };

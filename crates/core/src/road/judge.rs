@@ -1,0 +1,243 @@
+//! Whether a vehicle is on the road: by its body, or by its wheels, with room to swing over the edge.
+//!
+//! A kerb stops wheels, and the overhang of a body passes above it. So the judge looks at the rectangle from the rear to
+//! the front axle, as wide as the body, which may cross an edge by the tolerance of the map, beside bends by more; the
+//! body may reach beyond the lanelets by no more than a bound. Contacts always count with the whole body.
+
+use super::{RoadNetwork, RoadSettings};
+use super::edges::Segment;
+use crate::geometry::shape::{OrientedBox, Shape};
+use crate::geometry::{Point, Pose};
+use crate::settings::choice;
+use crate::vehicle::Vehicle;
+
+/// A lane bends where its curvature over 6 m is at least this [1/m].
+const BEND_CURVATURE: f64 = 0.08;
+/// Edges are parted into pieces of this length [m] at most when bends are looked for.
+const PIECE: f64 = 1.0;
+/// An edge belongs to lanelets that are within this distance of it [m].
+const BESIDE: f64 = 0.05;
+/// Points on the outline of a body are so far apart at most [m] when its overhang is measured.
+const OUTLINE_SPACING: f64 = 0.5;
+
+choice! {
+    /// What of a vehicle must stay on the road.
+    pub enum RoadJudge {
+        /// The rectangle between the axles, and the footprint but for its overhang.
+        Wheels = "wheels",
+        /// The footprint.
+        Body = "body",
+    }
+}
+
+impl RoadNetwork {
+    /// A vehicle of this shape at this pose of its centre is on the road, in the eyes of the judge.
+    pub fn admits(&self, shape: &Shape, vehicle: &Vehicle, pose: Pose) -> bool {
+        self.covers(shape, pose) || {
+            let body = OrientedBox::new(pose, vehicle.length, vehicle.width);
+            self.admits_wheels(&body, &vehicle.wheels(&body), &mut Vec::new())
+        }
+    }
+
+    /// The same for a motion from one footprint to the next: what both span. `scratch` is overwritten.
+    pub fn admits_motion(
+        &self,
+        vehicle: &Vehicle,
+        from: &OrientedBox,
+        to: &OrientedBox,
+        scratch: &mut Vec<u32>,
+    ) -> bool {
+        let body = OrientedBox::spanning(from, to);
+        self.box_is_covered(&body, scratch)
+            || (self.settings.judge != RoadJudge::Body
+                && self.admits_wheels(
+                    &body,
+                    &OrientedBox::spanning(&vehicle.wheels(from), &vehicle.wheels(to)),
+                    scratch,
+                ))
+    }
+
+    /// The same for a footprint that does not move.
+    pub fn admits_box(&self, vehicle: &Vehicle, body: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
+        self.box_is_covered(body, scratch)
+            || (self.settings.judge != RoadJudge::Body && self.admits_wheels(body, &vehicle.wheels(body), scratch))
+    }
+
+    /// The judge by wheels for a body that crosses the edge.
+    fn admits_wheels(&self, body: &OrientedBox, wheels: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
+        let RoadSettings { judge, turn_tolerance, overhang_max, .. } = self.settings;
+        if judge == RoadJudge::Body || !self.is_on_road(wheels.center) {
+            return false;
+        }
+        let (strict, lenient) = (shrunk(wheels, self.settings.gap_tolerance), shrunk(wheels, turn_tolerance));
+        self.edges_near(&strict.aabb(), scratch);
+        let stays = scratch.iter().all(|i| {
+            let Segment { a, b } = self.area.edges[*i as usize];
+            !strict.overlaps_segment(a, b) || (self.area.bends[*i as usize] && !lenient.overlaps_segment(a, b))
+        });
+        stays && outline(&body.corners()).all(|point| self.area.surface.is_within(point, overhang_max))
+    }
+
+    /// How far a body reaches beyond the lanelets [m], 0 if it does not: the furthest point of its outline from them, and
+    /// at most half of its size.
+    pub fn overhang(&self, shape: &Shape, pose: Pose) -> f64 {
+        let aabb = shape.aabb(pose);
+        if self.area.uniform(&aabb) == Some(true) || self.covers_by(shape, pose, &aabb, 0.0) {
+            return 0.0;
+        }
+        let most = shape.bounding_radius();
+        let mut furthest = 0.0_f64;
+        for part in shape.outline() {
+            let corners: Vec<Point> = part.into_iter().map(|point| pose.world_from_body(point)).collect();
+            let distances = outline(&corners).map(|point| self.area.surface.distance(point, most));
+            furthest = distances.fold(furthest, f64::max);
+        }
+        furthest
+    }
+
+    /// Parts the edges where a lane beside them begins or ends to bend, and notes which do.
+    pub(super) fn find_bends(&mut self) {
+        let (mut edges, mut bends) = (Vec::new(), Vec::new());
+        let mut near = Vec::new();
+        for edge in &self.area.edges {
+            let n = (edge.a.distance(edge.b) / PIECE).ceil().max(1.0) as usize;
+            let at = |i: usize| edge.a.lerp(edge.b, i as f64 / n as f64);
+            let bent: Vec<bool> = (0..n).map(|i| self.is_bend(at(i).lerp(at(i + 1), 0.5), &mut near)).collect();
+            let mut from = 0;
+            for i in 1..=n {
+                if i == n || bent[i] != bent[from] {
+                    edges.push(Segment { a: at(from), b: at(i) });
+                    bends.push(bent[from]);
+                    from = i;
+                }
+            }
+        }
+        self.area.replace_edges(edges, bends, self.settings.gap_tolerance);
+    }
+
+    /// A lane at the point bends.
+    fn is_bend(&self, point: Point, near: &mut Vec<usize>) -> bool {
+        self.find_lanelets_near(point, BESIDE, near);
+        near.iter().any(|&lanelet| {
+            let s = self.lanelets[lanelet].center.project(point).s;
+            self.curves[lanelet].curvature_at(s).abs() >= BEND_CURVATURE
+        })
+    }
+}
+
+/// Smaller by `margin` [m] on every side.
+fn shrunk(of: &OrientedBox, margin: f64) -> OrientedBox {
+    OrientedBox {
+        half_length: (of.half_length - margin).max(0.0),
+        half_width: (of.half_width - margin).max(0.0),
+        ..*of
+    }
+}
+
+/// Points along a closed outline, its corners among them.
+fn outline(corners: &[Point]) -> impl Iterator<Item = Point> + '_ {
+    let n = corners.len();
+    (0..n).flat_map(move |i| {
+        let (a, b) = (corners[i], corners[(i + 1) % n]);
+        let steps = (a.distance(b) / OUTLINE_SPACING).ceil().max(1.0) as usize;
+        (0..steps).map(move |k| a.lerp(b, k as f64 / steps as f64))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::road::testing::{arc, lane, parallel_lanes};
+    use crate::road::LaneletInput;
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+    /// 4.508 m by 1.610 m; its axles are 1.423 m behind and 1.156 m ahead of its centre.
+    const CAR: Vehicle = Vehicle::BMW_320I;
+    /// A car that turns off a lane.
+    const TURNED: f64 = 0.35;
+
+    fn judged(lanelet: LaneletInput, judge: RoadJudge) -> RoadNetwork {
+        RoadNetwork::new(vec![lanelet], RoadSettings { judge, ..RoadSettings::default() }).expect("one lanelet")
+    }
+
+    /// From y = -1.75 m to 1.75 m.
+    fn straight(judge: RoadJudge) -> RoadNetwork {
+        judged(parallel_lanes(1, 200.0).remove(0), judge)
+    }
+
+    /// Around the origin, counter-clockwise, from 6.25 m to 9.75 m.
+    fn bend(turn_tolerance: f64, overhang_max: f64) -> RoadNetwork {
+        let settings = RoadSettings { turn_tolerance, overhang_max, ..RoadSettings::default() };
+        RoadNetwork::new(vec![lane(1, &arc((0.0, 0.0), 8.0, -FRAC_PI_2, PI))], settings).expect("one lanelet")
+    }
+
+    fn admits(road: &RoadNetwork, pose: Pose) -> bool {
+        let still = OrientedBox::new(pose, CAR.length, CAR.width);
+        let answer = road.admits(&Shape::rectangle(CAR.length, CAR.width), &CAR, pose);
+        let mut scratch = Vec::new();
+        assert_eq!(road.admits_box(&CAR, &still, &mut scratch), answer);
+        assert_eq!(road.admits_motion(&CAR, &still, &still, &mut scratch), answer);
+        answer
+    }
+
+    fn overhang(road: &RoadNetwork, pose: Pose) -> f64 {
+        road.overhang(&Shape::rectangle(CAR.length, CAR.width), pose)
+    }
+
+    #[test]
+    fn a_body_may_swing_over_the_edge_and_wheels_may_not() {
+        // Front left corner and left front wheel: 1.529 m and 1.153 m to the left of the centre.
+        let swings = Pose::new(100.0, 0.5, TURNED);
+        assert!(admits(&straight(RoadJudge::Wheels), swings) && !admits(&straight(RoadJudge::Body), swings));
+        // Within the tolerance of the map of 0.1 m, and beyond it.
+        assert!(admits(&straight(RoadJudge::Wheels), Pose { position: Point::new(100.0, 0.68), ..swings }));
+        assert!(!admits(&straight(RoadJudge::Wheels), Pose { position: Point::new(100.0, 0.75), ..swings }));
+    }
+
+    #[test]
+    fn the_overhang_is_the_distance_of_the_furthest_point_from_the_lanelets() {
+        for judge in [RoadJudge::Wheels, RoadJudge::Body] {
+            let road = straight(judge);
+            assert_eq!(overhang(&road, Pose::new(100.0, 0.2, TURNED)), 0.0);
+            let found = overhang(&road, Pose::new(100.0, 0.5, TURNED));
+            assert!((found - 0.279).abs() < 1e-3, "{found}");
+            assert!((overhang(&road, Pose::new(100.0, -1.2, 0.0)) - 0.255).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn wheels_may_cross_an_edge_further_where_the_lane_bends() {
+        // The right rear wheel is 9.957 m from the origin, 0.207 m beyond the edge, the right front corner 0.36 m.
+        let pose = Pose { position: Point::from_angle(FRAC_PI_4) * 9.05, orientation: FRAC_PI_4 + FRAC_PI_2 };
+        assert!(admits(&bend(0.3, 0.8), pose) && !admits(&bend(0.1, 0.8), pose));
+        let found = overhang(&bend(0.3, 0.8), pose);
+        assert!((found - 0.36).abs() < 0.02, "{found}");
+        assert!(admits(&bend(0.3, 0.4), pose) && !admits(&bend(0.3, 0.3), pose));
+    }
+
+    #[test]
+    fn edges_are_parted_where_a_bend_begins() {
+        // 20 m straight on, then a quarter of a circle of 5 m: bends over 6 m from about 20 m on, nowhere before 17 m.
+        let mut center: Vec<Point> = vec![Point::new(0.0, 0.0), Point::new(20.0, 0.0)];
+        center.extend(arc((20.0, 5.0), 5.0, -FRAC_PI_2, 0.0).into_iter().skip(1));
+        let road = judged(lane(1, &center), RoadJudge::Wheels);
+        let bent = |x: f64| {
+            let mut near = Vec::new();
+            road.edges_near(&crate::geometry::Aabb { min: Point::new(x, -2.0), max: Point::new(x, -1.5) }, &mut near);
+            near.iter().map(|i| road.area.bends[*i as usize]).collect::<Vec<_>>()
+        };
+        assert_eq!((bent(5.5), bent(15.5), bent(21.0)), (vec![false], vec![false], vec![true]));
+        let length: f64 = road.road_edges().iter().map(|edge| edge.a.distance(edge.b)).sum();
+        let whole: f64 =
+            judged(lane(1, &center), RoadJudge::Body).road_edges().iter().map(|edge| edge.a.distance(edge.b)).sum();
+        assert!((length - whole).abs() < 1e-9);
+    }
+
+    #[test]
+    fn impossible_lengths_are_refused() {
+        for (turn_tolerance, overhang_max) in [(-0.1, 0.8), (0.3, f64::NAN)] {
+            let settings = RoadSettings { turn_tolerance, overhang_max, ..RoadSettings::default() };
+            assert!(RoadNetwork::new(parallel_lanes(1, 200.0), settings).is_err());
+        }
+    }
+}

@@ -1,0 +1,83 @@
+"""Turns that are as narrow as those of maps made for traffic simulation: who fits, who leaves the road."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from interdrive import SimulationSettings, simulate
+from interdrive.config.binding import bind
+from interdrive.scenario import Shape
+from interdrive.testing import Car, straight_road, world
+
+LENGTH, WIDTH = 5.0, 1.8
+
+
+def turn_left(radius, spacing=0.5, straight=25.0):
+    """Points and headings of a centre line: straight on, a quarter of a circle, straight on."""
+    arc = 0.5 * np.pi * radius
+    s = np.arange(0.0, 2.0 * straight + arc, spacing)
+    heading = np.clip((s - straight) / radius, 0.0, 0.5 * np.pi)
+    before, beyond = np.minimum(s - straight, 0.0), np.maximum(s - straight - arc, 0.0)
+    x = straight + before + radius * np.sin(heading)
+    y = radius * (1.0 - np.cos(heading)) + beyond
+    return x, y, heading
+
+
+def bend(lane_width, radius, structure=None, speed=1.5):
+    """A lane that turns left, and a car of 5.0 m by 1.8 m whose recording follows its middle at 1.5 m/s."""
+    x, y, heading = turn_left(radius)
+    normal = np.column_stack([-np.sin(heading), np.cos(heading)])
+    middle = np.column_stack([x, y])
+    lanes = replace(
+        straight_road(),
+        left=(middle + 0.5 * lane_width * normal,),
+        right=(middle - 0.5 * lane_width * normal,),
+    )
+    x, y, heading = (values[10:-10] for values in turn_left(radius, spacing=0.1 * speed))
+    made = world(lanes, cars=[Car(1, 0.0)] + ([structure] if structure else []), steps=len(x) - 1)
+    driven = made.obstacles
+    values = {"x": x, "y": y, "orientation": heading, "velocity": np.full(len(x), speed)}
+    tables = {name: np.vstack([first, getattr(driven, name)[1:]]) for name, first in values.items()}
+    shapes = (Shape("rectangle", LENGTH, WIDTH), *driven.shapes[1:])
+    return replace(made, obstacles=replace(driven, shapes=shapes, **tables))
+
+
+def drive(scenario, **settings):
+    chosen = bind(SimulationSettings(), {name.replace("__", "."): value for name, value in settings.items()})
+    run = simulate(scenario, agents=[1], settings=chosen, threads=1)
+    return run.outcomes.outcome[0], float(run.outcomes.off_lanelets[0]), run
+
+
+def test_a_car_fits_through_a_narrow_turn_on_its_wheels():
+    outcome, overhang, run = drive(bend(2.5, 5.0))
+    assert outcome == "goal_reached"
+    assert 0.3 < overhang < 0.8
+    assert run.outcomes.off_lanelets_s[0] > 0.5
+
+
+def test_it_does_not_fit_with_its_whole_body():
+    outcome, overhang, _ = drive(bend(2.5, 5.0), road__judge="body")
+    assert outcome == "time_limit"
+    assert overhang <= 0.15
+
+
+@pytest.mark.parametrize("judge", ["wheels", "body"])
+def test_in_a_wide_turn_nobody_leaves_the_lanelets(judge):
+    outcome, overhang, run = drive(bend(3.5, 10.0), road__judge=judge)
+    assert outcome == "goal_reached"
+    assert overhang <= 0.1
+    assert run.outcomes.off_lanelets_s[0] == 0.0
+
+
+def test_a_body_may_not_reach_further_beyond_the_lanelets_than_stated():
+    outcome, overhang, _ = drive(bend(2.5, 5.0), road__overhang_max=0.2)
+    assert outcome == "time_limit"
+    assert overhang <= 0.2
+
+
+def test_a_car_beside_a_turn_is_not_touched_however_far_bodies_may_swing():
+    # Outside the lane, abreast of the end of the turn: 1.5 m between the edge and the middle of its 1.8 m.
+    parked = Car(7, 30.0 + 1.25 + 1.5, 4.0, orientation=0.5 * np.pi)
+    _, _, run = drive(bend(2.5, 5.0, parked))
+    assert run.outcomes.outcome[0] != "collision"
