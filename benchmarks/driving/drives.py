@@ -12,10 +12,9 @@ import numpy as np
 from causes import Delay, held_up_by
 from realism import Samples, samples_of
 
-from interdrive.config.binding import bind
-from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InterdriveError
-from interdrive.simulation import Simulation
+from interdrive.files import read_scenario
+from interdrive.simulation import Simulation, reachable_agents
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,7 +95,7 @@ def drive(
     """Drives a scenario; `reachable` are the ids of the reachable agents if they are known already."""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     try:
-        known = reachable_agents(path) if reachable is None else tuple(reachable)
+        known = _reachable(path) if reachable is None else tuple(reachable)
         simulation = Simulation(path, predictor=predictor, settings=settings, threads=1)
         run = simulation.run()
     except InterdriveError as error:
@@ -114,17 +113,10 @@ def drive(
     return Driven(path, digest, known, drives, tuple(one for one in samples if one is not None))
 
 
-def reachable_agents(path: Path) -> tuple[int, ...]:
-    """Recorded vehicles that reach their goal in time if all replay their recordings, planning problems by frenet.
-
-    The whole footprint must stay on the road, so that the figures do not depend on the judge.
-    """
-    body = bind(SimulationSettings(), {"road.judge": "body"})
-    agents = Simulation(path, settings=body, threads=1).agents
-    planners: dict[Any, str] = {agent.id: "frenet" for agent in agents if agent.origin != "recorded"}
-    run = Simulation(path, planner={"default": "recorded", **planners}, settings=body, threads=1).run()
-    ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
-    return tuple(i for i, outcome in ended if outcome == "goal_reached" and i not in planners)
+def _reachable(path: Path) -> tuple[int, ...]:
+    """Recorded vehicles whose recording reaches their goal in time; planning problems have none to judge by."""
+    recorded = {agent.id for agent in Simulation(path, threads=1).agents if agent.origin == "recorded"}
+    return tuple(i for i in reachable_agents(read_scenario(path)) if i in recorded)
 
 
 class ReachableCache:

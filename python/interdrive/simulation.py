@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 from interdrive import _core
 from interdrive.config.agents import agent_configs, run_config, stored
 from interdrive.config.binding import flatten
-from interdrive.config.schema import settings_of
+from interdrive.config.schema import RecordSettings, SimulationSettings, settings_of
 from interdrive.config.specs import bound_predictor
 from interdrive.errors import InputError
 from interdrive.files import open_scenario
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from interdrive.config.agents import PlannersSpec, ViewsSpec
-    from interdrive.config.schema import SettingsSpec, SimulationSettings
-    from interdrive.config.specs import PredictorSpec
+    from interdrive.config.schema import SettingsSpec
+    from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import ViewSettings
     from interdrive.planners.calls import Answer
@@ -72,7 +72,8 @@ class Simulation:
 
         Args:
             scenario: See `interdrive.ScenarioSpec`.
-            agents: "all", a number, or ids; see `interdrive.scenario.agents.select`.
+            agents: "all", "reachable" (see `reachable_agents`), a number, or ids; see
+                `interdrive.scenario.agents.select`.
             planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
             predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
             views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
@@ -100,10 +101,11 @@ class Simulation:
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings)
         self._core_scenario = core_scenario(self.scenario, self.road)
+        is_reachable = self._agents_wanted == "reachable"
         self.agents, notes = select(
             self.scenario,
             self.road,
-            self._agents_wanted,
+            reachable_agents(self.scenario, self.settings) if is_reachable else self._agents_wanted,
             agent_settings=self.settings.agents,
             goal_settings=self.settings.goal,
             max_steps=self.settings.step.steps_at_most(self.scenario),
@@ -344,6 +346,31 @@ class Simulation:
             "threads": self.threads,
             "settings": flatten(self.settings),
         }
+
+
+def reachable_agents(scenario: Scenario, settings: SimulationSettings | None = None) -> list[int]:
+    """Ids of possible agents whose own recording reaches their goal in time, and of planning problems.
+
+    All recorded vehicles replay their recordings (planner `recorded`), planning problems are driven by `frenet`. The
+    recording must stay on the lanelets with its whole footprint (`road.judge=body`), hit nothing, and end in the goal.
+
+    Args:
+        scenario: The scenario.
+        settings: Settings of the run.
+
+    Raises:
+        InputError: No vehicle can become an agent, or none is reachable.
+    """
+    own = settings or SimulationSettings()
+    own = replace(own, road=replace(own.road, judge="body"), record=RecordSettings())
+    problems = {agent.id for agent in Simulation(scenario, settings=own, threads=1).agents if agent.origin != "recorded"}
+    planners: dict[int | str, PlannerSpec] = dict.fromkeys(problems, "frenet")
+    run = simulate(scenario, planner={**planners, "default": "recorded"}, settings=own, threads=1)
+    ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
+    found = [agent for agent, outcome in ended if outcome == "goal_reached" or agent in problems]
+    if not found:
+        raise InputError(f"{scenario.name}: no agent is reachable by its own recording")
+    return found
 
 
 def simulate(

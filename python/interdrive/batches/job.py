@@ -21,7 +21,7 @@ from interdrive.foreign import failure
 from interdrive.results import save
 from interdrive.scenario.agents import select
 from interdrive.scenario.native import core_road
-from interdrive.simulation import simulate
+from interdrive.simulation import reachable_agents, simulate
 from interdrive.storage import arrow_table
 
 if TYPE_CHECKING:
@@ -191,6 +191,8 @@ def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:
     """Ids of the agents under test; of a number at most as many as there can be."""
     if isinstance(spec.agents, tuple):
         return spec.agents
+    if spec.agents == "reachable":
+        return tuple(reachable_agents(scenario, spec.settings))
     found = _able(spec, scenario, spec.agents)
     return tuple(agent.id for agent in found)
 

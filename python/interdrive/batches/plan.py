@@ -192,8 +192,8 @@ def planned(
 
 def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> tuple[str | int, str]:
     """Agents and traffic, checked together."""
-    if agents != "all" and (not isinstance(agents, int) or isinstance(agents, bool) or agents < 1):
-        raise InputError(f"agents: expected all or a number of at least 1, not {agents!r}")
+    if agents not in ("all", "reachable") and (not isinstance(agents, int) or isinstance(agents, bool) or agents < 1):
+        raise InputError(f"agents: expected all, reachable or a number of at least 1, not {agents!r}")
     if traffic is not None and traffic not in TRAFFIC:
         raise InputError(f"traffic: expected one of {', '.join(TRAFFIC)}, not {traffic!r}")
     if seeds < 1:
@@ -204,8 +204,10 @@ def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> 
             f"traffic {traffic}: with agents all no vehicles are left as traffic; "
             "test every agent alone (--alone), or a number of them (--agents N)"
         )
-    if agents == "all" and seeds > 1:
-        raise InputError(f"seeds {seeds}: a seed chooses a number of agents; with agents all every run would be equal")
+    if isinstance(agents, str) and seeds > 1:
+        raise InputError(
+            f"seeds {seeds}: a seed chooses a number of agents; with agents {agents} every run would be equal"
+        )
     return agents, traffic or ("same" if together else "recorded")
 
 

@@ -24,7 +24,7 @@ class RunChoices:
 
     Attributes:
         scenario: Path of a CommonRoad file, or name of a shipped scenario.
-        agents: "all", a number, or ids.
+        agents: "all", "reachable", a number, or ids.
         planner: Name of the planner of all agents without a choice of their own, optionally with settings.
         predictor: Name of the predictor, optionally with settings.
         seed: Seed for the choice of agents.
@@ -61,7 +61,7 @@ class BatchChoices:
         paths: CommonRoad files, folders of them, names of shipped scenarios.
         planner: Planners under test, optionally with settings.
         predictor: Predictors, optionally with settings.
-        agents: Vehicles under test: "all" or a number.
+        agents: Vehicles under test: "all", "reachable" or a number.
         traffic: Behaviour of vehicles not under test; None: replay, if there are any.
         alone: Every agent under test gets a separate run.
         seeds: Number of seeds.

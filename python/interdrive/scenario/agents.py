@@ -117,7 +117,7 @@ class _Proposal:
 
 
 def normalized(agents: object) -> str | int | list[int]:
-    """The choice of agents as "all", a number, or a list of ids.
+    """The choice of agents as "all", "reachable", a number, or a list of ids.
 
     Raises:
         InputError: The choice is none of these.
@@ -131,7 +131,7 @@ def normalized(agents: object) -> str | int | list[int]:
     try:
         return [operator.index(agent) for agent in agents]  # type: ignore[attr-defined]
     except TypeError:
-        raise InputError(f"agents must be 'all', a number or ids, not {agents!r}") from None
+        raise InputError(f"agents must be 'all', 'reachable', a number or ids, not {agents!r}") from None
 
 
 def select(
@@ -228,7 +228,7 @@ def _choose(
 ) -> list[_Proposal]:
     if isinstance(agents, str):
         if agents != "all":
-            raise InputError(f"agents must be 'all', a number or ids, not {agents!r}")
+            raise InputError(f"agents must be 'all', 'reachable', a number or ids, not {agents!r}")
         return list(proposals)
     if not isinstance(agents, int) and not agents:
         raise InputError("agents: the list of ids is empty")
