@@ -88,6 +88,8 @@ pub struct PlanRequest<'a> {
     pub goal: &'a Goal,
     /// The roads.
     pub road: &'a RoadNetwork,
+    /// Its footprint has been fully on the road; before that, leaving it is not counted.
+    pub was_on_road: bool,
     /// Participants in view, sorted by id.
     pub others: &'a [Other<'a>],
     /// Predictions for all participants; only the rows of `others` may be read.

@@ -128,11 +128,12 @@ fn is_straight(path: &ReferencePath, s: f64, motions: &[PathMotion]) -> bool {
 /// Number of points up to which the footprint stays on the road once it is fully on it.
 fn stays_on_road(request: &PlanRequest, points: &[State], memory: &mut Vec<u32>) -> usize {
     let (length, width) = (request.vehicle.length, request.vehicle.width);
-    let mut was_on_road = false;
+    let mut was_on_road = request.was_on_road;
     let leaves = points.iter().position(|point| {
-        let covered = request.road.admits_box(request.vehicle, &OrientedBox::new(point.pose(), length, width), memory);
-        was_on_road |= covered;
-        was_on_road && !covered
+        let footprint = OrientedBox::new(point.pose(), length, width);
+        let leaves = was_on_road && !request.road.admits_box(request.vehicle, &footprint, memory);
+        was_on_road = was_on_road || request.road.box_is_covered(&footprint, memory);
+        leaves
     });
     leaves.unwrap_or(points.len())
 }

@@ -177,7 +177,7 @@ impl World {
                     departures.push((drive.row, speed, fraction));
                 }
             } else {
-                drive.was_on_road = road.admits(&drive.agent.shape, &drive.agent.vehicle, to);
+                drive.was_on_road = road.covers(&drive.agent.shape, to);
             }
             if drive.was_on_road {
                 let overhang = road.overhang(&drive.agent.shape, to);
@@ -259,8 +259,7 @@ impl World {
         for drive in &mut self.drives {
             if drive.agent.start_time_step == time_step {
                 self.states[drive.row] = Some(drive.agent.initial_state);
-                let (agent, road) = (&drive.agent, &self.scenario.road);
-                drive.was_on_road = road.admits(&agent.shape, &agent.vehicle, agent.initial_state.pose());
+                drive.was_on_road = self.scenario.road.covers(&drive.agent.shape, drive.agent.initial_state.pose());
                 entered.push(drive.row);
             }
         }

@@ -144,6 +144,7 @@ impl World {
             s_hint: drive.s,
             goal: &drive.agent.goal,
             road: &self.scenario.road,
+            was_on_road: drive.was_on_road,
             others,
             predictions,
             prediction_index,

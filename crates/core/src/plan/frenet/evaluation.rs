@@ -52,7 +52,7 @@ pub(super) struct EvaluationMemory {
     /// bounds rise early.
     order: Vec<usize>,
     points: Vec<Waypoint>,
-    road: Vec<u32>,
+    pub(super) road: Vec<u32>,
     /// Samples that are rejected for a contact alone.
     pub(super) contacts: Vec<(u32, Contact)>,
     /// Least cost of the samples that were rejected for the road alone; inf: none was.
@@ -103,7 +103,6 @@ pub(super) struct Tables<'a> {
 pub(super) struct Evaluation<'a> {
     pub(super) problem: Problem<'a>,
     pub(super) tables: Tables<'a>,
-    starts_on_road: bool,
     /// The footprint is larger by this on all sides when the road is looked at [m].
     road_margin: f64,
     prediction_weight: f64,
@@ -117,9 +116,10 @@ impl<'a> Evaluation<'a> {
         memory.reset(tables.samples.len() + usize::from(tables.warm_start.is_valid()));
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
         let (road, vehicle, margin) = (request.road, request.vehicle, settings.road_margin);
-        let has_room = problem.keeps_clear && road.admits_box(vehicle, &footprint.grown(margin), &mut memory.road);
+        let has_room = problem.keeps_clear
+            && request.was_on_road
+            && road.admits_box(vehicle, &footprint.grown(margin), &mut memory.road);
         Self {
-            starts_on_road: has_room || road.admits_box(vehicle, &footprint, &mut memory.road),
             road_margin: if has_room { margin } else { 0.0 },
             prediction_weight: settings.weights.prediction,
             world_terms: has_world_terms(&settings.weights),
@@ -252,22 +252,21 @@ impl<'a> Evaluation<'a> {
     /// beside it must do so once it is back. Without margin the first step, which will be driven, is looked at as
     /// closely as the world does.
     fn is_on_road(&mut self, points: &[Waypoint]) -> bool {
-        let PlanRequest { road, shape, state, vehicle, .. } = *self.problem.request;
+        let PlanRequest { road, shape, state, vehicle, mut was_on_road, .. } = *self.problem.request;
         let scratch = &mut self.tables.memory.road;
-        let is_exact = self.starts_on_road && self.road_margin == 0.0;
+        let is_exact = was_on_road && self.road_margin == 0.0;
         if is_exact && departs_road(road, shape, vehicle, state.pose(), points[1].pose()).is_some() {
             return false;
         }
         let half_length = 0.5 * vehicle.length + self.road_margin;
         let half_width = 0.5 * vehicle.width + self.road_margin;
-        let mut was_on_road = self.starts_on_road;
         let footprint = |p: &Waypoint| OrientedBox { center: p.center, axis: p.axis, half_length, half_width };
         points.windows(2).skip(usize::from(is_exact)).all(|pair| {
             let (from, to) = (footprint(&pair[0]), footprint(&pair[1]));
             if was_on_road {
                 return road.admits_motion(vehicle, &from, &to, scratch);
             }
-            was_on_road = road.admits_box(vehicle, &to, scratch);
+            was_on_road = road.box_is_covered(&to, scratch);
             true
         })
     }

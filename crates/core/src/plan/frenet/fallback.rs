@@ -1,14 +1,16 @@
 //! What an agent does when no sample is admissible, in this order:
 //!
 //! 1. It stands (at most 0.1 m/s): it stays.
-//! 2. Some samples can be driven and stay on the road but hit somebody: of these the one with the smallest difference
-//!    of velocities at the contact, where one second more counts like 2 m/s less.
-//! 3. Full braking along the path of the previous plan, if the agent is still on it; else on the arc of the present
-//!    steering; else on the arc next to that which stays on the road (as far as the tyres hold; the steering jumps).
+//! 2. Full braking that stays on the road: along the path of the previous plan, if the agent is still on it, on the arc
+//!    of the present steering, or straight on. If that hits somebody, samples that can be driven and stay on the road are
+//!    considered, too, as long as they hit with no more kinetic energy and no larger difference of velocities. The least
+//!    severe contact counts: the difference of velocities, where one second more counts like 2 m/s less.
+//! 3. Full braking on the arc next to that of the present steering which stays on the road (as far as the tyres hold; the
+//!    steering jumps).
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
-use super::super::frame::start_curvature;
+use super::super::frame::{Waypoint, start_curvature};
 use super::super::polynomial::Braking;
 use super::super::{PlanRequest, PlanResult};
 use super::obstacles::Contact;
@@ -52,6 +54,32 @@ pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) ->
     PlanResult { trajectory, status: PlanStatus::Infeasible, cost: f64::NAN, message }
 }
 
+/// Full braking as the present steering allows it, as far as it stays on the road: along the previous plan's path, on the
+/// present arc, straight on.
+pub(super) fn full_braking(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>) -> Vec<Vec<State>> {
+    let present = start_curvature(&request.state, request.vehicle).unwrap_or(0.0);
+    let mut found: Vec<Vec<State>> = along_previous(request, n_points).into_iter().collect();
+    found.push(along_arc(request, n_points, present));
+    if present != 0.0 {
+        found.push(along_arc(request, n_points, 0.0));
+    }
+    found.retain(|points| stays_on_road(request, points, scratch));
+    found
+}
+
+/// A trajectory for the search for contacts, which takes it to keep its offset from the path.
+pub(super) fn waypoints(points: &[State], d: f64) -> Vec<Waypoint> {
+    let waypoint = |point: &State| Waypoint {
+        center: point.pose().position,
+        axis: Point::from_angle(point.orientation),
+        velocity: point.velocity,
+        acceleration: point.acceleration,
+        d,
+        ..Waypoint::default()
+    };
+    points.iter().map(waypoint).collect()
+}
+
 /// Full braking along the previous plan's path or an arc. `reason` says why there is no better plan.
 pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
     let mut first = None;
@@ -91,11 +119,12 @@ fn curvatures(request: &PlanRequest) -> Vec<f64> {
 /// The footprint stays on the road once it is fully on it.
 fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>) -> bool {
     let (length, width) = (request.vehicle.length, request.vehicle.width);
-    let mut was_on_road = false;
+    let mut was_on_road = request.was_on_road;
     points.iter().all(|point| {
-        let covered = request.road.admits_box(request.vehicle, &OrientedBox::new(point.pose(), length, width), scratch);
-        was_on_road |= covered;
-        covered || !was_on_road
+        let footprint = OrientedBox::new(point.pose(), length, width);
+        let stays = !was_on_road || request.road.admits_box(request.vehicle, &footprint, scratch);
+        was_on_road = was_on_road || request.road.box_is_covered(&footprint, scratch);
+        stays
     })
 }
 

@@ -42,7 +42,7 @@ use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
 use grid::{Inputs, SampleGrid};
-use obstacles::Obstacles;
+use obstacles::{Contact, Obstacles};
 use targets::Targets;
 use warm_start::WarmStart;
 
@@ -226,19 +226,33 @@ fn prepare(
     obstacles.prepare(request, (start, warm_start), samples, settings);
 }
 
-/// Of the samples that hit somebody but can be driven and stay on the road, the least bad one.
+/// Full braking, or the least bad of the samples that hit somebody with no more energy than it does; `None` if neither
+/// stays on the road.
 fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     let Problem { request, start, limits, .. } = evaluation.problem;
-    let dt = limits.dt;
+    let severity = |contact: &Contact| fallback::severity(contact, limits.dt);
+    let mut braking: Option<(Contact, Vec<State>)> = None;
+    for points in fallback::full_braking(request, limits.n_points, &mut evaluation.tables.memory.road) {
+        let waypoints = fallback::waypoints(&points, start.d);
+        let Some(contact) = evaluation.tables.obstacles.first_contact(&waypoints, limits.dt, request) else {
+            return Some(Trajectory { points });
+        };
+        if braking.as_ref().is_none_or(|(least, _)| severity(&contact) < severity(least)) {
+            braking = Some((contact, points));
+        }
+    }
     let mut contacts = std::mem::take(&mut evaluation.tables.memory.contacts);
-    contacts.sort_by(|a, b| fallback::severity(&a.1, dt).total_cmp(&fallback::severity(&b.1, dt)).then(a.0.cmp(&b.0)));
+    if let Some((bound, _)) = &braking {
+        contacts.retain(|(_, contact)| severity(contact) < severity(bound) && contact.is_no_harder_than(bound));
+    }
+    contacts.sort_by(|a, b| severity(&a.1).total_cmp(&severity(&b.1)).then(a.0.cmp(&b.0)));
     let found = contacts.iter().find(|(sample, _)| {
         evaluation.write_if_drivable(*sample as usize);
         evaluation.stays_on_road()
     });
     let trajectory = found.map(|_| trajectory(request, start, evaluation.points()));
     evaluation.tables.memory.contacts = contacts;
-    trajectory
+    trajectory.or(braking.map(|(_, points)| Trajectory { points }))
 }
 
 /// What an agent does if there is nothing to choose from.

@@ -23,6 +23,15 @@ pub(in crate::plan::frenet) struct Contact {
     pub(in crate::plan::frenet) interval: usize,
     /// Difference of the velocities [m/s].
     pub(in crate::plan::frenet) closing_speed: f64,
+    /// The agent's own speed [m/s].
+    pub(in crate::plan::frenet) speed: f64,
+}
+
+impl Contact {
+    /// With no more kinetic energy, neither the agent's own nor that of the relative motion.
+    pub(in crate::plan::frenet) fn is_no_harder_than(&self, other: &Contact) -> bool {
+        self.speed <= other.speed && self.closing_speed <= other.closing_speed
+    }
 }
 
 impl Obstacles {
@@ -82,7 +91,7 @@ impl Obstacles {
             return Meeting::Ignored;
         }
         let closing_speed = (pair[1].center - pair[0].center - swept.displacement).norm() / dt;
-        Meeting::Contact(Contact { other, interval, closing_speed })
+        Meeting::Contact(Contact { other, interval, closing_speed, speed: pair[0].velocity.abs() })
     }
 }
 

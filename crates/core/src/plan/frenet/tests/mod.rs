@@ -1,6 +1,7 @@
 //! Specifications of the whole planner, on small invented roads.
 
 mod cost_bounds;
+mod emergency;
 pub(super) mod choice;
 mod closed_loop;
 mod golden;
@@ -173,6 +174,7 @@ impl Drive {
             s_hint: f64::NAN,
             goal: &self.goal,
             road: &self.road,
+            was_on_road: self.road.covers(&self.shape, self.state.pose()),
             others: &others,
             predictions: &predictions,
             prediction_index: &PredictionIndex::of(&predictions, &self.positions()),

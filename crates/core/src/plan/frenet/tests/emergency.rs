@@ -1,0 +1,91 @@
+//! What an agent does when every way ahead ends in a contact.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::super::fallback;
+use super::{Car, Drive};
+use crate::geometry::Pose;
+use crate::plan::frenet::FrenetSettings;
+use crate::road::testing::straight;
+use crate::trajectory::PlanStatus;
+
+/// Own speed at the contact [m/s], and that which full braking from the first emergency on would have left there; `None`
+/// if there is no contact within 3 s.
+fn contact_speeds(mut drive: Drive) -> Option<(f64, f64)> {
+    let mut braking = None;
+    for _ in 0..30 {
+        let result = drive.plan(&FrenetSettings::default());
+        if braking.is_none() && result.status == PlanStatus::EmergencyBraking {
+            let n_points = result.trajectory.points.len();
+            let full = drive.with_request(|request| fallback::full_braking(request, n_points, &mut Vec::new()));
+            braking = Some((drive.time_step, full));
+        }
+        drive.step(result);
+        if drive.touches_somebody() {
+            let (from, full) = braking.expect("an emergency before a contact");
+            let at = (drive.time_step - from) as usize;
+            return Some((drive.state.velocity, full[0][at].velocity));
+        }
+    }
+    None
+}
+
+fn on_a_lane(velocity: f64, car: Car) -> Drive {
+    Drive::along(&straight((0.0, 0.0), (400.0, 0.0)), 40.0, velocity).with_cars(vec![car])
+}
+
+#[test]
+fn no_contact_has_more_kinetic_energy_than_full_braking_would_leave() {
+    let mut n_contacts = 0;
+    for velocity in [4.0, 8.0, 12.0, 16.0] {
+        for gap in [5.0, 8.0, 12.0, 16.0] {
+            let x = 41.4 + gap;
+            let others = [
+                ("a wall", Car::at(x, 0.0, FRAC_PI_2, 0.0)),
+                ("an oncoming car", Car::at(x, 0.3, PI, 6.0)),
+                ("a car that crosses", Car::at(x, -6.0, FRAC_PI_2, 4.0)),
+                ("a slow car", Car::at(x, 0.8, 0.0, 1.0)),
+            ];
+            for (name, other) in others {
+                let Some((speed, bound)) = contact_speeds(on_a_lane(velocity, other)) else { continue };
+                n_contacts += 1;
+                assert!(
+                    speed <= bound + 0.2,
+                    "{name}, {gap} m ahead at {velocity} m/s: {speed} instead of {bound} m/s"
+                );
+            }
+        }
+    }
+    assert!(n_contacts > 20, "{n_contacts}");
+}
+
+#[test]
+fn an_agent_with_a_faster_car_ahead_of_it_in_its_way_does_not_accelerate_into_it() {
+    // It comes from the right and cuts in 3 m ahead.
+    let mut drive = on_a_lane(7.0, Car::at(48.0, -1.7, 0.25, 7.0));
+    for _ in 0..10 {
+        let before = drive.state.velocity;
+        let result = drive.plan(&FrenetSettings::default());
+        let is_emergency = result.status == PlanStatus::EmergencyBraking;
+        drive.step(result);
+        assert!(!is_emergency || drive.state.velocity < before, "{:?}", drive.state);
+    }
+}
+
+#[test]
+fn full_braking_is_offered_along_the_last_plan_and_on_the_present_arc_and_straight_on() {
+    let mut drive = Drive::on_three_lanes(40.0, 8.0);
+    let result = drive.plan(&FrenetSettings::default());
+    drive.step(result);
+    drive.state.yaw_rate = 0.4;
+    let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
+    assert_eq!(found.len(), 3);
+    for points in &found {
+        let first = Pose { ..points[0].pose() };
+        assert_eq!((first, points[0].velocity), (drive.state.pose(), drive.state.velocity));
+        assert_eq!(points[30].velocity, 0.0);
+        let distance = points[30].pose().position.distance(first.position);
+        assert!(distance < 8.0 * 8.0 / (2.0 * 0.9 * 11.5) + 2.0, "{distance}");
+    }
+    assert!(found[1][30].orientation > 0.05 && found[2][30].orientation == drive.state.orientation);
+}
