@@ -363,7 +363,9 @@ def reachable_agents(scenario: Scenario, settings: SimulationSettings | None = N
     """
     own = settings or SimulationSettings()
     own = replace(own, road=replace(own.road, judge="body"), record=RecordSettings())
-    problems = {agent.id for agent in Simulation(scenario, settings=own, threads=1).agents if agent.origin != "recorded"}
+    problems = {
+        agent.id for agent in Simulation(scenario, settings=own, threads=1).agents if agent.origin != "recorded"
+    }
     planners: dict[int | str, PlannerSpec] = dict.fromkeys(problems, "frenet")
     run = simulate(scenario, planner={**planners, "default": "recorded"}, settings=own, threads=1)
     ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)

@@ -449,7 +449,7 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
         (["--agents", "3,99"], "agent 99: no such vehicle"),
         (["--agents", "23,"], "agent 23: static obstacle"),
         (["--agents", "1000"], "1000 agents requested, but only 5"),
-        (["--agents", "some"], "agents must be 'all', a number or ids, not 'some'"),
+        (["--agents", "some"], "agents must be 'all', 'reachable', a number or ids, not 'some'"),
         (["--agents", "3,", "--agent", "4=frenet"], "agent 4: a planner is given for it, but it is not an agent"),
         (
             ["--agent", "3=frenet,levl=1"],

@@ -99,6 +99,7 @@ impl Bench {
             s_hint: self.route.start_s,
             goal: &self.goal,
             road: &self.road,
+            was_on_road: true,
             others: &others,
             predictions: &self.predictions,
             prediction_index: &self.prediction_index,

@@ -33,7 +33,11 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 @click.option(
     "--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (neural); each is run on every scenario."
 )
-@click.option("--agents", metavar="all|reachable|N", help="Vehicles under test: all (default), reachable ones, or at most N per scenario.")
+@click.option(
+    "--agents",
+    metavar="all|reachable|N",
+    help="Vehicles under test: all (default), reachable ones, or at most N per scenario.",
+)
 @click.option(
     "--traffic",
     metavar="recorded|velocity_adjusting|same",

@@ -34,7 +34,9 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.command()
 @click.argument("file", required=False)
 @click.option(
-    "--agents", metavar="all|reachable|N|ID,ID", help="Agents: all, reachable (their recording reaches the goal in time), a number chosen with the seed, or ids ('7,' is id 7)."
+    "--agents",
+    metavar="all|reachable|N|ID,ID",
+    help="Agents: all, reachable (their recording is in time), a number chosen with the seed, or ids ('7,' is id 7).",
 )
 @click.option(
     "--planner",
