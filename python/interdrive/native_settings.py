@@ -85,6 +85,7 @@ class Frenet:
         horizon: Length of a plan. Positive and at most 60.
         t_min: Shortest time in which a manoeuvre ends; at most the horizon. Positive and at most 60.
         d_max: Lateral end positions are within this distance of the reference path. Positive and at most 15.
+        road_margin: Distance kept from what the road admits where there is room. Between 0 and 10.
         low_velocity: Below this speed lateral motion is planned over arc length instead of time. Positive and at
             most 100.
         prediction_margin_length: Predicted participants are longer by this, in all. Between 0 and 100.
@@ -106,6 +107,7 @@ class Frenet:
     horizon: Annotated[float, "s"] = 3.0
     t_min: Annotated[float, "s"] = 1.1
     d_max: Annotated[float, "m"] = 3.0
+    road_margin: Annotated[float, "m"] = 0.1
     low_velocity: Annotated[float, "m/s"] = 2.0
     prediction_margin_length: Annotated[float, "m"] = 0.5
     prediction_margin_width: Annotated[float, "m"] = 0.2
@@ -290,17 +292,26 @@ class ViewSettings:
 
 @dataclass(frozen=True)
 class RoadSettings:
-    """Extent of the road.
+    """Extent of the road, and what must stay on it.
 
     Attributes:
         gap_tolerance: Gaps between lanelets up to this width count as road, and a footprint may overhang the edge
             by this much. Between 0 and 1.
         open_end_length: Where the map ends (lanelets without successor or predecessor), the road continues straight
             for this length. Between 0 and 100000.
+        judge: What must stay on the road. "wheels": the rectangle from the rear to the front axle, as wide as the
+            vehicle; the body may reach over the edge, as above a kerb. "body": the whole footprint. Contacts always
+            count with the whole body.
+        turn_tolerance: Wheels may cross the edge by this much beside bends (curvature of at least 0.08 1/m).
+            Between 0 and 2.
+        overhang_max: The body may reach beyond the lanelets by this much if wheels are judged. Between 0 and 10.
     """
 
     gap_tolerance: Annotated[float, "m"] = 0.1
     open_end_length: Annotated[float, "m"] = 120.0
+    judge: Literal["wheels", "body"] = "wheels"
+    turn_tolerance: Annotated[float, "m"] = 0.3
+    overhang_max: Annotated[float, "m"] = 0.8
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

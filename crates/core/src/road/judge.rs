@@ -4,8 +4,8 @@
 //! the front axle, as wide as the body, which may cross an edge by the tolerance of the map, beside bends by more; the
 //! body may reach beyond the lanelets by no more than a bound. Contacts always count with the whole body.
 
-use super::{RoadNetwork, RoadSettings};
 use super::edges::Segment;
+use super::{RoadNetwork, RoadSettings};
 use crate::geometry::shape::{OrientedBox, Shape};
 use crate::geometry::{Point, Pose};
 use crate::settings::choice;
@@ -147,8 +147,8 @@ fn outline(corners: &[Point]) -> impl Iterator<Item = Point> + '_ {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::road::testing::{arc, lane, parallel_lanes};
     use crate::road::LaneletInput;
+    use crate::road::testing::{arc, lane, parallel_lanes};
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
     /// 4.508 m by 1.610 m; its axles are 1.423 m behind and 1.156 m ahead of its centre.
