@@ -135,7 +135,12 @@ fn settings(source: &mut Source) -> RoadSettings {
         return default;
     }
     let judge = if source.chance(2) { RoadJudge::Wheels } else { RoadJudge::Body };
-    RoadSettings { gap_tolerance: source.any(0.0, 0.5), open_end_length: source.any(0.0, 200.0), judge }
+    RoadSettings {
+        gap_tolerance: source.any(0.0, 0.5),
+        open_end_length: source.any(0.0, 200.0),
+        judge,
+        ..RoadSettings::default()
+    }
 }
 
 /// A network, if the lanelets make one; otherwise the reason was text.
