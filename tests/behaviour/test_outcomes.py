@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from drivers import Straight, Turning
+
 from interdrive import InputError, Simulation, SimulationSettings, Trajectory, simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world
 
@@ -169,7 +169,7 @@ def test_a_predictor_that_raises_ends_the_run_naming_the_step():
             raise RuntimeError("no weights")
 
     scenario = world(straight_road(), problems=[problem(100, 20.0, goal=(60.0, 0.0), time_step=(0, 50))])
-    with pytest.raises(Exception, match="time step 0: RuntimeError"):
+    with pytest.raises(Exception, match=r"time step 0: test_outcomes\.py:\d+ in predict: RuntimeError: no weights"):
         simulate(scenario, predictor=Broken(), threads=1)
 
 

@@ -1,5 +1,7 @@
 """The step loop: what agents see, what is recorded, and that the same run has the same bits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drivers import Straight
@@ -170,7 +172,7 @@ def test_the_digest_tells_one_bit():
     states = simulate(two_lanes(), threads=1).states
     x = states.x.copy()
     x[0, 3] = np.nextafter(x[0, 3], np.inf)
-    changed = type(states)(**{**states.__dict__, "x": x})
+    changed = replace(states, x=x)
     assert digest(changed) != digest(states)
 
 
@@ -197,7 +199,7 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
         ({"agents": [5]}, "agent 5: no such vehicle; possible agents: 100, 200, 7, 9"),
         ({"agents": 9}, "9 agents requested, but only"),
         ({"agents": 0}, "at least 1"),
-        ({"agents": "some"}, "'all', a number or ids"),
+        ({"agents": "some"}, "'all', 'reachable', a number or ids"),
         ({"planner": "frenett"}, "unknown planner 'frenett': did you mean frenet?"),
         ({"planner": "nowhere:Planner"}, "module nowhere cannot be imported"),
         ({"planner": "interdrive.testing:Nothing"}, "module interdrive.testing has no Nothing"),

@@ -31,7 +31,13 @@ fn records() -> Vec<Box<dyn Record>> {
 fn fill(record: &mut dyn Record, given: &Bound<'_, PyAny>) -> PyResult<()> {
     for (field, value) in record.fields() {
         let one = if field.name.is_empty() { given.clone() } else { given.getattr(field.name)? };
-        let refused = |_| InputError::new_err((field.name, format!("cannot be {one}")));
+        let expected = match value {
+            Value::Number(_) => "a number",
+            Value::Count(_) => "a whole number",
+            Value::Flag(_) => "true or false",
+            Value::Choice(_) | Value::Record(_) => "a name",
+        };
+        let refused = |_| InputError::new_err((field.name, format!("expected {expected}, not {one}")));
         match value {
             Value::Number(number) => *number = one.extract().map_err(refused)?,
             Value::Count(count) => *count = one.extract().map_err(refused)?,
