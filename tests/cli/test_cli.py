@@ -215,6 +215,10 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--config", "bend.xml"], "bend.xml: not a configuration file: "),
         (["run", "bend.xml", "--config", "typo.toml"], "typo.toml: sed: no such entry; did you mean seed?"),
         (
+            ["run", "bend.xml", "--config", "other.toml"],
+            "xyzzy: no such entry; there are agent_view, agents, ",
+        ),
+        (
             ["run", "bend.xml", "--config", "wrong.toml"],
             "wrong.toml: view.sensor_radius: expected a number [m], not 'far'",
         ),
@@ -231,7 +235,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--sed", "3"], "No such option '--sed'"),
         (["walk"], "No such command 'walk'"),
         (["verify", "nowhere"], "nowhere: this is not a run folder, it has no run.json"),
-        (["settings", "nothing"], "nothing: no setting starts with this name"),
+        (["settings", "nonsense"], "nonsense: no setting has this word in its name or text"),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_one_line_before_the_simulation(
@@ -239,6 +243,7 @@ def test_what_cannot_be_used_is_refused_in_one_line_before_the_simulation(
 ):
     monkeypatch.setenv("PATH", "")
     (here / "typo.toml").write_text("sed = 3\n")
+    (here / "other.toml").write_text("xyzzy = 3\n")
     (here / "by_agent.toml").write_text('[agent.x]\nplanner = "frenet"\n')
     (here / "wrong.toml").write_text('[view]\nsensor_radius = "far"\n')
     assert message in refused(invoke(*arguments))

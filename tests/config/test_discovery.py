@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from interdrive import InputError, simulate
+from interdrive import InputError, Simulation, simulate
 from interdrive.cli import main
 from interdrive.config.plugins import find, listed, versions
 from interdrive.errors import MissingExtraError
@@ -177,3 +177,18 @@ def test_a_wrong_name_is_one_line(command, name):
     done = invoke(command, name)
     assert (done.exit_code, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("given", ["mine", "mine.py", "./mine.py"])
+def test_the_name_of_a_file_is_answered_with_the_class_in_it(given, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("class Route: ...\nclass Pursuit:\n    def plan(self, view, predictions): ...\n")
+    with pytest.raises(InputError, match=r"did you mean mine:Pursuit\?"):
+        Simulation("t_junction", agents=1, planner=given)
+
+
+def test_a_file_that_cannot_be_parsed_is_answered_with_the_form(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("class (")
+    with pytest.raises(InputError, match=r"write it as mine:CLASS"):
+        Simulation("t_junction", agents=1, planner="mine")

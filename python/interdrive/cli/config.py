@@ -128,7 +128,8 @@ def read_config(
             settings[name] = value
         else:
             near = difflib.get_close_matches(short, names, n=1)
-            raise InputError(f"{path}: {name}: no such entry" + (f"; did you mean {near[0]}?" if near else ""))
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(sorted(names))}, and settings"
+            raise InputError(f"{path}: {name}: no such entry; {hint}")
     for name in ("paths", "planner", "predictor"):
         if kind is BatchChoices and isinstance(choices.get(name), str):
             choices[name] = [choices[name]]  # commas inside the text have another meaning

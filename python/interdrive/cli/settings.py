@@ -6,15 +6,16 @@ import click
 
 
 @click.command()
-@click.argument("prefix", default="")
-def settings(prefix: str) -> None:
-    """List all settings with defaults and meaning, or those whose name starts with PREFIX."""
+@click.argument("word", default="")
+def settings(word: str) -> None:
+    """List all settings with defaults and meaning, or those with WORD in their name or text."""
     from interdrive.cli.report import print_settings  # noqa: PLC0415 - rich
     from interdrive.config.binding import described  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.errors import InputError  # noqa: PLC0415
 
-    rows = [row for row in described(SimulationSettings()) if row[0].startswith(prefix)]
+    found = described(SimulationSettings())
+    rows = [row for row in found if word.lower() in f"{row[0]} {row[3]}".lower()]
     if not rows:
-        raise InputError(f"{prefix}: no setting starts with this name")
+        raise InputError(f"{word}: no setting has this word in its name or text")
     print_settings(rows)

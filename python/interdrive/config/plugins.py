@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import copy
 import difflib
 import importlib
@@ -10,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass
+from pathlib import Path
 from typing import Any
 
 from interdrive.config.binding import bind, constructed, description, dotted
@@ -100,10 +102,32 @@ def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 
         raise InputError(f"{what} {name} is offered by {sources}: write it as {offered[0].value} or {offered[1].value}")
     if offered:
         return _loaded(offered[0], what)
+    if hint := _in_own_file(name, what):
+        raise InputError(f"unknown {what} {name!r}", hint)
     names = sorted({*native, *(entry_point.name for entry_point in _entry_points(what))})
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}, or module:object"
     raise InputError(f"unknown {what} {name!r}", hint)
+
+
+def _in_own_file(name: str, what: str) -> str:
+    """How to name a class in a Python file of the working folder, if the name is that of such a file; else ""."""
+    module = name.removeprefix("./").removesuffix(".py")
+    file = Path(f"{module}.py")
+    if not module or file.is_absolute() or not file.is_file():
+        return ""
+    method = {"planner": "plan", "predictor": "predict"}[what]
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        tree = ast.Module([], [])
+    classes = [
+        node.name
+        for node in tree.body
+        if isinstance(node, ast.ClassDef) and any(getattr(item, "name", "") == method for item in node.body)
+    ]
+    prefix = module.replace("/", ".")
+    return f"did you mean {prefix}:{classes[0]}?" if classes else f"write it as {prefix}:CLASS"
 
 
 def _why(error: BaseException) -> str:

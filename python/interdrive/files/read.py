@@ -260,7 +260,7 @@ def open_scenario(spec: ScenarioSpec) -> Scenario:
         return spec
     if isinstance(spec, str | os.PathLike):
         path = Path(spec)
-        if str(spec) in shipped_scenarios() and not path.exists():
+        if str(spec) in shipped_scenarios() and not path.is_file():  # a run folder may have this name
             path = shipped_scenario(str(spec))
         return read_scenario(path)
     if isinstance(spec, tuple):

@@ -106,7 +106,7 @@ def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Pa
             f"{folder}: this folder has other contents ({example}) and is not replaced; choose another one"
         )
     if inside and not overwrite:
-        raise ResultsError(f"{folder}: a {what} already exists there; overwrite it or choose another folder")
+        raise ResultsError(f"{folder}: a {what} already exists there; --overwrite (overwrite=True) replaces it")
     _check_writable(folder, target.parent)  # the new folder replaces the old one
     return target
 
