@@ -3,9 +3,9 @@ import shutil
 import signal
 from pathlib import Path
 
+import commonroad_documents as cr
 import pytest
 
-import commonroad_documents as cr
 from interdrive import InputError, Scenario, read_scenario
 from interdrive.predictors import models
 from interdrive.predictors.walenet import network

@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import commonroad_documents as cr
+
 from interdrive.files import shipped_scenario
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
+from published_network import PLACES, SIZE
 
 from interdrive.predictors.walenet import GRAPH, N_ANSWER, N_CELLS, N_HISTORY, SIDE
-from published_network import PLACES, SIZE
 
 
 class _Graph:
