@@ -126,8 +126,10 @@ def store(figures: dict[str, Figures], why: str) -> None:
     page = PAGE.read_text(encoding="utf-8")
     before, after = page.split(NOTES)
     head, *rest = after.split("\n\n", 1)
-    note = f"\n| {in_time} of {reachable} ({share(figures):.1f} %) | {hit} | {standing} | {why} |"
-    PAGE.write_text("\n\n".join([before + NOTES + head.rstrip("\n") + note, *rest]), encoding="utf-8")
+    note = f"\n| {in_time} of {reachable} ({share(figures):.1f} %) | {hit} | {standing} | {why.replace('|', '/')} |"
+    PAGE.write_text(
+        "\n\n".join([before + NOTES + head.rstrip("\n") + note, *rest]).rstrip("\n") + "\n", encoding="utf-8"
+    )
 
 
 def main() -> int:

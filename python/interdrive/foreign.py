@@ -102,16 +102,22 @@ def text_of(error: BaseException) -> str:
 
 
 def place_of(error: BaseException) -> str:
-    """Where foreign code raised an exception: file, line and function of its last frame; "" if it has none."""
+    """Where foreign code raised an exception: file, line and function; "" if it has no frame in a file.
+
+    It is the last frame in a file that is neither ours nor that of a library, or else the last one that is not ours.
+    """
     ours, libraries = Path(__file__).parent, {Path(path) for path in sysconfig.get_paths().values()}
-    found = ""
+    own = elsewhere = ""
     # Of the class itself, because a subclass may have an attribute of this name.
     trace = vars(BaseException)["__traceback__"].__get__(error)
     for frame in traceback.extract_tb(trace):
         file = Path(frame.filename)
-        if not frame.filename.startswith("<") and not {ours, *libraries} & set(file.parents):
-            found = f"{file.name}:{frame.lineno} in {frame.name}"
-    return found
+        if frame.filename.startswith("<") or ours in file.parents:
+            continue
+        elsewhere = f"{file.name}:{frame.lineno} in {frame.name}"
+        if not libraries & set(file.parents):
+            own = elsewhere
+    return own or elsewhere
 
 
 def failure(error: BaseException, given: str = "", *, placed: bool = False) -> str:

@@ -470,6 +470,16 @@ def test_what_the_simulation_refuses_is_one_line_and_nothing_is_written(real, ar
     assert [path.name for path in real.iterdir()] == ["bend.xml"]
 
 
+def test_on_request_an_exception_of_a_planner_ends_the_run_with_its_traceback(real):
+    (real / "faulty.py").write_text("class Faulty:\n    def plan(self, view, predictions):\n        return 1 / 0\n")
+    words = ["run", "bend.xml", "--agents", "3,", "--planner", "faulty:Faulty", "--out", "made", "--raise"]
+    done = python("-m", "interdrive", *words)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("Traceback (most recent call last):")
+    assert done.stderr.rstrip().endswith("return 1 / 0\n           ~~^~~\nZeroDivisionError: division by zero")
+    assert not (real / "made").exists()
+
+
 def test_ctrl_c_in_a_real_run_leaves_nothing_and_exits_with_130(real):
     (real / "slow.py").write_text(
         "import os, signal, time\n"

@@ -77,3 +77,15 @@ def test_a_figure_of_the_story_is_written(folder, tmp_path):
 def test_what_cannot_be_explained_is_refused_in_one_line(folder, arguments, words):
     done = explain(folder, *arguments)
     assert (done.exit_code, done.stderr) == (2, f"error: {words}\n")
+
+
+def test_foreign_text_in_a_figure_is_no_formula(tmp_path):
+    class Failing:
+        def plan(self, view, predictions):
+            raise ValueError("cost $x_{ is $ wrong")
+
+    scenario = world(straight_road(), problems=[problem(100, 20.0, goal=(60.0, 0.0), time_step=(0, 30))])
+    save(simulate(scenario, planner=Failing, threads=1), tmp_path / "run")
+    done = explain(str(tmp_path / "run"), "100", "--png", str(tmp_path / "story.png"))
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert (tmp_path / "story.png").read_bytes().startswith(b"\x89PNG")

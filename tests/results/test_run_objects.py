@@ -1,13 +1,16 @@
 """A run shows itself, gives its tables, figures and page, and goes to other tools."""
 
+import gc
 import pickle
 import re
+import weakref
 import webbrowser
+from dataclasses import replace
 
 import pytest
 
 import interdrive as idr
-from interdrive.results import read_results
+from interdrive.results import RunInterrupted, read_results, reopen
 from interdrive.run import States
 
 
@@ -58,6 +61,25 @@ def test_a_run_that_was_sent_to_another_process_still_has_its_tables(run):
     assert sent.outcomes.to_arrow().equals(run.outcomes.to_arrow())
 
 
+def test_a_run_is_freed_with_its_last_reference(run):
+    single = replace(run, notes=("another",))
+    assert run.states.to_arrow().num_rows == single.states.to_arrow().num_rows
+    gone = weakref.ref(single)
+    gc.disable()
+    try:
+        del single
+        assert gone() is None
+    finally:
+        gc.enable()
+
+
+def test_an_interrupted_run_can_be_sent_reopened_and_says_so(run, tmp_path):
+    stopped = pickle.loads(pickle.dumps(RunInterrupted(replace(run, finished=False)))).run
+    folder = stopped.save(tmp_path / "run")
+    assert [one.finished for one in (stopped, idr.load(folder), reopen(folder))] == [False] * 3
+    assert repr(reopen(folder)).endswith(" s, interrupted>")
+
+
 def test_arrays_without_a_run_say_that_they_have_no_table(run):
     with pytest.raises(TypeError, match="States that belong to no run have no table"):
         States(**{name: value for name, value in vars(run.states).items() if name != "_as_table"}).to_arrow()
@@ -73,6 +95,12 @@ def test_a_run_draws_every_kind_of_figure(run, kind):
 def test_a_figure_that_does_not_exist_is_refused_with_those_that_do(run):
     with pytest.raises(idr.InputError, match="the kinds are run, trajectories, velocity, criticality, scene@SECONDS"):
         run.plot("speed")
+
+
+@pytest.mark.parametrize(("wrong", "words"), [({"columns": 3}, "columns must be 1"), ({"agents": [7]}, "agent 7 ")])
+def test_an_impossible_figure_is_one_line(run, wrong, words):
+    with pytest.raises(idr.InputError, match=words):
+        run.plot("run", **wrong)
 
 
 def test_the_page_of_a_run_opens_in_the_browser_and_inline_in_a_notebook(run, monkeypatch):

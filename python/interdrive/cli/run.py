@@ -76,7 +76,9 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
-@click.option("--raise", "raises", is_flag=True, help="Let an exception of a planner in Python through.")
+@click.option(
+    "--raise", "raises", is_flag=True, help="Stop at the first exception of a planner in Python; print its traceback."
+)
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def run(
     file: str | None,
@@ -131,6 +133,8 @@ def run(
                 raise KeyboardInterrupt from None
             save(stop.run, folder, overwrite=choices.overwrite)
             raise KeyboardInterrupt(f"{stop}; the run so far is in {shown(folder)}") from None
+        except InterdriveError:
+            raise
         except Exception:
             if not raises:
                 raise

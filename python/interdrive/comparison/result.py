@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from interdrive.comparison.metrics import METRICS
 from interdrive.storage import Column
+from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
     from interdrive.comparison.variants import ComparedSet
@@ -68,5 +69,4 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         """The table, for notebooks."""
-        page: str = self.table.to_pandas().to_html(index=False, float_format="%.4g", na_rep="")
-        return page
+        return html_table(self.table.column_names, self.table.to_pylist())

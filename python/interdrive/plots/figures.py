@@ -38,8 +38,13 @@ def draw_figure(
         columns: Width: one is 88 mm, two are 180 mm; by default what suits the kind.
 
     Raises:
-        InputError: No such kind; an id that is no agent of the run; too many agents for lines.
+        InputError: No such kind; an id that is no agent of the run; too many agents for lines; an impossible width.
     """
+    if columns not in (None, 1, 2):
+        raise InputError(f"columns must be 1 or 2, not {columns!r}")
+    if agents is not None:
+        chosen_agents(run, agents)
+    measures = (measures,) if isinstance(measures, str) else measures
     name, _, moment = kind.partition("@")
     if name == "scene":
         return draw_scene(run, run.plans, seconds_of(kind, moment), agents, columns=columns or 1)

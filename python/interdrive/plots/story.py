@@ -51,6 +51,7 @@ def draw_story(run: Run, agent_id: int) -> Figure:
     axes.set_ylim(min(0.0, float(np.min(speed, initial=0.0))), top)
     axes.set_xlabel("time [s]", fontsize=FONT)
     axes.set_ylabel("speed [m/s]", fontsize=FONT)
-    axes.set_title(ending(run, agent_id), fontsize=FONT, loc="left", wrap=True)
+    title = ending(run, agent_id).replace("$", r"\$")  # foreign text is no formula
+    axes.set_title(title, fontsize=FONT, loc="left", wrap=True)
     plain(axes)
     return figure

@@ -21,7 +21,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("partner_id", "integer", "the other participant of a collision", nullable=True),
         Column("off_road", "truth", "the collision was with the edge of the road"),
         Column("impact_speed", "number", "magnitude of the relative velocity at a collision [m/s]", nullable=True),
-        Column("off_lanelets", "number", "largest overhang of the body beyond the lanelets [m]"),
+        Column("off_lanelets", "number", "largest overhang of the body beyond the lanelets, once it was on them [m]"),
         Column("off_lanelets_s", "number", "how long it was more than road.gap_tolerance [s]"),
         Column(
             "harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True

@@ -57,7 +57,8 @@ def read_part(folder: str | Path, results: Results | None = None) -> RunRecord:
     scenario = _scenario_of(Path(folder), info)
     states, outcomes = _states(results, scenario), _outcomes(results)
     facts = {agent["id"]: agent for agent in info.get("agents", ())}
-    return _run(scenario, states, outcomes, info["digest"], tuple(info["notes"]), facts)
+    part = _run(scenario, states, outcomes, info["digest"], tuple(info["notes"]), facts)
+    return replace(part, finished=info.get("finished", True))
 
 
 def read_run(folder: str | Path) -> RunRecord:
@@ -76,7 +77,6 @@ def read_run(folder: str | Path) -> RunRecord:
         agents=tuple(replace(agent, reference_path=paths[routes["agent_id"] == agent.id]) for agent in part.agents),
         plans=stored_plans(results),
         timings=_timings(results),
-        finished=info["finished"],
         views=None if results.views is None else Views(**_columns(results.views)),
         predictions=None if results.predictions is None else _predictions(_columns(results.predictions)),
         candidates=None if results.candidates is None else _candidates(_columns(results.candidates)),

@@ -7,11 +7,12 @@ import sys
 import tempfile
 import webbrowser
 from collections import Counter
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, fields
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from interdrive.files import commonroad_objects, write_scenario
 from interdrive.results import tables
@@ -19,6 +20,8 @@ from interdrive.results.folder import save
 from interdrive.results.reader import read_part, read_run
 from interdrive.run import RunRecord
 from interdrive.run.assemble import recorded_traffic
+from interdrive.run.record import Tabular
+from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,19 +35,32 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 
+T = TypeVar("T")
+
+#: Parts of a run by name, and what makes their tables.
+_TABLES = {
+    "outcomes": tables.outcome_table,
+    "states": tables.states_table,
+    "plans": tables.plans_table,
+    "timings": tables.timing_table,
+    "views": tables.views_table,
+    "predictions": tables.predictions_table,
+    "candidates": tables.candidates_table,
+}
+
+
 @dataclass(frozen=True, repr=False)
 class Run(RunRecord):
     """A finished (or interrupted) simulation; its attributes are those of `interdrive.run.RunRecord`."""
 
     def __post_init__(self) -> None:
-        makers = (
-            (self.outcomes, tables.outcome_table), (self.states, tables.states_table), (self.plans, tables.plans_table),
-            (self.timings, tables.timing_table), (self.views, tables.views_table),
-            (self.predictions, tables.predictions_table), (self.candidates, tables.candidates_table),
-        )  # fmt: skip
-        for part, maker in makers:
-            if part is not None:
-                object.__setattr__(part, "_as_table", partial(maker, self))
+        # Tables are made from parts that know of no run, so that a run and its parts do not hold each other.
+        bare = RunRecord(**{field.name: _unbound(getattr(self, field.name)) for field in fields(self)})
+        for name, maker in _TABLES.items():
+            if (part := getattr(bare, name)) is not None:
+                bound = copy(part)
+                object.__setattr__(bound, "_as_table", partial(maker, bare))
+                object.__setattr__(self, name, bound)
 
     def __repr__(self) -> str:
         counts = Counter(self.outcomes.outcome)
@@ -54,11 +70,8 @@ class Run(RunRecord):
 
     def _repr_html_(self) -> str:
         """The line of `repr` and the table of outcomes, for notebooks."""
-        table = self.outcomes.to_arrow().to_pylist()
         columns = ("agent_id", "planner", "outcome", "time_s", "partner_id", "impact_speed", "reason")
-        head = "".join(f"<th>{name}</th>" for name in columns)
-        rows = "".join(f"<tr>{''.join(f'<td>{_cell(row.get(name))}</td>' for name in columns)}</tr>" for row in table)
-        return f"<p>{escape(repr(self))}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        return f"<p>{escape(repr(self))}</p>{html_table(columns, self.outcomes.to_arrow().to_pylist())}"
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -125,12 +138,15 @@ class Run(RunRecord):
     def show(self) -> RunPage:
         """The interactive report: inline in Jupyter, otherwise in your browser; returns the page.
 
-        It is written into a folder for temporary files; `interdrive.report` writes one to keep.
+        The run and its page go into a new folder for temporary files, which stays; `interdrive.report` writes a page
+        where you want it.
         """
         folder = Path(tempfile.mkdtemp(prefix="interdrive-")) / "run"
         self.save(folder)
         page = RunPage(importlib.import_module("interdrive.report").write_run_report(folder))
-        if "ipykernel" not in sys.modules:
+        if "ipykernel" in sys.modules:
+            importlib.import_module("IPython.display").display(page)
+        else:
             webbrowser.open(page.path.as_uri())
         return page
 
@@ -145,6 +161,9 @@ class RunInterrupted(KeyboardInterrupt):
     Attributes:
         run: The run so far, with `finished` False; `save` and all the rest work.
     """
+
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Run]]:
+        return RunInterrupted, (self.run,)
 
     def __init__(self, run: Run) -> None:
         super().__init__(f"interrupted after {(run.states.n_steps - 1) * run.scenario.dt:.1f} s")
@@ -169,8 +188,13 @@ class RunPage:
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 720px; border: 0"></iframe>'
 
 
-def _cell(value: float | str | None) -> str:
-    return "" if value is None else f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+def _unbound(part: T) -> T:
+    """A part of a run as it was before a run had it."""
+    if not isinstance(part, Tabular):
+        return part
+    single = copy(part)
+    vars(single).pop("_as_table", None)
+    return single
 
 
 def load(folder: str | Path) -> Run:

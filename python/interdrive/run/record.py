@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypedDict
 
@@ -60,7 +61,13 @@ class Tabular:
         return self._as_table()
 
     def to_pandas(self) -> pd.DataFrame:
-        """The table that the run folder stores, as a pandas data frame."""
+        """The table that the run folder stores, as a pandas data frame.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        if importlib.util.find_spec("pandas") is None:
+            raise MissingExtraError("to_pandas needs pandas: pip install interdrive[pandas]")
         frame: pd.DataFrame = self.to_arrow().to_pandas()
         return frame
 
@@ -91,7 +98,8 @@ class Outcomes(Tabular):
         partner_id: The other participant of a collision; -1 for none (also for leaving the road).
         off_road: The collision was with the edge of the road.
         impact_speed: Magnitude of the relative velocity at a collision [m/s]; nan without a collision.
-        off_lanelets: Largest overhang of the body beyond the lanelets [m], whatever the judge of the road allows.
+        off_lanelets: Largest overhang of the body beyond the lanelets [m], from when all of it was first on them; with
+            any judge of the road.
         off_lanelets_s: How long it was more than `road.gap_tolerance` [s].
         message: What the simulation noted, such as the exception of a planner.
         reason: Why, in words and numbers, from what was recorded; "" if it reached its goal.
