@@ -13,11 +13,13 @@ use crate::vehicle::Vehicle;
 
 /// A lane bends where its curvature over 6 m is at least this [1/m].
 const BEND_CURVATURE: f64 = 0.08;
-/// Edges are parted into pieces of this length [m] at most when bends are looked for.
+/// Edges are parted into pieces of this length [m] when bends are looked for ...
 const PIECE: f64 = 1.0;
+/// ... but into no more than so many, so that the cost follows the number of points and not the metres.
+const PIECES_MAX: f64 = 64.0;
 /// An edge belongs to lanelets that are within this distance of it [m].
 const BESIDE: f64 = 0.05;
-/// Points on the outline of a body are so far apart at most [m] when its overhang is measured.
+/// Points on the outline of a body are so far apart [m] when its overhang is measured, up to `PIECES_MAX` on a side.
 const OUTLINE_SPACING: f64 = 0.5;
 
 choice! {
@@ -100,7 +102,7 @@ impl RoadNetwork {
         let (mut edges, mut bends) = (Vec::new(), Vec::new());
         let mut near = Vec::new();
         for edge in &self.area.edges {
-            let n = (edge.a.distance(edge.b) / PIECE).ceil().max(1.0) as usize;
+            let n = (edge.a.distance(edge.b) / PIECE).ceil().clamp(1.0, PIECES_MAX) as usize;
             let at = |i: usize| edge.a.lerp(edge.b, i as f64 / n as f64);
             let bent: Vec<bool> = (0..n).map(|i| self.is_bend(at(i).lerp(at(i + 1), 0.5), &mut near)).collect();
             let mut from = 0;
@@ -139,7 +141,7 @@ fn outline(corners: &[Point]) -> impl Iterator<Item = Point> + '_ {
     let n = corners.len();
     (0..n).flat_map(move |i| {
         let (a, b) = (corners[i], corners[(i + 1) % n]);
-        let steps = (a.distance(b) / OUTLINE_SPACING).ceil().max(1.0) as usize;
+        let steps = (a.distance(b) / OUTLINE_SPACING).ceil().clamp(1.0, PIECES_MAX) as usize;
         (0..steps).map(move |k| a.lerp(b, k as f64 / steps as f64))
     })
 }
