@@ -42,7 +42,8 @@ def test_a_predictor_that_fails_is_told_from_a_file_that_cannot_be_driven(tmp_pa
     assert done.returncode == 1, done.stderr
     failed, _, refused = done.stdout.partition("1 files cannot be driven")
     assert "A predictor failed in 1 runs" in failed
-    assert "- lane_merge.xml: predictor mine:Broken, time step 0: ValueError: no idea" in failed
+    why = "mine.py:3 in predict: ValueError: no idea"
+    assert f"- lane_merge.xml: predictor mine:Broken, time step 0: {why}" in failed
     assert "- torn.xml: " in refused
     assert "lane_merge" not in refused
 
