@@ -4,7 +4,7 @@ cargo-mutants says which changes there are (.cargo/mutants.toml). It would build
 hours; this builds it once with all changes inside, each behind a number that the environment variable `MUTANT` selects.
 
     python3 benchmarks/mutants.py                      # all files of .cargo/mutants.toml
-    python3 benchmarks/mutants.py kernels overlap      # files whose path holds one of these words
+    python3 benchmarks/mutants.py formulas overlap      # files whose path holds one of these words
     python3 benchmarks/mutants.py --again              # only the changes that were missed last time
 
 Names what was missed; exit code 1 if less than 90 % was noticed.

@@ -21,7 +21,7 @@ LEAD_IN, SAME_VERTEX, LEADS_BACK = 10.0, 0.05, 3.0
 #: who drives nearly across a lanelet may be along or against it [rad].
 DIRECTION_REACH, NEARLY_ACROSS = 2.0, 0.05
 #: Joints of lanelets that are farther apart [m] are errors of the map and no joints.
-JOINT_GAP_MAX = 10.0
+SUCCESSOR_GAP_MAX = 10.0
 
 
 def wrapped(angle: float) -> float:
@@ -114,7 +114,7 @@ class Definitions:
         stated = [(i, index[j]) for i in range(n) for j in lanelets.successors[i] if j in index]
         stated += [(index[j], i) for i in range(n) for j in lanelets.predecessors[i] if j in index]
         for i, j in stated:
-            if np.hypot(*(self.centers[i][-1] - self.centers[j][0])) <= JOINT_GAP_MAX:
+            if np.hypot(*(self.centers[i][-1] - self.centers[j][0])) <= SUCCESSOR_GAP_MAX:
                 self.after[i].add(j)
                 self.before[j].add(i)
         self.bodies = [body_of(shape) for shape in self.obstacles.shapes]

@@ -21,7 +21,7 @@ pub const HISTORY_STEPS_MAX: usize = 100_000;
 pub const THREADS_MAX: usize = 1024;
 /// Most lanelets that are followed one after the other: a bound for lanelets of next to no length that lead into each
 /// other.
-pub const CHAIN_MAX: usize = 4096;
+pub const LANELET_CHAIN_MAX: usize = 4096;
 
 /// The value is a number of at most [`NUMBER_MAX`] in size.
 #[inline(always)]

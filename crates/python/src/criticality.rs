@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::criticality::harm::{self, CrashBody, ImpactArea, Sides};
 use interdrive_core::criticality::{
-    ConflictAreas, Connector, Criticality, Measure, Request, Traffic, evaluate, kernels,
+    ConflictAreas, Connector, Criticality, Measure, Request, Traffic, evaluate, formulas,
     overlapping_lanelets as core_overlapping_lanelets,
 };
 use interdrive_core::error::Error;
@@ -50,7 +50,7 @@ pub fn time_headway<'py>(
     headway: Floats<'_>,
     velocity: Floats<'_>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    each(py, ["headway", "velocity"], [&headway, &velocity], |[h, v]| kernels::time_headway(h, v))
+    each(py, ["headway", "velocity"], [&headway, &velocity], |[h, v]| formulas::time_headway(h, v))
 }
 
 #[pyfunction]
@@ -61,7 +61,7 @@ pub fn time_to_collision<'py>(
     acceleration: Floats<'_>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let names = ["headway", "velocity", "acceleration"];
-    each(py, names, [&headway, &velocity, &acceleration], |[h, v, a]| kernels::time_to_collision(h, v, a))
+    each(py, names, [&headway, &velocity, &acceleration], |[h, v, a]| formulas::time_to_collision(h, v, a))
 }
 
 #[pyfunction]
@@ -76,9 +76,9 @@ pub fn required_acceleration<'py>(
     let names = ["headway", "follower", "leader", "leader_acceleration"];
     each(py, names, [&headway, &follower, &leader, &leader_acceleration], |[h, f, l, a]| {
         if leader_stops {
-            kernels::required_acceleration_stopping(h, f, l, a)
+            formulas::required_acceleration_stopping(h, f, l, a)
         } else {
-            kernels::required_acceleration(h, l - f, a)
+            formulas::required_acceleration(h, l - f, a)
         }
     })
 }
@@ -92,7 +92,7 @@ pub fn required_lateral_acceleration<'py>(
     right: Floats<'_>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let names = ["time", "offset", "left", "right"];
-    each(py, names, [&time, &offset, &left, &right], |[t, y, l, r]| kernels::required_lateral_acceleration(t, y, l, r))
+    each(py, names, [&time, &offset, &left, &right], |[t, y, l, r]| formulas::required_lateral_acceleration(t, y, l, r))
 }
 
 #[pyfunction]
@@ -102,7 +102,7 @@ pub fn minimal_stopping_distance<'py>(
     deceleration: Floats<'_>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     each(py, ["velocity", "deceleration"], [&velocity, &deceleration], |[v, a]| {
-        kernels::minimal_stopping_distance(v, a)
+        formulas::minimal_stopping_distance(v, a)
     })
 }
 
@@ -113,14 +113,14 @@ pub fn proportion_of_stopping_distance<'py>(
     stopping: Floats<'_>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     each(py, ["remaining", "stopping"], [&remaining, &stopping], |[r, s]| {
-        kernels::proportion_of_stopping_distance(r, s)
+        formulas::proportion_of_stopping_distance(r, s)
     })
 }
 
 /// Time [s] and integral [s²] below the threshold.
 #[pyfunction]
 pub fn exposure(ttc: Floats<'_>, threshold: f64, dt: f64) -> (f64, f64) {
-    kernels::exposure(&ttc.as_array().to_vec(), threshold, dt)
+    formulas::exposure(&ttc.as_array().to_vec(), threshold, dt)
 }
 
 /// Mass [kg] of participants by kind code and footprint.

@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use super::kernels;
+use super::formulas;
 use super::overlap::Overlaps;
 use super::paths::{Path, PathCode, PathSystems, starts};
 use super::settings::{LeadMembership, Settings, ThwMode};
@@ -238,23 +238,23 @@ impl<'a> Moment<'a> {
         let (row, via) = (other as u32, Via::Path(own.code));
         found.hw.keep_smaller(headway, row, via);
         let time_headway = match settings.thw_mode {
-            ThwMode::Normalized => kernels::time_headway(headway, own.velocity.0),
+            ThwMode::Normalized => formulas::time_headway(headway, own.velocity.0),
             ThwMode::Recorded => self.time_to_reach(own, foot.s - extents.back),
         };
         found.thw.keep_smaller(time_headway, row, via);
         let closing = velocity.0 - own.velocity.0;
-        let ttc = kernels::time_to_collision(headway, closing, acceleration.0 - own.acceleration);
+        let ttc = formulas::time_to_collision(headway, closing, acceleration.0 - own.acceleration);
         found.ttc.keep_smaller(ttc, row, via);
         let required = if settings.leader_stops {
-            kernels::required_acceleration_stopping(headway, own.velocity.0, velocity.0, acceleration.0)
+            formulas::required_acceleration_stopping(headway, own.velocity.0, velocity.0, acceleration.0)
         } else {
-            kernels::required_acceleration(headway, closing, acceleration.0)
+            formulas::required_acceleration(headway, closing, acceleration.0)
         };
         found.a_long_req.keep_smaller(required, row, via);
         if ttc.is_finite() {
             let offset = foot.d - own.d + (velocity.1 - own.velocity.1) * ttc + 0.5 * acceleration.1 * ttc * ttc;
             let (left, right) = (extents.left + own.extents.right, extents.right + own.extents.left);
-            let lateral = kernels::required_lateral_acceleration(ttc, offset, left, right);
+            let lateral = formulas::required_lateral_acceleration(ttc, offset, left, right);
             found.a_lat_req.keep_larger(lateral, row, via);
         }
     }

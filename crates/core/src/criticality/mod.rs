@@ -4,7 +4,7 @@
 mod conflict;
 mod curve;
 pub mod harm;
-pub mod kernels;
+pub mod formulas;
 mod evaluation_step;
 mod overlap;
 mod paths;
@@ -334,7 +334,7 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
         write(Measure::Btn, column, times(a_long_req, 1.0 / deceleration));
         write(Measure::ALatReq, column, a_lat_req);
         write(Measure::Stn, column, times(a_lat_req, 1.0 / settings.lateral_acceleration));
-        let (time, integral) = kernels::exposure_of_sample(ttc.value, settings.ttc_threshold, dt);
+        let (time, integral) = formulas::exposure_of_sample(ttc.value, settings.ttc_threshold, dt);
         exposed_time += time;
         exposed_integral += integral;
         write(Measure::Tet, column, Decisive::without_partner(exposed_time / alive));
@@ -348,10 +348,10 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
         let time = closest_column.map_or(f64::INFINITY, |at| (at - column) as f64 * dt);
         write(Measure::Ttce, column, Decisive { value: time, ..closest });
         let velocity = traffic.states.velocity[traffic.index(row, column)];
-        let stopping = kernels::minimal_stopping_distance(velocity, deceleration);
+        let stopping = formulas::minimal_stopping_distance(velocity, deceleration);
         write(Measure::Msd, column, Decisive::without_partner(stopping));
         let remaining = encroachment.remaining[column];
-        let proportion = kernels::proportion_of_stopping_distance(remaining.value, stopping);
+        let proportion = formulas::proportion_of_stopping_distance(remaining.value, stopping);
         write(Measure::Psd, column, Decisive { value: proportion, ..remaining });
         if encroachment.is_before[column] {
             n_before += 1;

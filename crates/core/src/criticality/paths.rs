@@ -8,7 +8,7 @@ use super::curve::Curve;
 use super::traffic::Here;
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
-use crate::limits::CHAIN_MAX;
+use crate::limits::LANELET_CHAIN_MAX;
 use crate::road::RoadNetwork;
 
 /// A path starts at least this far [m] before its first lanelet, so that a participant that has just entered it has a foot on it.
@@ -156,7 +156,7 @@ fn grow(road: &RoadNetwork, reversed: bool, radius: f64, length: f64, chain: &mu
     }
     let last = chain[chain.len() - 1];
     let mut is_end = true;
-    if length < radius && chain.len() < CHAIN_MAX {
+    if length < radius && chain.len() < LANELET_CHAIN_MAX {
         for &branch in next(road, last, reversed) {
             if chain.contains(&(branch as u32)) {
                 continue;
@@ -185,7 +185,7 @@ fn lead_in(road: &RoadNetwork, start: Start) -> Vec<Point> {
     let mut missing = LEAD_IN;
     let mut at = start.lanelet;
     let mut pieces: Vec<Vec<Point>> = Vec::new();
-    while missing > 0.0 && pieces.len() < CHAIN_MAX {
+    while missing > 0.0 && pieces.len() < LANELET_CHAIN_MAX {
         let Some(&before) = next(road, at, !start.reversed).first() else { break };
         at = before as u32;
         let points = center(road, at, start.reversed);

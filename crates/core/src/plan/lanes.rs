@@ -21,7 +21,7 @@ const STRAIGHT_ON: f64 = 80.0;
 /// Most lanes of an agent.
 const LANES_MAX: usize = 8;
 /// Most lanelets of a lane: a bound for maps with loops.
-const CHAIN_MAX: usize = 200;
+const LANE_LANELETS_MAX: usize = 200;
 /// A lane change begins this far before the end of the stretch that both lanes share, at the latest [m]: it is the length
 /// that a change takes at walking speed.
 const RESERVE: f64 = 16.0;
@@ -141,14 +141,14 @@ fn chain(road: &RoadNetwork, through: usize, changes: &[usize], start: Point, le
     let mut chain = VecDeque::from([through]);
     let foot = lanelets[through].center.project(start).s;
     let mut behind = foot;
-    while behind < LEAD_IN && chain.len() < CHAIN_MAX {
+    while behind < LEAD_IN && chain.len() < LANE_LANELETS_MAX {
         let before = road.predecessors_straightest_first(chain[0]);
         let Some(&before) = before.iter().find(|before| !chain.contains(before)) else { break };
         behind += lanelets[before].length;
         chain.push_front(before);
     }
     let mut ahead = lanelets[through].length - foot;
-    while ahead < length && chain.len() < CHAIN_MAX {
+    while ahead < length && chain.len() < LANE_LANELETS_MAX {
         let next = road.successors_straightest_first(chain[chain.len() - 1]);
         // The first of equals is the straightest.
         let next = next.iter().copied().filter(|next| !chain.contains(next)).min_by_key(|next| changes[*next]);

@@ -18,7 +18,7 @@ const REACH_KNOTS_MAX: f64 = 3000.0;
 /// How straight a branch is shows after this length [m].
 const BRANCH_LENGTH: f64 = 20.0;
 /// Longest chain of lanelets: a bound for maps with lanelets of no length that lead into each other.
-const CHAIN_MAX: usize = 512;
+const FOLLOWED_LANELETS_MAX: usize = 512;
 
 /// Centre line of a lanelet for stepping along: heading and curvature are smoothed across joints.
 #[derive(Debug, Clone)]
@@ -174,7 +174,7 @@ impl RoadNetwork {
     /// Point of the centre line, continued into the straightest neighbours, then straight.
     fn beside(&self, lanelet: usize, s: f64) -> Point {
         let (mut at, mut s) = (lanelet, s);
-        for _ in 0..CHAIN_MAX {
+        for _ in 0..FOLLOWED_LANELETS_MAX {
             let line = &self.lanelets[at].center;
             if s < 0.0 {
                 match self.straightest_predecessors[at].first() {
@@ -225,7 +225,7 @@ impl RoadNetwork {
                 let (chain, rest) = &chains.found[i];
                 let rest = *rest;
                 let successors = &self.straightest_successors[chain[chain.len() - 1]];
-                if rest <= 0.0 || successors.is_empty() || chain.len() >= CHAIN_MAX {
+                if rest <= 0.0 || successors.is_empty() || chain.len() >= FOLLOWED_LANELETS_MAX {
                     continue;
                 }
                 grown = true;
@@ -288,7 +288,7 @@ impl RoadNetwork {
         // Walk back; `missing` lies before the start of `at`.
         let (mut at, mut missing) = (lanelet, before - s);
         let mut behind = Vec::new();
-        while missing > STRETCH_MIN && behind.len() < CHAIN_MAX {
+        while missing > STRETCH_MIN && behind.len() < FOLLOWED_LANELETS_MAX {
             let Some(&previous) = self.straightest_predecessors[at].first() else { break };
             behind.push(self.lanelets[previous].outline_between(length(previous) - missing, length(previous)));
             missing -= length(previous);
@@ -299,7 +299,7 @@ impl RoadNetwork {
             stretch.push(self.lanelets[lanelet].outline_between(s - before, s + after));
         }
         let (mut at, mut missing) = (lanelet, s + after - length(lanelet));
-        while missing > 0.0 && stretch.len() < 2 * CHAIN_MAX {
+        while missing > 0.0 && stretch.len() < 2 * FOLLOWED_LANELETS_MAX {
             let Some(&next) = self.straightest_successors[at].first() else { break };
             stretch.push(self.lanelets[next].outline_between(0.0, missing));
             missing -= length(next);

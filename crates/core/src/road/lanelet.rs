@@ -9,7 +9,7 @@ use crate::limits::{LANELET_LENGTH_MAX, NUMBER_MAX, ROADS_LENGTH_MAX};
 /// Neighbours share a bound if it is within this distance [m] all along.
 const SHARED_BOUND_DISTANCE: f64 = 0.1;
 /// A successor that starts farther away than this [m] is an error of the map.
-const JOINT_GAP_MAX: f64 = 10.0;
+const SUCCESSOR_GAP_MAX: f64 = 10.0;
 
 /// A lanelet of the network. Relations are indices into `RoadNetwork::lanelets`.
 #[derive(Debug, Clone)]
@@ -199,7 +199,7 @@ pub(super) fn linked(mut inputs: Vec<LaneletInput>) -> Result<Vec<Lanelet>> {
 /// Relates two lanelets unless they are far apart.
 fn link(lanelets: &mut [Lanelet], before: usize, after: usize) {
     let middle = |(left, right): (Point, Point)| left.lerp(right, 0.5);
-    if middle(lanelets[before].end()).distance(middle(lanelets[after].start())) <= JOINT_GAP_MAX {
+    if middle(lanelets[before].end()).distance(middle(lanelets[after].start())) <= SUCCESSOR_GAP_MAX {
         lanelets[before].successors.push(after);
         lanelets[after].predecessors.push(before);
     }

@@ -13,7 +13,7 @@ const END_WIDTH_MIN: f64 = 1.0;
 /// A point this far [m] beyond an end tells whether another lanelet lies there.
 const LOOK_BEYOND: f64 = 0.3;
 /// Gaps between a lanelet and its successor up to this [m] are closed.
-const JOINT_GAP_MAX: f64 = 3.0;
+const CLOSED_GAP_MAX: f64 = 3.0;
 /// Gaps between stated neighbours up to this [m] are closed.
 const NEIGHBOUR_GAP_MAX: f64 = 0.5;
 /// Smaller gaps [m] need no strip.
@@ -167,7 +167,7 @@ pub(super) fn seams(lanelets: &[Lanelet]) -> Vec<Filler> {
 /// Closes a gap between the end of a lanelet and the start of the next.
 fn joint(end: (Point, Point), start: (Point, Point)) -> Option<Filler> {
     let gap = end.0.distance(start.0).max(end.1.distance(start.1));
-    (gap > GAP_MIN && gap <= JOINT_GAP_MAX).then(|| Filler {
+    (gap > GAP_MIN && gap <= CLOSED_GAP_MAX).then(|| Filler {
         left: vec![end.0, start.0],
         right: vec![end.1, start.1],
         borders: vec![vec![end.0, start.0], vec![start.1, end.1]],

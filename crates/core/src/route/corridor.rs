@@ -4,7 +4,7 @@ use super::search::{GoalPlace, Step};
 use super::{RoadNetwork, RouteSettings};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
-use crate::limits::CHAIN_MAX;
+use crate::limits::LANELET_CHAIN_MAX;
 
 /// Spacing of the points of a blend [m].
 const BLEND_SPACING: f64 = 1.0;
@@ -219,7 +219,7 @@ fn lead_in(road: &RoadNetwork, lanelet: usize, s: f64, length: f64) -> Vec<Point
     let mut missing = length - s;
     let mut at = lanelet;
     let mut pieces: Vec<&[Point]> = Vec::new();
-    while missing > 0.0 && pieces.len() < CHAIN_MAX {
+    while missing > 0.0 && pieces.len() < LANELET_CHAIN_MAX {
         let Some(&before) = road.predecessors_straightest_first(at).first() else { break };
         pieces.push(road.lanelets()[before].center.points());
         missing -= road.lanelets()[before].length;
@@ -239,7 +239,7 @@ fn lead_in(road: &RoadNetwork, lanelet: usize, s: f64, length: f64) -> Vec<Point
 fn extend(road: &RoadNetwork, lanelet: usize, length: f64, points: &mut Vec<Point>) {
     let mut missing = length;
     let mut at = lanelet;
-    for _ in 0..CHAIN_MAX {
+    for _ in 0..LANELET_CHAIN_MAX {
         if missing <= 0.0 {
             break;
         }

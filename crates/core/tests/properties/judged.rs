@@ -1,10 +1,10 @@
-//! Criticality of any recording, with any settings that are allowed, and its kernels on any numbers.
+//! Criticality of any recording, with any settings that are allowed, and its formulas on any numbers.
 
 use std::sync::Arc;
 
 use interdrive_core::criticality::harm::{CrashBody, Sides, boundary_harm, collision_harm, mass};
 use interdrive_core::criticality::{
-    ConflictAreas, Connector, Criticality, LeadMembership, Request, Settings, ThwMode, Traffic, evaluate, kernels,
+    ConflictAreas, Connector, Criticality, LeadMembership, Request, Settings, ThwMode, Traffic, evaluate, formulas,
     overlapping_lanelets,
 };
 use interdrive_core::geometry::{Point, Pose};
@@ -37,7 +37,7 @@ fn settings(source: &mut Source) -> Settings {
 
 /// Any recording is judged or there is a reason in words; judged with one thread and with two, the same bits come out.
 pub fn check(source: &mut Source) {
-    kernels_of(source);
+    formulas_of(source);
     let Some(scenario) = traffic::scenario(source) else { return };
     let obstacles = scenario.obstacles;
     let mut ids = obstacles.states.ids.clone();
@@ -85,16 +85,16 @@ fn bits(judged: &Criticality) -> Vec<u64> {
 }
 
 /// The formulas on any numbers, NaN and infinity included.
-fn kernels_of(source: &mut Source) {
+fn formulas_of(source: &mut Source) {
     let mut any = || source.any(-50.0, 50.0);
     let (a, b, c, d) = (any(), any(), any(), any());
-    kernels::time_headway(a, b);
-    kernels::time_to_collision(a, b, c);
-    kernels::required_acceleration(a, b, c);
-    kernels::required_acceleration_stopping(a, b, c, d);
-    kernels::required_lateral_acceleration(a, b, c, d);
-    kernels::proportion_of_stopping_distance(a, kernels::minimal_stopping_distance(b, c));
-    kernels::exposure(&[a, b, c], d, 0.1);
+    formulas::time_headway(a, b);
+    formulas::time_to_collision(a, b, c);
+    formulas::required_acceleration(a, b, c);
+    formulas::required_acceleration_stopping(a, b, c, d);
+    formulas::required_lateral_acceleration(a, b, c, d);
+    formulas::proportion_of_stopping_distance(a, formulas::minimal_stopping_distance(b, c));
+    formulas::exposure(&[a, b, c], d, 0.1);
     let mut body = || {
         let kind = ParticipantKind::ALL[source.below(13)];
         CrashBody {

@@ -3,7 +3,7 @@
 use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
 use super::search::SearchSpace;
-use super::settings::N_TERMS;
+use super::settings::{N_TABLE_TERMS, N_TERMS};
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
 /// lateral position), then stops, then braking, then the shifted previous plan, if there is one.
@@ -88,8 +88,8 @@ impl Candidates {
         }
         let mut terms = [f64::NAN; N_TERMS];
         if can_be_driven {
-            terms[..4].copy_from_slice(&evaluation.table_terms(sample));
-            terms[4..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
+            terms[..N_TABLE_TERMS].copy_from_slice(&evaluation.table_terms(sample));
+            terms[N_TABLE_TERMS..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
             let points = evaluation.points().iter().enumerate().skip(1);
             let (obstacles, request) = (&*evaluation.tables.obstacles, evaluation.problem.request);
             let cost = |(i, point)| obstacles.prediction_cost(point, i, request);

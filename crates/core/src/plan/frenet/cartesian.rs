@@ -69,19 +69,19 @@ impl FrenetTrajectory<'_> {
 }
 
 /// Points that are worked on at once.
-const BLOCK: usize = 32;
+const BLOCK_POINTS: usize = 32;
 
 /// Some points of a trajectory, one array per field.
 struct Block {
-    x: [f64; BLOCK],
-    y: [f64; BLOCK],
-    axis_x: [f64; BLOCK],
-    axis_y: [f64; BLOCK],
-    tan_offset: [f64; BLOCK],
-    curvature: [f64; BLOCK],
-    velocity: [f64; BLOCK],
-    acceleration: [f64; BLOCK],
-    d: [f64; BLOCK],
+    x: [f64; BLOCK_POINTS],
+    y: [f64; BLOCK_POINTS],
+    axis_x: [f64; BLOCK_POINTS],
+    axis_y: [f64; BLOCK_POINTS],
+    tan_offset: [f64; BLOCK_POINTS],
+    curvature: [f64; BLOCK_POINTS],
+    velocity: [f64; BLOCK_POINTS],
+    acceleration: [f64; BLOCK_POINTS],
+    d: [f64; BLOCK_POINTS],
 }
 
 multiversion! {
@@ -102,7 +102,7 @@ fn write_blocks(sample: &FrenetTrajectory, limits: &Limits, center: f64, out: &m
     // Neighbouring blocks share a point, so that every step lies in one of them.
     let mut first = 0;
     loop {
-        let n = BLOCK.min(limits.n_points - first);
+        let n = BLOCK_POINTS.min(limits.n_points - first);
         let fits = if sample.is_over_arc {
             write_block::<true>(sample, first, limits, center, &mut out[first..first + n])
         } else {
@@ -124,7 +124,7 @@ fn write_block<const IS_OVER_ARC: bool>(
     out: &mut [Waypoint],
 ) -> bool {
     // The arrays are local, so the compiler knows that nothing else writes to them.
-    let zeros = [0.0; BLOCK];
+    let zeros = [0.0; BLOCK_POINTS];
     let mut block = Block {
         x: zeros,
         y: zeros,
@@ -136,7 +136,7 @@ fn write_block<const IS_OVER_ARC: bool>(
         acceleration: zeros,
         d: zeros,
     };
-    let n = out.len().min(BLOCK);
+    let n = out.len().min(BLOCK_POINTS);
     let sample = FrenetTrajectory { is_over_arc: IS_OVER_ARC, ..sample.cut(first, n) };
     let mut undefined = 0_u64;
     for i in 0..n {

@@ -6,7 +6,7 @@
 
 use super::grid::SampleGrid;
 use super::lateral::LateralPoints;
-use super::velocity_keeping_profiles::{BLOCK, CoarseSpeeds};
+use super::velocity_keeping_profiles::{CoarseSpeeds, SIMD_POINTS};
 use crate::geometry::polyline::ReferencePath;
 use crate::simd::multiversion;
 
@@ -93,7 +93,7 @@ impl FirstBounds {
             gaps_over_arc(&speeds, &self.counts, factors, desired, &mut self.gaps)
         };
         // Each lane of the sum adds one term per block.
-        let n_roundings = N_ROUNDINGS + (samples.stride / BLOCK) as f64;
+        let n_roundings = N_ROUNDINGS + (samples.stride / SIMD_POINTS) as f64;
         f64::from(sum) * (1.0 - n_roundings * ROUNDING)
     }
 }
@@ -210,8 +210,8 @@ fn larger(a: f32, b: f32) -> f32 {
 /// Sum in a fixed order.
 #[inline(always)]
 fn total(values: &[f32]) -> f32 {
-    let mut sums = [0.0; BLOCK];
-    for values in values.as_chunks::<BLOCK>().0 {
+    let mut sums = [0.0; SIMD_POINTS];
+    for values in values.as_chunks::<SIMD_POINTS>().0 {
         for (sum, value) in sums.iter_mut().zip(values) {
             *sum += value;
         }

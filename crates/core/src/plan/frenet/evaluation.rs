@@ -12,14 +12,14 @@ use super::grid::SampleGrid;
 use super::obstacles::Contact;
 use super::obstacles::Obstacles;
 use super::search::{Entry, Refined, SearchSpace};
-use super::settings::{FrenetSettings, N_TERMS};
+use super::settings::{FrenetSettings, N_TABLE_TERMS, N_WORLD_TERMS};
 use super::terms::{FrenetMotion, has_world_terms, weighted_world_terms, world_terms};
 use super::warm_start::WarmStart;
 use crate::collision::departs_road;
 use crate::geometry::shape::OrientedBox;
 
 /// Points of the prediction term that are computed at once.
-const BLOCK: usize = 2;
+const POINTS_PER_TURN: usize = 2;
 /// Sums in different orders differ by less than this fraction.
 const SUMMATION_ROUNDING: f64 = 1e-12;
 
@@ -280,7 +280,7 @@ impl<'a> Evaluation<'a> {
     }
 
     /// Terms of the cost that need the trajectory that was written last.
-    pub(super) fn world_terms(&self, sample: usize) -> [f64; N_TERMS - 5] {
+    pub(super) fn world_terms(&self, sample: usize) -> [f64; N_WORLD_TERMS] {
         let place = self.cell(sample);
         let motion = |i: usize| match place {
             None => self.tables.warm_start.motions[i],
@@ -294,8 +294,8 @@ impl<'a> Evaluation<'a> {
         world_terms(points, motion, self.tables.obstacles.distance_cost(points, request), request.dt)
     }
 
-    /// The first four terms of a sample.
-    pub(super) fn table_terms(&self, sample: usize) -> [f64; 4] {
+    /// The terms of a sample that need only its profile and its end offset.
+    pub(super) fn table_terms(&self, sample: usize) -> [f64; N_TABLE_TERMS] {
         let Some((profile, end_offset)) = self.cell(sample) else { return self.tables.warm_start.terms };
         let (samples, profile) = (&*self.tables.samples, &self.tables.samples.profiles[profile]);
         let k = profile.table.expect("the lateral motion is there") * samples.end_offsets.len() + end_offset;
@@ -349,7 +349,7 @@ impl SearchSpace for Evaluation<'_> {
         }
         let before = progress.prediction;
         while progress.n_done < order.len() && (is_first || progress.prediction == before) {
-            let end = (progress.n_done + BLOCK).min(order.len());
+            let end = (progress.n_done + POINTS_PER_TURN).min(order.len());
             for point in &order[progress.n_done..end] {
                 contributions[*point] = obstacles.prediction_cost(&points[*point], *point, request);
                 progress.prediction += contributions[*point];

@@ -11,7 +11,7 @@ use super::lateral::{LateralPoints, LateralTables, LongitudinalMotion};
 use super::profiles::{LongitudinalProfile, PathPoints, ProfileCurve, ProfilePoints};
 use super::settings::FrenetSettings;
 use super::targets::Targets;
-use super::velocity_keeping_profiles::{BLOCK, CoarseSpeeds, N_MOTION, ProfileCheck, VelocityKeepingProfiles};
+use super::velocity_keeping_profiles::{CoarseSpeeds, N_MOTION, ProfileCheck, SIMD_POINTS, VelocityKeepingProfiles};
 use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
@@ -41,7 +41,7 @@ const N_PATH: usize = 7;
 #[derive(Debug, Clone, Default)]
 pub(super) struct SampleGrid {
     pub(super) n_points: usize,
-    /// Points of a profile with padding: a multiple of `BLOCK`; the last point is repeated.
+    /// Points of a profile with padding: a multiple of `SIMD_POINTS`; the last point is repeated.
     pub(super) stride: usize,
     pub(super) dt: f64,
     /// End positions [m], ascending.
@@ -77,7 +77,7 @@ impl SampleGrid {
         let Inputs { start, targets, limits, settings, path } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
-        self.stride = limits.n_points.next_multiple_of(BLOCK);
+        self.stride = limits.n_points.next_multiple_of(SIMD_POINTS);
         for buffer in [&mut self.end_offsets, &mut self.end_times, &mut self.velocities, &mut self.times] {
             buffer.clear();
         }

@@ -10,24 +10,25 @@
 //! whole plan, the state is converted afresh at every plan, corners of predicted participants count equally, and limits
 //! include steering rate and lateral acceleration.
 
-mod cost_bounds;
-mod candidates;
-mod search;
-mod cost;
+// Each uses only those above it.
+mod settings;
 mod targets;
+mod feasibility;
+mod profiles;
+mod velocity_keeping_profiles;
+mod lateral;
+mod grid;
+mod cartesian;
 mod terms;
+mod warm_start;
+mod obstacles;
+mod cost_bounds;
+mod profile_speeds;
+mod cost;
+mod search;
 mod evaluation;
 mod fallback;
-mod velocity_keeping_profiles;
-mod feasibility;
-mod lateral;
-mod obstacles;
-mod profile_speeds;
-mod profiles;
-mod warm_start;
-mod grid;
-mod settings;
-mod cartesian;
+mod candidates;
 #[cfg(test)]
 mod tests;
 

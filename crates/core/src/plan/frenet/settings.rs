@@ -55,7 +55,7 @@ settings! {
     /// Sampling in the Frenet frame of the reference path.
     ///
     /// Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
-    /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/planner.md.
+    /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/planner_frenet.md.
     pub struct FrenetSettings as Frenet {
         /// Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid.
         level: usize = 2, between(0.0, 4.0);
@@ -103,7 +103,11 @@ fn ends_within_horizon(settings: &FrenetSettings) -> Result<()> {
 }
 
 /// Number of cost terms.
-pub const N_TERMS: usize = 13;
+pub const N_TERMS: usize = N_TABLE_TERMS + N_WORLD_TERMS + 1;
+/// The first terms need only the profile or the end offset of a sample.
+pub(super) const N_TABLE_TERMS: usize = 4;
+/// The next ones need its trajectory; the last one is the prediction.
+pub(super) const N_WORLD_TERMS: usize = 8;
 
 impl CostWeights {
     /// Names of the terms, in the order of [`CostWeights::as_array`].

@@ -2,9 +2,9 @@
 
 use super::super::frame::Waypoint;
 use super::profiles::ProfilePoint;
-use super::settings::{CostWeights, N_TERMS};
+use super::settings::{CostWeights, N_TABLE_TERMS, N_WORLD_TERMS};
 
-/// Weighted sum of the first four terms.
+/// Weighted sum of the table terms.
 pub(super) fn from_tables(weights: &CostWeights, velocity: f64, offset: f64, lateral: f64, longitudinal: f64) -> f64 {
     weights.velocity_offset * velocity
         + weights.distance_to_reference * offset
@@ -40,7 +40,7 @@ pub(super) fn world_terms(
     motion: impl Fn(usize) -> FrenetMotion,
     distance_to_obstacles: f64,
     dt: f64,
-) -> [f64; N_TERMS - 5] {
+) -> [f64; N_WORLD_TERMS] {
     let n = points.len();
     let rate = |i: usize| (points[i + 1].acceleration - points[i].acceleration) / dt;
     let offset = |p: &Waypoint| p.tan_offset.atan();
@@ -58,13 +58,13 @@ pub(super) fn world_terms(
 }
 
 /// Weighted sum of the world terms.
-pub(super) fn weighted_world_terms(weights: &CostWeights, terms: &[f64; N_TERMS - 5]) -> f64 {
-    weights.as_array()[4..N_TERMS - 1].iter().zip(terms).map(|(weight, term)| weight * term).sum()
+pub(super) fn weighted_world_terms(weights: &CostWeights, terms: &[f64; N_WORLD_TERMS]) -> f64 {
+    weights.as_array()[N_TABLE_TERMS..][..N_WORLD_TERMS].iter().zip(terms).map(|(weight, term)| weight * term).sum()
 }
 
 /// One of the world terms counts.
 pub(super) fn has_world_terms(weights: &CostWeights) -> bool {
-    weights.as_array()[4..N_TERMS - 1].iter().any(|weight| *weight > 0.0)
+    weights.as_array()[N_TABLE_TERMS..][..N_WORLD_TERMS].iter().any(|weight| *weight > 0.0)
 }
 
 /// Integral of the squares of equidistant values by Simpson's rule; the trapezoidal rule over a last odd interval.

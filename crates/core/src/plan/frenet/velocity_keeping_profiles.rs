@@ -8,7 +8,7 @@ use crate::simd::multiversion;
 /// Numbers per point of a motion: arc length, speed, acceleration.
 pub(super) const N_MOTION: usize = 3;
 /// Points that are worked on at once.
-pub(super) const BLOCK: usize = 8;
+pub(super) const SIMD_POINTS: usize = 8;
 
 /// All families of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]

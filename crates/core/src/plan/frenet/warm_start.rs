@@ -4,7 +4,7 @@
 use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
 use super::feasibility::Limits;
-use super::settings::CostWeights;
+use super::settings::{CostWeights, N_TABLE_TERMS};
 use super::terms::{FrenetMotion, from_tables};
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::State;
@@ -22,7 +22,7 @@ pub(super) struct WarmStart {
     pub(super) points: Vec<Waypoint>,
     pub(super) motions: Vec<FrenetMotion>,
     /// Terms of the cost: velocity offset, lateral offset, lateral and longitudinal jerk.
-    pub(super) terms: [f64; 4],
+    pub(super) terms: [f64; N_TABLE_TERMS],
     /// Weighted sum of the terms.
     pub(super) total: f64,
     is_valid: bool,

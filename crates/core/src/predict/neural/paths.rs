@@ -26,7 +26,7 @@ const JOINT_STEP: f64 = 0.3;
 /// Number of such knots; a lanelet that runs backwards for longer is taken as it is.
 const JOINT_KNOTS: usize = 12;
 /// Longest chain of lanelets.
-const CHAIN_MAX: usize = 256;
+const PATH_LANELETS_MAX: usize = 256;
 
 /// Distance [m] within which branches of a lane are paths of their own, at a speed [m/s]: what can be driven in 3 s.
 fn branch_reach(velocity: f64) -> f64 {
@@ -212,7 +212,7 @@ fn extend(lane: &LaneChain<'_>, reach: f64, road: &RoadNetwork, chain: &mut Vec<
     chain.clear();
     let mut start = -lane.s;
     let mut at = lane.chain[0];
-    while start > -BEHIND && chain.len() < CHAIN_MAX {
+    while start > -BEHIND && chain.len() < PATH_LANELETS_MAX {
         let Some(&before) = road.predecessors_straightest_first(at).first() else { break };
         chain.push(before);
         start -= length(before);
@@ -221,7 +221,7 @@ fn extend(lane: &LaneChain<'_>, reach: f64, road: &RoadNetwork, chain: &mut Vec<
     chain.reverse();
     chain.extend_from_slice(lane.chain);
     let mut end = start + chain.iter().map(|lanelet| length(*lanelet)).sum::<f64>();
-    while end < reach && chain.len() < 2 * CHAIN_MAX {
+    while end < reach && chain.len() < 2 * PATH_LANELETS_MAX {
         let Some(&next) = road.successors_straightest_first(chain[chain.len() - 1]).first() else { break };
         chain.push(next);
         end += length(next);
