@@ -9,6 +9,11 @@ use pyo3::prelude::*;
 
 use crate::errors::InputError;
 
+/// A read-only array of one dimension.
+pub type Row<'py, T> = Bound<'py, PyArray1<T>>;
+/// A read-only array of several dimensions.
+pub type Grid<'py> = PyResult<Bound<'py, PyAny>>;
+
 /// Forbids writing to an array that is handed out.
 fn frozen<'py, T: Element, D: Dimension>(array: Bound<'py, PyArray<T, D>>) -> Bound<'py, PyArray<T, D>> {
     let _ = array.readwrite().make_nonwriteable();

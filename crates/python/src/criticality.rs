@@ -9,15 +9,15 @@ use interdrive_core::criticality::{
 };
 use interdrive_core::error::Error;
 use interdrive_core::geometry::Point;
-use interdrive_core::trajectory::{State, States};
+use interdrive_core::trajectory::State;
 use interdrive_core::vehicle::ParticipantKind;
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::arrays;
+use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
-use crate::scenario::{PyRoadNetwork, PyShape};
+use crate::scenario::{PyRoadNetwork, PyShape, read_states};
 use crate::settings::read;
 
 type Floats<'py> = PyReadonlyArray1<'py, f64>;
@@ -38,30 +38,29 @@ fn each<'py, const N: usize>(
     names: [&str; N],
     given: [&Floats<'_>; N],
     formula: impl Fn([f64; N]) -> f64,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+) -> PyResult<Row<'py, f64>> {
     let values = columns(names, given)?;
     let result = (0..values[0].len()).map(|i| formula(std::array::from_fn(|k| values[k][i]))).collect();
     Ok(arrays::row(py, result))
 }
 
-#[pyfunction]
-pub fn time_headway<'py>(
-    py: Python<'py>,
-    headway: Floats<'_>,
-    velocity: Floats<'_>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    each(py, ["headway", "velocity"], [&headway, &velocity], |[h, v]| formulas::time_headway(h, v))
+/// Formulas of the core by their names, applied element by element.
+macro_rules! on_arrays {
+    ($($name:ident($($argument:ident),+);)+) => { $(
+        #[pyfunction]
+        pub fn $name<'py>(py: Python<'py>, $($argument: Floats<'_>),+) -> PyResult<Row<'py, f64>> {
+            let (names, given) = ([$(stringify!($argument)),+], [$(&$argument),+]);
+            each(py, names, given, |[$($argument),+]| formulas::$name($($argument),+))
+        }
+    )+ };
 }
 
-#[pyfunction]
-pub fn time_to_collision<'py>(
-    py: Python<'py>,
-    headway: Floats<'_>,
-    velocity: Floats<'_>,
-    acceleration: Floats<'_>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let names = ["headway", "velocity", "acceleration"];
-    each(py, names, [&headway, &velocity, &acceleration], |[h, v, a]| formulas::time_to_collision(h, v, a))
+on_arrays! {
+    time_headway(headway, velocity);
+    time_to_collision(headway, velocity, acceleration);
+    required_lateral_acceleration(time, offset, left, right);
+    minimal_stopping_distance(velocity, deceleration);
+    proportion_of_stopping_distance(remaining, stopping);
 }
 
 #[pyfunction]
@@ -72,7 +71,7 @@ pub fn required_acceleration<'py>(
     leader: Floats<'_>,
     leader_acceleration: Floats<'_>,
     leader_stops: bool,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+) -> PyResult<Row<'py, f64>> {
     let names = ["headway", "follower", "leader", "leader_acceleration"];
     each(py, names, [&headway, &follower, &leader, &leader_acceleration], |[h, f, l, a]| {
         if leader_stops {
@@ -80,40 +79,6 @@ pub fn required_acceleration<'py>(
         } else {
             formulas::required_acceleration(h, l - f, a)
         }
-    })
-}
-
-#[pyfunction]
-pub fn required_lateral_acceleration<'py>(
-    py: Python<'py>,
-    time: Floats<'_>,
-    offset: Floats<'_>,
-    left: Floats<'_>,
-    right: Floats<'_>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let names = ["time", "offset", "left", "right"];
-    each(py, names, [&time, &offset, &left, &right], |[t, y, l, r]| formulas::required_lateral_acceleration(t, y, l, r))
-}
-
-#[pyfunction]
-pub fn minimal_stopping_distance<'py>(
-    py: Python<'py>,
-    velocity: Floats<'_>,
-    deceleration: Floats<'_>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    each(py, ["velocity", "deceleration"], [&velocity, &deceleration], |[v, a]| {
-        formulas::minimal_stopping_distance(v, a)
-    })
-}
-
-#[pyfunction]
-pub fn proportion_of_stopping_distance<'py>(
-    py: Python<'py>,
-    remaining: Floats<'_>,
-    stopping: Floats<'_>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    each(py, ["remaining", "stopping"], [&remaining, &stopping], |[r, s]| {
-        formulas::proportion_of_stopping_distance(r, s)
     })
 }
 
@@ -130,7 +95,7 @@ pub fn participant_mass<'py>(
     kinds: Vec<i64>,
     length: Floats<'_>,
     width: Floats<'_>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+) -> PyResult<Row<'py, f64>> {
     let (length, width) =
         (arrays::read_row("length", &length, kinds.len())?, arrays::read_row("width", &width, kinds.len())?);
     let mut masses = Vec::with_capacity(kinds.len());
@@ -210,24 +175,8 @@ pub fn evaluate_criticality<'py>(
     threads: usize,
     settings: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let n_steps = x.as_array().shape()[1];
-    let shape = [ids.len(), n_steps];
-    if x.as_array().shape() != shape {
-        let rows = x.as_array().shape()[0];
-        return Err(InputError::new_err(format!("x: {rows} rows given for {} participant ids", ids.len())));
-    }
-    let states = States {
-        first_time_step,
-        n_steps,
-        x: x.as_array().iter().copied().collect(),
-        y: arrays::read_grid("y", &y, &shape)?,
-        orientation: arrays::read_grid("orientation", &orientation, &shape)?,
-        velocity: arrays::read_grid("velocity", &velocity, &shape)?,
-        acceleration: arrays::read_grid("acceleration", &acceleration, &shape)?,
-        yaw_rate: vec![f64::NAN; ids.len() * n_steps],
-        valid: arrays::read_grid("valid", &valid, &shape)?,
-        ids,
-    };
+    let fields = [&y, &orientation, &velocity, &acceleration];
+    let states = read_states(ids, first_time_step, &x, fields, None, &valid)?;
     let connector = |(id, incoming): (i64, i64)| {
         let lanelet = road.0.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id })?;
         Ok(Connector { lanelet, incoming })

@@ -5,6 +5,7 @@
 mod arrays;
 mod criticality;
 mod errors;
+mod getters;
 mod neural;
 mod planner;
 mod predictions;

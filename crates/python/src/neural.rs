@@ -8,12 +8,13 @@ use interdrive_core::predict::neural::{
     Feature, Inputs, KNOT_TIME, LEFT, MIRRORED_COLUMNS, MODE_OUTPUTS, N_AGENT, N_KNOTS, N_NEIGHBOUR, N_NEIGHBOURS,
     N_PATH, N_PATHS, Network, RIGHT, SLOTS, Tensor, VERSION, agent_features, neighbour_features, path_features,
 };
-use numpy::{PyArray1, PyReadonlyArrayDyn};
+use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays;
+use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, exception};
+use crate::getters::getters;
 use crate::scene::PyScene;
 
 /// Input of the neural predictor for the vehicles of a scene, one row each, ascending ids.
@@ -29,11 +30,7 @@ impl PyNeuralInputs {
     }
 
     /// One number per path, NaN where a slot is empty.
-    fn per_path<'py>(
-        &self,
-        py: Python<'py>,
-        value: impl Fn(usize, usize) -> Option<f64>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    fn per_path<'py>(&self, py: Python<'py>, value: impl Fn(usize, usize) -> Option<f64>) -> Grid<'py> {
         let flat = (0..self.n() * N_PATHS)
             .map(|k| value(k / N_PATHS, k % N_PATHS).unwrap_or(f64::NAN) as f32)
             .collect::<Vec<f32>>();
@@ -51,48 +48,7 @@ impl PyNeuralInputs {
         Self { inputs, ids }
     }
 
-    #[getter]
-    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        arrays::row(py, self.ids.clone())
-    }
-    #[getter]
-    fn agent<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::grid(py, self.inputs.agent.clone(), [self.n(), N_AGENT])
-    }
-    #[getter]
-    fn neighbours<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::grid(py, self.inputs.neighbours.clone(), [self.n(), N_NEIGHBOURS, N_NEIGHBOUR])
-    }
-    #[getter]
-    fn paths<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::grid(py, self.inputs.paths.clone(), [self.n(), N_PATHS, N_PATH])
-    }
-    #[getter]
-    fn path_valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        arrays::grid(py, self.inputs.path_valid(), [self.n(), N_PATHS])
-    }
-    #[getter]
-    fn standing<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        arrays::row(py, self.inputs.standing.clone())
-    }
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        arrays::row(py, self.inputs.velocity.iter().map(|v| *v as f32).collect())
-    }
-    #[getter]
-    fn offset<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_path(py, |i, slot| Some(self.inputs.settling(i, slot)?.offset))
-    }
-    #[getter]
-    fn slope<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_path(py, |i, slot| Some(self.inputs.settling(i, slot)?.slope))
-    }
-    #[getter]
-    fn settling<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_path(py, |i, slot| Some(self.inputs.settling(i, slot)?.length))
-    }
-
-    fn targets<'py>(&self, py: Python<'py>, future: PyReadonlyArrayDyn<'_, f64>) -> PyResult<Bound<'py, PyAny>> {
+    fn targets<'py>(&self, py: Python<'py>, future: PyReadonlyArrayDyn<'_, f64>) -> Grid<'py> {
         let future = arrays::read_grid("future", &future, &[self.n(), N_KNOTS, 2])?;
         let inputs = &self.inputs;
         let flat: Vec<f32> = py.detach(|| {
@@ -110,7 +66,7 @@ impl PyNeuralInputs {
         py: Python<'py>,
         s: PyReadonlyArrayDyn<'_, f64>,
         d: PyReadonlyArrayDyn<'_, f64>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> Grid<'py> {
         let shape = s.as_array().shape().to_vec();
         let [n, n_paths, n_points] = shape[..] else {
             return Err(InputError::new_err(format!("s has shape {shape:?}, (vehicles, paths, points) expected")));
@@ -137,6 +93,20 @@ impl PyNeuralInputs {
     }
 }
 
+getters! { PyNeuralInputs {
+    ids: Row<'py, i64> = |this, py| arrays::row(py, this.ids.clone());
+    agent: Grid<'py> = |this, py| arrays::grid(py, this.inputs.agent.clone(), [this.n(), N_AGENT]);
+    neighbours: Grid<'py> = |this, py|
+        arrays::grid(py, this.inputs.neighbours.clone(), [this.n(), N_NEIGHBOURS, N_NEIGHBOUR]);
+    paths: Grid<'py> = |this, py| arrays::grid(py, this.inputs.paths.clone(), [this.n(), N_PATHS, N_PATH]);
+    path_valid: Grid<'py> = |this, py| arrays::grid(py, this.inputs.path_valid(), [this.n(), N_PATHS]);
+    standing: Row<'py, bool> = |this, py| arrays::row(py, this.inputs.standing.clone());
+    velocity: Row<'py, f32> = |this, py| arrays::row(py, this.inputs.velocity.iter().map(|v| *v as f32).collect());
+    offset: Grid<'py> = |this, py| this.per_path(py, |i, slot| Some(this.inputs.settling(i, slot)?.offset));
+    slope: Grid<'py> = |this, py| this.per_path(py, |i, slot| Some(this.inputs.settling(i, slot)?.slope));
+    settling: Grid<'py> = |this, py| this.per_path(py, |i, slot| Some(this.inputs.settling(i, slot)?.length));
+} }
+
 /// The network of the neural predictor.
 #[pyclass(frozen, name = "NeuralNetwork", module = "interdrive._core")]
 pub struct PyNeuralNetwork(pub Arc<Network>);
@@ -160,7 +130,7 @@ impl PyNeuralNetwork {
         neighbours: PyReadonlyArrayDyn<'_, f32>,
         paths: PyReadonlyArrayDyn<'_, f32>,
         path_valid: PyReadonlyArrayDyn<'_, bool>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> Grid<'py> {
         let n = agent.as_array().shape().first().copied().unwrap_or(0);
         let agent = arrays::read_grid("agent", &agent, &[n, N_AGENT])?;
         let neighbours = arrays::read_grid("neighbours", &neighbours, &[n, N_NEIGHBOURS, N_NEIGHBOUR])?;

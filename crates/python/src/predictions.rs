@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use interdrive_core::predict::completed;
 use interdrive_core::trajectory::Predictions;
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::arrays;
+use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, exception};
+use crate::getters::getters;
 use crate::scene::PyScene;
 
 /// A table of predictions, or some of its rows: what one agent may know is not copied before it is looked at.
@@ -51,7 +52,7 @@ impl PyPredictions {
         self.rows.as_ref().map_or(self.table.ids.len(), Vec::len)
     }
 
-    fn steps<'py, T: numpy::Element + Copy>(&self, py: Python<'py>, values: &[T]) -> PyResult<Bound<'py, PyAny>> {
+    fn steps<'py, T: numpy::Element + Copy>(&self, py: Python<'py>, values: &[T]) -> Grid<'py> {
         let (n_modes, n_steps) = (self.table.n_modes, self.table.n_steps);
         arrays::grid(py, self.shown(values, n_modes * n_steps), [self.n_shown(), n_modes, n_steps])
     }
@@ -137,61 +138,40 @@ impl PyPredictions {
         );
         Ok((slf.get_type().into_any(), arguments.into_pyobject(py)?))
     }
+}
 
+getters! { PyPredictions {
     /// Time step at which the prediction was made.
-    #[getter]
-    fn time_step(&self) -> i64 {
-        self.table.time_step
-    }
+    time_step: i64 = |this| this.table.time_step;
     /// Ids, ascending, shape (participants,).
-    #[getter]
-    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        arrays::row(py, self.shown_ids())
-    }
+    ids: Row<'py, i64> = |this, py| arrays::row(py, this.shown_ids());
     /// Probability of each mode, shape (participants, modes).
-    #[getter]
-    fn probability<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let n_modes = self.table.n_modes;
-        arrays::grid(py, self.shown(&self.table.probability, n_modes), [self.n_shown(), n_modes])
-    }
+    probability: Grid<'py> = |this, py| {
+        let n_modes = this.table.n_modes;
+        arrays::grid(py, this.shown(&this.table.probability, n_modes), [this.n_shown(), n_modes])
+    };
     /// Means of the footprint centre [m], world frame, shape (participants, modes, steps); step `k` is `(k + 1) * dt` later.
-    #[getter]
-    fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.table.x)
-    }
+    x: Grid<'py> = |this, py| this.steps(py, &this.table.x);
     /// Means of the footprint centre [m], world frame, shape (participants, modes, steps).
-    #[getter]
-    fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.table.y)
-    }
+    y: Grid<'py> = |this, py| this.steps(py, &this.table.y);
     /// Headings [rad], world frame, shape (participants, modes, steps).
-    #[getter]
-    fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.table.orientation)
-    }
+    orientation: Grid<'py> = |this, py| this.steps(py, &this.table.orientation);
     /// Speeds along the heading [m/s], shape (participants, modes, steps).
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.table.velocity)
-    }
+    velocity: Grid<'py> = |this, py| this.steps(py, &this.table.velocity);
     /// Covariance of the position [m²], shape (participants, modes, steps, 2, 2).
-    #[getter]
-    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let width = self.table.n_modes * self.table.n_steps;
+    covariance: Grid<'py> = |this, py| {
+        let width = this.table.n_modes * this.table.n_steps;
         let (xx, xy, yy) = (
-            self.shown(&self.table.covariance_xx, width),
-            self.shown(&self.table.covariance_xy, width),
-            self.shown(&self.table.covariance_yy, width),
+            this.shown(&this.table.covariance_xx, width),
+            this.shown(&this.table.covariance_xy, width),
+            this.shown(&this.table.covariance_yy, width),
         );
         let flat: Vec<f64> = (0..xx.len()).flat_map(|i| [xx[i], xy[i], xy[i], yy[i]]).collect();
-        arrays::grid(py, flat, [self.n_shown(), self.table.n_modes, self.table.n_steps, 2, 2])
-    }
+        arrays::grid(py, flat, [this.n_shown(), this.table.n_modes, this.table.n_steps, 2, 2])
+    };
     /// Where there is a prediction, shape (participants, modes, steps); nan elsewhere.
-    #[getter]
-    fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.steps(py, &self.table.valid)
-    }
-}
+    valid: Grid<'py> = |this, py| this.steps(py, &this.table.valid);
+} }
 
 impl PyPredictions {
     /// The rows of these participants.

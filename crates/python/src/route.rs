@@ -8,11 +8,12 @@ use interdrive_core::road::RoadNetwork;
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::scenario::{Goal, GoalState};
 use interdrive_core::trajectory::State;
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::arrays;
+use crate::arrays::{self, Grid, Row};
 use crate::errors::detached;
+use crate::getters::getters;
 use crate::scenario::{PyRoadNetwork, PyShape};
 
 #[pyclass(frozen, name = "Goal", module = "interdrive._core")]
@@ -47,10 +48,17 @@ impl PyGoal {
         format!("<Goal at time steps {}>", times.join(" or "))
     }
 
+    /// Whether a state meets the goal, with and without its time.
+    fn is_met(&self, x: f64, y: f64, orientation: f64, velocity: f64, time_step: i64) -> (bool, bool) {
+        let state = State { x, y, orientation, velocity, ..State::default() };
+        (self.0.is_met(&state, time_step), self.0.is_met_at_any_time(&state))
+    }
+}
+
+getters! { PyGoal {
     /// Every alternative: outlines of its areas in the world frame (none: anywhere), time steps, velocity interval,
     /// orientation interval.
-    #[getter]
-    fn states<'py>(&self, py: Python<'py>) -> PyResult<Vec<Stated<'py>>> {
+    states: PyResult<Vec<Stated<'py>>> = |this, py| {
         let placed = |area: &PlacedShape| -> PyResult<Vec<Bound<'py, PyAny>>> {
             let in_world = |part: Vec<Point>| part.into_iter().map(|point| area.pose.world_from_body(point));
             area.shape.outline().into_iter().map(|part| arrays::points(py, in_world(part))).collect()
@@ -59,15 +67,9 @@ impl PyGoal {
             let outlines: PyResult<Vec<_>> = state.areas.iter().map(placed).collect();
             Ok((outlines?.into_iter().flatten().collect(), state.time_step, state.velocity, state.orientation))
         };
-        self.0.states.iter().map(stated).collect()
-    }
-
-    /// Whether a state meets the goal, with and without its time.
-    fn is_met(&self, x: f64, y: f64, orientation: f64, velocity: f64, time_step: i64) -> (bool, bool) {
-        let state = State { x, y, orientation, velocity, ..State::default() };
-        (self.0.is_met(&state, time_step), self.0.is_met_at_any_time(&state))
-    }
-}
+        this.0.states.iter().map(stated).collect()
+    };
+} }
 
 #[pyclass(frozen, name = "Route", module = "interdrive._core")]
 pub struct PyRoute {
@@ -77,9 +79,9 @@ pub struct PyRoute {
 
 #[pymethods]
 impl PyRoute {
-    fn __repr__(&self) -> String {
-        let ids: Vec<_> = self.lanelet_ids().iter().map(i64::to_string).collect();
-        format!("<Route over lanelets {}, {:.1} m>", ids.join(" > "), self.length())
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let ids: Vec<_> = self.lanelet_ids(py).iter().map(i64::to_string).collect();
+        format!("<Route over lanelets {}, {:.1} m>", ids.join(" > "), self.length(py))
     }
 
     /// Route and reference path from a pose to a goal; raises `NoRouteError`.
@@ -100,64 +102,13 @@ impl PyRoute {
         Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
     }
 
-    /// Ids of the lanelets in driving order.
-    #[getter]
-    fn lanelet_ids(&self) -> Vec<i64> {
-        self.route.lanelets.iter().map(|i| self.road.lanelets()[*i].id).collect()
-    }
-
-    /// Reference path [m], shape (points, 2), uniform spacing.
-    #[getter]
-    fn reference_path<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let path = &self.route.path;
-        arrays::points(py, path.x().iter().zip(path.y()).map(|(x, y)| Point::new(*x, *y)))
-    }
-
-    /// Heading along the reference path [rad], not wrapped.
-    #[getter]
-    fn reference_orientation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        arrays::row(py, self.route.path.theta().to_vec())
-    }
-
-    /// Curvature along the reference path [1/m].
-    #[getter]
-    fn reference_curvature<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        arrays::row(py, self.route.path.curvature().to_vec())
-    }
-
-    /// Length of the reference path [m].
-    #[getter]
-    fn length(&self) -> f64 {
-        self.route.path.length()
-    }
-    /// Arc length of the start (rear axle) on the reference path [m].
-    #[getter]
-    fn start_s(&self) -> f64 {
-        self.route.start_s
-    }
-    /// Arc length at which the path enters the goal area [m]; nan without an area.
-    #[getter]
-    fn goal_entry_s(&self) -> f64 {
-        self.route.goal_entry_s
-    }
-    /// Arc length at which it leaves the goal area [m]; nan without an area.
-    #[getter]
-    fn goal_exit_s(&self) -> f64 {
-        self.route.goal_exit_s
-    }
-    /// Number of lane changes on the route.
-    #[getter]
-    fn lane_changes(&self) -> usize {
-        self.route.lane_changes
-    }
-
     /// Arc length and signed lateral distance of a point on the reference path, nan where it has no foot.
     fn project<'py>(
         &self,
         py: Python<'py>,
         x: PyReadonlyArray1<'_, f64>,
         y: PyReadonlyArray1<'_, f64>,
-    ) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>) {
+    ) -> (Row<'py, f64>, Row<'py, f64>) {
         let (s, d): (Vec<f64>, Vec<f64>) = x
             .as_array()
             .iter()
@@ -167,3 +118,27 @@ impl PyRoute {
         (arrays::row(py, s), arrays::row(py, d))
     }
 }
+
+getters! { PyRoute {
+    /// Ids of the lanelets in driving order.
+    lanelet_ids: Vec<i64> = |this| this.route.lanelets.iter().map(|i| this.road.lanelets()[*i].id).collect();
+    /// Reference path [m], shape (points, 2), uniform spacing.
+    reference_path: Grid<'py> = |this, py| {
+        let path = &this.route.path;
+        arrays::points(py, path.x().iter().zip(path.y()).map(|(x, y)| Point::new(*x, *y)))
+    };
+    /// Heading along the reference path [rad], not wrapped.
+    reference_orientation: Row<'py, f64> = |this, py| arrays::row(py, this.route.path.theta().to_vec());
+    /// Curvature along the reference path [1/m].
+    reference_curvature: Row<'py, f64> = |this, py| arrays::row(py, this.route.path.curvature().to_vec());
+    /// Length of the reference path [m].
+    length: f64 = |this| this.route.path.length();
+    /// Arc length of the start (rear axle) on the reference path [m].
+    start_s: f64 = |this| this.route.start_s;
+    /// Arc length at which the path enters the goal area [m]; nan without an area.
+    goal_entry_s: f64 = |this| this.route.goal_entry_s;
+    /// Arc length at which it leaves the goal area [m]; nan without an area.
+    goal_exit_s: f64 = |this| this.route.goal_exit_s;
+    /// Number of lane changes on the route.
+    lane_changes: usize = |this| this.route.lane_changes;
+} }

@@ -8,11 +8,12 @@ use interdrive_core::road::{LaneletInput, RoadNetwork};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::ParticipantKind;
-use numpy::{PyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
-use crate::arrays;
+use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, detached, exception};
+use crate::getters::getters;
 use crate::settings::read;
 
 #[pyclass(frozen, name = "Shape", module = "interdrive._core")]
@@ -47,12 +48,6 @@ impl PyShape {
         Self(Shape::group(members.iter().map(|member| member.0.clone()).collect()))
     }
 
-    /// Length and width of the bounding box in the body frame [m].
-    #[getter]
-    fn extent(&self) -> (f64, f64) {
-        self.0.extent()
-    }
-
     fn outline<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
         self.0.outline().into_iter().map(|part| arrays::points(py, part)).collect()
     }
@@ -63,6 +58,11 @@ impl PyShape {
         self.0.distance(place(pose), &other.0, place(other_pose))
     }
 }
+
+getters! { PyShape {
+    /// Length and width of the bounding box in the body frame [m].
+    extent: (f64, f64) = |this| this.0.extent();
+} }
 
 #[pyclass(frozen, name = "RoadNetwork", module = "interdrive._core")]
 pub struct PyRoadNetwork(pub Arc<RoadNetwork>);
@@ -131,18 +131,14 @@ impl PyRoadNetwork {
     }
 
     /// Whether each point (x, y) lies on a lanelet.
-    fn on_lanelet<'py>(
-        &self,
-        py: Python<'py>,
-        points: PyReadonlyArray2<'_, f64>,
-    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    fn on_lanelet<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Row<'py, bool>> {
         let points = arrays::read_points("points", &points)?;
         let inside = points.into_iter().map(|point| !self.0.lanelets_at(point).is_empty()).collect();
         Ok(arrays::row(py, inside))
     }
 
     /// Whether each point (x, y) is drivable: within the gap tolerance of a lanelet or of what continues an open end.
-    fn on_road<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Bound<'py, PyArray1<bool>>> {
+    fn on_road<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Row<'py, bool>> {
         let points = arrays::read_points("points", &points)?;
         Ok(arrays::row(py, points.into_iter().map(|point| self.0.is_on_road(point)).collect()))
     }
@@ -174,18 +170,50 @@ impl PyRoadNetwork {
         self.0.lane_stretch(index, s, before, after).into_iter().map(|polygon| arrays::points(py, polygon)).collect()
     }
 
-    /// Border of the drivable area, shape (edges, 2, 2).
-    #[getter]
-    fn road_edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let edges = self.0.road_edges();
-        let flat: Vec<f64> = edges.iter().flat_map(|edge| [edge.a.x, edge.a.y, edge.b.x, edge.b.y]).collect();
-        arrays::grid(py, flat, [edges.len(), 2, 2])
-    }
-
     /// Whether a footprint at a pose is covered by the road.
     fn covers(&self, shape: &PyShape, x: f64, y: f64, orientation: f64) -> bool {
         self.0.covers(&shape.0, Pose::new(x, y, orientation))
     }
+}
+
+getters! { PyRoadNetwork {
+    /// Border of the drivable area, shape (edges, 2, 2).
+    road_edges: Grid<'py> = |this, py| {
+        let edges = this.0.road_edges();
+        let flat: Vec<f64> = edges.iter().flat_map(|edge| [edge.a.x, edge.a.y, edge.b.x, edge.b.y]).collect();
+        arrays::grid(py, flat, [edges.len(), 2, 2])
+    };
+} }
+
+/// States from arrays of shape (participants, time_steps): x; y, orientation, velocity, acceleration; yaw rate; presence.
+pub fn read_states(
+    ids: Vec<i64>,
+    first_time_step: i64,
+    x: &PyReadonlyArray2<'_, f64>,
+    [y, orientation, velocity, acceleration]: [&PyReadonlyArrayDyn<'_, f64>; 4],
+    yaw_rate: Option<&PyReadonlyArrayDyn<'_, f64>>,
+    valid: &PyReadonlyArrayDyn<'_, bool>,
+) -> PyResult<States> {
+    let (rows, n_steps) = x.as_array().dim();
+    if rows != ids.len() {
+        return Err(InputError::new_err(format!("x: {rows} rows given for {} participant ids", ids.len())));
+    }
+    let shape = [rows, n_steps];
+    Ok(States {
+        ids,
+        first_time_step,
+        n_steps,
+        x: x.as_array().iter().copied().collect(),
+        y: arrays::read_grid("y", y, &shape)?,
+        orientation: arrays::read_grid("orientation", orientation, &shape)?,
+        velocity: arrays::read_grid("velocity", velocity, &shape)?,
+        acceleration: arrays::read_grid("acceleration", acceleration, &shape)?,
+        yaw_rate: yaw_rate.map_or_else(
+            || Ok(vec![f64::NAN; rows * n_steps]),
+            |values| arrays::read_grid("yaw_rate", values, &shape),
+        )?,
+        valid: arrays::read_grid("valid", valid, &shape)?,
+    })
 }
 
 #[pyclass(frozen, name = "Scenario", module = "interdrive._core")]
@@ -213,36 +241,16 @@ impl PyScenario {
         yaw_rate: PyReadonlyArrayDyn<'_, f64>,
         valid: PyReadonlyArrayDyn<'_, bool>,
     ) -> PyResult<Self> {
-        let n_steps = x.as_array().shape()[1];
-        let shape = [ids.len(), n_steps];
-        if x.as_array().shape() != shape {
-            return Err(InputError::new_err(format!(
-                "x: {} rows given for {} obstacle ids",
-                x.as_array().shape()[0],
-                ids.len()
-            )));
-        }
-        let states = States {
-            ids,
-            first_time_step,
-            n_steps,
-            x: x.as_array().iter().copied().collect(),
-            y: arrays::read_grid("y", &y, &shape)?,
-            orientation: arrays::read_grid("orientation", &orientation, &shape)?,
-            velocity: arrays::read_grid("velocity", &velocity, &shape)?,
-            acceleration: arrays::read_grid("acceleration", &acceleration, &shape)?,
-            yaw_rate: arrays::read_grid("yaw_rate", &yaw_rate, &shape)?,
-            valid: arrays::read_grid("valid", &valid, &shape)?,
-        };
+        let fields = [&y, &orientation, &velocity, &acceleration];
+        let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
         let kind = kinds.into_iter().map(ParticipantKind::from_code).collect::<Result<_, _>>().map_err(exception)?;
         let obstacles =
             Obstacles { kind, shape: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static, states };
         Scenario::new(dt, Arc::clone(&road.0), obstacles).map(|scenario| Self(Arc::new(scenario))).map_err(exception)
     }
-
-    /// Time between steps [s].
-    #[getter]
-    fn dt(&self) -> f64 {
-        self.0.dt
-    }
 }
+
+getters! { PyScenario {
+    /// Time between steps [s].
+    dt: f64 = |this| this.0.dt;
+} }

@@ -5,21 +5,16 @@ use std::sync::Arc;
 use interdrive_core::predict::is_standing;
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
-use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::arrays;
+use crate::arrays::{self, Grid, Row};
 use crate::errors::detached;
+use crate::getters::getters;
 use crate::scenario::{PyRoadNetwork, PyScenario};
 
 /// One field of the past of some rows: shape (rows, history), the last column is now.
-pub fn past<'py, T: numpy::Element + Copy>(
-    py: Python<'py>,
-    scene: &Scene,
-    rows: &[usize],
-    values: &[T],
-) -> PyResult<Bound<'py, PyAny>> {
+pub fn past<'py, T: numpy::Element + Copy>(py: Python<'py>, scene: &Scene, rows: &[usize], values: &[T]) -> Grid<'py> {
     let n = scene.past.n_steps;
     let flat: Vec<T> = rows.iter().flat_map(|row| values[row * n..(row + 1) * n].iter().copied()).collect();
     arrays::grid(py, flat, [rows.len(), n])
@@ -27,79 +22,41 @@ pub fn past<'py, T: numpy::Element + Copy>(
 
 macro_rules! participants_seen {
     ($class:ident) => {
-        #[pymethods]
-        impl $class {
+        getters! { $class {
             /// Time step now.
-            #[getter]
-            fn time_step(&self) -> i64 {
-                self.scene.time_step
-            }
+            time_step: i64 = |this| this.scene.time_step;
             /// Time between steps [s].
-            #[getter]
-            fn dt(&self) -> f64 {
-                self.scene.dt
-            }
+            dt: f64 = |this| this.scene.dt;
             /// Ids, ascending, shape (participants,).
-            #[getter]
-            fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.ids[*row]).collect())
-            }
+            ids: Row<'py, i64> = |this, py|
+                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.ids[*row]).collect());
             /// Codes of their kinds, shape (participants,); `interdrive.scenario.KINDS` has the names.
-            #[getter]
-            fn kinds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.kind[*row] as i64).collect())
-            }
+            kinds: Row<'py, i64> = |this, py|
+                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.kind[*row] as i64).collect());
             /// Whether a participant is a static obstacle, shape (participants,).
-            #[getter]
-            fn is_static<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.is_static[*row]).collect())
-            }
+            is_static: Row<'py, bool> = |this, py|
+                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.is_static[*row]).collect());
             /// Length of the footprints' bounding boxes [m], shape (participants,).
-            #[getter]
-            fn length<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().0).collect())
-            }
+            length: Row<'py, f64> = |this, py|
+                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.shape[*row].extent().0).collect());
             /// Width of the footprints' bounding boxes [m], shape (participants,).
-            #[getter]
-            fn width<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-                arrays::row(py, self.rows().iter().map(|row| self.scene.participants.shape[*row].extent().1).collect())
-            }
+            width: Row<'py, f64> = |this, py|
+                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.shape[*row].extent().1).collect());
             /// Centres [m], shape (participants, history); the last column is now, nan where absent.
-            #[getter]
-            fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.x)
-            }
+            x: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.x);
             /// Centres [m], world frame, shape (participants, history); nan where absent.
-            #[getter]
-            fn y<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.y)
-            }
+            y: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.y);
             /// Headings [rad], world frame, shape (participants, history); nan where absent.
-            #[getter]
-            fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.orientation)
-            }
+            orientation: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.orientation);
             /// Speeds along the heading [m/s], shape (participants, history); nan where absent.
-            #[getter]
-            fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.velocity)
-            }
+            velocity: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.velocity);
             /// Accelerations along the heading [m/s²], shape (participants, history); nan where absent.
-            #[getter]
-            fn acceleration<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.acceleration)
-            }
+            acceleration: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.acceleration);
             /// Changes of heading [rad/s], shape (participants, history); nan where absent.
-            #[getter]
-            fn yaw_rate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.yaw_rate)
-            }
+            yaw_rate: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.yaw_rate);
             /// Whether a participant was present, shape (participants, history).
-            #[getter]
-            fn valid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                past(py, &self.scene, &self.rows(), &self.scene.past.valid)
-            }
-        }
+            valid: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.valid);
+        } }
     };
 }
 pub(crate) use participants_seen;
@@ -120,22 +77,6 @@ participants_seen!(PyScene);
 
 #[pymethods]
 impl PyScene {
-    /// The roads.
-    #[getter]
-    fn road(&self) -> PyRoadNetwork {
-        PyRoadNetwork(Arc::clone(&self.road))
-    }
-    /// Speeds along the heading now [m/s], shape (participants,): stated ones, unless a recorded participant's positions
-    /// contradict them.
-    #[getter]
-    fn observed_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        arrays::row(py, self.scene.present.iter().map(|row| self.scene.observed_velocity(*row)).collect())
-    }
-    /// Which participants have not moved for half a second, or for all that is known; shape (participants,).
-    #[getter]
-    fn is_standing<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        arrays::row(py, self.scene.present.iter().map(|row| is_standing(&self.scene, *row)).collect())
-    }
     /// What `World.scene_from` of another process needs: plain numbers and arrays.
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let past = &self.scene.past;
@@ -146,6 +87,18 @@ impl PyScene {
         (self.scene.time_step, present, past.first_time_step, past.n_steps, fields, valid).into_pyobject(py)
     }
 }
+
+getters! { PyScene {
+    /// The roads.
+    road: PyRoadNetwork = |this| PyRoadNetwork(Arc::clone(&this.road));
+    /// Speeds along the heading now [m/s], shape (participants,): stated ones, unless a recorded participant's positions
+    /// contradict them.
+    observed_velocity: Row<'py, f64> = |this, py|
+        arrays::row(py, this.scene.present.iter().map(|row| this.scene.observed_velocity(*row)).collect());
+    /// Which participants have not moved for half a second, or for all that is known; shape (participants,).
+    is_standing: Row<'py, bool> = |this, py|
+        arrays::row(py, this.scene.present.iter().map(|row| is_standing(&this.scene, *row)).collect());
+} }
 
 #[pymethods]
 impl PyScenario {

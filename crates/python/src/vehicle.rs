@@ -4,6 +4,7 @@ use interdrive_core::vehicle::{ParticipantKind, Vehicle, VehicleLimits};
 use pyo3::prelude::*;
 
 use crate::errors::exception;
+use crate::getters::getters;
 
 #[pyclass(frozen, name = "Vehicle", module = "interdrive._core", from_py_object)]
 #[derive(Clone)]
@@ -43,60 +44,29 @@ impl PyVehicle {
         let vehicle = Vehicle::for_footprint(kind, length, width).and_then(|vehicle| vehicle.with_limits(&limits));
         vehicle.map(Self).map_err(exception)
     }
-
-    /// Length of the footprint [m].
-    #[getter]
-    fn length(&self) -> f64 {
-        self.0.length
-    }
-    /// Width of the footprint [m].
-    #[getter]
-    fn width(&self) -> f64 {
-        self.0.width
-    }
-    /// Distance of the axles [m].
-    #[getter]
-    fn wheelbase(&self) -> f64 {
-        self.0.wheelbase
-    }
-    /// From the rear axle forward to the centre of the footprint [m].
-    #[getter]
-    fn rear_axle_to_center(&self) -> f64 {
-        self.0.rear_axle_to_center
-    }
-    /// Largest acceleration and deceleration [m/s²].
-    #[getter]
-    fn acceleration_max(&self) -> f64 {
-        self.0.acceleration_max
-    }
-    /// Above this speed the engine limits the acceleration to `acceleration_max * velocity_switch / v` [m/s].
-    #[getter]
-    fn velocity_switch(&self) -> f64 {
-        self.0.velocity_switch
-    }
-    /// Top speed [m/s].
-    #[getter]
-    fn velocity_max(&self) -> f64 {
-        self.0.velocity_max
-    }
-    /// Largest steering angle [rad].
-    #[getter]
-    fn steering_angle_max(&self) -> f64 {
-        self.0.steering_angle_max
-    }
-    /// Largest change of the steering angle [rad/s].
-    #[getter]
-    fn steering_rate_max(&self) -> f64 {
-        self.0.steering_rate_max
-    }
-    /// Largest lateral acceleration [m/s²].
-    #[getter]
-    fn lateral_acceleration_max(&self) -> f64 {
-        self.0.lateral_acceleration_max
-    }
-    /// Curvature of the rear axle's path at full steering [1/m].
-    #[getter]
-    fn curvature_max(&self) -> f64 {
-        self.0.curvature_max()
-    }
 }
+
+getters! { PyVehicle {
+    /// Length of the footprint [m].
+    length: f64 = |this| this.0.length;
+    /// Width of the footprint [m].
+    width: f64 = |this| this.0.width;
+    /// Distance of the axles [m].
+    wheelbase: f64 = |this| this.0.wheelbase;
+    /// From the rear axle forward to the centre of the footprint [m].
+    rear_axle_to_center: f64 = |this| this.0.rear_axle_to_center;
+    /// Largest acceleration and deceleration [m/s²].
+    acceleration_max: f64 = |this| this.0.acceleration_max;
+    /// Above this speed the engine limits the acceleration to `acceleration_max * velocity_switch / v` [m/s].
+    velocity_switch: f64 = |this| this.0.velocity_switch;
+    /// Top speed [m/s].
+    velocity_max: f64 = |this| this.0.velocity_max;
+    /// Largest steering angle [rad].
+    steering_angle_max: f64 = |this| this.0.steering_angle_max;
+    /// Largest change of the steering angle [rad/s].
+    steering_rate_max: f64 = |this| this.0.steering_rate_max;
+    /// Largest lateral acceleration [m/s²].
+    lateral_acceleration_max: f64 = |this| this.0.lateral_acceleration_max;
+    /// Curvature of the rear axle's path at full steering [1/m].
+    curvature_max: f64 = |this| this.0.curvature_max();
+} }

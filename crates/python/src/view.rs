@@ -10,11 +10,12 @@ use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::State;
 use interdrive_core::world::Agent;
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
-use crate::arrays;
+use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, exception};
+use crate::getters::getters;
 use crate::predictions::PyPredictions;
 use crate::route::{PyGoal, PyRoute};
 use crate::scene::{participants_seen, past};
@@ -170,82 +171,50 @@ pub struct PyEgo {
 #[pymethods]
 impl PyEgo {
     fn __repr__(&self) -> String {
-        let State { x, y, orientation, velocity, .. } = self.view.get().state;
-        format!("<Ego {}: centre ({x:.2}, {y:.2}) m, {orientation:.3} rad, {velocity:.2} m/s>", self.id())
+        let PyView { agent, state: State { x, y, orientation, velocity, .. }, .. } = self.view.get();
+        format!("<Ego {}: centre ({x:.2}, {y:.2}) m, {orientation:.3} rad, {velocity:.2} m/s>", agent.id)
     }
+}
 
+getters! { PyEgo {
     /// Id of the agent.
-    #[getter]
-    fn id(&self) -> i64 {
-        self.view.get().agent.id
-    }
+    id: i64 = |this| this.view.get().agent.id;
     /// Centre [m], world frame.
-    #[getter]
-    fn x(&self) -> f64 {
-        self.view.get().state.x
-    }
+    x: f64 = |this| this.view.get().state.x;
     /// Centre [m], world frame.
-    #[getter]
-    fn y(&self) -> f64 {
-        self.view.get().state.y
-    }
+    y: f64 = |this| this.view.get().state.y;
     /// Heading [rad], world frame.
-    #[getter]
-    fn orientation(&self) -> f64 {
-        self.view.get().state.orientation
-    }
+    orientation: f64 = |this| this.view.get().state.orientation;
     /// Speed along the heading [m/s].
-    #[getter]
-    fn velocity(&self) -> f64 {
-        self.view.get().state.velocity
-    }
+    velocity: f64 = |this| this.view.get().state.velocity;
     /// Acceleration along the heading [m/s²].
-    #[getter]
-    fn acceleration(&self) -> f64 {
-        self.view.get().state.acceleration
-    }
+    acceleration: f64 = |this| this.view.get().state.acceleration;
     /// Change of heading [rad/s].
-    #[getter]
-    fn yaw_rate(&self) -> f64 {
-        self.view.get().state.yaw_rate
-    }
+    yaw_rate: f64 = |this| this.view.get().state.yaw_rate;
     /// (x, y, orientation, velocity, acceleration, yaw_rate) as an array.
-    #[getter]
-    fn state<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let s = &self.view.get().state;
+    state: Row<'py, f64> = |this, py| {
+        let s = &this.view.get().state;
         arrays::row(py, vec![s.x, s.y, s.orientation, s.velocity, s.acceleration, s.yaw_rate])
-    }
+    };
     /// Size and limits of the vehicle.
-    #[getter]
-    fn vehicle(&self) -> PyVehicle {
-        PyVehicle(self.view.get().agent.vehicle)
-    }
+    vehicle: PyVehicle = |this| PyVehicle(this.view.get().agent.vehicle);
     /// What it should reach.
-    #[getter]
-    fn goal(&self) -> PyGoal {
-        PyGoal(self.view.get().agent.goal.clone())
-    }
+    goal: PyGoal = |this| PyGoal(this.view.get().agent.goal.clone());
     /// Lanelets to the goal and the reference path along them.
-    #[getter]
-    fn route(&self) -> PyRoute {
-        let view = self.view.get();
+    route: PyRoute = |this| {
+        let view = this.view.get();
         PyRoute { route: Arc::clone(&view.agent.route), road: Arc::clone(&view.road) }
-    }
+    };
     /// Arc length of the rear axle on the reference path [m].
-    #[getter]
-    fn s(&self) -> f64 {
-        self.view.get().s
-    }
+    s: f64 = |this| this.view.get().s;
     /// First and last time step at which the goal can be reached in time; the largest integer where there is no last one.
-    #[getter]
-    fn goal_time_step(&self) -> (i64, i64) {
-        let goal = &self.view.get().agent.goal;
+    goal_time_step: (i64, i64) = |this| {
+        let goal = &this.view.get().agent.goal;
         (goal.earliest_time_step().unwrap_or(0), goal.latest_time_step().unwrap_or(i64::MAX))
-    }
+    };
     /// Border of the drivable area within the sensor radius, shape (edges, 2, 2).
-    #[getter]
-    fn road_edges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let view = self.view.get();
+    road_edges: Grid<'py> = |this, py| {
+        let view = this.view.get();
         let center = Point::new(view.state.x, view.state.y);
         let radius = view.agent.view.sensor_radius;
         let aabb = interdrive_core::geometry::Aabb { min: center, max: center }.grown(radius);
@@ -255,5 +224,5 @@ impl PyEgo {
         let flat: Vec<f64> =
             near.iter().map(|i| &edges[*i as usize]).flat_map(|e| [e.a.x, e.a.y, e.b.x, e.b.y]).collect();
         arrays::grid(py, flat, [near.len(), 2, 2])
-    }
-}
+    };
+} }

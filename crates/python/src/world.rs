@@ -11,12 +11,13 @@ use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{PlanStatus, Plans, State, States};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, World, WorldSettings};
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays;
+use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
+use crate::getters::getters;
 use crate::planner::PyPlanner;
 use crate::predictions::PyPredictions;
 use crate::predictor::PyPredictor;
@@ -72,31 +73,6 @@ pub struct PyPlans(pub Plans);
 
 #[pymethods]
 impl PyPlans {
-    #[getter]
-    fn time_step(&self) -> i64 {
-        self.0.time_step
-    }
-    #[getter]
-    fn ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        arrays::row(py, self.0.ids.clone())
-    }
-    /// Codes of `interdrive.run.PLAN_STATUS`.
-    #[getter]
-    fn status<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        arrays::row(py, self.0.status.iter().map(|status| *status as i64).collect())
-    }
-    /// Costs of the plans; not a number where the planner has none, or the plan is the rest of an earlier one.
-    #[getter]
-    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        arrays::row(py, self.0.cost.clone())
-    }
-    /// Ids of the agents that still need a plan from outside the core.
-    #[getter]
-    fn missing(&self) -> Vec<i64> {
-        let none = |(id, status): (&i64, &PlanStatus)| (*status == PlanStatus::None).then_some(*id);
-        self.0.ids.iter().zip(&self.0.status).filter_map(none).collect()
-    }
-
     /// Checks the plan that a planner made from its view and writes it: arrays of shape (points,), point 0 is now.
     #[pyo3(signature = (view, x, y, orientation, velocity, acceleration=None, yaw_rate=None))]
     fn set(
@@ -118,6 +94,20 @@ impl PyPlans {
         self.0.fail_row(id, message).map_err(exception)
     }
 }
+
+getters! { PyPlans {
+    time_step: i64 = |this| this.0.time_step;
+    ids: Row<'py, i64> = |this, py| arrays::row(py, this.0.ids.clone());
+    /// Codes of `interdrive.run.PLAN_STATUS`.
+    status: Row<'py, i64> = |this, py| arrays::row(py, this.0.status.iter().map(|status| *status as i64).collect());
+    /// Costs of the plans; not a number where the planner has none, or the plan is the rest of an earlier one.
+    cost: Row<'py, f64> = |this, py| arrays::row(py, this.0.cost.clone());
+    /// Ids of the agents that still need a plan from outside the core.
+    missing: Vec<i64> = |this| {
+        let none = |(id, status): (&i64, &PlanStatus)| (*status == PlanStatus::None).then_some(*id);
+        this.0.ids.iter().zip(&this.0.status).filter_map(none).collect()
+    };
+} }
 
 /// The world, and the time spent in its phases so far [ns].
 #[pyclass(name = "World", module = "interdrive._core")]
@@ -165,36 +155,6 @@ impl PyWorld {
         let scenario = Arc::clone(&scenario.0);
         let world = detached(py, || World::new(scenario, agents, settings))?;
         Ok(Self(world, AtomicU64::new(0)))
-    }
-
-    #[getter]
-    fn time_step(&self) -> i64 {
-        self.0.time_step()
-    }
-    #[getter]
-    fn is_done(&self) -> bool {
-        self.0.is_done()
-    }
-    /// Ids of the agents that drive now, ascending.
-    #[getter]
-    fn driving(&self) -> Vec<i64> {
-        self.0.driving()
-    }
-    /// Latest time step at which the last agent ends.
-    #[getter]
-    fn last_time_step(&self) -> Option<i64> {
-        self.0.last_time_step()
-    }
-    /// Pairs that touched when one of them entered and have not separated since.
-    #[getter]
-    fn entered_in_contact(&self) -> Vec<(i64, i64)> {
-        self.0.entered_in_contact()
-    }
-
-    /// Seconds that `scene`, `predict`, `plan` and `step` have worked so far without the interpreter.
-    #[getter]
-    fn native_seconds(&self) -> f64 {
-        1e-9 * self.1.load(Ordering::Relaxed) as f64
     }
 
     fn scene(&self, py: Python<'_>) -> PyResult<PyScene> {
@@ -376,3 +336,16 @@ impl PyWorld {
         Ok(dict)
     }
 }
+
+getters! { PyWorld {
+    time_step: i64 = |this| this.0.time_step();
+    is_done: bool = |this| this.0.is_done();
+    /// Ids of the agents that drive now, ascending.
+    driving: Vec<i64> = |this| this.0.driving();
+    /// Latest time step at which the last agent ends.
+    last_time_step: Option<i64> = |this| this.0.last_time_step();
+    /// Pairs that touched when one of them entered and have not separated since.
+    entered_in_contact: Vec<(i64, i64)> = |this| this.0.entered_in_contact();
+    /// Seconds that `scene`, `predict`, `plan` and `step` have worked so far without the interpreter.
+    native_seconds: f64 = |this| 1e-9 * this.1.load(Ordering::Relaxed) as f64;
+} }
