@@ -225,5 +225,5 @@ def _kind(reason: str) -> str:
 
 
 def _contact(reason: str) -> int | None:
-    """Whom a rejected sample would hit."""
+    """The participant that a rejected sample would hit."""
     return int(reason.rsplit(" ", 1)[-1]) if reason.startswith("collision") else None

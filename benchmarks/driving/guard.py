@@ -79,7 +79,7 @@ def failures(before: dict[str, Figures], now: dict[str, Figures]) -> list[str]:
     for name, one in now.items():
         if one.stands and not before[name].stands:
             ids = ", ".join(map(str, one.stands))
-            found.append(f"{name}: somebody stands for more than {LONG:.0f} s, where none did: {ids}")
+            found.append(f"{name}: a vehicle stands for more than {LONG:.0f} s, where none did: {ids}")
     return found
 
 

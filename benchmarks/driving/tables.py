@@ -127,7 +127,7 @@ def realism(distances: dict[str, dict[str, float]]) -> str:
 
 
 def failures(drives: Sequence[Drive]) -> str:
-    """Reachable agents that are not in time, and everybody who collides, one by one."""
+    """Reachable agents that are not in time and all collisions, one by one."""
     lines = [
         "| scenario | agent | outcome | late [s] | lost [s] | slow [s] | cause | head | ran into | impact [m/s] |",
         "|---|--:|---|--:|--:|--:|---|--:|---|--:|",

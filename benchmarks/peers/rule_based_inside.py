@@ -36,7 +36,7 @@ def main() -> None:
     environment = gymnasium.make("highway-v0", config=configuration).unwrapped
     environment.reset(seed=0)
     road = environment.road
-    # Everybody is driven by rules: the controlled vehicle is exchanged for one like the others.
+    # All vehicles are driven by rules: the controlled vehicle is exchanged for one like the others.
     controlled = environment.vehicle
     rules = type(next(vehicle for vehicle in road.vehicles if vehicle is not controlled))
     road.vehicles[road.vehicles.index(controlled)] = rules.create_from(controlled)

@@ -72,7 +72,7 @@ def test_idm_stops_one_minimum_gap_behind_a_standing_car():
         steps=350,
     )
     run = simulate(scenario, agents=[2], planner=Idm(minimum_gap=3.0), threads=1)
-    # Who brakes with the model closes the last part of the gap ever more slowly, or stops a little too near.
+    # A driver of the model closes the last part of the gap ever more slowly, or stops a little too near.
     assert 2.5 < gaps(run, 1, 2)[-1] < 3.7
     assert track(run, 2, "velocity")[-1] < 0.1
     assert track(run, 2, "acceleration").min() > -4.0

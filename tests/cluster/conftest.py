@@ -70,7 +70,7 @@ def seen(address: str) -> tuple[int, str]:
 def started():
     """Two nodes with one CPU each, the second one as if it were on another machine.
 
-    Whoever connects does so through the node on his machine, and is lost with it. Nodes on one machine are told apart
+    A client connects through the node on its machine, and is lost with it. Nodes on one machine are told apart
     by their addresses; which of them is the machine's stands in a file that the last one to start has written.
     """
     with socket.socket() as free:

@@ -257,7 +257,7 @@ def test_crossing_vehicles_have_conflict_areas_where_they_are_stated_or_looked_f
     assert np.isinf(found["pet"]).all()
     assert "the map states no intersection" in found.notes[0]
     found = evaluate(scenario, settings=CriticalitySettings(conflict_areas="crossing"))
-    # No lanelet leads to these or away from them: nobody is on a route across.
+    # No lanelet leads to these or away from them: no route leads across.
     assert np.isinf(found["pet"]).all()
     stated = replace(scenario, incomings=(Incoming(5, 1, (7,), (1, 99)), Incoming(6, 1, (8,), (2,))))
     assert evaluate(stated).notes == ()

@@ -1,4 +1,4 @@
-"""The scenarios that come with the package: sound roads, plausible traffic, nobody touches anybody."""
+"""The scenarios that come with the package: sound roads, plausible traffic, no contacts."""
 
 import subprocess
 import sys

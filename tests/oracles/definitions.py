@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 RADIUS, OPPOSITE, ALONG, EROSION, OVERLAP_MIN, STANDING = 100.0, 0.75 * np.pi, 0.25 * np.pi, 0.3, 0.1, 1e-3
 LEAD_IN, SAME_VERTEX, LEADS_BACK = 10.0, 0.05, 3.0
 #: The direction of a lanelet is that of its centre line over twice this [m]. The core smooths it across joints, too, so
-#: who drives nearly across a lanelet may be along or against it [rad].
+#: a vehicle that drives nearly across a lanelet may be along or against it [rad].
 DIRECTION_REACH, NEARLY_ACROSS = 2.0, 0.05
 #: Joints of lanelets that are farther apart [m] are errors of the map and no joints.
 SUCCESSOR_GAP_MAX = 10.0

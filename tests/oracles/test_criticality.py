@@ -36,7 +36,7 @@ def closest(scenario, row, bodies):
     apart[row] = np.inf
     apart[apart >= UNFILTERED.radius] = np.inf
     reach = np.array([body.reach for body in bodies])
-    # Nobody whose circle is farther away than somebody's centre can be the nearest.
+    # A participant whose circle is farther away than another one's centre cannot be the nearest.
     worth = apart - reach[:, None] - reach[row] <= apart.min(axis=0)
     worth &= np.isfinite(apart)
     nearest = np.full(obstacles.n_steps, np.inf)

@@ -87,7 +87,7 @@ class Motion:
 
 
 def plain(length: float, width: float) -> tuple[_core.RoadNetwork, _core.Route, _core.Goal]:
-    """One enormous lane, so that nobody leaves the road; a goal that lies far in the future."""
+    """One enormous lane, so that no vehicle leaves the road; a goal that lies far in the future."""
     x = np.linspace(-0.5 * length, 0.5 * length, 101)
     bounds = [np.column_stack([x, np.full_like(x, side * 0.5 * width)]) for side in (1.0, -1.0)]
     road = _core.RoadNetwork(
@@ -110,7 +110,7 @@ def recorded_obstacles(
 
 
 def agent(i: int, body: Body, pose: np.ndarray, start: int, route: _core.Route, goal: _core.Goal) -> _core.Agent:
-    """Somebody who can do anything."""
+    """A vehicle without limits."""
     vehicle = _core.Vehicle(1, 4.5, 1.8, velocity_max=1e5)
     state = (*pose.tolist(), 0.0, 0.0, 0.0)
     return _core.Agent(i, 1, body.handle, vehicle, state, start, goal, route, None, ViewSettings())

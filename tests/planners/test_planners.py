@@ -48,7 +48,7 @@ class Pirouetting(Straight):
 
 
 class Turntable(Straight):
-    """Straight on; who stands turns around the rear axle."""
+    """Straight on; a standing vehicle turns around the rear axle."""
 
     rate = 0.3
 
@@ -68,7 +68,7 @@ class Trembling(Turntable):
 
 
 class Swerving(Straight):
-    """Who stands trembles for two seconds and then takes a curve of twice the curvature that the vehicle can drive."""
+    """Stands and trembles for two seconds, then takes a curve of twice the curvature that the vehicle can drive."""
 
     def plan(self, view, predictions):
         plan = super().plan(view, predictions)

@@ -141,7 +141,7 @@ def test_the_table_has_the_outcomes_of_both_and_none_for_a_recording(study):
 
 
 class Blind:
-    """Drives straight on at constant speed, whoever stands there."""
+    """Drives straight on at constant speed, whatever is there."""
 
     def plan(self, view, predictions):
         from interdrive import Trajectory

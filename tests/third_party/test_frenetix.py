@@ -72,7 +72,7 @@ def test_the_cheapest_free_sample_is_driven():
     all_else_equal = dataclasses.replace(planner, prediction_margin_length=60.0)
     assert view.first_contact(plan.x, plan.y, plan.orientation, predictions, 0.5, 0.2) is None
     assert view.on_road(plan.x, plan.y, plan.orientation)
-    # Who must not come near the car ahead at all has to brake harder.
+    # An agent that must not come near the car ahead at all has to brake harder.
     assert all_else_equal.plan(view, predictions).velocity[-1] < plan.velocity[-1] - 1.0
 
 

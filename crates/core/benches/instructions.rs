@@ -79,7 +79,7 @@ fn steps(world: &mut World, predictor: &Predictor, n: usize) {
     }
 }
 
-/// Everybody in one part of the town, after some steps, so that there is a past.
+/// All participants in one part of the town, after some steps, so that there is a past.
 fn predict(predictor: &Predictor, times: usize) {
     let mut world = world(shipped::TOWN, 25);
     steps(&mut world, &Predictor::LaneFollowing(LaneFollowing::default()), 5);

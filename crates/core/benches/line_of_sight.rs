@@ -1,4 +1,4 @@
-//! Who sees whom: all agents of dense traffic, by distance alone and with line of sight.
+//! Visibility among all agents of dense traffic, by distance alone and with line of sight.
 
 use std::hint::black_box;
 use std::sync::Arc;

@@ -110,7 +110,7 @@ impl Bench {
     }
 }
 
-/// Everybody keeps speed and heading; two modes, the second one slower.
+/// All participants keep speed and heading; two modes, the second one slower.
 fn predictions(poses: &[(Pose, f64)]) -> Predictions {
     let ids = (0..poses.len() as i64).collect();
     let mut out = Predictions::empty(0, ids, 2, 30);

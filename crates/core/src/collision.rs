@@ -159,7 +159,7 @@ fn swept_box(mover: &Mover<'_>) -> Aabb {
     start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT)
 }
 
-/// Earliest fraction of the step at which the road does not admit the vehicle, looked at every 0.25 m of motion and at
+/// Earliest fraction of the step at which the road does not admit the vehicle, examined every 0.25 m of motion and at
 /// both ends; `None` if it stays on the road.
 pub fn departs_road(road: &RoadNetwork, shape: &Shape, vehicle: &Vehicle, from: Pose, to: Pose) -> Option<f64> {
     let motion = RigidMotion::new(from, to);

@@ -1,4 +1,4 @@
-//! The largest numbers that the core takes. They lie far beyond any map, recording or vehicle, and keep what is worked out
+//! The largest numbers that the core takes. They lie far beyond any map, recording or vehicle, and keep what is computed
 //! from them finite and in proportion to the number of points. It depends on no other
 //! module but `error`. Files are held to `scenario/limits.py`; these bounds are wider, for worlds built in memory.
 

@@ -80,7 +80,7 @@ fn per_phase(agents: usize, threads: usize) -> [usize; 5] {
 }
 
 /// Allocations that each phase may make for 25 agents, with one and with two threads, and for every further agent. The aim
-/// is none; whoever removes some lowers the number.
+/// is none: lower the number if you remove some.
 const LIMITS: [(&str, [usize; 2], f64); 5] = [
     ("observe", [12, 13], 0.1),
     ("predict", [11, 13], 0.1),
@@ -91,7 +91,7 @@ const LIMITS: [(&str, [usize; 2], f64); 5] = [
 
 /// One test, so that nothing else allocates meanwhile.
 #[test]
-#[allow(clippy::print_stdout, reason = "whoever lowers the numbers wants to see them: --nocapture")]
+#[allow(clippy::print_stdout, reason = "to lower the numbers you need to see them: --nocapture")]
 fn a_step_allocates_no_more_than_it_did() {
     for threads in [1, 2] {
         let (few, many) = (per_phase(25, threads), per_phase(100, threads));

@@ -13,7 +13,7 @@ use crate::errors::{InputError, exception};
 use crate::getters::getters;
 use crate::scene::PyScene;
 
-/// A table of predictions, or some of its rows: what one agent may know is not copied before it is looked at.
+/// A table of predictions, or some of its rows: what one agent may know is not copied before it is examined.
 #[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
 pub struct PyPredictions {
     table: Arc<Predictions>,

@@ -160,7 +160,7 @@ class BatchFolder:
     def fresh(self, columns: Sequence[str] | None = None, keys: set[str] | None = None) -> tuple[ArrowTable, set[str]]:
         """Rows (or some columns of them, or those of some runs) that were not merged a moment ago, and whose they are.
 
-        Who reads what is merged after that misses nothing, and has to leave out these keys.
+        If you read what is merged after that, you miss nothing, and have to leave out these keys.
         """
         while True:
             parts = self.unmerged()

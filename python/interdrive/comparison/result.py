@@ -38,7 +38,7 @@ DIFFERENCE_COLUMNS = (
     Column("difference", "number", "of the one minus the other, over agents that all variants drove", nullable=True),
     Column("low", "number", "lower end of the interval", nullable=True),
     Column("high", "number", "upper end of the interval", nullable=True),
-    Column("n_agents", "integer", "agents for whom both have a value"),
+    Column("n_agents", "integer", "agents with a value of both"),
     Column("n_scenarios", "integer", "scenarios of these agents"),
 )
 

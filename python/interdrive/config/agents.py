@@ -68,16 +68,16 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec, predictor: P
     Raises:
         InputError: A planner, predictor or setting does not exist or cannot be used.
     """
-    everybody: Resolved | Mapping[Any, Any]
+    for_all: Resolved | Mapping[Any, Any]
     if isinstance(planner, Mapping) and _is_per_agent(planner):
-        everybody = planner
+        for_all = planner
     else:
         choice, view = _without_view(read_choice(planner, "planner"))
         settings = replace(settings, view=_view(settings.view, view))
-        everybody = resolved_planner(choice, settings.planner)
-        settings = replace(settings, planner=_with(settings.planner, everybody))
+        for_all = resolved_planner(choice, settings.planner)
+        settings = replace(settings, planner=_with(settings.planner, for_all))
     expected = resolved_predictor(predictor, settings.predictor)
-    return RunConfig(replace(settings, predictor=_with(settings.predictor, expected)), everybody, expected)
+    return RunConfig(replace(settings, predictor=_with(settings.predictor, expected)), for_all, expected)
 
 
 def _with(settings: Any, resolved: Resolved) -> Any:  # noqa: ANN401 - PlannerSettings or PredictorSettings

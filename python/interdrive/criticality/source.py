@@ -115,7 +115,7 @@ class Traffic:
     contacts: list[tuple[int, int, int]]
 
     def only(self, ids: Sequence[int]) -> Traffic:
-        """The same without anybody else.
+        """The same with these participants only.
 
         Raises:
             InputError: An id is not there.

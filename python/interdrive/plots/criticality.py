@@ -107,7 +107,7 @@ def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floa
 
 
 def draw_critical_moment(run: Run, moment: CriticalMoment) -> Figure:
-    """The scene around a critical moment, 180 mm wide: both vehicles with time stamps, everybody else at that moment.
+    """The scene around a critical moment, 180 mm wide: both vehicles with time stamps, all others at that moment.
 
     Args:
         run: What was judged.

@@ -160,7 +160,7 @@ def draw_measures(
 def draw_scene(
     run: Run, plans: Plans | None, time: float, agents: Sequence[int] | None = None, *, columns: int = 1
 ) -> Figure:
-    """Everybody at one time: agents with ids, past (thin) and plan (thick), recorded traffic grey.
+    """All participants at one time: agents with ids, past (thin) and plan (thick), recorded traffic grey.
 
     Args:
         run: What happened.

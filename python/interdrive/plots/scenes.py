@@ -86,7 +86,7 @@ def draw_scenes(
     """A figure, 180 mm wide, with a panel per run; all panels show the same part of the world at the same times.
 
     Footprints are drawn every so many seconds; those of the moment when the two vehicles are nearest to each other are
-    filled, and everybody else is drawn where they are at that moment.
+    filled, and all others are drawn where they are at that moment.
 
     Args:
         scenes: The runs, of one scenario.
@@ -202,7 +202,7 @@ def _footprint(scene: Scene, row: int, column: int, view: View) -> list[Floats]:
 
 
 def _traffic(scene: Scene, pair: tuple[int, int], view: View) -> list[Floats]:
-    """Outlines of everybody else at the moment when the two are nearest."""
+    """Outlines of all others at the moment when the two are nearest."""
     if scene.nearest is None:
         return []
     states = scene.run.states

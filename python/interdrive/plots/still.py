@@ -1,4 +1,4 @@
-"""One picture of a whole run: where everybody drove, coloured by time, and how it ended."""
+"""One picture of a whole run: all trajectories, coloured by time, and all outcomes."""
 
 from __future__ import annotations
 

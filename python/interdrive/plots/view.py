@@ -75,7 +75,7 @@ class View:
 
 
 def view_of(run: Run) -> View:
-    """Where the agents move (everybody, if there are no agents), as small as possible.
+    """Where the agents move (all participants, if there are no agents), as small as possible.
 
     The picture is turned if that makes it much smaller or if it would stand upright; then most vehicles drive to
     the right.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Numbers of vehicles.
 VEHICLES = (1, 25, 50, 200)
-#: First of the time steps at which calls are timed: everybody has a past by then.
+#: First of the time steps at which calls are timed: all have a past by then.
 _FIRST = 20
 #: Calls that are timed, and time after which no further one is [s].
 _CALLS, _PATIENCE = 25, 3.0

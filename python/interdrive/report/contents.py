@@ -118,7 +118,7 @@ def _lacking(results: Results) -> list[Missing]:
     elif results.candidates.num_rows == 0:
         found.append({"what": "candidates", "text": "No agent has a planner whose candidates can be recorded."})
     if results.views is None:
-        text = "Who saw whom was not recorded; run with --report or --set record.views=true."
+        text = "Visibility was not recorded; run with --report or --set record.views=true."
         found.append({"what": "views", "text": text})
     return found
 

@@ -33,7 +33,7 @@ class Measured:
         value: Shape (measures, agents, time_steps); inf: no conflict, nan: absent or cannot be computed.
         partner: Row of the decisive participant, same shape.
         extreme: Most critical value of each agent, shape (measures, agents).
-        extreme_step: Column of the states at which it is. extreme_partner: With whom.
+        extreme_step: Column of the states at which it is. extreme_partner: The other participant.
     """
 
     value: Floats

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 #: Resolutions: positions [m], headings [rad], speeds [m/s] and accelerations [m/s²].
 _METRE, _RADIAN, _SPEED = 0.01, 0.001, 0.01
 
-#: Road is shown so far around everybody [m]; points of plans are so far apart [s].
+#: Road is shown so far around all participants [m]; points of plans are so far apart [s].
 _AROUND, _PLAN_SPACING = 150.0, 0.3
 
 
 def pack_states(packer: Packer, run: Run, origin: Floats) -> None:
-    """Positions, headings, speeds and accelerations of everybody, shape (participants, time_steps)."""
+    """Positions, headings, speeds and accelerations of all participants, shape (participants, time_steps)."""
     states = run.states
     packer.add("valid", states.valid)
     packer.add("x", states.x - origin[0], unit=_METRE, steps=True)
@@ -95,7 +95,7 @@ def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable, repl
 
 
 def pack_views(packer: Packer, run: Run, table: ArrowTable | None) -> None:
-    """Who saw whom from when to when."""
+    """Visibility intervals per observer and participant."""
     if table is None:
         return
     column = columns_of(table, ("observer_id", "seen_id", "first_time_step", "last_time_step"))

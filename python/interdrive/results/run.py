@@ -110,7 +110,7 @@ class Run(RunRecord):
 
         Arguments and errors are those of `interdrive.criticality.evaluate`.
         """
-        from interdrive.criticality import evaluate  # noqa: PLC0415 - only who asks pays for it
+        from interdrive.criticality import evaluate  # noqa: PLC0415 - loaded when asked for
 
         return evaluate(
             self, participant_ids, other_ids=other_ids, settings=settings, deceleration=deceleration, threads=threads

@@ -207,8 +207,8 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
     best.map_or(aim, |(_, aim)| aim)
 }
 
-/// Whom the agent lets go ahead in the lane to which it must change soon: it falls in with the speed of that lane, braking
-/// no harder than is comfortable, so that a change becomes possible.
+/// The vehicle that the agent lets go ahead in the lane to which it must change soon: the agent falls in with the speed
+/// of that lane, braking no harder than is comfortable, so that a change becomes possible.
 fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim: Aim) -> Option<Next> {
     let velocity = request.state.velocity.max(0.0);
     let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;

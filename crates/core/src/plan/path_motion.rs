@@ -21,7 +21,7 @@ const ATTEMPTS: usize = 4;
 const BESIDE: [f64; 9] = [0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0];
 /// ... reached within this time [s].
 const BESIDE_TIME: f64 = 1.5;
-/// Near the middle of a lane that is as straight as this no vehicle leaves the road: offset [m], curvature [1/m], looked at
+/// Near the middle of a lane that is as straight as this no vehicle leaves the road: offset [m], curvature [1/m], examined
 /// every so many metres.
 const HARMLESS_OFFSET: f64 = 0.4;
 const STRAIGHT_CURVATURE: f64 = 0.02;

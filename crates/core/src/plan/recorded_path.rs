@@ -24,7 +24,7 @@ const MOVED: f64 = 2.0;
 /// The last position belongs to a lane within this distance [m].
 const LANE_TOLERANCE: f64 = 1.5;
 
-/// Where somebody was when, according to the recording.
+/// A recorded trajectory as a path: where the vehicle was when.
 #[derive(Debug, Clone)]
 pub struct RecordedPath {
     /// Time step of the first state.

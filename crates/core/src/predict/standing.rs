@@ -25,7 +25,7 @@ pub(super) struct Stillness {
 }
 
 impl Stillness {
-    /// Of a row of the participants that has a finite state now; the past is looked at `span` [s] far back.
+    /// Of a row of the participants that has a finite state now; the past is examined `span` [s] far back.
     pub(super) fn of(scene: &Scene, row: usize, span: f64) -> Self {
         let here = scene.state(row).pose().position;
         let (mut known, mut unmoved, mut is_unmoved) = (0.0, 0.0, true);

@@ -86,7 +86,7 @@ impl Default for WorldSettings {
 #[derive(Debug)]
 struct Drive {
     agent: Arc<Agent>,
-    /// What its planner worked out before the first step.
+    /// What its planner computed before the first step.
     prepared: Prepared,
     /// Row among the participants.
     row: usize,

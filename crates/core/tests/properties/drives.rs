@@ -54,7 +54,7 @@ fn law(source: &mut Source) -> CarFollowing {
     if changed.validate().is_ok() { changed } else { default }
 }
 
-/// Who has no recording mostly gets a planner that needs none: otherwise there is no world.
+/// Agents without a recording mostly get a planner that needs none: otherwise there is no world.
 fn planner(source: &mut Source, is_recorded: bool) -> Planner {
     let idm = |source: &mut Source| IdmSettings { law: law(source), ..IdmSettings::default() };
     let kind = source.byte() % 8;
@@ -184,7 +184,7 @@ fn outside(source: &mut Source, now: &State, dt: f64) -> Vec<State> {
         Ok(points) => points,
         Err(error) => {
             assert!(!error.to_string().is_empty());
-            // Without the check, too: a plan is a plan of the world, whoever wrote it.
+            // Without the check, too: a plan is a plan of the world, whatever wrote it.
             (0..n)
                 .map(|i| State { x: x[i], y: y[i], orientation: orientation[i], velocity: velocity[i], ..*now })
                 .collect()

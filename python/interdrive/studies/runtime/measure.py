@@ -41,7 +41,7 @@ STEP_COLUMNS = (
     Column("predict", "number", "prediction [s]"),
     Column("plan", "number", "planning of all agents, on all threads: the slowest batch [s]"),
     Column("collision", "number", "search for contacts and road departures [s]"),
-    Column("update", "number", "everybody moves, goals are judged, states are recorded [s]"),
+    Column("update", "number", "all move, goals are judged, states are recorded [s]"),
     Column("python", "number", "what is not spent in the core, part of the phases [s]"),
 )
 

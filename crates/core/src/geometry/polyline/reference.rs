@@ -343,7 +343,7 @@ fn points_at(path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7]) {
     let [x, y, theta, cos, sin, curvature, curvature_rate] = out;
     let mut first = 0;
     while first + LANES <= s.len() {
-        // First what has to be looked up one by one, then what can be worked out at once.
+        // First what has to be looked up one by one, then what can be computed at once.
         let nothing = [0.0; LANES];
         let (mut along, mut headings, mut from, mut to) = (nothing, nothing, [nothing; 5], [nothing; 5]);
         for k in 0..LANES {

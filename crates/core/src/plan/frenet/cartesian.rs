@@ -41,7 +41,7 @@ impl FrenetTrajectory<'_> {
         (at, FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 })
     }
 
-    /// Some points, in slices of one length, so that nobody has to look whether a point is there.
+    /// Some points, in slices of one length, so that no bounds are checked point by point.
     #[inline(always)]
     fn cut(&self, first: usize, n: usize) -> Self {
         let range = first..first + n;

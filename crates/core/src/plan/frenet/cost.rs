@@ -7,8 +7,8 @@ use super::settings::CostWeights;
 use super::terms::from_tables;
 use crate::geometry::polyline::ReferencePath;
 
-/// Terms that follow from the tables. Of all profiles there is a lower bound at first; a better one and then the samples of
-/// a profile are worked out when somebody asks for them.
+/// Terms that follow from the tables. At first every profile has only a lower bound; a better bound, and then the costs
+/// of its samples, are computed on demand.
 #[derive(Debug, Clone, Default)]
 pub(super) struct TableCosts {
     /// One entry per sample, of this plan once `compute_profile` has seen its profile.

@@ -1,5 +1,5 @@
 //! First bounds of profiles: by how much the speeds of a profile's samples differ from the desired one at least, whatever the
-//! end offset. Worked out in single precision for every profile, most of which nobody looks at again.
+//! end offset. Computed in single precision for every profile; most of them are never examined again.
 //!
 //! Rounding: speeds are off by less than `SPEED_ROUNDING` of the speeds that they are made of, and sums by less than
 //! `ROUNDING` of themselves per addition and for what is done with each term; bounds are lowered by as much.
@@ -71,7 +71,7 @@ impl FirstBounds {
     /// profile.
     pub(super) fn gaps(&mut self, samples: &SampleGrid, index: usize, desired: f64) -> f64 {
         let profile = &samples.profiles[index];
-        // Rounding is covered by the knots that are looked at too many.
+        // Rounding is covered by the extra knots that are examined.
         let end = (samples.last_place(index) * self.per_spacing) as usize + 2;
         let place = end.saturating_sub(self.first_knot).min(self.curvature_up_to.len() - 1);
         let curvature = self.curvature_up_to[place];

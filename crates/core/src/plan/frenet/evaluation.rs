@@ -44,7 +44,7 @@ pub(super) struct EvaluationMemory {
     /// Place in the pool of every sample that is admissible.
     slots: Vec<u32>,
     progress: Vec<Progress>,
-    /// Trajectories of the admissible samples that were looked at.
+    /// Trajectories of the admissible samples that were examined.
     pool: Vec<Waypoint>,
     /// Their prediction terms, point by point.
     contributions: Vec<f64>,
@@ -103,7 +103,7 @@ pub(super) struct Tables<'a> {
 pub(super) struct Evaluation<'a> {
     pub(super) problem: Problem<'a>,
     pub(super) tables: Tables<'a>,
-    /// The footprint is larger by this on all sides when the road is looked at [m].
+    /// The footprint is larger by this on all sides when the road is examined [m].
     road_margin: f64,
     prediction_weight: f64,
     world_terms: bool,
@@ -249,7 +249,7 @@ impl<'a> Evaluation<'a> {
     }
 
     /// The footprint (with margin) stays on the road, at the points and between them; an agent that starts (partly)
-    /// beside it must do so once it is back. Without margin the first step, which will be driven, is looked at as
+    /// beside it must do so once it is back. Without margin the first step, which will be driven, is examined as
     /// closely as the world does.
     fn is_on_road(&mut self, points: &[Waypoint]) -> bool {
         let PlanRequest { road, shape, state, vehicle, mut was_on_road, .. } = *self.problem.request;
@@ -327,8 +327,8 @@ impl SearchSpace for Evaluation<'_> {
         self.tables.costs.total[profile * n_offsets..(profile + 1) * n_offsets].iter().copied()
     }
 
-    /// One more step of work on a sample: first what the vehicle can drive and whom it hits, then its prediction term
-    /// block by block, at last the road, which few get to.
+    /// One more step of work on a sample: first feasibility and contacts, then its prediction term, some points per
+    /// turn, at last the road, which few get to.
     fn refine(&mut self, sample: usize) -> Refined {
         let n_points = self.problem.limits.n_points;
         let EvaluationMemory { slots, progress, pool, contributions, order, .. } = &mut *self.tables.memory;

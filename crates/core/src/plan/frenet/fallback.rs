@@ -2,8 +2,8 @@
 //!
 //! 1. It stands (at most 0.1 m/s): it stays.
 //! 2. Full braking that stays on the road: along the path of the previous plan, if the agent is still on it, on the arc
-//!    of the present steering, or straight on. If that hits somebody, samples that can be driven and stay on the road are
-//!    considered, too, as long as they hit with no more kinetic energy and no larger difference of velocities. The least
+//!    of the present steering, or straight on. If that hits a participant, drivable samples that stay on the road
+//!    count, too, if they hit with no more kinetic energy and no larger difference of velocities. The least
 //!    severe contact counts: the difference of velocities, where one second more counts like 2 m/s less.
 //! 3. Full braking on the arc next to that of the present steering which stays on the road (as far as the tyres hold; the
 //!    steering jumps).

@@ -1,8 +1,8 @@
 //! Sampling-based planning in the Frenet frame of the reference path.
 //!
 //! One plan: the present state is expressed in the frame of the path; samples join it to a grid of end conditions;
-//! the cheapest sample wins that the vehicle can drive, that hits nobody and that stays on the road. Only as much is
-//! evaluated as the choice needs (`search`). If there is none, see `fallback`.
+//! the cheapest sample wins that is feasible, free of collisions, and on the road. Only as much is evaluated as the
+//! choice needs (`search`). If there is none, see `fallback`.
 //!
 //! Sources: Werling, Ziegler, Kammel, Thrun, ICRA 2010, doi 10.1109/ROBOT.2010.5509799 (samples); Trauth, Moller,
 //! Wuersching, Betz, FRENETIX, IEEE Access 2024, doi 10.1109/ACCESS.2024.3436835 (grid, cost, selection). Unlike the
@@ -62,7 +62,7 @@ pub struct FrenetMemory {
 }
 
 impl FrenetMemory {
-    /// Trajectories that the last plan looked at as a whole, in all its attempts.
+    /// Trajectories that the last plan examined as a whole, in all its attempts.
     pub(crate) fn effort(&self) -> usize {
         self.effort
     }
@@ -227,7 +227,7 @@ fn prepare(
     obstacles.prepare(request, (start, warm_start), samples, settings);
 }
 
-/// Full braking, or the least bad of the samples that hit somebody with no more energy than it does; `None` if neither
+/// Full braking, or the least bad of the samples that collide with no more energy than it does; `None` if neither
 /// stays on the road.
 fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     let Problem { request, start, limits, .. } = evaluation.problem;

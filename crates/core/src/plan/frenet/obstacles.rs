@@ -60,7 +60,7 @@ pub(super) struct Obstacles {
     swept_boxes: SweptBoxes,
     predicted_footprints: PredictedFootprints,
     reach: Reach,
-    /// Modes of participants who may come within reach.
+    /// Modes of participants that may come within reach.
     reached: Vec<Reached>,
     /// The poses of the one at hand.
     poses: Poses,
@@ -128,7 +128,7 @@ impl Obstacles {
         self.reached = reached;
     }
 
-    /// Forgets the last plan, and looks who may come within reach.
+    /// Forgets the last plan and finds the participants that may come within reach.
     fn begin(&mut self, request: &PlanRequest, settings: &FrenetSettings) {
         let predictions = request.predictions;
         let margin = settings.prediction_margin_length.max(settings.prediction_margin_width);
@@ -250,7 +250,7 @@ impl Obstacles {
         OrientedBox { center: point.center, axis: point.axis, half_length, half_width }
     }
 
-    /// No sample can get near anybody's expected position.
+    /// No sample can get near any predicted position.
     pub(super) fn has_no_prediction_in_reach(&self) -> bool {
         self.predicted_footprints.is_empty()
     }

@@ -13,7 +13,7 @@ pub(super) struct Entry(
     u128,
 );
 
-/// Somebody follows a sample in the queue when its turn has come.
+/// Another sample follows this one in the queue when its turn has come.
 const FOLLOWED: u32 = 1 << 31;
 
 impl Entry {
@@ -54,7 +54,7 @@ impl Entry {
         (number & FOLLOWED != 0).then_some((number & !FOLLOWED) as usize)
     }
 
-    /// The same sample, followed by that of a run or by nobody.
+    /// The same sample, followed by that of a run or by none.
     #[inline]
     fn followed_by(self, run: Option<usize>) -> Self {
         Self(self.0 >> 32 << 32 | run.map_or(0, |run| u128::from(FOLLOWED | run as u32)))
@@ -84,7 +84,7 @@ pub(super) enum Refined {
     Cost(f64),
 }
 
-/// Who knows the samples.
+/// Access to the samples.
 pub(super) trait SearchSpace {
     /// A better bound of a group than the one before, if there is one; not below it.
     fn tighten(&mut self, group: usize) -> Option<f64>;
@@ -143,7 +143,7 @@ pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>) {
 /// The admissible sample with the smallest (cost, index) and its cost. What the queue was started with are lower bounds
 /// of the costs, infinite for what is rejected already.
 ///
-/// A sample is only returned when it is complete and everybody else's (bound, index) is larger. As no cost is below its
+/// A sample is only returned when it is complete and the (bound, index) of all others is larger. As no cost is below its
 /// bound, the result is that of `exhaustive`.
 pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
     while let Some(Reverse(mut entry)) = queue.entries.pop() {

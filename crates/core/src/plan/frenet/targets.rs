@@ -25,7 +25,7 @@ pub(super) struct Targets {
     pub(super) stops: [Option<f64>; 2],
 }
 
-/// Somebody ahead on the path.
+/// A participant ahead on the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Leader {
     /// Arc length of its nearest point [m].
@@ -83,10 +83,10 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// The path is looked at in steps of so many knots, about 2 m; in between it bulges by less than this [m].
+    /// The path is examined in steps of so many knots, about 2 m; in between it bulges by less than this [m].
     const KNOTS: usize = 4;
     const BULGE: f64 = 0.25;
-    /// Who is larger than this is looked at more closely in any case [m].
+    /// Larger participants are always examined more closely [m].
     const RADIUS_MAX: f64 = 15.0;
 
     fn ahead(request: &PlanRequest, start: &Start) -> Self {
@@ -138,7 +138,7 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     let path = &request.route.path;
     let corridor = 0.5 * vehicle.width + CORRIDOR_MARGIN;
     let middle = start.s + vehicle.rear_axle_to_center;
-    // Whoever can neither be ahead nor in the corridor needs no exact foot.
+    // A participant that can be neither ahead nor in the corridor needs no exact foot.
     let beside_at = start.d.abs() + corridor + body.half_length.hypot(body.half_width) + ROUNDING;
     let (from, to) = (middle - path.spacing(), start.s + distance + 10.0 + path.spacing());
     if !path.may_pass(body.center, beside_at, from, to) {

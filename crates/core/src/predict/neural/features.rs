@@ -21,7 +21,7 @@ const LATERAL_ACCELERATION: f64 = 3.0;
 const CURVE_SPEED_MAX: f64 = 40.0;
 /// Ends of the stretches whose mean curvature is told [m].
 const STRETCHES: [f64; 7] = [5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0];
-/// The known road is looked at this far [m].
+/// The known road is examined this far [m].
 const END_MAX: f64 = 100.0;
 /// Features are kept within this value: nothing that is broken gets far.
 const LIMIT: f64 = 10.0;

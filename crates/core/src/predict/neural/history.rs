@@ -8,7 +8,7 @@ use crate::scene::Scene;
 pub const N_INSTANTS: usize = 10;
 /// Time between them [s].
 pub const INSTANT: f64 = 0.2;
-/// The past is looked at this far back [s].
+/// The past is examined this far back [s].
 const SPAN: f64 = N_INSTANTS as f64 * INSTANT;
 
 /// Past positions of a participant.

@@ -5,9 +5,9 @@ use crate::simd::multiversion;
 
 /// Segments of a stretch.
 pub(super) const STRIDE: usize = 16;
-/// Stretches that are looked at together.
+/// Stretches that are examined together.
 const LANES: usize = 4;
-/// Stretches that have a bit in a mask; those behind are always looked at.
+/// Stretches that have a bit in a mask; those behind are always examined.
 const BITS: usize = 64;
 /// More than any rounding [m].
 const ROUNDING: f64 = 1e-6;

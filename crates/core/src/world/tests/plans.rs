@@ -79,7 +79,7 @@ fn an_agent_without_a_usable_plan_ends_where_it_is() {
 fn between_new_plans_the_last_one_is_followed_as_long_as_it_has_points() {
     let settings = WorldSettings { replan_every: 3, ..WorldSettings::default() };
     let way = |n: usize| (0..n).map(|k| at(20.0 + k as f64, 0.0, 10.0)).collect::<Vec<_>>();
-    // What the agents hand over while their last plan counts is not looked at.
+    // Plans given for agents whose last plan still counts are ignored.
     let elsewhere = [at(50.0, 0.0, 10.0), at(51.0, 0.0, 10.0)];
     for (n_points, expected) in [(2, 1), (3, 2), (4, 3), (9, 3)] {
         let mut world = world_with(vec![agent(1, at(20.0, 0.0, 10.0), vec![far()])], &[], settings);

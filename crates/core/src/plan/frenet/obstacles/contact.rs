@@ -5,9 +5,9 @@ use crate::geometry::shape::OrientedBox;
 use crate::plan::frame::Waypoint;
 use crate::plan::{Other, PlanRequest};
 
-/// Somebody behind may be left to keep their own distance while the agent stays this close to its lateral position [m].
+/// A follower keeps the distance while the agent stays this close to its lateral position [m].
 const OWN_LANE: f64 = 1.0;
-/// Somebody faster than this [m/s] can be expected to yield ...
+/// A participant faster than this [m/s] is expected to yield ...
 const YIELDING_SPEED: f64 = 0.2;
 /// ... if this deceleration [m/s²] from now on stops it before the contact.
 const YIELDING_DECELERATION: f64 = 5.0;
@@ -37,9 +37,9 @@ impl Contact {
 impl Obstacles {
     /// First contact of a sample with a mode that counts, if any.
     ///
-    /// Not a contact: somebody behind the agent's rear who heads the same way while the agent stays in its lane (they
-    /// would hit the agent, and keeping distance is up to them) or who comes second and must yield, from then on for
-    /// good; an overlap that exists from the start, until it first ends, as long as the centres do not approach.
+    /// Not a contact: a participant behind the agent's rear with the same heading, while the agent stays in its lane (it
+    /// would hit the agent, so keeping the distance is its task), or one that comes second and must yield, from then on
+    /// for good; an overlap that exists from the start, until it first ends, as long as the centres do not approach.
     pub(in crate::plan::frenet) fn first_contact(
         &mut self,
         points: &[Waypoint],
@@ -99,7 +99,7 @@ impl Obstacles {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Meeting {
     None,
-    /// The obstacle need not be looked at any more.
+    /// The obstacle need not be examined any more.
     Ignored,
     Contact(Contact),
 }

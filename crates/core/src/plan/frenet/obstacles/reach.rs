@@ -1,4 +1,4 @@
-//! Where the agent's footprint can get: whoever stays away from there need not be looked at.
+//! Where the agent's footprint can get; participants that stay away from there are skipped.
 
 use super::super::grid::{ARC_MIN, SampleGrid};
 use super::super::warm_start::WarmStart;

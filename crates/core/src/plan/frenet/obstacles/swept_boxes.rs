@@ -15,7 +15,7 @@ type Boxes = [[f32; GROUP]; N_NUMBERS];
 pub(super) struct SweptBoxes {
     /// (bodies, groups of intervals)
     boxes: Vec<Boxes>,
-    /// The boxes of a group are to be looked at; likewise.
+    /// The boxes of a group are to be examined; likewise.
     counts: Vec<bool>,
     n_groups: usize,
     /// Which bodies may overlap the sample at hand, a bit per interval; likewise.

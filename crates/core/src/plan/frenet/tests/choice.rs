@@ -268,7 +268,7 @@ fn an_improbable_mode_that_is_nowhere_dense_costs_nothing() {
     assert!(whole > 0.0 && cost(0.1, 0.005) == whole, "{whole}");
     assert!(0.0 < cost(0.1, 0.01) && cost(0.1, 0.01) < whole, "{} {whole}", cost(0.1, 0.01));
     assert!(cost(0.1, 0.17) == 0.0);
-    // Who is probable enough to rule samples out counts everywhere.
+    // Modes that are probable enough to rule samples out count everywhere.
     assert!(cost(0.3, 0.17) == cost(0.3, 0.0) && cost(0.3, 0.0) > 0.0);
 }
 
@@ -280,7 +280,7 @@ fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
     let of_attempt = |premises: Premises| {
         let mut fresh = FrenetMemory::default();
         let result = blocked.with_request(|request| attempt(request, &settings, &mut fresh, premises));
-        assert_ne!(result.status, PlanStatus::Planned, "nobody gets around it");
+        assert_ne!(result.status, PlanStatus::Planned, "there is no way around it");
         (fresh.effort(), fresh.evaluation.off_road_cost.is_finite())
     };
     let (stated, leaves_road) = of_attempt(Premises::STATED);

@@ -6,7 +6,7 @@ use crate::plan::frenet::FrenetSettings;
 use crate::road::testing::{arc, lane, open, straight};
 use crate::trajectory::PlanStatus;
 
-/// Steps of driving; checks after each that nobody is touched. Returns how often the plan was no regular one.
+/// Steps of driving; checks after each that there is no contact. Returns the number of emergency plans.
 fn drive_on(drive: &mut Drive, n_steps: usize) -> usize {
     let settings = FrenetSettings::default();
     let mut irregular = 0;
@@ -14,7 +14,7 @@ fn drive_on(drive: &mut Drive, n_steps: usize) -> usize {
         let result = drive.plan(&settings);
         irregular += usize::from(result.status != PlanStatus::Planned);
         drive.step(result);
-        assert!(!drive.touches_somebody(), "contact at step {step}: {:?}", drive.state);
+        assert!(!drive.is_in_contact(), "contact at step {step}: {:?}", drive.state);
     }
     irregular
 }
@@ -53,7 +53,7 @@ fn a_sudden_obstacle_leads_to_hard_braking_not_to_a_crash() {
 
 #[test]
 fn a_follower_does_not_forbid_braking() {
-    // Somebody close behind at the same speed, a standing car ahead.
+    // A follower close behind at the same speed, a stationary car ahead.
     let mut drive = Drive::along(&lane_of_400_m(), 40.0, 12.0);
     drive.cars = vec![Car::at(drive.state.x - 9.0, 0.0, 0.0, 12.0), Car::at(62.0, 0.0, 0.0, 0.0)];
     let result = drive.plan(&FrenetSettings::default());

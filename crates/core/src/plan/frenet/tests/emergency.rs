@@ -21,7 +21,7 @@ fn contact_speeds(mut drive: Drive) -> Option<(f64, f64)> {
             braking = Some((drive.time_step, full));
         }
         drive.step(result);
-        if drive.touches_somebody() {
+        if drive.is_in_contact() {
             let (from, full) = braking.expect("an emergency before a contact");
             let at = (drive.time_step - from) as usize;
             return Some((drive.state.velocity, full[0][at].velocity));

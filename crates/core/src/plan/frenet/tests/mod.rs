@@ -191,7 +191,7 @@ impl Drive {
         self.with_request(|request| candidates(request, settings))
     }
 
-    /// Drives the first step of the plan; everybody else moves on.
+    /// Drives the first step of the plan; all others move on.
     fn step(&mut self, result: PlanResult) {
         self.state = result.trajectory.points[1];
         self.previous = Some((result.trajectory, 1));
@@ -207,7 +207,7 @@ impl Drive {
         self.route.path.project(rear_axle).expect("beside the path")
     }
 
-    fn touches_somebody(&self) -> bool {
+    fn is_in_contact(&self) -> bool {
         self.cars.iter().any(|car| self.shape.overlaps(self.state.pose(), &car.shape, car.pose))
     }
 }

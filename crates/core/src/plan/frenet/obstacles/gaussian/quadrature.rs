@@ -1,4 +1,4 @@
-//! Gauss-Legendre rules, worked out by the compiler.
+//! Gauss-Legendre rules, computed by the compiler.
 
 /// Nodes in [-1, 1] with their weights: zeros of the Legendre polynomial of degree `N` by Newton's method from the usual
 /// cosine guesses.
