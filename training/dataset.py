@@ -16,7 +16,7 @@ from interdrive import _core
 from interdrive.config.specs import resolved_predictor
 from interdrive.files import read_scenario
 from interdrive.native_settings import RoadSettings
-from interdrive.predictors import PredictorSettings, native
+from interdrive.predictors import PredictorSettings, native_predictor
 from interdrive.scenario.native import core_road, core_scenario
 from training.driven import behaviour_of, driven_traffic, files_to_drive
 from training.split import FOLDS, place_of
@@ -89,7 +89,7 @@ def rows_of(scenario: Scenario, interval: float = INTERVAL, only: NDArray[np.int
     core = core_scenario(scenario, road)
     world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
     settings = PredictorSettings()
-    rivals = {name: native(resolved_predictor(name, settings).make(), settings, core) for name in RIVALS}
+    rivals = {name: native_predictor(resolved_predictor(name, settings).make(), settings, core) for name in RIVALS}
     stride = max(1, round(interval / scenario.dt))
     parts = []
     for time_step in range(0, scenario.obstacles.n_steps - 1, stride):

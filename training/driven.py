@@ -76,8 +76,8 @@ def driven_traffic(scenario: Scenario, planner: str) -> tuple[Scenario, NDArray[
     """The scenario as it went when all its vehicles that can be agents were driven by a planner.
 
     Returns:
-        The scenario with the simulated motion in place of the recording, and the ids of the agents, ascending; None where
-        no vehicle can become an agent.
+        The scenario with the simulated motion in place of the recording, and the ids of the agents, ascending; None
+        where no vehicle can become an agent.
     """
     try:
         run = simulate(scenario, planner=planner, predictor=_PREDICTOR, threads=1)

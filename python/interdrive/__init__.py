@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from interdrive import criticality, plots, report
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.batches import batch, read_batch
-    from interdrive.config.agents import PlannersSpec, ViewsSpec
+    from interdrive.config.agent_config import PlannersSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec, SimulationSettings
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
@@ -106,8 +106,8 @@ _HOME = {
     "SettingsSpec": "config.schema",
     "PlannerSpec": "config.specs",
     "PredictorSpec": "config.specs",
-    "PlannersSpec": "config.agents",
-    "ViewsSpec": "config.agents",
+    "PlannersSpec": "config.agent_config",
+    "ViewsSpec": "config.agent_config",
     "simulate": "simulation",
     "CaseStudy": "studies",
     "case_study": "studies",

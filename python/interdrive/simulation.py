@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import nullcontext
 from dataclasses import replace
@@ -11,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 from interdrive import _core
-from interdrive.config.agents import agent_configs, run_config, stored
+from interdrive.config.agent_config import agent_configs, run_config, stored
 from interdrive.config.binding import flatten
 from interdrive.config.schema import RecordSettings, SimulationSettings, settings_of
 from interdrive.config.specs import bound_predictor
@@ -28,21 +27,18 @@ from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.reasons import reasons
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.agents import normalized, select
-from interdrive.scenario.native import core_road, core_scenario, core_shape
+from interdrive.scenario.native import core_road, core_scenario, core_shape, thread_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.config.agents import PlannersSpec, ViewsSpec
+    from interdrive.config.agent_config import PlannersSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import ViewSettings
     from interdrive.planners.calls import Answer
     from interdrive.run import Outcomes, RunSettings
-
-#: More threads than any machine has cores; the system would run out of them.
-_THREADS_MAX = 1024
 
 
 class Simulation:
@@ -86,15 +82,14 @@ class Simulation:
         Raises:
             InputError: The input cannot be used; one line states why.
         """
-        if threads is not None and not 1 <= threads <= _THREADS_MAX:
-            raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
+        self.threads = thread_count(threads)
         if on_planner_error not in ("end_agent", "raise"):
             raise InputError(f"on_planner_error must be 'end_agent' or 'raise', not {on_planner_error!r}")
         self._raises = on_planner_error == "raise"
         if seed < 0:
             raise InputError(f"the seed must not be negative, is {seed}")
         self.scenario = open_scenario(scenario)
-        self.seed, self.threads = seed, threads or os.cpu_count() or 1
+        self.seed = seed
         config = run_config(settings_of(settings), planner, predictor)
         self.settings, self._predictor_config = config.settings, config.predictor
         self._agents_wanted = normalized(agents)

@@ -5,7 +5,7 @@ import pytest
 from safetensors.numpy import save_file
 
 from interdrive import InputError, Simulation, _core, simulate
-from interdrive.predictors import Neural, native
+from interdrive.predictors import Neural, native_predictor
 from interdrive.predictors.weights import digest
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -188,7 +188,7 @@ def test_an_impossible_number_of_modes_is_refused_by_its_name(modes_max):
 def test_the_shipped_weights_keep_a_steady_car_going_and_a_standing_one_where_it_is():
     simulation = Simulation(scenario((Car(7, 60.0, 0.2, velocity=12.0), Car(8, 150.0, 3.5))), agents=[100], threads=1)
     scene = simulation._core_scenario.scene(30)
-    found = simulation.world.predict(native(Neural(), simulation.settings.predictor, None), scene, 30)
+    found = simulation.world.predict(native_predictor(Neural(), simulation.settings.predictor, None), scene, 30)
     moving, standing = (found.ids.tolist().index(i) for i in (7, 8))
     assert found.x[moving, 0, -1] == pytest.approx(60.0 + 12.0 * 6.0, abs=3.0)
     assert abs(found.y[moving, 0, -1]) < 1.0

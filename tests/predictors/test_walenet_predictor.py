@@ -161,7 +161,7 @@ def test_a_past_that_is_not_known_is_filled_in_at_the_speed_first_seen():
 
 
 def test_the_published_anchor_is_a_step_ahead():
-    """A vehicle that keeps its speed is where it is expected to be, so "next" now is "now" at the next step, read early."""
+    """Constant speed fulfils the prediction, so "next" now is "now" at the next step, read early."""
     following, early = alone().after(31), alone(anchor="next").after(30)
     assert early.predict().x == pytest.approx(following.predict().x, abs=1e-4)
     assert early.predict().y == pytest.approx(following.predict().y, abs=1e-4)

@@ -13,7 +13,7 @@ PUBLIC = (
     "interdrive.testing",
 )  # fmt: skip
 #: They tell what anything given is.
-TELLING = {"native", "native_name", "native_planner", "native_record"}
+TELLING = {"native_planner", "native_predictor"}
 
 
 def annotations(name, thing):

@@ -23,6 +23,7 @@ from interdrive.plots import (
     draw_velocity,
     save_figure,
 )
+from interdrive.plots.figures import KINDS
 from interdrive.plots.style import agent_colors, pair_colors
 from interdrive.results import read_results, reopen, save
 from interdrive.results.reader import stored_plans
@@ -180,10 +181,14 @@ def test_a_folder_without_plans_is_drawn_without_them(merge, tmp_path):
     assert plot(bare, "--kind", "scene@2", "--out", tmp_path / "scene.png").exit_code == 0
 
 
+def test_the_help_names_every_kind_of_figure():
+    assert all(kind in plot("--help").output for kind in KINDS)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--kind", "speed"], "--kind speed: no such figure; the kinds are trajectories, velocity"),
+        (["--kind", "speed"], "--kind speed: no such figure; the kinds are run, trajectories, velocity"),
         (["--kind", "scene"], "write the time in seconds, for instance scene@3.5"),
         (["--kind", "scene@soon"], "write the time in seconds"),
         (["--kind", "scene@nan"], "write the time in seconds"),

@@ -8,7 +8,7 @@ import pytest
 from interdrive import _core
 from interdrive.files import read_scenario, shipped_scenario
 from interdrive.native_settings import RoadSettings
-from interdrive.predictors import Neural, PredictorSettings, native
+from interdrive.predictors import Neural, PredictorSettings, native_predictor
 from interdrive.predictors.neural import SHIPPED
 from interdrive.predictors.weights import read_weights
 from interdrive.scenario.native import core_road, core_scenario
@@ -34,7 +34,7 @@ def rows(request):
     core = core_scenario(scenario, road)
     core_world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
     found = dataset.rows_of(scenario, interval=1.0)
-    predictor = native(Neural(modes_max=8), PredictorSettings(), core)
+    predictor = native_predictor(Neural(modes_max=8), PredictorSettings(), core)
     n_steps = round(3.0 / scenario.dt)
     at = np.rint(KNOTS / scenario.dt).astype(int) - 1
     said = {name: [] for name in ("probability", "xy", "covariance")}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from interdrive.batches.plan import RunSpec
-    from interdrive.config.agents import PlannersSpec
+    from interdrive.config.agent_config import PlannersSpec
     from interdrive.config.specs import PlannerSpec
     from interdrive.results import Run
     from interdrive.scenario import Scenario

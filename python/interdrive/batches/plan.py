@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from interdrive import _core
-from interdrive.config.agents import AgentConfig, run_config, stored
+from interdrive.config.agent_config import AgentConfig, run_config, stored
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import read_choice, versions
 from interdrive.config.schema import SimulationSettings

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +10,15 @@ import click
 from interdrive.cli.arguments import shown
 from interdrive.errors import InputError
 
-KINDS = ("trajectories", "velocity", "criticality", "scene@SECONDS")
-
 
 @click.command()
 @click.argument("folder", metavar="RUN")
-@click.option("--kind", metavar="KIND", required=True, help=f"{', '.join(KINDS)}, for instance scene@3.5.")
+@click.option(
+    "--kind",
+    metavar="KIND",
+    required=True,
+    help="run, trajectories, velocity, criticality or scene@SECONDS, for instance scene@3.5.",
+)
 @click.option("--agents", metavar="ID,ID", help="Agents to draw (all).")
 @click.option(
     "--measures",
@@ -36,10 +38,6 @@ def plot(
 
     RUN is a run folder. Text remains text in PDF and SVG, so you can search and edit it.
     """
-    name, _, moment = kind.partition("@")
-    if kind not in KINDS[:3] and name != "scene":
-        raise InputError(f"--kind {kind}: no such figure; the kinds are {', '.join(KINDS)}")
-    time = _seconds(kind, moment) if name == "scene" else None
     numbers = _numbers(agents)
     panels = [name.strip() for name in measures.split(",") if name.strip()]
     if kind == "criticality" and not panels:
@@ -48,10 +46,14 @@ def plot(
         raise InputError(f"--out {out}: figures end in .pdf, .png or .svg")
 
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
-    from interdrive.plots import draw_figure, save_figure  # noqa: PLC0415 - matplotlib
+    from interdrive.plots import draw_figure, figure_kind, save_figure  # noqa: PLC0415 - matplotlib
     from interdrive.results import read_results, reopen  # noqa: PLC0415 - pyarrow
     from interdrive.results.reader import stored_plans  # noqa: PLC0415
 
+    try:
+        name, time = figure_kind(kind)
+    except InputError as error:
+        raise InputError(f"--{error.location}", error.message) from None
     with progress(quiet=quiet) as bar:
         bar.say(f"reading {folder}")
         results = read_results(folder, in_part=True)
@@ -62,16 +64,6 @@ def plot(
         save_figure(figure, path)
     if not quiet:
         output().print(f"figure in {shown(path.resolve())}", soft_wrap=True, markup=False)
-
-
-def _seconds(kind: str, moment: str) -> float:
-    try:
-        seconds = float(moment)
-    except ValueError:
-        seconds = math.nan
-    if not math.isfinite(seconds):
-        raise InputError(f"--kind {kind}: write the time in seconds, for instance scene@3.5")
-    return seconds
 
 
 def _numbers(agents: str | None) -> list[int] | None:

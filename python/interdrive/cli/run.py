@@ -20,7 +20,7 @@ from interdrive.errors import InputError, InterdriveError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from interdrive.config.agents import PlannersSpec
+    from interdrive.config.agent_config import PlannersSpec
     from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
     from interdrive.config.specs import PlannerSpec

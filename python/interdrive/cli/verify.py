@@ -29,7 +29,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
         module:object is code that would run with your rights: confirm it when asked, or give --trust.
     """
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
-    from interdrive.config.agents import modules_named  # noqa: PLC0415
+    from interdrive.config.agent_config import modules_named  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.results import information, read_results  # noqa: PLC0415
     from interdrive.simulation import simulate  # noqa: PLC0415

@@ -15,8 +15,7 @@ from interdrive.planners import RECORDS as PLANNER_RECORDS
 from interdrive.planners import Frenet, Idm, IdmMobil, Planner, Recorded, VelocityAdjusting
 from interdrive.predictors import NATIVE as PREDICTORS
 from interdrive.predictors import RECORDS as PREDICTOR_RECORDS
-from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor
-from interdrive.predictors import native as native_predictor
+from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor, native_predictor
 from interdrive.predictors.calls import BoundPredictor
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ from interdrive.criticality.source import RecordedRun, connectors_of, traffic_of
 from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Scenario
-from interdrive.scenario.native import core_road, core_shape
+from interdrive.scenario.native import core_road, core_shape, thread_count
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,9 +24,6 @@ if TYPE_CHECKING:
 
 #: Gaps between lanelets do not matter to the measures; this is what a road must be built with.
 _ROAD = RoadSettings(open_end_length=0.0)
-
-#: More threads than any machine has cores; the system would run out of them.
-_THREADS_MAX = 1024
 
 
 @dataclass(frozen=True)
@@ -208,8 +204,7 @@ def evaluate(
     Raises:
         InputError: An id that is not there, is static or never present; impossible settings or states. One line.
     """
-    if threads is not None and not 1 <= threads <= _THREADS_MAX:
-        raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
+    n_threads = thread_count(threads)
     chosen = settings or CriticalitySettings()
     if not isinstance(source, Scenario | RecordedRun):
         from interdrive.files import open_scenario  # noqa: PLC0415 - commonroad-io takes a second to load
@@ -241,7 +236,7 @@ def evaluate(
         deceleration=[available.get(number, chosen.deceleration) for number in judged],
         connectors=connectors_of(scenario) if chosen.conflict_areas == "stated" else None,
         contacts=traffic.contacts,
-        threads=threads or os.cpu_count() or 1,
+        threads=n_threads,
         settings=chosen,
     )
     notes = []

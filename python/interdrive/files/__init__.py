@@ -2,12 +2,11 @@
 
 from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.read import ScenarioSpec, open_scenario, read_scenario, scenario_from_commonroad, scenario_parts
-from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import shipped_scenario, shipped_scenarios
-from interdrive.files.write import commonroad_objects, write_scenario
+from interdrive.files.write import CommonRoadObjects, commonroad_objects, write_scenario
 
 __all__ = [
-    "Foreign",
+    "CommonRoadObjects",
     "ScenarioSpec",
     "commonroad_objects",
     "content_of_file",

@@ -78,12 +78,14 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
     return _with_remarks(result, remarks)
 
 
-def scenario_from_commonroad(scenario: Foreign, planning_problem_set: Foreign = None) -> Scenario:
+def scenario_from_commonroad(
+    scenario: CommonRoadScenario, planning_problem_set: PlanningProblemSet | None = None
+) -> Scenario:
     """Converts a scenario that was loaded by commonroad-io, or built with its classes, to arrays.
 
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`. It is not changed.
-        planning_problem_set: `commonroad.planning.planning_problem.PlanningProblemSet`, or None for no problems.
+        planning_problem_set: Its planning problems, if it has any.
 
     Returns:
         The scenario; `path` is None. commonroad-io sets values that are missing in the initial state of a file to 0, so

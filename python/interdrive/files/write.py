@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -15,9 +15,10 @@ from interdrive.scenario import GoalState, PlanningProblem, Shape
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from commonroad.planning.planning_problem import PlanningProblemSet
+    from commonroad.scenario.scenario import Scenario as CommonRoadScenario
     from numpy.typing import NDArray
 
-    from interdrive.files.shapes import Foreign
     from interdrive.run import RunRecord, States
 
     Floats = NDArray[np.float64]
@@ -58,13 +59,19 @@ class _Ids:
         return number
 
 
-def commonroad_objects(document: bytes) -> tuple[Foreign, Foreign]:
-    """A document of `write_scenario` as `Scenario` and `PlanningProblemSet` of commonroad-io."""
+class CommonRoadObjects(NamedTuple):
+    """Objects of commonroad-io, as its reader returns them."""
+
+    scenario: CommonRoadScenario
+    planning_problem_set: PlanningProblemSet
+
+
+def commonroad_objects(document: bytes) -> CommonRoadObjects:
+    """A document of `write_scenario` as objects of commonroad-io."""
     from commonroad.common.reader.file_reader_xml import XMLFileReader  # noqa: PLC0415 - a fifth of a second
 
     with quiet("scenario.xml"):
-        opened: tuple[Foreign, Foreign] = XMLFileReader(document).open(lanelet_assignment=False)
-    return opened
+        return CommonRoadObjects(*XMLFileReader(document).open(lanelet_assignment=False))
 
 
 def write_scenario(run: RunRecord) -> bytes:

@@ -2,7 +2,7 @@
 
 from interdrive.plots.animation import animate_run, check_animation, draw_agent_view
 from interdrive.plots.criticality import draw_critical_moment, draw_criticality
-from interdrive.plots.figures import draw_figure
+from interdrive.plots.figures import draw_figure, figure_kind
 from interdrive.plots.paper import LINES_MAX, chosen_agents, draw_measures, draw_scene, draw_trajectories, draw_velocity
 from interdrive.plots.still import draw_run, save_figure
 
@@ -20,5 +20,6 @@ __all__ = [
     "draw_scene",
     "draw_trajectories",
     "draw_velocity",
+    "figure_kind",
     "save_figure",
 ]

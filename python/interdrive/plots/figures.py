@@ -45,27 +45,34 @@ def draw_figure(
     if agents is not None:
         chosen_agents(run, agents)
     measures = (measures,) if isinstance(measures, str) else measures
-    name, _, moment = kind.partition("@")
-    if name == "scene":
-        return draw_scene(run, run.plans, seconds_of(kind, moment), agents, columns=columns or 1)
-    if kind not in KINDS:
-        raise InputError(f"kind {kind!r}: no such figure; the kinds are {', '.join(KINDS)}")
-    if kind == "velocity":
+    name, seconds = figure_kind(kind)
+    if seconds is not None:
+        return draw_scene(run, run.plans, seconds, agents, columns=columns or 1)
+    if name == "velocity":
         return draw_velocity(run, agents, columns=columns or 1)
-    if kind == "criticality":
+    if name == "criticality":
         shown = chosen_agents(run, agents, LINES_MAX)
         return draw_measures(run.criticality(), shown, measures, columns=columns or 1)
-    if kind == "trajectories":
+    if name == "trajectories":
         return draw_trajectories(run, agents, columns=columns or 2)
     return draw_run(run)
 
 
-def seconds_of(kind: str, moment: str) -> float:
-    """The time of a scene [s]; raises InputError where it is no number."""
+def figure_kind(kind: str) -> tuple[str, float | None]:
+    """A kind without its time, and the time of a scene [s].
+
+    Raises:
+        InputError: No such kind, or a time that is not a number.
+    """
+    name, _, moment = kind.partition("@")
+    if name != "scene":
+        if kind not in KINDS:
+            raise InputError(f"kind {kind}", f"no such figure; the kinds are {', '.join(KINDS)}")
+        return kind, None
     try:
         seconds = float(moment)
     except ValueError:
         seconds = math.nan
     if not math.isfinite(seconds):
-        raise InputError(f"kind {kind!r}: write the time in seconds, for instance scene@3.5")
-    return seconds
+        raise InputError(f"kind {kind}", "write the time in seconds, for instance scene@3.5")
+    return name, seconds

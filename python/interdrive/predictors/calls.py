@@ -11,7 +11,7 @@ from interdrive.foreign import failure, same_folder, undisturbed
 
 if TYPE_CHECKING:
     from interdrive import _core
-    from interdrive.predictors import Predictor
+    from interdrive.predictors.contract import Predictor
 
 
 @dataclass(frozen=True)

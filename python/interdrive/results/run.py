@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import tempfile
 import webbrowser
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from interdrive.criticality import Criticality, CriticalitySettings
-    from interdrive.files import Foreign
+    from interdrive.files import CommonRoadObjects
     from interdrive.results.folder import Results
     from interdrive.scenario import Scenario
 
@@ -125,14 +124,15 @@ class Run(RunRecord):
         columns: int | None = None,
     ) -> Figure:
         """A figure of the run; arguments and errors are those of `interdrive.plots.draw_figure`."""
-        figure: Figure = importlib.import_module("interdrive.plots").draw_figure(
-            self, kind, agents=agents, measures=measures, columns=columns
-        )
-        return figure
+        from interdrive.plots import draw_figure  # noqa: PLC0415 - matplotlib
+
+        return draw_figure(self, kind, agents=agents, measures=measures, columns=columns)
 
     def animation(self, path: str | Path, *, agent_id: int | None = None, fps: float = 10.0) -> Path:
         """Writes a film of the run, .gif or .mp4, and returns its path; see `interdrive.plots.animate_run`."""
-        importlib.import_module("interdrive.plots").animate_run(self, path, agent_id, fps=fps)
+        from interdrive.plots import animate_run  # noqa: PLC0415 - matplotlib
+
+        animate_run(self, path, agent_id, fps=fps)
         return Path(path)
 
     def show(self) -> RunPage:
@@ -141,17 +141,21 @@ class Run(RunRecord):
         The run and its page go into a new folder for temporary files, which stays; `interdrive.report` writes a page
         where you want it.
         """
+        from interdrive.report import write_run_report  # noqa: PLC0415 - loaded when asked for
+
         folder = Path(tempfile.mkdtemp(prefix="interdrive-")) / "run"
         self.save(folder)
-        page = RunPage(importlib.import_module("interdrive.report").write_run_report(folder))
+        page = RunPage(write_run_report(folder))
         if "ipykernel" in sys.modules:
-            importlib.import_module("IPython.display").display(page)
+            from IPython.display import display  # noqa: PLC0415 - there in Jupyter only
+
+            display(page)
         else:
             webbrowser.open(page.path.as_uri())
         return page
 
-    def to_commonroad(self) -> tuple[Foreign, Foreign]:
-        """The simulated world as `Scenario` and `PlanningProblemSet` of commonroad-io; see `write_scenario`."""
+    def to_commonroad(self) -> CommonRoadObjects:
+        """The simulated world as `(scenario, planning_problem_set)` of commonroad-io; see `write_scenario`."""
         return commonroad_objects(write_scenario(self))
 
 

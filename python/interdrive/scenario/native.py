@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,21 @@ if TYPE_CHECKING:
 
     from interdrive.native_settings import RoadSettings
     from interdrive.scenario.model import Obstacles, Scenario, Shape
+
+
+#: As in the core, so that an impossible number is refused before files are read.
+_THREADS_MAX = 1024
+
+
+def thread_count(threads: int | None) -> int:
+    """A number of threads for the core; the number of cores for None.
+
+    Raises:
+        InputError: The number is impossible.
+    """
+    if threads is not None and not 1 <= threads <= _THREADS_MAX:
+        raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
+    return threads or os.cpu_count() or 1
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from interdrive.studies.result import CaseStudy
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from interdrive.config.agents import PlannersSpec
+    from interdrive.config.agent_config import PlannersSpec
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
