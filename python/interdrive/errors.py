@@ -37,6 +37,12 @@ class InputError(InterdriveError):
     """Input that cannot be used: where it is, what is wrong with it, and what to do."""
 
 
+def check_between(name: str, value: float, low: float, high: float) -> None:
+    """Raises InputError unless a value is at least `low` and at most `high`."""
+    if not low <= value <= high:
+        raise InputError(name, f"must be at least {low} and at most {high}, not {value}")
+
+
 class NoRouteError(InputError):
     """The road network does not connect an agent's start with its goal."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from interdrive.config.binding import Setting, bind
-from interdrive.errors import InputError
+from interdrive.errors import InputError, check_between
 from interdrive.native_settings import RoadSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
@@ -42,11 +42,8 @@ class StepSettings:
     def __post_init__(self) -> None:
         """Checks the ranges."""
         for name, most in (("replan_every", 10_000), ("grace_factor", 1_000), ("history_steps", 10_000)):
-            value = getattr(self, name)
-            if not 1 <= value <= most:
-                raise InputError(name, f"must be at least 1 and at most {most}, not {value}")
-        if not 0 <= self.max_steps <= 1_000_000:
-            raise InputError("max_steps", f"must be at least 0 and at most 1000000, not {self.max_steps}")
+            check_between(name, getattr(self, name), 1, most)
+        check_between("max_steps", self.max_steps, 0, 1_000_000)
         if not self.planner_timeout_s > 0:
             raise InputError("planner_timeout_s", f"must be positive (inf: no limit), not {self.planner_timeout_s}")
 
@@ -79,8 +76,7 @@ class RecordSettings:
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        if not 0 <= self.candidates <= 10_000:
-            raise InputError("candidates", f"must be at least 0 and at most 10000, not {self.candidates}")
+        check_between("candidates", self.candidates, 0, 10_000)
         if not self.candidate_spacing >= 0:
             raise InputError("candidate_spacing", f"must not be negative, is {self.candidate_spacing}")
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from interdrive.errors import InputError, MissingExtraError
+from interdrive.errors import MissingExtraError, check_between
 from interdrive.native_settings import FrenetWeights
 from interdrive.planners.arrival import arrival_velocity, braking_along_arc
 from interdrive.planners.contract import Trajectory
@@ -108,9 +108,7 @@ class Frenetix:
             ("replan_every", 1, 20),
             ("path_spacing", 0.1, 5.0),
         ):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise InputError(name, f"must be at least {low} and at most {high}, not {value}")
+            check_between(name, getattr(self, name), low, high)
         self._frame: _Frame | None = None
         self._last: _Plan | None = None
 

@@ -1,4 +1,4 @@
-//! Contact of a considered drive with predicted participants.
+//! Contacts of a trajectory with predicted participants.
 
 use super::Scene;
 use crate::geometry::Pose;
