@@ -6,7 +6,14 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from interdrive.native_settings import ConstantVelocity, LaneFollowing, MeasureSettings, RoadSettings, ViewSettings
+from interdrive.native_settings import (
+    ConstantVelocity,
+    CoreStepSettings,
+    LaneFollowing,
+    MeasureSettings,
+    RoadSettings,
+    ViewSettings,
+)
 
 _Floats = NDArray[np.float64]
 _Singles = NDArray[np.float32]
@@ -47,6 +54,7 @@ __all__ = [
     "required_acceleration",
     "required_lateral_acceleration",
     "settings_tables",
+    "steps_at_most",
     "time_headway",
     "time_to_collision",
 ]
@@ -503,11 +511,8 @@ class World:
         cls,
         scenario: Scenario,
         agents: Sequence[Agent],
+        step: CoreStepSettings,
         *,
-        grace_factor: float,
-        replan_every: int,
-        history_steps: int,
-        max_steps: int | None = None,
         threads: int,
         record_views: bool = False,
     ) -> World: ...
@@ -544,6 +549,9 @@ def check_settings(name: str, given: object) -> None:
 
 def settings_tables() -> list[dict[str, Any]]:
     """The core's tables of settings: name, text, and the fields with name, unit, text, range and default."""
+
+def steps_at_most(step: CoreStepSettings, n_recorded: int) -> int:
+    """Number of time steps after which a run with these settings ends, for so many recorded time steps."""
 
 def time_headway(headway: _Floats, velocity: _Floats) -> _Floats: ...
 def time_to_collision(headway: _Floats, velocity: _Floats, acceleration: _Floats) -> _Floats: ...

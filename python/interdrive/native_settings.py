@@ -291,6 +291,31 @@ class ViewSettings:
 
 
 @dataclass(frozen=True)
+class CoreStepSettings:
+    """Steps of the world.
+
+    Attributes:
+        replan_every: Number of time steps from one plan to the next; in between the last plan is followed. Between
+            1 and 10000.
+        grace_factor: A late agent may continue until its time limit, counted from its start, times this factor.
+            Between 1 and 1000.
+        history_steps: Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the
+            same time as this number of steps of 0.1 s. Between 1 and 10000.
+        max_steps: Largest number of time steps of a run; agents that are still driving then end with time_limit. 0:
+            5000, or twice the number of recorded time steps if that is more. Between 0 and 1000000.
+    """
+
+    replan_every: int = 1
+    grace_factor: float = 1.7
+    history_steps: int = 30
+    max_steps: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("CoreStepSettings", self)
+
+
+@dataclass(frozen=True)
 class RoadSettings:
     """Extent of the road, and what must stay on it.
 

@@ -141,21 +141,13 @@ class Simulation:
                     config.view,
                 )
             )
-        step = self.settings.step
+        record = self.settings.record
         self.world = _core.World(
-            self._core_scenario,
-            handles,
-            grace_factor=step.grace_factor,
-            replan_every=step.replan_every,
-            history_steps=step.history_at(self.scenario.dt),
-            max_steps=step.steps_at_most(self.scenario),
-            threads=self.threads,
-            record_views=self.settings.record.views,
+            self._core_scenario, handles, self.settings.step, threads=self.threads, record_views=record.views
         )
         self._start_workers()
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
-        record = self.settings.record
         self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
         self._candidate_log = (
             CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)

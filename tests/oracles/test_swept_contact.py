@@ -10,7 +10,7 @@ import pytest
 from bodies import Body, body_of, distances, random_shape
 
 from interdrive import _core
-from interdrive.native_settings import ConstantVelocity, RoadSettings, ViewSettings
+from interdrive.native_settings import ConstantVelocity, CoreStepSettings, RoadSettings, ViewSettings
 from interdrive.scenario import Scenario, Shape
 
 SUBSTEPS = 1000
@@ -117,7 +117,7 @@ def agent(i: int, body: Body, pose: np.ndarray, start: int, route: _core.Route, 
 
 
 def world_of(scenario: _core.Scenario, agents: list[_core.Agent]) -> _core.World:
-    return _core.World(scenario, agents, grace_factor=1.7, replan_every=1, history_steps=1, threads=1)
+    return _core.World(scenario, agents, CoreStepSettings(history_steps=1), threads=1)
 
 
 def go(plans: _core.Plans, view: _core.View, start: np.ndarray, end: np.ndarray, speed: float) -> None:

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from interdrive import InputError, InterdriveError, Simulation, Walenet, _core
 from interdrive.cli import main
-from interdrive.native_settings import RoadSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings
 from interdrive.predictors import walenet
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
@@ -33,12 +33,10 @@ def invented(monkeypatch, request):
 class Traffic:
     """Recorded traffic alone, and what the predictor expects of it."""
 
-    def __init__(self, scenario, *, history_steps=30, **settings):
+    def __init__(self, scenario, **settings):
         road = core_road(scenario, RoadSettings())
         self.settings = settings
-        self.world = _core.World(
-            core_scenario(scenario, road), [], grace_factor=1.7, replan_every=1, history_steps=history_steps, threads=1
-        )
+        self.world = _core.World(core_scenario(scenario, road), [], CoreStepSettings(), threads=1)
 
     def after(self, steps):
         for _ in range(steps):
@@ -193,7 +191,7 @@ def test_a_vehicle_that_is_asked_about_again_without_moving_gets_the_same_answer
 def test_other_time_steps_expect_the_same():
     def after_three_seconds(dt):
         scenario = world(ROAD, cars=CARS[:1], steps=round(4.0 / dt), dt=dt)
-        return Traffic(scenario, history_steps=round(3.0 / dt)).after(round(3.0 / dt)).predict(round(3.0 / dt))
+        return Traffic(scenario).after(round(3.0 / dt)).predict(round(3.0 / dt))
 
     usual, fine, coarse = (after_three_seconds(dt) for dt in (0.1, 0.04, 0.2))
     # 0.2, 1.0 and 3.0 s from now.

@@ -76,7 +76,6 @@ def test_predictions_are_of_now_and_for_those_in_sight_and_oneself():
 
 @pytest.mark.parametrize(("dt", "steps"), [(0.1, 30), (0.2, 30), (0.04, 75), (0.05, 60)])
 def test_the_past_that_is_shown_lasts_three_seconds_however_short_the_steps_are(dt, steps):
-    assert SimulationSettings().step.history_at(dt) == steps
     scenario = world(
         straight_road(), problems=[problem(100, 20.0, velocity=5.0, goal=(110.0, 0.0), time_step=(80, 400))], dt=dt
     )

@@ -7,7 +7,7 @@ import pytest
 
 from interdrive import _core
 from interdrive.files import read_scenario, shipped_scenario
-from interdrive.native_settings import RoadSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings
 from interdrive.predictors import Neural, PredictorSettings, native_predictor
 from interdrive.predictors.neural import SHIPPED
 from interdrive.predictors.weights import read_weights
@@ -32,7 +32,7 @@ def rows(request):
     scenario = read_scenario(shipped_scenario(request.param))
     road = core_road(scenario, RoadSettings(gap_tolerance=0.5, open_end_length=100.0))
     core = core_scenario(scenario, road)
-    core_world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
+    core_world = _core.World(core, [], CoreStepSettings(), threads=1)
     found = dataset.rows_of(scenario, interval=1.0)
     predictor = native_predictor(Neural(modes_max=8), PredictorSettings(), core)
     n_steps = round(3.0 / scenario.dt)

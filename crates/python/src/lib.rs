@@ -45,6 +45,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     neural::register(module)?;
     module.add_function(wrap_pyfunction!(settings::check_settings, module)?)?;
     module.add_function(wrap_pyfunction!(settings::settings_tables, module)?)?;
+    module.add_function(wrap_pyfunction!(settings::steps_at_most, module)?)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;
     module.add_class::<scenario::PyScenario>()?;

@@ -126,7 +126,7 @@ impl PyPredictions {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, this) = (slf.py(), slf.get());
         let arguments = (
-            this.time_step(),
+            this.table.time_step,
             this.ids(py),
             this.probability(py)?,
             this.x(py)?,

@@ -7,6 +7,7 @@ use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::settings::{Record, Value, check};
+use interdrive_core::world::StepSettings;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -22,6 +23,7 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(ConstantVelocity::default()),
         Box::new(LaneFollowing::default()),
         Box::new(ViewLimits::default()),
+        Box::new(StepSettings::default()),
         Box::new(RoadSettings::default()),
         Box::new(MeasureSettings::default()),
     ]
@@ -104,4 +106,10 @@ fn table<'py>(py: Python<'py>, record: &mut dyn Record) -> PyResult<Bound<'py, P
 #[pyfunction]
 pub fn settings_tables(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     records().iter_mut().map(|record| table(py, record.as_mut())).collect()
+}
+
+/// Number of time steps after which a run with these `step` settings ends, for so many recorded time steps.
+#[pyfunction]
+pub fn steps_at_most(step: &Bound<'_, PyAny>, n_recorded: usize) -> PyResult<usize> {
+    Ok(read::<StepSettings>(step)?.steps_at_most(n_recorded))
 }

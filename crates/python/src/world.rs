@@ -135,23 +135,17 @@ fn nanoseconds(time: Duration) -> u64 {
 #[pymethods]
 impl PyWorld {
     #[new]
-    #[pyo3(signature = (
-        scenario, agents, *, grace_factor, replan_every, history_steps, max_steps=None, threads, record_views=false
-    ))]
+    #[pyo3(signature = (scenario, agents, step, *, threads, record_views=false))]
     fn new(
         py: Python<'_>,
         scenario: &PyScenario,
         agents: Vec<PyRef<'_, PyAgent>>,
-        grace_factor: f64,
-        replan_every: usize,
-        history_steps: usize,
-        max_steps: Option<usize>,
+        step: &Bound<'_, PyAny>,
         threads: usize,
         record_views: bool,
     ) -> PyResult<Self> {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
-        let max_steps = max_steps.unwrap_or(WorldSettings::default().max_steps);
-        let settings = WorldSettings { grace_factor, replan_every, history_steps, max_steps, threads, record_views };
+        let settings = WorldSettings { step: read(step)?, threads, record_views };
         let scenario = Arc::clone(&scenario.0);
         let world = detached(py, || World::new(scenario, agents, settings))?;
         Ok(Self(world, AtomicU64::new(0)))

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
+from interdrive import _core
 from interdrive.config.binding import Setting, bind
 from interdrive.errors import InputError, check_between
-from interdrive.native_settings import RoadSettings, ViewSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario.agents import AgentSettings, GoalSettings
@@ -19,41 +20,25 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class StepSettings:
+class StepSettings(CoreStepSettings):
     """Steps of the world.
 
     Attributes:
-        replan_every: Number of time steps from one plan to the next; in between the last plan is followed.
-        grace_factor: A late agent may continue until its time limit, counted from its start, times this factor.
-        history_steps: Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the
-            same time as this number of steps of 0.1 s.
-        max_steps: Largest number of time steps of a run; agents that are still driving then end with time_limit. 0:
-            5000, or twice the number of recorded time steps if that is more.
         planner_timeout_s: Time limit of a planner written in Python per plan; inf: no limit. With a limit,
             outcomes depend on the speed of the machine.
     """
 
-    replan_every: int = 1
-    grace_factor: float = 1.7
-    history_steps: int = 30
-    max_steps: int = 0
     planner_timeout_s: Annotated[float, "s"] = math.inf
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        for name, most in (("replan_every", 10_000), ("grace_factor", 1_000), ("history_steps", 10_000)):
-            check_between(name, getattr(self, name), 1, most)
-        check_between("max_steps", self.max_steps, 0, 1_000_000)
+        super().__post_init__()
         if not self.planner_timeout_s > 0:
             raise InputError("planner_timeout_s", f"must be positive (inf: no limit), not {self.planner_timeout_s}")
 
     def steps_at_most(self, scenario: Scenario) -> int:
         """Number of time steps after which a run of the scenario ends."""
-        return self.max_steps or max(5_000, 2 * scenario.obstacles.n_steps)
-
-    def history_at(self, dt: float) -> int:
-        """Number of past time steps in a scene, for steps of `dt` [s]."""
-        return math.ceil(self.history_steps * max(1.0, 0.1 / dt) - 1e-6)
+        return _core.steps_at_most(self, scenario.obstacles.n_steps)
 
 
 @dataclass(frozen=True)

@@ -83,15 +83,7 @@ class Recording:
 
     def restart(self) -> None:
         """Back to the first time step."""
-        step = self._settings.step
-        self.world = _core.World(
-            self.core_scenario,
-            [],
-            grace_factor=1.0,
-            replan_every=1,
-            history_steps=step.history_at(self.scenario.dt),
-            threads=1,
-        )
+        self.world = _core.World(self.core_scenario, [], replace(self._settings.step, max_steps=0), threads=1)
 
     def advance(self) -> None:
         """One time step."""

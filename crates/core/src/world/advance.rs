@@ -102,7 +102,7 @@ impl World {
             }
             if length < 2 {
                 drive.outcome = end(OutcomeKind::PlannerError, "the plan has values that are not numbers".into());
-            } else if drive.keeps_plan(time_step, self.settings.replan_every) {
+            } else if drive.keeps_plan(time_step, self.settings.step.replan_every) {
                 // The rest of the plan that it follows already.
             } else if let Err(error) = check_plan(&points[..length], &now, &drive.agent.vehicle, dt) {
                 drive.outcome = end(OutcomeKind::PlannerError, error.to_string());
@@ -215,7 +215,7 @@ impl World {
     }
 
     fn judge_goals(&mut self) {
-        let (time_step, grace, dt) = (self.time_step, self.settings.grace_factor, self.scenario.dt);
+        let (time_step, grace, dt) = (self.time_step, self.settings.step.grace_factor, self.scenario.dt);
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
@@ -231,7 +231,7 @@ impl World {
         if self.time_step < self.final_time_step() {
             return;
         }
-        let max_steps = self.settings.max_steps;
+        let max_steps = self.max_steps();
         for drive in self.drives.iter_mut().filter(|drive| drive.outcome.kind == OutcomeKind::Running) {
             drive.outcome.kind = OutcomeKind::TimeLimit;
             drive.outcome.message = format!("the run ended after {max_steps} time steps");

@@ -3,6 +3,7 @@
 
 mod advance;
 mod planning;
+mod settings;
 #[cfg(test)]
 mod tests;
 mod threads;
@@ -22,6 +23,7 @@ use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
+pub use settings::{StepSettings, WorldSettings};
 use threads::Threads;
 
 /// For so many participants, expectations that need no network are made by one thread.
@@ -50,36 +52,6 @@ pub struct Agent {
     pub planner: Planner,
     /// What it sees.
     pub view: ViewLimits,
-}
-
-/// Settings of a world.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WorldSettings {
-    /// An agent may be late until its time limit times this factor.
-    pub grace_factor: f64,
-    /// A new plan every so many time steps; in between the last one is followed.
-    pub replan_every: usize,
-    /// Number of past time steps in a scene.
-    pub history_steps: usize,
-    /// The world ends after this many time steps; agents that still drive or have not started have run out of time.
-    pub max_steps: usize,
-    /// Number of threads that plan.
-    pub threads: usize,
-    /// Record at every step which participants each driving agent sees.
-    pub record_views: bool,
-}
-
-impl Default for WorldSettings {
-    fn default() -> Self {
-        Self {
-            grace_factor: 1.7,
-            replan_every: 1,
-            history_steps: 30,
-            max_steps: usize::MAX,
-            threads: 1,
-            record_views: false,
-        }
-    }
 }
 
 /// An agent's changing part.
@@ -144,16 +116,13 @@ impl World {
     /// `InvalidInput` naming the agent or field: an id twice, an initial state that is not a number, an agent that
     /// starts before the first time step or whose planner needs a recording that is not there, impossible settings.
     pub fn new(scenario: Arc<Scenario>, mut agents: Vec<Agent>, settings: WorldSettings) -> Result<Self> {
-        if !(settings.grace_factor >= 1.0 && settings.grace_factor.is_finite()) {
-            return Err(Error::invalid(format!("grace_factor must be at least 1, not {}", settings.grace_factor)));
-        }
+        settings.step.validate()?;
         check_threads(settings.threads)?;
-        if settings.replan_every == 0 || settings.max_steps == 0 {
-            return Err(Error::invalid("replan_every and max_steps must be at least 1"));
-        }
-        if settings.history_steps > HISTORY_STEPS_MAX {
-            let n = settings.history_steps;
-            return Err(Error::invalid(format!("history_steps must be at most {HISTORY_STEPS_MAX}, not {n}")));
+        let history_steps = settings.step.history_at(scenario.dt);
+        if history_steps > HISTORY_STEPS_MAX {
+            return Err(Error::invalid(format!(
+                "history_steps must be at most {HISTORY_STEPS_MAX}, not {history_steps}"
+            )));
         }
         agents.sort_by_key(|agent| agent.id);
         let first_time_step = scenario.obstacles.states.first_time_step;
@@ -244,19 +213,23 @@ impl World {
 
     /// Latest time step at which the last agent ends; `None` without agents.
     pub fn last_time_step(&self) -> Option<i64> {
-        let latest = self.drives.iter().filter_map(|drive| drive.last_time_step(self.settings.grace_factor)).max();
+        let latest = self.drives.iter().filter_map(|drive| drive.last_time_step(self.settings.step.grace_factor)).max();
         latest.map(|latest| latest.min(self.final_time_step()))
     }
 
     /// Time step after which nothing happens any more.
     fn final_time_step(&self) -> i64 {
-        let most = i64::try_from(self.settings.max_steps).unwrap_or(i64::MAX);
-        self.scenario.obstacles.states.first_time_step.saturating_add(most)
+        self.scenario.obstacles.states.first_time_step.saturating_add(self.max_steps() as i64)
+    }
+
+    /// Number of time steps after which the world ends.
+    fn max_steps(&self) -> usize {
+        self.settings.step.steps_at_most(self.scenario.obstacles.states.n_steps)
     }
 
     /// What can be seen now.
     pub fn scene(&self) -> Scene {
-        self.scene_with_past(self.settings.history_steps)
+        self.scene_with_past(self.settings.step.history_at(self.scenario.dt))
     }
 
     fn scene_with_past(&self, history_steps: usize) -> Scene {

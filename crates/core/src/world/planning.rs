@@ -115,7 +115,7 @@ impl World {
 
     /// The rest of the last plan, if it is not yet time for a new one.
     fn kept_plan(&self, drive: &Drive) -> Option<PlanResult> {
-        if !drive.keeps_plan(self.time_step, self.settings.replan_every) {
+        if !drive.keeps_plan(self.time_step, self.settings.step.replan_every) {
             return None;
         }
         let (plan, made) = drive.plan.as_ref()?;

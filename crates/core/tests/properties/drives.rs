@@ -16,7 +16,7 @@ use interdrive_core::scenario::{Goal, GoalState, Scenario};
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State};
 use interdrive_core::vehicle::Vehicle;
-use interdrive_core::world::{Agent, World, WorldSettings};
+use interdrive_core::world::{Agent, StepSettings, World, WorldSettings};
 
 use crate::source::Source;
 use crate::{network, roads, shapes, traffic};
@@ -247,10 +247,12 @@ fn drive(mut source: Source, threads: usize) -> Option<Driven> {
         agents.dedup_by_key(|agent| agent.id);
     }
     let settings = WorldSettings {
-        grace_factor: if source.is_odd() { source.any(1.0, 3.0) } else { 1.7 },
-        replan_every: 1 + source.below(3),
-        history_steps: source.below(31),
-        max_steps: if source.is_odd() { 1 + source.below(8) } else { 10_000 },
+        step: StepSettings {
+            grace_factor: if source.is_odd() { source.any(1.0, 3.0) } else { 1.7 },
+            replan_every: 1 + source.below(3),
+            history_steps: 1 + source.below(30),
+            max_steps: if source.is_odd() { 1 + source.below(8) } else { 10_000 },
+        },
         threads,
         record_views: source.chance(60),
     };

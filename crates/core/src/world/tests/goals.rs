@@ -114,7 +114,8 @@ fn progress_is_the_way_along_the_reference_path() {
 
 #[test]
 fn the_largest_number_of_steps_ends_everybody_who_drives_or_is_still_to_come() {
-    let settings = WorldSettings { max_steps: 3, ..WorldSettings::default() };
+    let settings =
+        WorldSettings { step: StepSettings { max_steps: 3, ..StepSettings::default() }, ..WorldSettings::default() };
     let late = Agent { start_time_step: 8, ..agent(2, at(80.0, 0.0, 10.0), vec![far()]) };
     let mut world = world_with(vec![agent(1, at(20.0, 0.0, 10.0), vec![far()]), late], &[], settings);
     for time_step in 1..=3 {

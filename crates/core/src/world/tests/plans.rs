@@ -3,8 +3,12 @@
 use super::*;
 use crate::error::Error;
 
+fn every(replan_every: usize) -> WorldSettings {
+    WorldSettings { step: StepSettings { replan_every, ..StepSettings::default() }, ..WorldSettings::default() }
+}
+
 #[test]
-fn everybody_moves_at_once_agents_to_point_1_of_their_plans() {
+fn all_move_at_once_agents_to_point_1_of_their_plans() {
     let recorded = Recorded::moving(7, (0..4).map(|k| Some(at(100.0 + f64::from(k), 3.5, 10.0))));
     let mut world =
         world(vec![agent(1, at(20.0, 0.0, 10.0), vec![far()])], &[recorded, Recorded::standing(9, 90.0, 0.0)]);
@@ -77,7 +81,7 @@ fn an_agent_without_a_usable_plan_ends_where_it_is() {
 
 #[test]
 fn between_new_plans_the_last_one_is_followed_as_long_as_it_has_points() {
-    let settings = WorldSettings { replan_every: 3, ..WorldSettings::default() };
+    let settings = every(3);
     let way = |n: usize| (0..n).map(|k| at(20.0 + k as f64, 0.0, 10.0)).collect::<Vec<_>>();
     // Plans given for agents whose last plan still counts are ignored.
     let elsewhere = [at(50.0, 0.0, 10.0), at(51.0, 0.0, 10.0)];
@@ -100,7 +104,7 @@ fn between_new_plans_the_last_one_is_followed_as_long_as_it_has_points() {
 
 #[test]
 fn the_next_plan_is_followed_from_its_own_time_on() {
-    let settings = WorldSettings { replan_every: 2, ..WorldSettings::default() };
+    let settings = every(2);
     let mut world = world_with(vec![agent(1, at(20.0, 0.0, 10.0), vec![far()])], &[], settings);
     let mut found = Vec::new();
     for _ in 0..4 {
