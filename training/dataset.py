@@ -15,7 +15,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.config.specs import resolved_predictor
 from interdrive.files import read_scenario
-from interdrive.native_settings import RoadSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings
 from interdrive.predictors import PredictorSettings, native_predictor
 from interdrive.scenario.native import core_road, core_scenario
 from training.driven import behaviour_of, driven_traffic, files_to_drive
@@ -87,7 +87,7 @@ def rows_of(scenario: Scenario, interval: float = INTERVAL, only: NDArray[np.int
     road_settings = RoadSettings()
     road = core_road(scenario, road_settings)
     core = core_scenario(scenario, road)
-    world = _core.World(core, [], grace_factor=1.0, replan_every=1, history_steps=30, threads=1)
+    world = _core.World(core, [], CoreStepSettings(), threads=1)
     settings = PredictorSettings()
     rivals = {name: native_predictor(resolved_predictor(name, settings).make(), settings, core) for name in RIVALS}
     stride = max(1, round(interval / scenario.dt))
