@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.scenario import Scenario, Shape
+from interdrive.scenario import STATE_FIELDS, Scenario, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
 
-_TABLES = ("x", "y", "orientation", "velocity", "acceleration")
+_TABLES = STATE_FIELDS[:5]
 
 #: Recorded participants of these kinds are judged only if they are asked for by id.
 _NOT_DRIVING = ("pedestrian", "construction_zone", "structure")

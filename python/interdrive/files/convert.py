@@ -227,7 +227,7 @@ def _first_step(value: Foreign) -> int:
 
 
 def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) -> tuple[int, tuple[float, ...], bool]:
-    """Time step, columns as in `motion.COLUMNS` (nan: not stated) and whether anything was uncertain."""
+    """Time step, columns as in `STATE_FIELDS` (nan: not stated) and whether anything was uncertain."""
     values = vars(state)
     position = values.get("position")
     time_step = values.get("time_step")

@@ -42,7 +42,7 @@ class Facts:
         stated_by_problem: The same by planning problem id.
         footprints: Footprints by obstacle id.
         trajectories: By obstacle id the states of those trajectories that are certain: time step and columns as in
-            `motion.COLUMNS`, nan where not stated. commonroad-io takes twenty times as long for them.
+            `STATE_FIELDS`, nan where not stated. commonroad-io takes twenty times as long for them.
     """
 
     benchmark_id: str = ""

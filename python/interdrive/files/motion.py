@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from interdrive.scenario import STATE_FIELDS
 from interdrive.scenario.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, LARGEST_YAW_RATE
 
 Floats = NDArray[np.float64]
@@ -15,7 +16,6 @@ Floats = NDArray[np.float64]
 STANDING_SPEED = 0.1
 #: Two states of one time step that are closer than this [m] count as one.
 SAME_PLACE = 0.01
-COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
 
 
 @dataclass
@@ -24,7 +24,7 @@ class Track:
 
     Attributes:
         time_steps: Shape (states,).
-        values: Columns as in `COLUMNS`, nan where not stated, shape (states, 6).
+        values: Columns as in `STATE_FIELDS`, nan where not stated, shape (states, 6).
         derived: Names of the columns with derived values.
         contradicts: Whether a time step occurs twice, at places more than `SAME_PLACE` apart.
     """
@@ -90,7 +90,7 @@ def completed(recorded: Track, dt: float) -> Track:
         yaw_rate = np.where(missing[:, 5], rate, yaw_rate)
     orientation = wrapped(orientation)
     values = np.column_stack((x, y, orientation, velocity, acceleration, yaw_rate))
-    derived = tuple(name for column, name in enumerate(COLUMNS) if missing[:, column].any())
+    derived = tuple(name for column, name in enumerate(STATE_FIELDS) if missing[:, column].any())
     return Track(recorded.time_steps, values, derived)
 
 

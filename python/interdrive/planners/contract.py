@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.scenario import STATE_FIELDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,10 +56,6 @@ class Planner(Protocol):
         ...
 
 
-#: Fields of a trajectory; the last two may be None.
-_FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
-
-
 def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be None
     """The arrays of a trajectory, for `Plans.set`: x, y, orientation, velocity, acceleration, yaw_rate.
 
@@ -68,9 +65,9 @@ def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be Non
     if not isinstance(trajectory, Trajectory):
         raise InputError(f"it returned a {type(trajectory).__name__}, a Trajectory is expected")
     arrays = []
-    for name in _FIELDS:
+    for name in STATE_FIELDS:
         values = getattr(trajectory, name)
-        if values is None and name in _FIELDS[:4]:
+        if values is None and name in STATE_FIELDS[:4]:
             raise InputError(f"{name} is missing")
         if values is not None:
             try:

@@ -23,8 +23,8 @@ from interdrive.run import (
     Timings,
     Views,
 )
-from interdrive.run.assemble import STATE_COLUMNS, no_plans, no_timings
-from interdrive.scenario import GoalState, Shape
+from interdrive.run.assemble import no_plans, no_timings
+from interdrive.scenario import STATE_FIELDS, GoalState, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -140,7 +140,7 @@ def stored_plans(results: Results) -> Plans:
         agent_id=column["agent_id"][starts],
         status=np.array([PLAN_STATUS.index(name) for name in column["status"][starts].tolist()], dtype=np.int64),
         cost=column["cost"][starts].astype(np.float64),
-        **{name: filled(name) for name in ("x", "y", "orientation", "velocity", "acceleration")},
+        **{name: filled(name) for name in STATE_FIELDS[:5]},
     )
 
 
@@ -188,7 +188,7 @@ def _states(results: Results, scenario: Scenario) -> States:
         is_static=np.array([number in standing for number in ids.tolist()], dtype=np.bool_),
         length=of_participant("length", 0.0),
         width=of_participant("width", 0.0),
-        **{name: filled(name) for name in STATE_COLUMNS},
+        **{name: filled(name) for name in STATE_FIELDS},
         valid=valid,
     )
 

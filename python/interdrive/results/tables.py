@@ -9,6 +9,7 @@ import numpy as np
 from interdrive.criticality import IMPACT_AREAS, agent_harm
 from interdrive.results.columns import COLUMNS
 from interdrive.run import PHASES, PLAN_STATUS
+from interdrive.scenario import STATE_FIELDS
 from interdrive.storage.tables import arrow_table, labels
 
 if TYPE_CHECKING:
@@ -49,10 +50,6 @@ def states_table(run: RunRecord) -> pa.Table:
     states = run.states
     step, row = np.nonzero(states.valid.T)
     time_step = states.first_time_step + step
-    moving = {
-        name: getattr(states, name)[row, step]
-        for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
-    }
     return _table(
         "states",
         time_step=time_step,
@@ -62,7 +59,7 @@ def states_table(run: RunRecord) -> pa.Table:
         is_agent=states.is_agent[row],
         length=states.length[row],
         width=states.width[row],
-        **moving,
+        **{name: getattr(states, name)[row, step] for name in STATE_FIELDS},
     )
 
 
@@ -78,12 +75,10 @@ def plans_table(run: RunRecord) -> pa.Table:
     if present.shape[1]:
         present[:, 0] = True
         row, point = np.nonzero(present)
-        along = {
-            name: getattr(plans, name)[row, point] for name in ("x", "y", "orientation", "velocity", "acceleration")
-        }
+        along = {name: getattr(plans, name)[row, point] for name in STATE_FIELDS[:5]}
     else:
         row, point = np.arange(len(plans.time_step)), np.zeros(len(plans.time_step), dtype=np.int64)
-        along = dict.fromkeys(("x", "y", "orientation", "velocity", "acceleration"), np.full(len(row), np.nan))
+        along = dict.fromkeys(STATE_FIELDS[:5], np.full(len(row), np.nan))
     return _table(
         "plans",
         time_step=plans.time_step[row],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.run.record import OUTCOMES, PHASES, AgentRecord, Outcomes, Plans, RunRecord, States, Timings
-from interdrive.scenario import KINDS
+from interdrive.scenario import KINDS, STATE_FIELDS
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
@@ -18,14 +18,11 @@ if TYPE_CHECKING:
 #: Names of the core's outcome codes.
 OUTCOME_NAMES = ("running", *OUTCOMES)
 
-#: Arrays of `States` with one number per participant and time step.
-STATE_COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
-
 
 def digest(states: States) -> str:
     """SHA-256 over ids, masks and the bits of all states; equal digests mean equal runs."""
     total = hashlib.sha256()
-    for array in (states.participant_id, states.valid, *(getattr(states, name) for name in STATE_COLUMNS)):
+    for array in (states.participant_id, states.valid, *(getattr(states, name) for name in STATE_FIELDS)):
         # Absent states are nan, all with the same bit pattern.
         clean = np.where(np.isnan(array), 0.0, array) if array.dtype == np.float64 else array
         total.update(np.ascontiguousarray(clean).tobytes())
@@ -100,7 +97,7 @@ def recorded_traffic(scenario: Scenario) -> RunRecord:
         is_static=obstacles.is_static,
         length=sizes[:, 0],
         width=sizes[:, 1],
-        **{name: getattr(obstacles, name) for name in STATE_COLUMNS},
+        **{name: getattr(obstacles, name) for name in STATE_FIELDS},
         valid=obstacles.valid,
     )
     none = np.empty(0, dtype=np.int64)

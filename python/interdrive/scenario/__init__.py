@@ -2,6 +2,7 @@
 
 from interdrive.scenario.model import (
     KINDS,
+    STATE_FIELDS,
     GoalState,
     Incoming,
     InitialState,
@@ -14,6 +15,7 @@ from interdrive.scenario.model import (
 
 __all__ = [
     "KINDS",
+    "STATE_FIELDS",
     "GoalState",
     "Incoming",
     "InitialState",

@@ -196,7 +196,7 @@ def _require_obstacles(obstacles: Obstacles, file: str) -> None:
 
 
 def require_states(values: Floats, what: str, file: str) -> None:
-    """Refuses states out of bounds: columns as in `motion.COLUMNS`, nan where not stated, shape (states, 6)."""
+    """Refuses states out of bounds: columns as in `STATE_FIELDS`, nan where not stated, shape (states, 6)."""
     for name, column, most in (
         ("coordinate", values[:, :2], LARGEST_COORDINATE),
         ("orientation", values[:, 2], LARGEST_ANGLE),

@@ -43,6 +43,9 @@ KINDS = (
     "structure",
 )
 
+#: Fields of a state, in the order of the core.
+STATE_FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+
 
 @dataclass(frozen=True)
 class Shape:

@@ -12,6 +12,7 @@ from interdrive.errors import InputError
 from interdrive.foreign import failure
 from interdrive.planners.contract import stated
 from interdrive.planners.workers import can_be_sent
+from interdrive.scenario import STATE_FIELDS
 from interdrive.simulation import simulate
 from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
 
@@ -78,7 +79,7 @@ class _Watched:
         if not np.array_equal(before, _seen(view), equal_nan=True):
             fail("plan changed its view")
         again = self._second.plan(view, predictions)
-        if not all(np.array_equal(getattr(plan, f), getattr(again, f)) for f in ("x", "y", "orientation", "velocity")):
+        if not all(np.array_equal(getattr(plan, f), getattr(again, f)) for f in STATE_FIELDS[:4]):
             fail("two planners made different plans for the same view (randomness without a seed?)")
         if seconds > self._seconds_max:
             fail(f"plan took {seconds:.3f} s, at most {self._seconds_max} s are allowed")

@@ -12,6 +12,7 @@ from interdrive.config.specs import bound_predictor
 from interdrive.errors import PredictorError
 from interdrive.prediction_evaluation.recordings import Recording
 from interdrive.predictors import PredictorSettings
+from interdrive.scenario import STATE_FIELDS
 from interdrive.testing.worlds import Car, crossing, straight_road, world
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _FIRST_MAX = 1.0
 #: Up to this number of participants the time limit holds unchanged; a thousand cannot be predicted as fast as one.
 _FEW = 100
 _ARRAYS = ("probability", "x", "y", "orientation", "velocity", "covariance", "valid")
-_SEEN = ("ids", "x", "y", "orientation", "velocity", "acceleration", "yaw_rate", "valid", "length", "width", "kinds")
+_SEEN = ("ids", *STATE_FIELDS, "valid", "length", "width", "kinds")
 
 
 class PredictorContractError(AssertionError):

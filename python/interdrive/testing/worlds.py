@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.scenario import GoalState, InitialState, Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+from interdrive.scenario import (
+    STATE_FIELDS,
+    GoalState,
+    InitialState,
+    Lanelets,
+    Obstacles,
+    PlanningProblem,
+    Scenario,
+    Shape,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -123,9 +132,7 @@ def world(
     """A scenario from lanes, recorded cars that keep their speed, and planning problems."""
     ordered = sorted(cars, key=lambda car: car.id)
     shape = (len(ordered), steps + 1)
-    tables = {
-        field: np.full(shape, np.nan) for field in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
-    }
+    tables = {field: np.full(shape, np.nan) for field in STATE_FIELDS}
     valid = np.zeros(shape, dtype=np.bool_)
     for row, car in enumerate(ordered):
         present = np.arange(car.first, (steps if car.last is None else car.last) + 1)
