@@ -130,7 +130,7 @@ FINDINGS = [
 
 def test_a_predictor_that_keeps_the_contract_passes_in_every_world():
     longest = check_predictor(Straight)
-    assert {"nobody there", "time steps of 0.2 s", "a thousand cars"} <= set(longest)
+    assert {"no participants", "time steps of 0.2 s", "a thousand cars"} <= set(longest)
     assert all(0 < seconds < 1 for seconds in longest.values())
 
 

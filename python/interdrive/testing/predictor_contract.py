@@ -49,7 +49,7 @@ def _worlds() -> dict[str, Scenario]:
             road,
             cars=[Car(1, 20.0, velocity=10.0, last=20), Car(2, 30.0, velocity=10.0, first=4), Car(3, 5.0, first=35)],
         ),
-        "nobody there": world(road),
+        "no participants": world(road),
         "time steps of 0.2 s": world(road, cars=[Car(1, 20.0, velocity=12.0), Car(2, 50.0)], dt=0.2),
         "a thousand cars": world(wide, cars=thousand, steps=40),
     }
