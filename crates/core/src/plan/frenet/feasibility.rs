@@ -114,6 +114,11 @@ impl Limits {
         }
     }
 
+    /// How fast the curvature can change while the wheels point straight ahead [1/(m s)].
+    pub(super) fn curvature_rate(&self) -> f64 {
+        self.vehicle.steering_rate_max / self.vehicle.wheelbase
+    }
+
     /// Time of the last point [s].
     pub(super) fn horizon(&self) -> f64 {
         (self.n_points - 1) as f64 * self.dt

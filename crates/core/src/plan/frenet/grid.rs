@@ -7,7 +7,7 @@
 use super::super::frame::Start;
 use super::super::polynomial::{Braking, Polynomial};
 use super::feasibility::{Limits, LongitudinalLimits, Rejection};
-use super::lateral::{LateralPoints, LateralTables, LongitudinalMotion};
+use super::lateral::{LateralPoints, LateralTables, LongitudinalMotion, turning_length};
 use super::profiles::{LongitudinalProfile, PathPoints, ProfileCurve, ProfilePoints};
 use super::settings::FrenetSettings;
 use super::targets::Targets;
@@ -16,7 +16,10 @@ use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
 /// it gets within the horizon, so its path does not depend on how far it gets.
-pub(super) const ARC_MIN: f64 = 5.0;
+const ARC_MIN: f64 = 5.0;
+/// Slow agents return to the path so gently that the wheels turn fast enough at this share of the speed that they have
+/// or want: on a shorter way they could not become faster, on a longer one they would stay beside the path.
+const TURNING_SPEED: f64 = 0.8;
 /// Speeds above minus this [m/s] count as 0.
 const ROUNDING: f64 = 1e-3;
 /// Decelerations of the braking profiles as fractions of the largest one.
@@ -47,6 +50,8 @@ pub(super) struct SampleGrid {
     /// End positions [m], ascending.
     pub(super) end_offsets: Vec<f64>,
     pub(super) profiles: Vec<LongitudinalProfile>,
+    /// Least arc length of lateral polynomials of arc length [m].
+    pub(super) arc_min: f64,
     /// Largest arc length that a sample has at each point [m], with padding.
     pub(super) furthest: Vec<f64>,
     pub(super) lateral: LateralTables,
@@ -91,6 +96,7 @@ impl SampleGrid {
         self.lateral.clear(self.n_points, self.stride);
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
+        self.arc_min = arc_min(inputs);
         end_times(settings, &mut self.end_times);
         grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.end_offsets);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
@@ -304,7 +310,7 @@ impl SampleGrid {
             ProfileCurve::Polynomial(s) => s.at(end_time)[0] - self.start[0],
             ProfileCurve::Braking(braking) => braking.at(end_time)[0],
         };
-        distance.max(ARC_MIN)
+        distance.max(self.arc_min)
     }
 
     /// Bounds of a lateral motion that is not made yet, whatever the end offset: of its offset [m] and of its slope.
@@ -383,6 +389,16 @@ impl SampleGrid {
     pub(super) fn lateral_points(&self, profile: usize) -> LateralPoints<'_> {
         self.lateral.points(self.profiles[profile].table.expect("the lateral motion is there"))
     }
+}
+
+/// Least arc length of lateral polynomials of arc length [m].
+fn arc_min(inputs: &Inputs) -> f64 {
+    let Inputs { start, targets, limits, settings, .. } = *inputs;
+    if start.velocity >= settings.low_velocity {
+        return ARC_MIN;
+    }
+    let velocity = TURNING_SPEED * start.velocity.max(targets.velocity);
+    turning_length([start.d, start.d_prime, start.d_prime2], limits.curvature_rate() / velocity, ARC_MIN)
 }
 
 /// Room for `n` more numbers.

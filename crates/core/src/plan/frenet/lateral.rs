@@ -168,6 +168,23 @@ impl LateralTables {
     }
 }
 
+/// Arc length [m], `least` or more, over which a quintic from (d, d', d'') comes to rest at 0 with a third derivative of
+/// at most `rate` [1/m²] at its start and end; at most 60 m are tried.
+pub(super) fn turning_length([d, d_1, d_2]: [f64; 3], rate: f64, least: f64) -> f64 {
+    const STEP: f64 = 1.1;
+    const LENGTH_MAX: f64 = 60.0;
+    let mut length = least;
+    while length < LENGTH_MAX {
+        let first = 60.0 * d + (36.0 * d_1 + 9.0 * d_2 * length) * length;
+        let last = 60.0 * d + (24.0 * d_1 + 3.0 * d_2 * length) * length;
+        if first.abs().max(last.abs()) <= rate * length.powi(3) {
+            break;
+        }
+        length *= STEP;
+    }
+    length
+}
+
 multiversion! {
     /// Value and two derivatives of both polynomials below `end`, where they have arrived.
     fn write_parts = parts_at, (polynomials: (&Polynomial, &Polynomial), at: &[f64], end: f64, out: &mut [f64])
@@ -214,5 +231,28 @@ fn rates_at(
             let rate = (d[3] * s_dot * s_dot + 3.0 * d[2] * s_ddot) * s_dot + d[1] * jerk;
             *out = if *s < length { rate } else { 0.0 };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_are_as_long_as_the_largest_third_derivative_demands() {
+        for (start, rate) in [([2.0, 0.0, 0.0], 0.05), ([1.0, 0.3, 0.0], 0.1), ([-0.5, 0.2, 0.1], 0.2)] {
+            let ends = |length: f64| {
+                let turn = Polynomial::to_rest(start, 0.0, length);
+                turn.at(0.0)[3].abs().max(turn.at(length)[3].abs())
+            };
+            let length = turning_length(start, rate, 5.0);
+            assert!(ends(length) <= rate && ends(length / 1.1) > rate, "{start:?}: {length} m");
+        }
+    }
+
+    #[test]
+    fn on_the_path_turns_have_the_least_length() {
+        assert_eq!(turning_length([0.0; 3], 0.1, 5.0), 5.0);
+        assert_eq!(turning_length([2.0, 0.3, 0.1], f64::INFINITY, 5.0), 5.0);
     }
 }

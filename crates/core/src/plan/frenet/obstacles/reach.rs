@@ -1,6 +1,6 @@
 //! Where the agent's footprint can get; participants that stay away from there are skipped.
 
-use super::super::grid::{ARC_MIN, SampleGrid};
+use super::super::grid::SampleGrid;
 use super::super::warm_start::WarmStart;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
@@ -59,7 +59,7 @@ impl Reach {
         // A quintic that begins with a slope and a bend overshoots by at most so much, see `SampleGrid::lateral_bounds`.
         let way = (samples.furthest[samples.n_points - 1] - start.s)
             .max(start.s_dot * (samples.n_points - 1) as f64 * request.dt)
-            .max(ARC_MIN);
+            .max(samples.arc_min);
         let sideways = widest + way * (0.2 * start.d_prime.abs() + 0.018 * way * start.d_prime2.abs());
         let path = &request.route.path;
         let (x, y) = (path.x(), path.y());

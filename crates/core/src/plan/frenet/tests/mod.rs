@@ -6,6 +6,7 @@ pub(super) mod choice;
 mod closed_loop;
 mod golden;
 mod kinematics;
+mod starts;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
 use crate::geometry::polyline::ReferencePath;
