@@ -93,6 +93,7 @@ impl Bench {
             time_step: 0,
             dt: 0.1,
             state: self.state,
+            entry_velocity: self.state.velocity,
             vehicle: &vehicle,
             shape: &self.shape,
             route: &self.route,

@@ -1,8 +1,7 @@
-//! How fast an agent must be to arrive at its goal in time.
+//! How fast an agent wants to be for the sake of its goal.
 
 use super::PlanRequest;
 use super::frame::Start;
-use crate::scenario::GoalState;
 
 /// The plan reaches a new speed after about this time [s]; speeds are desired for then.
 pub(super) const LOOK_AHEAD: f64 = 1.0;
@@ -14,13 +13,17 @@ const GOAL_END_GAP: f64 = 1.0;
 const ARRIVAL_RESERVE: f64 = 1.0;
 /// ... or by this share of the time that is left, if that is more: a plan to be just in time ends late.
 const ARRIVAL_SHARE: f64 = 0.15;
+/// Agents on a free road arrive no faster than at this share of the goal's interval of speeds.
+const GOAL_SPEED_SHARE: f64 = 0.8;
 
 /// Desired speed for the goal alone, and where to wait if the agent is early.
 ///
-/// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
-/// brings the agent into the area at the middle of the time interval or shortly before its end, whichever is later.
-/// Too late: on as before. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without
-/// a place, or behind the agent: the goal's speed, else the present one.
+/// Before the area: the agent's free speed, which is the higher of its speed when it entered and the middle of the
+/// goal's speeds (those that include standing say nothing), but slow enough to brake comfortably to the goal's speeds
+/// and not to arrive too early. At least the constant speed that, followed by comfortable braking (or accelerating) to
+/// the goal's speeds, brings the agent into the area at the middle of the time interval or shortly before its end,
+/// whichever is later; for a late agent, at least `cruise_velocity_min`. In the area: the goal's speed; before the time,
+/// slowly enough not to leave it. A goal without a place, or behind the agent: the goal's speed, else the present one.
 pub(super) fn desired(
     request: &PlanRequest,
     start: &Start,
@@ -31,44 +34,43 @@ pub(super) fn desired(
         return (start.velocity, None);
     };
     let goal_velocity = goal.velocity.map(|(low, high)| 0.5 * (low + high));
-    let onwards = goal_velocity.unwrap_or(start.velocity.max(cruise_velocity_min));
     let (entry, exit) = (request.route.goal_entry_s, request.route.goal_exit_s);
     let center = start.s + request.vehicle.rear_axle_to_center;
     // False for goals without a place, too: their arc lengths are NaN.
     let to_come = exit > center && entry.is_finite();
     if goal.areas.is_empty() || !to_come {
-        return (onwards, None);
+        return (goal_velocity.unwrap_or(start.velocity.max(cruise_velocity_min)), None);
     }
-    let seconds = |steps: f64| steps * request.dt;
-    let until = |time_step: i64| seconds((time_step - request.time_step) as f64);
-    let is_early = until(goal.time_step.0) > 0.0;
+    let until = |time_step: i64| (time_step - request.time_step) as f64 * request.dt;
+    let (earliest, latest) = (until(goal.time_step.0), until(goal.time_step.1));
+    let is_early = earliest > 0.0;
     let stop = is_early.then_some(exit - GOAL_END_GAP - request.vehicle.rear_axle_to_center);
     if center >= entry {
         let room = (exit - GOAL_END_GAP - center).max(0.0);
         let inside = goal_velocity.unwrap_or(start.velocity);
-        let waiting =
-            if is_early { (room / until(goal.time_step.0)).min((deceleration * room).sqrt()) } else { inside };
+        let waiting = if is_early { (room / earliest).min((deceleration * room).sqrt()) } else { inside };
         return (inside.min(waiting), stop);
     }
-    (arrival_velocity(goal, entry.min(exit) - center, exit - entry, onwards, deceleration, until), stop)
-}
-
-fn arrival_velocity(
-    goal: &GoalState,
-    to_entry: f64,
-    depth: f64,
-    onwards: f64,
-    deceleration: f64,
-    until: impl Fn(i64) -> f64,
-) -> f64 {
-    let (earliest, latest) = (until(goal.time_step.0), until(goal.time_step.1));
+    let (low, high) = goal.velocity.unwrap_or((0.0, f64::INFINITY));
+    let distance = entry.min(exit) - center + GOAL_DEPTH.min(0.5 * (exit - entry));
+    let arriving_after = |time: f64| cruise_velocity(distance, time, (low, high), deceleration);
+    let at_goal = goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0);
+    let free = request.entry_velocity.max(at_goal);
+    let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
     if latest <= 0.0 {
-        return onwards;
+        return (free.max(cruise_velocity_min).min(approach), stop);
     }
     let reserve = ARRIVAL_RESERVE.max(ARRIVAL_SHARE * latest);
-    let arrival = (0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest);
-    let distance = to_entry + GOAL_DEPTH.min(0.5 * depth);
-    cruise_velocity(distance, arrival, goal.velocity.unwrap_or((0.0, f64::INFINITY)), deceleration)
+    let needed = arriving_after((0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest));
+    let soonest = earliest + ARRIVAL_RESERVE.min(0.5 * (latest - earliest));
+    let not_too_early = if is_early { arriving_after(soonest) } else { f64::INFINITY };
+    (free.min(approach).min(not_too_early).max(needed), stop)
+}
+
+/// Highest speed from which comfortable braking after `LOOK_AHEAD` leads to a speed at most [m/s].
+fn approach_velocity(distance: f64, limit: f64, deceleration: f64) -> f64 {
+    let lag = deceleration * LOOK_AHEAD;
+    ((lag * lag + limit * limit + 2.0 * deceleration * distance).sqrt() - lag).max(limit)
 }
 
 /// Speed after `LOOK_AHEAD` of: constant speed, then a constant change `b` [m/s²] to the nearer end of the interval, so

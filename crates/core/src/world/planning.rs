@@ -138,6 +138,7 @@ impl World {
             time_step: self.time_step,
             dt: self.scenario.dt,
             state: self.states[drive.row].unwrap_or_default(),
+            entry_velocity: drive.agent.initial_state.velocity,
             vehicle: &drive.agent.vehicle,
             shape: &drive.agent.shape,
             route: &drive.agent.route,

@@ -48,7 +48,7 @@ settings! {
         lateral_acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
         /// Desired and present speed differ by at most this.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
-        /// Lowest desired speed of an agent whose goal states neither place nor speed.
+        /// Lowest desired speed of late agents, and of those whose goal states neither place nor speed.
         cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
     }
 

@@ -83,6 +83,23 @@ fn the_agent_arrives_at_its_goal_in_time() {
 }
 
 #[test]
+fn an_agent_on_a_free_road_keeps_its_speed_although_its_goal_leaves_it_more_time() {
+    let mut drive = Drive::along(&lane_of_400_m(), 40.0, 10.0).with_goal((240.0, 250.0), (0, 600), None);
+    for _ in 0..150 {
+        drive_on(&mut drive, 1);
+        assert!(drive.state.velocity > 9.5, "{:?}", drive.state);
+    }
+}
+
+#[test]
+fn a_late_agent_drives_on_at_the_speed_at_which_it_entered() {
+    let mut drive = Drive::along(&lane_of_400_m(), 40.0, 10.0).with_goal((340.0, 350.0), (0, 20), Some((0.0, 12.0)));
+    (drive.time_step, drive.state.velocity) = (30, 3.0);
+    drive_on(&mut drive, 60);
+    assert!(drive.state.velocity > 9.0, "{:?}", drive.state);
+}
+
+#[test]
 fn an_early_agent_waits_in_the_goal_area() {
     let mut drive = Drive::along(&lane_of_400_m(), 40.0, 8.0).with_goal((60.0, 70.0), (150, 180), None);
     drive_on(&mut drive, 150);

@@ -49,6 +49,7 @@ pub(super) struct Drive {
     dt: f64,
     time_step: i64,
     state: State,
+    entry_velocity: f64,
     vehicle: Vehicle,
     shape: Shape,
     route: Route,
@@ -82,6 +83,7 @@ impl Drive {
             dt: 0.1,
             time_step: 0,
             state: State { x: mid.x, y: mid.y, orientation: at.theta, velocity, acceleration: 0.0, yaw_rate },
+            entry_velocity: velocity,
             vehicle,
             shape: Shape::rectangle(vehicle.length, vehicle.width),
             route: Route {
@@ -169,6 +171,7 @@ impl Drive {
             time_step: self.time_step,
             dt: self.dt,
             state: self.state,
+            entry_velocity: self.entry_velocity,
             vehicle: &self.vehicle,
             shape: &self.shape,
             route: &self.route,
