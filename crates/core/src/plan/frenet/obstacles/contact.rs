@@ -23,7 +23,7 @@ pub(in crate::plan::frenet) struct Contact {
     pub(in crate::plan::frenet) interval: usize,
     /// Difference of the velocities [m/s].
     pub(in crate::plan::frenet) closing_speed: f64,
-    /// The agent's own speed [m/s].
+    /// The agent's own speed, the higher one of those at both ends of the interval [m/s].
     pub(in crate::plan::frenet) speed: f64,
 }
 
@@ -91,7 +91,8 @@ impl Obstacles {
             return Meeting::Ignored;
         }
         let closing_speed = (pair[1].center - pair[0].center - swept.displacement).norm() / dt;
-        Meeting::Contact(Contact { other, interval, closing_speed, speed: pair[0].velocity.abs() })
+        let speed = pair[0].velocity.abs().max(pair[1].velocity.abs());
+        Meeting::Contact(Contact { other, interval, closing_speed, speed })
     }
 }
 

@@ -61,15 +61,22 @@ fn no_contact_has_more_kinetic_energy_than_full_braking_would_leave() {
 
 #[test]
 fn an_agent_with_a_faster_car_ahead_of_it_in_its_way_does_not_accelerate_into_it() {
-    // It comes from the right and cuts in 3 m ahead.
-    let mut drive = on_a_lane(7.0, Car::at(48.0, -1.7, 0.25, 7.0));
-    for _ in 0..10 {
-        let before = drive.state.velocity;
-        let result = drive.plan(&FrenetSettings::default());
-        let is_emergency = result.status == PlanStatus::EmergencyBraking;
-        drive.step(result);
-        assert!(!is_emergency || drive.state.velocity < before, "{:?}", drive.state);
+    // It comes from the right and cuts in closely ahead.
+    let mut n_emergencies = 0;
+    for (x, y, velocity) in
+        [(46.0, -1.7, 7.0), (46.0, -1.4, 5.0), (46.5, -1.7, 5.0), (47.0, -1.7, 4.0), (48.0, -1.7, 3.0)]
+    {
+        let mut drive = on_a_lane(7.0, Car::at(x, y, 0.25, velocity));
+        for _ in 0..10 {
+            let before = drive.state.velocity;
+            let result = drive.plan(&FrenetSettings::default());
+            let is_emergency = result.status == PlanStatus::EmergencyBraking;
+            n_emergencies += usize::from(is_emergency);
+            drive.step(result);
+            assert!(!is_emergency || drive.state.velocity < before, "{:?}", drive.state);
+        }
     }
+    assert!(n_emergencies > 0);
 }
 
 #[test]
