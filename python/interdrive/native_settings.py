@@ -61,8 +61,8 @@ class FrenetComfort:
         deceleration: Deceleration before leaders, curves and the goal. Positive and at most 100.
         lateral_acceleration: Lateral acceleration in curves. Positive and at most 100.
         velocity_step: Desired and present speed differ by at most this. Positive and at most 100.
-        cruise_velocity_min: Lowest desired speed of an agent whose goal states neither place nor speed. Between 0
-            and 100.
+        cruise_velocity_min: Lowest desired speed of late agents, and of those whose goal states neither place nor
+            speed. Between 0 and 100.
     """
 
     time_gap: Annotated[float, "s"] = 1.0
