@@ -18,28 +18,31 @@ const GOAL_SPEED_SHARE: f64 = 0.8;
 
 /// Desired speed for the goal alone, and where to wait if the agent is early.
 ///
-/// Before the area: the agent's free speed, which is the higher of its speed when it entered and the middle of the
+/// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
+/// brings the agent into the area at the middle of the time interval or shortly before its end, whichever is later. With
+/// `is_free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of the
 /// goal's speeds (those that include standing say nothing), but slow enough to brake comfortably to the goal's speeds
-/// and not to arrive too early. At least the constant speed that, followed by comfortable braking (or accelerating) to
-/// the goal's speeds, brings the agent into the area at the middle of the time interval or shortly before its end,
-/// whichever is later; for a late agent, at least `cruise_velocity_min`. In the area: the goal's speed; before the time,
-/// slowly enough not to leave it. A goal without a place, or behind the agent: the goal's speed, else the present one.
+/// and not to arrive too early. Too late: on as before, or with `is_free` at the free speed, `cruise_velocity_min` or
+/// more. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without a place, or behind
+/// the agent: the goal's speed, else the present one.
 pub(super) fn desired(
     request: &PlanRequest,
     start: &Start,
     deceleration: f64,
     cruise_velocity_min: f64,
+    is_free: bool,
 ) -> (f64, Option<f64>) {
     let Some(goal) = request.goal.states.iter().max_by_key(|state| state.time_step.1) else {
         return (start.velocity, None);
     };
     let goal_velocity = goal.velocity.map(|(low, high)| 0.5 * (low + high));
+    let onwards = goal_velocity.unwrap_or(start.velocity.max(cruise_velocity_min));
     let (entry, exit) = (request.route.goal_entry_s, request.route.goal_exit_s);
     let center = start.s + request.vehicle.rear_axle_to_center;
     // False for goals without a place, too: their arc lengths are NaN.
     let to_come = exit > center && entry.is_finite();
     if goal.areas.is_empty() || !to_come {
-        return (goal_velocity.unwrap_or(start.velocity.max(cruise_velocity_min)), None);
+        return (onwards, None);
     }
     let until = |time_step: i64| (time_step - request.time_step) as f64 * request.dt;
     let (earliest, latest) = (until(goal.time_step.0), until(goal.time_step.1));
@@ -54,14 +57,17 @@ pub(super) fn desired(
     let (low, high) = goal.velocity.unwrap_or((0.0, f64::INFINITY));
     let distance = entry.min(exit) - center + GOAL_DEPTH.min(0.5 * (exit - entry));
     let arriving_after = |time: f64| cruise_velocity(distance, time, (low, high), deceleration);
-    let at_goal = goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0);
-    let free = request.entry_velocity.max(at_goal);
-    let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
-    if latest <= 0.0 {
-        return (free.max(cruise_velocity_min).min(approach), stop);
-    }
     let reserve = ARRIVAL_RESERVE.max(ARRIVAL_SHARE * latest);
     let needed = arriving_after((0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest));
+    let is_late = latest <= 0.0;
+    if !is_free {
+        return (if is_late { onwards } else { needed }, stop);
+    }
+    let free = request.entry_velocity.max(goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0));
+    let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
+    if is_late {
+        return (free.max(cruise_velocity_min).min(approach), stop);
+    }
     let soonest = earliest + ARRIVAL_RESERVE.min(0.5 * (latest - earliest));
     let not_too_early = if is_early { arriving_after(soonest) } else { f64::INFINITY };
     (free.min(approach).min(not_too_early).max(needed), stop)

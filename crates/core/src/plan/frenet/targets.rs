@@ -47,7 +47,7 @@ impl Targets {
             following = following.min(safe_velocity(gap, leader.velocity, comfort));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
         }
-        let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min);
+        let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min, true);
         let (goal_velocity, goal_stop) = goal;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
