@@ -344,6 +344,31 @@ class RoadSettings:
 
 
 @dataclass(frozen=True)
+class RulesSettings:
+    """Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
+
+    Attributes:
+        enabled: False: it obeys none of them.
+        speed: It keeps to speed limits.
+        lights: It stops for traffic lights.
+        stop_signs: It stops at stop signs.
+        speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
+        stop_duration: It stands this long at a stop sign. Between 0 and 60.
+    """
+
+    enabled: bool = True
+    speed: bool = True
+    lights: bool = True
+    stop_signs: bool = True
+    speed_factor: float = 1.0
+    stop_duration: Annotated[float, "s"] = 1.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("RulesSettings", self)
+
+
+@dataclass(frozen=True)
 class MeasureSettings:
     """Parameters and switches of all measures; the defaults are those of docs/criticality.md.
 

@@ -25,6 +25,7 @@ from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.reasons import reasons
+from interdrive.run.violations import violations
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, core_shape, thread_count
@@ -32,11 +33,11 @@ from interdrive.scenario.native import core_road, core_scenario, core_shape, thr
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.config.agent_config import PlannersSpec, ViewsSpec
+    from interdrive.config.agent_config import PlannersSpec, RulesSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
-    from interdrive.native_settings import ViewSettings
+    from interdrive.native_settings import RulesSettings, ViewSettings
     from interdrive.planners.calls import Answer
     from interdrive.run import Outcomes, RunSettings
 
@@ -59,6 +60,7 @@ class Simulation:
         planner: PlannersSpec = "frenet",
         predictor: PredictorSpec = "neural",
         views: ViewsSpec | None = None,
+        rules: RulesSpec | None = None,
         settings: SettingsSpec | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -73,6 +75,8 @@ class Simulation:
             planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
             predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
             views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
+            rules: Mapping from agent ids (and "default") to the rules of the road that they obey; all other agents obey
+                those of `settings.rules`.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             seed: Seed for the choice of agents.
             threads: Threads that plan; None: the number of cores. Results do not depend on it.
@@ -107,7 +111,7 @@ class Simulation:
             seed=seed,
         )
         self._notes = [*self.scenario.notes, *notes]
-        self._configs = agent_configs(config, views or {}, self.agents)
+        self._configs = agent_configs(config, views or {}, rules or {}, self.agents)
         self._workers: Workers | None = None
         self.reset()
 
@@ -139,6 +143,7 @@ class Simulation:
                     agent.route,
                     native_settings,
                     config.view,
+                    config.rules,
                 )
             )
         record = self.settings.record
@@ -221,7 +226,8 @@ class Simulation:
         make = {i: factory for i, factory in make.items() if i not in unfit}
         if make:
             views = {i: config.view for i, config in self._configs.items()}
-            stage = partial(_staged, self.scenario, views, self.settings)
+            rules = {i: config.rules for i, config in self._configs.items()}
+            stage = partial(_staged, self.scenario, views, rules, self.settings)
             self._workers = Workers(stage, make, self.threads, self.settings.step.planner_timeout_s)
             for i in make:
                 del self._python_planners[i]
@@ -235,7 +241,7 @@ class Simulation:
         views = {i: self.world.view(scene, i) for i in plans.missing}
         answers: dict[int, Answer] = {}
         if self._workers is not None:
-            wanted = {i: view.ego.s for i, view in views.items() if i not in self._python_planners}
+            wanted = {i: (view.ego.s, view.ego.stop_s) for i, view in views.items() if i not in self._python_planners}
             answers = self._workers.ask(scene, predictions, wanted)
         timeout_s = self.settings.step.planner_timeout_s
         if self._raises:
@@ -310,7 +316,8 @@ class Simulation:
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
-        return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)))
+        broken = violations(run, self.road) if self.settings.record.violations else None
+        return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:
         """One line if the run reached its largest number of time steps before all agents had an outcome."""
@@ -369,6 +376,7 @@ def simulate(
     planner: PlannersSpec = "frenet",
     predictor: PredictorSpec = "neural",
     views: ViewsSpec | None = None,
+    rules: RulesSpec | None = None,
     settings: SettingsSpec | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -390,6 +398,7 @@ def simulate(
         planner=planner,
         predictor=predictor,
         views=views,
+        rules=rules,
         settings=settings,
         seed=seed,
         threads=threads,
@@ -406,8 +415,13 @@ class _NeverAsked:
         raise NotImplementedError
 
 
-def _staged(scenario: Scenario, views: dict[int, ViewSettings], settings: SimulationSettings) -> _core.World:
+def _staged(
+    scenario: Scenario,
+    views: dict[int, ViewSettings],
+    rules: dict[int, RulesSettings],
+    settings: SimulationSettings,
+) -> _core.World:
     """Rebuilds the world of a simulation with these agents in another process."""
     return Simulation(
-        scenario, agents=list(views), planner=_NeverAsked, views=views, settings=settings, threads=1
+        scenario, agents=list(views), planner=_NeverAsked, views=views, rules=rules, settings=settings, threads=1
     ).world

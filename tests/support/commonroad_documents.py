@@ -46,6 +46,24 @@ def speed_sign(number, limit):
     return f'<trafficSign id="{number}"><trafficSignElement>{element}</trafficSignElement></trafficSign>'
 
 
+def traffic_light(number, *phases, offset=0, direction="all", active="true"):
+    """A light; phases are pairs of colour and length in time steps."""
+    cycle = "".join(
+        f"<cycleElement><duration>{length}</duration><color>{colour}</color></cycleElement>"
+        for colour, length in phases
+    )
+    return (
+        f'<trafficLight id="{number}"><cycle>{cycle}<timeOffset>{offset}</timeOffset></cycle>'
+        f"<position>{point(0, 0)}</position><direction>{direction}</direction><active>{active}</active></trafficLight>"
+    )
+
+
+def sign(number, code):
+    """A sign without a value."""
+    element = f"<trafficSignElement><trafficSignID>{code}</trafficSignID></trafficSignElement>"
+    return f'<trafficSign id="{number}">{element}</trafficSign>'
+
+
 def exact(tag, value):
     return f"<{tag}><exact>{value}</exact></{tag}>"
 

@@ -9,6 +9,7 @@ use interdrive_core::plan::{CarFollowing, IdmSettings, Planner};
 use interdrive_core::predict::{LaneFollowing, Predictor};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{RouteSettings, find_route};
+use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{State, States};
@@ -85,6 +86,7 @@ fn world(planner: &Planner) -> World {
             route: Arc::new(route),
             planner: planner.clone(),
             view: ViewLimits { sensor_radius: 80.0, ..ViewLimits::default() },
+            rules: RulesSettings::default(),
         }
     });
     let agents = agents.collect();

@@ -9,6 +9,7 @@ use interdrive_core::plan::frenet::{FrenetMemory, FrenetSettings, plan};
 use interdrive_core::plan::{Other, PlanRequest, PredictionIndex};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
+use interdrive_core::rules::Rules;
 use interdrive_core::scenario::{Goal, GoalState};
 use interdrive_core::trajectory::{Predictions, State};
 use interdrive_core::vehicle::Vehicle;
@@ -106,6 +107,7 @@ impl Bench {
             prediction_index: &self.prediction_index,
             previous: None,
             previous_age: 0,
+            rules: Rules::default(),
         };
         plan(black_box(&request), settings, memory).cost
     }

@@ -189,7 +189,19 @@ impl RoadNetwork {
         matching.found
     }
 
-    /// The same into memory that is reused.
+    /// The largest speed limit of the lanelets at a pose that lead its way (within 90 degrees) [m/s], infinite if one of
+    /// them has none, NaN if none leads its way; and the least difference of headings from any lanelet there [rad], NaN
+    /// beside all of them.
+    pub fn lane_rules(&self, pose: Pose) -> (f64, f64) {
+        let found = self.matching(pose, 0.0, std::f64::consts::PI);
+        let leading = found.iter().filter(|lane| lane.heading_error.abs() <= std::f64::consts::FRAC_PI_2);
+        let limit = leading.map(|lane| self.lanelets[lane.lanelet].speed_limit);
+        let limit = limit.map(|limit| if limit.is_nan() { f64::INFINITY } else { limit }).reduce(f64::max);
+        let error = found.iter().map(|lane| lane.heading_error.abs()).reduce(f64::min);
+        (limit.unwrap_or(f64::NAN), error.unwrap_or(f64::NAN))
+    }
+
+    /// As `matching`, into memory that is reused.
     pub(crate) fn find_matching(&self, pose: Pose, tolerance: f64, angle_max: f64, memory: &mut Matching) {
         let Matching { inside, near, found } = memory;
         self.find_lanelets_at(pose.position, inside);

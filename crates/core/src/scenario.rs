@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::wrap_angle;
@@ -101,10 +102,12 @@ pub struct Scenario {
     pub road: Arc<RoadNetwork>,
     /// Recorded traffic.
     pub obstacles: Obstacles,
+    /// Traffic lights and stop lines of its roads.
+    pub control: Control,
 }
 
 impl Scenario {
-    /// Checks and keeps the parts.
+    /// Checks and keeps the parts; without traffic lights and stop lines.
     ///
     /// # Errors
     /// `InvalidInput` naming the field: dt not positive, tables of different lengths, ids not ascending, a
@@ -133,7 +136,7 @@ impl Scenario {
                 }
             }
         }
-        Ok(Self { dt, road, obstacles })
+        Ok(Self { dt, road, obstacles, control: Control::default() })
     }
 }
 

@@ -42,6 +42,7 @@ fn words(rejection: Rejection, collision_id: i64) -> String {
         Rejection::LeftPath => "left the reference path".into(),
         Rejection::Collision => format!("collision with {collision_id}"),
         Rejection::OffRoad => "off the road".into(),
+        Rejection::StopLine => "stop line".into(),
     }
 }
 

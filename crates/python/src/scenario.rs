@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use interdrive_core::control::{Control, Signal, TrafficLight};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::{LaneletInput, RoadNetwork};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::ParticipantKind;
-use numpy::{PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Grid, Row};
@@ -170,6 +171,23 @@ impl PyRoadNetwork {
         self.0.lane_stretch(index, s, before, after).into_iter().map(|polygon| arrays::points(py, polygon)).collect()
     }
 
+    /// For each pose the largest speed limit of the lanelets at its position that lead its way (within 90 degrees) [m/s],
+    /// infinite if one of them has none, nan where none leads its way; and the least difference of headings from any
+    /// lanelet there [rad], nan beside all of them.
+    fn lane_rules<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'py, f64>,
+        y: PyReadonlyArray1<'py, f64>,
+        orientation: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Row<'py, f64>, Row<'py, f64>)> {
+        let n = x.as_array().len();
+        let (x, y) = (arrays::read_row("x", &x, n)?, arrays::read_row("y", &y, n)?);
+        let theta = arrays::read_row("orientation", &orientation, n)?;
+        let found: Vec<(f64, f64)> = (0..n).map(|i| self.0.lane_rules(Pose::new(x[i], y[i], theta[i]))).collect();
+        Ok((arrays::row(py, found.iter().map(|f| f.0).collect()), arrays::row(py, found.iter().map(|f| f.1).collect())))
+    }
+
     /// Whether a footprint at a pose is covered by the road.
     fn covers(&self, shape: &PyShape, x: f64, y: f64, orientation: f64) -> bool {
         self.0.covers(&shape.0, Pose::new(x, y, orientation))
@@ -216,6 +234,25 @@ pub fn read_states(
     })
 }
 
+/// Id, time step at which the cycle begins, and length in time steps and code of the signal of each phase.
+type LightParts = (i64, i64, Vec<(i64, usize)>);
+/// Lanelet, both ends [m], whether there is a stop sign, and for each lanelet that follows the positions of its lights.
+type LineParts = (i64, [(f64, f64); 2], bool, Vec<(i64, Vec<usize>)>);
+
+fn control(lights: Vec<LightParts>, lines: Vec<LineParts>, road: &RoadNetwork) -> PyResult<Control> {
+    let signal = |(length, code): (i64, usize)| {
+        let found = Signal::ALL.get(code).copied();
+        found.map(|signal| (length, signal)).ok_or_else(|| InputError::new_err(format!("there is no signal {code}")))
+    };
+    let light = |(id, offset, phases): LightParts| {
+        Ok(TrafficLight { id, offset, phases: phases.into_iter().map(signal).collect::<PyResult<_>>()? })
+    };
+    let lights = lights.into_iter().map(light).collect::<PyResult<_>>()?;
+    let ends = |ends: [(f64, f64); 2]| ends.map(|(x, y)| Point::new(x, y));
+    let lines = lines.into_iter().map(|(lanelet, at, sign, ways)| (lanelet, ends(at), sign, ways)).collect();
+    Control::new(lights, lines, road).map_err(exception)
+}
+
 #[pyclass(frozen, name = "Scenario", module = "interdrive._core")]
 pub struct PyScenario(pub Arc<Scenario>);
 
@@ -223,7 +260,8 @@ pub struct PyScenario(pub Arc<Scenario>);
 impl PyScenario {
     #[new]
     #[pyo3(signature = (
-        dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid
+        dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
+        lights=vec![], lines=vec![]
     ))]
     fn new(
         dt: f64,
@@ -240,13 +278,17 @@ impl PyScenario {
         acceleration: PyReadonlyArrayDyn<'_, f64>,
         yaw_rate: PyReadonlyArrayDyn<'_, f64>,
         valid: PyReadonlyArrayDyn<'_, bool>,
+        lights: Vec<LightParts>,
+        lines: Vec<LineParts>,
     ) -> PyResult<Self> {
         let fields = [&y, &orientation, &velocity, &acceleration];
         let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
         let kind = kinds.into_iter().map(ParticipantKind::from_code).collect::<Result<_, _>>().map_err(exception)?;
         let obstacles =
             Obstacles { kind, shape: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static, states };
-        Scenario::new(dt, Arc::clone(&road.0), obstacles).map(|scenario| Self(Arc::new(scenario))).map_err(exception)
+        let mut scenario = Scenario::new(dt, Arc::clone(&road.0), obstacles).map_err(exception)?;
+        scenario.control = control(lights, lines, &road.0)?;
+        Ok(Self(Arc::new(scenario)))
     }
 }
 

@@ -5,6 +5,7 @@ use interdrive_core::plan::frenet::FrenetSettings;
 use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
+use interdrive_core::rules::RulesSettings;
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::settings::{Record, Value, check};
 use interdrive_core::world::StepSettings;
@@ -25,6 +26,7 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(ViewLimits::default()),
         Box::new(StepSettings::default()),
         Box::new(RoadSettings::default()),
+        Box::new(RulesSettings::default()),
         Box::new(MeasureSettings::default()),
     ]
 }

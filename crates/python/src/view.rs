@@ -31,6 +31,9 @@ pub struct PyView {
     pub agent: Arc<Agent>,
     pub state: State,
     pub s: f64,
+    pub stop_s: f64,
+    /// At every point of the reference path.
+    pub speed_limit: Vec<f64>,
     pub road: Arc<RoadNetwork>,
 }
 
@@ -207,6 +210,11 @@ getters! { PyEgo {
     };
     /// Arc length of the rear axle on the reference path [m].
     s: f64 = |this| this.view.get().s;
+    /// Arc length on the reference path that the front must not pass now [m], because of a red light or a stop sign;
+    /// infinite without one.
+    stop_s: f64 = |this| this.view.get().stop_s;
+    /// Speed limit at every point of the reference path [m/s]; infinite where there is none.
+    speed_limit: Row<'py, f64> = |this, py| arrays::row(py, this.view.get().speed_limit.clone());
     /// First and last time step at which the goal can be reached in time; the largest integer where there is no last one.
     goal_time_step: (i64, i64) = |this| {
         let goal = &this.view.get().agent.goal;

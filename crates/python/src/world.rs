@@ -38,7 +38,7 @@ pub struct PyAgent(pub Agent);
 impl PyAgent {
     #[new]
     #[pyo3(signature = (
-        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view
+        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view, rules
     ))]
     fn new(
         id: i64,
@@ -51,6 +51,7 @@ impl PyAgent {
         route: &PyRoute,
         planner: Option<&PyPlanner>,
         view: &Bound<'_, PyAny>,
+        rules: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
         Ok(Self(Agent {
@@ -64,6 +65,7 @@ impl PyAgent {
             route: Arc::clone(&route.route),
             planner: planner.map_or(Planner::External, |planner| planner.0.clone()),
             view: read(view)?,
+            rules: read(rules)?,
         }))
     }
 }
@@ -156,18 +158,21 @@ impl PyWorld {
         Ok(PyScene { scene, road: Arc::clone(&self.0.scenario().road) })
     }
 
-    /// What an agent sees. `s` is the arc length of its rear axle on its reference path [m]; the world knows it, other
-    /// processes must be told.
-    #[pyo3(signature = (scene, id, s=None))]
-    fn view(&self, scene: &PyScene, id: i64, s: Option<f64>) -> PyResult<PyView> {
+    /// What an agent sees. `told` are the arc length of its rear axle on its reference path and the one that its front
+    /// must not pass [m]; the world knows them, other processes must be told.
+    #[pyo3(signature = (scene, id, told=None))]
+    fn view(&self, scene: &PyScene, id: i64, told: Option<(f64, f64)>) -> PyResult<PyView> {
         let agent = Arc::clone(self.0.agent(id).map_err(exception)?);
         let visible = self.0.visible(id, &scene.scene).map_err(exception)?;
         let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
+        let (s, stop_s) = told.map_or_else(|| self.0.progress(id).map_err(exception), Ok)?;
         Ok(PyView {
             visible,
             row,
             state: scene.scene.state(row),
-            s: s.map_or_else(|| self.0.progress(id).map_err(exception), Ok)?,
+            s,
+            stop_s,
+            speed_limit: self.0.speed_limits(id).map_err(exception)?,
             scene: Arc::clone(&scene.scene),
             road: Arc::clone(&self.0.scenario().road),
             agent,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES, agent_harm
 from interdrive.planners import NATIVE
-from interdrive.run import OUTCOMES, PHASES
+from interdrive.run import OUTCOMES, PHASES, VIOLATIONS
 from interdrive.storage import Column, arrow_table, labels
 
 if TYPE_CHECKING:
@@ -118,6 +119,8 @@ AGENT_COLUMNS = (
         nullable=True,
     ),
     Column("emergencies", "integer", "time steps with emergency braking", nullable=True),
+    Column("violations", "integer", "violations of rules of the road by the agent", nullable=True),
+    *(Column(f"n_{rule}", "integer", f"those of the rule {rule}", nullable=True) for rule in VIOLATIONS),
     Column("plan_seconds", "number", "wall time per plan, mean over its time steps [s]", nullable=True),
 )
 
@@ -186,6 +189,7 @@ def finished_rows(
         "reason": ended.reason,
         "ttc_critical": of_agents(share),
         "emergencies": emergencies,
+        **_violations(run, ids),
         "plan_seconds": _plan_seconds(run),
         **{
             extreme(measure.name, grows=measure.grows): of_agents(criticality.extremes[measure.name].value)
@@ -194,6 +198,23 @@ def finished_rows(
         **comfort(run),
     }
     return arrow_table(COLUMNS, {**_of_run(spec, about, len(ids)), **values})
+
+
+def _violations(run: Run, ids: list[int]) -> dict[str, list[int | None]]:
+    """Violations of rules of the road by each agent, together and by rule; None if they were not recorded."""
+    found = run.violations
+    counts = (
+        Counter()
+        if found is None
+        else Counter(
+            (number, rule)
+            for number, rule, source in zip(found.participant_id.tolist(), found.rule, found.source, strict=True)
+            if source == "agent"
+        )
+    )
+    by_rule = {rule: [None if found is None else counts[number, rule] for number in ids] for rule in VIOLATIONS}
+    together = [None if found is None else sum(counts[number, rule] for rule in VIOLATIONS) for number in ids]
+    return {"violations": together, **{f"n_{rule}": values for rule, values in by_rule.items()}}
 
 
 def failure_row(spec: RunSpec, status: str, error: str, attempts: int) -> ArrowTable:

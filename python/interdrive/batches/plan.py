@@ -358,7 +358,7 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
     own, chosen, expected = config.settings, config.planner, config.predictor
     if not isinstance(chosen, Resolved):
         raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
-    found = stored({0: AgentConfig(chosen, own.view)}, expected, own)
+    found = stored({0: AgentConfig(chosen, own.view, own.rules)}, expected, own)
     if not found["repeatable"]:
         raise InputError(
             f"planner {chosen.name} or predictor {expected.name}: other processes cannot find it by "

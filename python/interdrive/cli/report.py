@@ -243,6 +243,12 @@ def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
     size = "{:.0f} m by {:.0f} m".format(*found.extent)
     table.add_row("roads", f"{found.n_lanelets} lanelets, {found.lane_length:.0f} m of lanes, {size}")
     table.add_row("speed limits", limits)
+    counts = (
+        (found.n_traffic_lights, "traffic light"),
+        (found.n_stop_lines, "stop line"),
+        (found.n_stop_signs, "stop sign"),
+    )
+    table.add_row("control", ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n) or "none")
     table.add_row("traffic", kinds + static)
     for problem in found.planning_problems:
         start = f"({problem.x:.1f}, {problem.y:.1f}), {problem.velocity:.1f} m/s"

@@ -49,6 +49,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
             "planner": wanted["planner"],
             "predictor": wanted["predictor"],
             "views": wanted.get("views", {}),
+            "rules": wanted.get("rules", {}),
             "seed": wanted["seed"],
             "settings": bind(SimulationSettings(), wanted["settings"]),
         }

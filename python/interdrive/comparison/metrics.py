@@ -81,6 +81,7 @@ METRICS = (
     Metric("infeasible", "infeasible %", "infeasible", outcome=True, scale=100.0),
     Metric("planner_error", "broken %", "planner_error", outcome=True, scale=100.0),
     Metric("collisions", "collisions per 100", "collision", outcome=True, scale=100.0, digits=2),
+    Metric("violations", "violations per 100", "violations", scale=100.0),
     Metric("harm", "harm per 100", "harm", scale=100.0, absent=0.0, digits=3),
     Metric("ttc_min", "min TTC [s]", "ttc_min", median=True, better=1, digits=2),
     Metric("ttc_critical", "TTC < 2 s %", "ttc_critical", scale=100.0, digits=2),

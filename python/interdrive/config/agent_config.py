@@ -1,4 +1,4 @@
-"""The planner, settings and view of each agent, resolved and as plain values.
+"""The planner, settings, view and rules of each agent, resolved and as plain values.
 
 run.json stores the plain values; passed back, they reproduce the run.
 """
@@ -14,7 +14,7 @@ from interdrive.config.binding import Setting, bind, flatten
 from interdrive.config.plugins import Choice, read_choice
 from interdrive.config.specs import PlannerSpec, PredictorSpec, Resolved, resolved_planner, resolved_predictor
 from interdrive.errors import InputError
-from interdrive.native_settings import ViewSettings
+from interdrive.native_settings import RulesSettings, ViewSettings
 
 if TYPE_CHECKING:
     from interdrive.config.schema import SimulationSettings
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from interdrive.scenario.agents import Agent
 
 T = TypeVar("T")
+Record = TypeVar("Record", ViewSettings, RulesSettings)
 
 _DEFAULT = "default"
 
@@ -33,18 +34,23 @@ PlannersSpec: TypeAlias = PlannerSpec | _ByAgent[PlannerSpec]
 #: Views by agent id ("default": of all others), as `ViewSettings` or as a mapping of the fields that differ.
 ViewsSpec: TypeAlias = _ByAgent[ViewSettings | Mapping[str, Setting]]
 
+#: Rules of the road by agent id ("default": of all others), as `RulesSettings` or the fields that differ.
+RulesSpec: TypeAlias = _ByAgent[RulesSettings | Mapping[str, Setting]]
+
 
 @dataclass(frozen=True)
 class AgentConfig:
-    """Planner and view of one agent.
+    """Planner, view and rules of one agent.
 
     Attributes:
         planner: Its planner.
         view: Its view settings.
+        rules: The rules of the road that it obeys.
     """
 
     planner: Resolved
     view: ViewSettings
+    rules: RulesSettings
 
 
 @dataclass(frozen=True)
@@ -72,8 +78,10 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec, predictor: P
     if isinstance(planner, Mapping) and _is_per_agent(planner):
         for_all = planner
     else:
-        choice, view = _without_view(read_choice(planner, "planner"))
-        settings = replace(settings, view=_view(settings.view, view))
+        choice, view, rules = _parts(read_choice(planner, "planner"))
+        settings = replace(
+            settings, view=_record("view", settings.view, view), rules=_record("rules", settings.rules, rules)
+        )
         for_all = resolved_planner(choice, settings.planner)
         settings = replace(settings, planner=_with(settings.planner, for_all))
     expected = resolved_predictor(predictor, settings.predictor)
@@ -86,8 +94,10 @@ def _with(settings: Any, resolved: Resolved) -> Any:  # noqa: ANN401 - PlannerSe
     return replace(settings, **{name: resolved.source}) if name is not None and hasattr(settings, name) else settings
 
 
-def agent_configs(config: RunConfig, views: ViewsSpec, agents: Sequence[Agent]) -> dict[int, AgentConfig]:
-    """Planner and view of every agent.
+def agent_configs(
+    config: RunConfig, views: ViewsSpec, rules: RulesSpec, agents: Sequence[Agent]
+) -> dict[int, AgentConfig]:
+    """Planner, view and rules of every agent.
 
     A choice for an agent takes nothing from "default" unless it names no planner: then the agent has the default
     planner with the settings of its own choice on top.
@@ -95,33 +105,34 @@ def agent_configs(config: RunConfig, views: ViewsSpec, agents: Sequence[Agent]) 
     Raises:
         InputError: An id is not that of an agent, a choice cannot be used, or a setting does not exist.
     """
-    settings, looks = config.settings, _by_id(views, agents, "a view")
+    settings, looks, obeyed = config.settings, _by_id(views, agents, "a view"), _by_id(rules, agents, "rules")
     wanted = {} if isinstance(config.planner, Resolved) else _by_id(config.planner, agents, "a planner")
-    default, default_view = _without_view(read_choice(wanted.get(_DEFAULT, "frenet"), "planner"))
+    default, default_view, default_rules = _parts(read_choice(wanted.get(_DEFAULT, "frenet"), "planner"))
     for_default = (
         config.planner if isinstance(config.planner, Resolved) else resolved_planner(default, settings.planner)
     )
     found: dict[int, AgentConfig] = {}
     for agent in agents:
         try:
-            planner, in_choice = for_default, default_view
+            planner, own_view, own_rules = for_default, default_view, default_rules
             if agent.id in wanted:
                 own = read_choice(wanted[agent.id], "planner")
                 is_default = own.chosen is None
-                own, in_choice = _without_view(own)
+                own, own_view, own_rules = _parts(own)
                 if is_default:
                     own = Choice(default.chosen, {**default.settings, **own.settings})
-                    in_choice = {**default_view, **in_choice}
+                    own_view, own_rules = {**default_view, **own_view}, {**default_rules, **own_rules}
                 planner = resolved_planner(own, settings.planner)
-            view = _view(settings.view, looks.get(agent.id, looks.get(_DEFAULT, {})))
-            found[agent.id] = AgentConfig(planner, _view(view, in_choice))
+            view = _record("view", settings.view, looks.get(agent.id, looks.get(_DEFAULT, {})))
+            kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(_DEFAULT, {})))
+            found[agent.id] = AgentConfig(planner, _record("view", view, own_view), _record("rules", kept, own_rules))
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found
 
 
 def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> RunSettings:
-    """Planners, views and predictor as plain values, and whether they reproduce the run ("repeatable")."""
+    """Planners, views, rules and predictor as plain values, and whether they reproduce the run ("repeatable")."""
     plain = {agent: config.planner.plain(settings.planner) for agent, config in agents.items()}
     values = [value for value, _ in plain.values()]
     expected, repeatable = predictor.plain(settings.predictor)
@@ -130,6 +141,9 @@ def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: Sim
         if all(value == values[0] for value in values)
         else {str(agent): value for agent, (value, _) in plain.items()},
         "views": {str(agent): flatten(config.view) for agent, config in agents.items() if config.view != settings.view},
+        "rules": {
+            str(agent): flatten(config.rules) for agent, config in agents.items() if config.rules != settings.rules
+        },
         "predictor": expected,
         "repeatable": repeatable and all(known for _, known in plain.values()),
     }
@@ -172,19 +186,25 @@ def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, ob
     return found
 
 
-def _without_view(choice: Choice) -> tuple[Choice, dict[str, object]]:
-    """The choice without settings of the view (`frenet` if it names no planner), and these settings without "view."."""
-    view = {name.removeprefix("view."): value for name, value in choice.settings.items() if name.startswith("view.")}
-    own = {name: value for name, value in choice.settings.items() if not name.startswith("view.")}
-    return Choice("frenet" if choice.chosen is None else choice.chosen, own), view
+def _parts(choice: Choice) -> tuple[Choice, dict[str, object], dict[str, object]]:
+    """The choice alone (`frenet` if it names no planner), its settings of the view, and its rules, without prefixes."""
+    settings = choice.settings
+    view, rules = (
+        {name.removeprefix(prefix): value for name, value in settings.items() if name.startswith(prefix)}
+        for prefix in ("view.", "rules.")
+    )
+    own = {name: value for name, value in settings.items() if not name.startswith(("view.", "rules."))}
+    return Choice("frenet" if choice.chosen is None else choice.chosen, own), view, rules
 
 
-def _view(base: ViewSettings, given: object) -> ViewSettings:
-    if isinstance(given, ViewSettings):
+def _record(name: str, base: Record, given: object) -> Record:
+    """The settings of a view or rules with what is given on top."""
+    if isinstance(given, type(base)):
         return given
     if not isinstance(given, Mapping):
-        raise InputError(f"a view must be ViewSettings or a mapping of its fields, not {given!r}")
+        what = "a view" if name == "view" else name
+        raise InputError(f"{what} must be {type(base).__name__} or a mapping of its fields, not {given!r}")
     try:
         return bind(base, given)
     except InputError as error:
-        raise InputError(f"view.{error.location}", error.message) from None
+        raise InputError(f"{name}.{error.location}", error.message) from None

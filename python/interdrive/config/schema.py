@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 from interdrive import _core
 from interdrive.config.binding import Setting, bind
 from interdrive.errors import InputError, check_between
-from interdrive.native_settings import CoreStepSettings, RoadSettings, ViewSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario.agents import AgentSettings, GoalSettings
@@ -52,12 +52,14 @@ class RecordSettings:
         candidates: Number of sampled candidates to keep per plan (`Run.candidates`, candidates.parquet): the chosen
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
         candidate_spacing: Time between plans of an agent whose candidates are kept.
+        violations: Keep violations of rules of the road (`Run.violations`, violations.parquet).
     """
 
     views: bool = False
     predictions: bool = False
     candidates: int = 0
     candidate_spacing: Annotated[float, "s"] = 0.5
+    violations: bool = True
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -75,6 +77,7 @@ class SimulationSettings:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     predictor: PredictorSettings = field(default_factory=PredictorSettings)
     view: ViewSettings = field(default_factory=ViewSettings)
+    rules: RulesSettings = field(default_factory=RulesSettings)
     step: StepSettings = field(default_factory=StepSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
     record: RecordSettings = field(default_factory=RecordSettings)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.files.control import control, is_sign
 from interdrive.files.document import Facts
 from interdrive.files.motion import Track, completed, track, wrapped
 from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
@@ -41,6 +42,8 @@ _KINDS = {
     "pillar": "structure",
     "median_strip": "structure",
 }
+#: Limit of each sign that has no value of its own [m/s]; every country's list of signs has one named MAX_SPEED.
+_LIMITS = {"MAX_SPEED": np.nan, "MAX_SPEED_ZONE_START": 30.0 / 3.6, "TOWN_SIGN": 50.0 / 3.6}
 _PLAIN_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "train", "taxi")
 # Name in the file of each column that an initial state may lack; commonroad-io fills it with 0.
 _ELEMENTS = ("orientation", "velocity", "acceleration", "yawRate")
@@ -93,6 +96,7 @@ def converted(
     planning_problems = tuple(
         _planning_problem(table[number], lanelets, file, facts, notes) for number in sorted(table)
     )
+    lights, lines = control(scenario.lanelet_network, lanelets)
     found = Scenario(
         name=readable(path.stem) if path is not None else benchmark_id,
         benchmark_id=benchmark_id,
@@ -104,6 +108,8 @@ def converted(
         sha256=sha256,
         notes=(*notes.lines(), *_not_obeyed(scenario.lanelet_network)),
         incomings=_incomings(scenario.lanelet_network),
+        traffic_lights=lights,
+        stop_lines=lines,
     )
     limits.require_scenario(found, file)
     return found
@@ -145,19 +151,10 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
 
 
 def _not_obeyed(network: Foreign) -> tuple[str, ...]:
-    """One line if there are lights, signs or stop lines; of signs, speed limits alone are obeyed."""
-    signs = [
-        sign
-        for sign in network.traffic_signs
-        if any(element.traffic_sign_element_id.name != "MAX_SPEED" for element in sign.traffic_sign_elements)
-    ]
-    counts = (
-        (len(network.traffic_lights), "traffic light"),
-        (len(signs), "sign"),
-        (sum(lanelet.stop_line is not None for lanelet in network.lanelets), "stop line"),
-    )
-    found = ", ".join(f"{count} {what}{'s' * (count != 1)}" for count, what in counts if count)
-    return (f"{found}: no planner obeys them yet",) if found else ()
+    """One line if there are signs besides those that planners obey."""
+    count = sum(not is_sign(sign, (*_LIMITS, "STOP")) for sign in network.traffic_signs)
+    what = "1 traffic sign is" if count == 1 else f"{count} traffic signs are"
+    return (f"{what} not obeyed: planners know speed limits, stop signs and traffic lights only",) if count else ()
 
 
 def _incomings(network: Foreign) -> tuple[Incoming, ...]:
@@ -181,21 +178,24 @@ def _incomings(network: Foreign) -> tuple[Incoming, ...]:
 
 
 def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> float:
-    """Lowest limit among the lanelet's signs [m/s]; every country's list of signs has one named MAX_SPEED."""
-    found = []
+    """Lowest limit among the lanelet's signs [m/s]; that of a town counts only where there is no other."""
+    found, town = [], []
     for number in lanelet.traffic_signs or ():
         for element in signs[number].traffic_sign_elements if number in signs else ():
-            if element.traffic_sign_element_id.name != "MAX_SPEED":
+            name = element.traffic_sign_element_id.name
+            if name == "TOWN_SIGN":
+                town.append(_LIMITS[name])
+            if name == "TOWN_SIGN" or name not in _LIMITS:
                 continue
             try:
                 limit = float(element.additional_values[0])
             except (IndexError, ValueError):
-                limit = np.nan
+                limit = _LIMITS[name]
             if 0.0 < limit <= limits.LARGEST_SPEED_LIMIT:
                 found.append(limit)
             else:
                 notes.add("speed limits without a sensible value left out, traffic signs", int(number))
-    return min(found, default=np.nan)
+    return min(found or town, default=np.nan)
 
 
 # States

@@ -97,13 +97,15 @@ class Workers:
                 f"planners of agents {', '.join(map(str, worker.agents))} in a separate process: {problem}"
             )
 
-    def ask(self, scene: _core.Scene, predictions: _core.Predictions, wanted: dict[int, float]) -> dict[int, Answer]:
+    def ask(
+        self, scene: _core.Scene, predictions: _core.Predictions, wanted: dict[int, tuple[float, float]]
+    ) -> dict[int, Answer]:
         """Calls all requested planners and returns their results.
 
         Args:
             scene: The present scene.
             predictions: Predictions for all participants.
-            wanted: Agent id -> arc length of its rear axle on its reference path [m].
+            wanted: Agent id -> arc length of its rear axle on its reference path, and `Ego.stop_s` [m].
         """
         parts = pickle.dumps((scene.parts(), predictions), protocol=pickle.HIGHEST_PROTOCOL)
         asked = []
@@ -195,8 +197,8 @@ def _work(
         parts, wanted = request
         scene_parts, predictions = pickle.loads(parts)
         scene = world.scene_from(scene_parts)
-        for i, s in wanted:
-            view = world.view(scene, i, s)
+        for i, told in wanted:
+            view = world.view(scene, i, told)
             try:
                 answer = ask(planners[i], view, predictions.seen_by(view), timeout_s)
             except KeyboardInterrupt as error:  # Ctrl-C of the terminal is ignored here

@@ -90,6 +90,21 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("x", "number", "centre of the footprint [m]", nullable=True),
         Column("y", "number", "centre of the footprint [m]", nullable=True),
     ),
+    "violations": (
+        Column("source", "label", "agent, replayed (another vehicle), or recording (of an agent's vehicle)"),
+        Column("participant_id", "integer", "whose violation"),
+        Column("rule", "label", "one of interdrive.run.VIOLATIONS"),
+        Column("first_time_step", "integer", "first time step of the violation"),
+        Column("last_time_step", "integer", "last time step of the violation"),
+        Column("lanelet_id", "integer", "lanelet below the vehicle, or that of the line", nullable=True),
+        Column("x", "number", "centre of the vehicle at the first time step [m]"),
+        Column("y", "number", "centre of the vehicle at the first time step [m]"),
+        Column(
+            "value",
+            "number",
+            "largest excess of a speed limit [m/s], time since red [s], least speed at a stop sign [m/s], way [m]",
+        ),
+    ),
     "routes": (
         Column("agent_id", "integer", "whose reference path it is"),
         Column("point", "integer", "number of the point"),
@@ -105,4 +120,4 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates")
+ON_DEMAND = ("views", "predictions", "candidates", "violations")

@@ -17,6 +17,7 @@ from interdrive.results.tables import (
     states_table,
     timing_table,
     views_table,
+    violations_table,
 )
 from interdrive.results.validation import check_tables
 from interdrive.storage.tables import read_table, schema_of, write_parquet
@@ -67,6 +68,7 @@ class Results:
     views: pa.Table | None = None
     predictions: pa.Table | None = None
     candidates: pa.Table | None = None
+    violations: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -103,6 +105,7 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
             ("views", views_table(run)),
             ("predictions", predictions_table(run)),
             ("candidates", candidates_table(run)),
+            ("violations", violations_table(run)),
         ):
             if table is None:
                 continue

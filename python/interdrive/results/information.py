@@ -91,6 +91,7 @@ class RunInformation(SoftwareInformation):
     views: str | None
     predictions: str | None
     candidates: str | None
+    violations: str | None
     agents: list[AgentInformation]
     notes: list[str]
 
@@ -115,6 +116,7 @@ def information(run: RunRecord) -> RunInformation:
         "views": None if run.views is None else "views.parquet",
         "predictions": None if run.predictions is None else "predictions.parquet",
         "candidates": None if run.candidates is None else "candidates.parquet",
+        "violations": None if run.violations is None else "violations.parquet",
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),
         **software(),

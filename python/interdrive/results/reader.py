@@ -22,6 +22,7 @@ from interdrive.run import (
     States,
     Timings,
     Views,
+    Violations,
 )
 from interdrive.run.assemble import no_plans, no_timings
 from interdrive.scenario import STATE_FIELDS, GoalState, Shape
@@ -80,11 +81,18 @@ def read_run(folder: str | Path) -> RunRecord:
         views=None if results.views is None else Views(**_columns(results.views)),
         predictions=None if results.predictions is None else _predictions(_columns(results.predictions)),
         candidates=None if results.candidates is None else _candidates(_columns(results.candidates)),
+        violations=None if results.violations is None else _violations(_columns(results.violations)),
     )
 
 
 def _columns(table: ArrowTable) -> dict[str, Any]:
     return {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+
+
+def _violations(column: dict[str, Any]) -> Violations:
+    lanelet = np.nan_to_num(column["lanelet_id"].astype(np.float64), nan=-1.0).astype(np.int64)
+    texts = {name: tuple(column[name].tolist()) for name in ("source", "rule")}
+    return Violations(**{**column, **texts, "lanelet_id": lanelet})
 
 
 def _timings(results: Results) -> Timings:

@@ -45,6 +45,7 @@ _TABLES = {
     "views": tables.views_table,
     "predictions": tables.predictions_table,
     "candidates": tables.candidates_table,
+    "violations": tables.violations_table,
 }
 
 

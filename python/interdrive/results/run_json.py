@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from interdrive.config.binding import bind, flatten
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError, ResultsError
-from interdrive.native_settings import ViewSettings
+from interdrive.native_settings import RulesSettings, ViewSettings
 from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ _SETTINGS = _Table(
         "agents": _OneOf((_TEXT, _WHOLE, _ListOf(_WHOLE))),
         "planner": _CHOICE,
         "predictor": _CHOICE,
-        "views": _TableOf(_TableOf(_ANYTHING)),
+        **dict.fromkeys(("views", "rules"), _TableOf(_TableOf(_ANYTHING))),
         "repeatable": _TRUTH,
         "seed": _OneOf((_WHOLE, _NULL)),
         "settings": _TableOf(_OneOf((_TEXT, _NUMBER, _TRUTH, _NULL, _ListOf(_OneOf((_TEXT, _NUMBER, _TRUTH, _NULL)))))),
@@ -209,7 +209,7 @@ _INFORMATION = _Table(
         "settings": _SETTINGS,
         "seed": _OneOf((_WHOLE, _NULL)),
         "finished": _TRUTH,
-        **dict.fromkeys(("views", "predictions", "candidates"), _OneOf((_TEXT, _NULL))),
+        **dict.fromkeys(("views", "predictions", "candidates", "violations"), _OneOf((_TEXT, _NULL))),
         "agents": _ListOf(_AGENT),
         "versions": _TableOf(_OneOf((_TEXT, _NULL))),
         "platform": _TableOf(_OneOf((_TEXT, _WHOLE, _NULL))),
@@ -251,10 +251,11 @@ def _check_settings(said: Mapping[str, Any]) -> None:
         bind(SimulationSettings(), {name: value for name, value in settings.items() if name in known})
     except InputError as cause:
         raise ResultsError(f"settings.settings.{cause}") from None
-    fields = flatten(ViewSettings())
-    for agent, view in said.get("views", {}).items():
-        _ID.check(agent, "settings.views")
-        try:
-            bind(ViewSettings(), {name: value for name, value in view.items() if name in fields})
-        except InputError as cause:
-            raise ResultsError(f"settings.views.{agent}: {cause}") from None
+    for group, record in (("views", ViewSettings()), ("rules", RulesSettings())):
+        fields = flatten(record)
+        for agent, own in said.get(group, {}).items():
+            _ID.check(agent, f"settings.{group}")
+            try:
+                bind(record, {name: value for name, value in own.items() if name in fields})
+            except InputError as cause:
+                raise ResultsError(f"settings.{group}.{agent}: {cause}") from None

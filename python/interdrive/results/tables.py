@@ -159,5 +159,17 @@ def candidates_table(run: RunRecord) -> pa.Table | None:
     )
 
 
+def violations_table(run: RunRecord) -> pa.Table | None:
+    """Violations of rules of the road, one row each, as an Arrow table; None if they were not recorded."""
+    found = run.violations
+    if found is None:
+        return None
+    columns = {column.name: getattr(found, column.name) for column in COLUMNS["violations"]}
+    lanelet = np.ma.masked_equal(found.lanelet_id, -1)
+    return _table(
+        "violations", **columns | {"source": labels(found.source), "rule": labels(found.rule), "lanelet_id": lanelet}
+    )
+
+
 def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike
     return arrow_table(COLUMNS[name], columns)

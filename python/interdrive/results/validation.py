@@ -9,7 +9,7 @@ import numpy as np
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.results.columns import COLUMNS
-from interdrive.run import OUTCOMES, PLAN_STATUS
+from interdrive.run import OUTCOMES, PLAN_STATUS, VIOLATIONS, Violations
 from interdrive.scenario import KINDS, limits
 from interdrive.storage import check_order, check_table
 from interdrive.storage.checks import Damage, refuse
@@ -30,6 +30,8 @@ LABELS: Mapping[tuple[str, str], Sequence[str]] = {
     ("outcomes", "impact_area"): IMPACT_AREAS,
     ("states", "kind"): KINDS,
     ("plans", "status"): PLAN_STATUS,
+    ("violations", "source"): Violations.SOURCES,
+    ("violations", "rule"): VIOLATIONS,
 }
 
 #: Columns by which rows are sorted; no two rows have the same values in them.
@@ -179,6 +181,15 @@ def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> Non
     _check_blocks(candidates, ("time_step", "agent_id", "candidate", "rejection", "chosen"), found["states"])
 
 
+def _check_violations(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    violations = found["violations"]
+    _known("participant_id", violations["participant_id"], found["states"]["participant_id"], "has no states")
+    first, last = violations["first_time_step"], violations["last_time_step"]
+    refuse("last_time_step", last, last < first, "is before the first one")
+    for name in ("x", "y"):
+        refuse(name, violations[name], np.abs(violations[name]) > _POSITION_MAX, "is too large")
+
+
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
     """Checks that every prediction or candidate has the same points, and equal values in these columns."""
     steps, points = columns["time_step"], np.unique(columns["point"])
@@ -207,6 +218,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
     "views": _check_views,
     "predictions": _check_predictions,
     "candidates": _check_candidates,
+    "violations": _check_violations,
 }
 
 

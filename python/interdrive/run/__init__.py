@@ -4,6 +4,7 @@ from interdrive.run.record import (
     OUTCOMES,
     PHASES,
     PLAN_STATUS,
+    VIOLATIONS,
     AgentRecord,
     Json,
     Outcomes,
@@ -15,12 +16,14 @@ from interdrive.run.record import (
     States,
     Timings,
     Views,
+    Violations,
 )
 
 __all__ = [
     "OUTCOMES",
     "PHASES",
     "PLAN_STATUS",
+    "VIOLATIONS",
     "AgentRecord",
     "Json",
     "Outcomes",
@@ -32,4 +35,5 @@ __all__ = [
     "States",
     "Timings",
     "Views",
+    "Violations",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias, TypedDict
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypedDict
 
 from interdrive.errors import MissingExtraError
 
@@ -264,6 +264,42 @@ class Timings(Tabular):
     seconds: Floats
 
 
+#: Rules of the road whose violations are recorded.
+VIOLATIONS = ("speeding", "red_light", "stop_sign", "wrong_way")
+
+
+@dataclass(frozen=True)
+class Violations(Tabular):
+    """Violations of rules of the road, one row each; sorted by source, participant, rule and time.
+
+    Attributes:
+        source: One of `SOURCES`: an agent, a replayed vehicle, or the recording of a vehicle that became an agent.
+        participant_id: Whose violation, shape (violations,).
+        rule: One of `VIOLATIONS`.
+        first_time_step: First time step of the violation. last_time_step: Last one.
+        lanelet_id: Lanelet below the vehicle, or that of the line; -1 for none.
+        x: Centre of the vehicle at the first time step [m]. y: Centre [m].
+        value: Largest excess of the speed limit [m/s], time since the light turned red [s], least speed before the
+            line of a stop sign [m/s], distance driven the wrong way [m].
+    """
+
+    SOURCES: ClassVar[tuple[str, ...]] = ("agent", "replayed", "recording")
+
+    source: tuple[str, ...]
+    participant_id: Ints
+    rule: tuple[str, ...]
+    first_time_step: Ints
+    last_time_step: Ints
+    lanelet_id: Ints
+    x: Floats
+    y: Floats
+    value: Floats
+
+    def count(self, rule: str, source: str = "agent") -> int:
+        """Number of violations of a rule by one source."""
+        return sum(pair == (rule, source) for pair in zip(self.rule, self.source, strict=True))
+
+
 @dataclass(frozen=True)
 class AgentRecord:
     """Constant properties of one agent during a run.
@@ -298,6 +334,7 @@ class RunSettings(TypedDict, total=False):
         agents: "all" or what else chose them.
         planner: One choice for all agents, or one per agent id: a name, or a table with its settings.
         views: Settings of views that differ from those of all, per agent id.
+        rules: The same for the rules of the road.
         predictor: A name, or a table with its settings.
         repeatable: Whether the names above suffice; objects made in Python have none.
         seed: Seed of what is drawn.
@@ -308,6 +345,7 @@ class RunSettings(TypedDict, total=False):
     agents: Json
     planner: Json
     views: Mapping[str, Mapping[str, Json]]
+    rules: Mapping[str, Mapping[str, Json]]
     predictor: Json
     repeatable: bool
     seed: int | None
@@ -333,6 +371,7 @@ class RunRecord:
         views: Visibility intervals; None unless `record.views` is set.
         predictions: Predictions available to agents; None unless `record.predictions` is set.
         candidates: Candidates of agents; None unless `record.candidates` is set.
+        violations: Violations of rules of the road; None if `record.violations` is not set.
     """
 
     scenario: Scenario
@@ -348,3 +387,4 @@ class RunRecord:
     views: Views | None = None
     predictions: RecordedPredictions | None = None
     candidates: RecordedCandidates | None = None
+    violations: Violations | None = None

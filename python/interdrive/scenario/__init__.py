@@ -1,5 +1,6 @@
 """The input as arrays: roads, recorded traffic, planning problems; limits, inspection, choice of agents."""
 
+from interdrive.scenario.control import SIGNALS, Signal, StopLine, TrafficLight
 from interdrive.scenario.model import (
     KINDS,
     STATE_FIELDS,
@@ -15,6 +16,7 @@ from interdrive.scenario.model import (
 
 __all__ = [
     "KINDS",
+    "SIGNALS",
     "STATE_FIELDS",
     "GoalState",
     "Incoming",
@@ -24,4 +26,7 @@ __all__ = [
     "PlanningProblem",
     "Scenario",
     "Shape",
+    "Signal",
+    "StopLine",
+    "TrafficLight",
 ]

@@ -62,6 +62,9 @@ class Inspection:
         lane_length: Total length of the centre lines of all lanelets [m].
         extent: Size of the map along x and y [m].
         speed_limits: Lowest and highest speed limit [m/s]; nan where no lanelet has one.
+        n_traffic_lights: Number of traffic lights.
+        n_stop_lines: Number of stop lines, those with a stop sign among them.
+        n_stop_signs: Number of lines with a stop sign.
         kinds: Number of obstacles per kind, the most frequent first.
         n_static: Number of static obstacles among them.
         planning_problems: Sorted by id.
@@ -78,6 +81,9 @@ class Inspection:
     lane_length: float
     extent: tuple[float, float]
     speed_limits: tuple[float, float]
+    n_traffic_lights: int
+    n_stop_lines: int
+    n_stop_signs: int
     kinds: tuple[tuple[str, int], ...]
     n_static: int
     planning_problems: tuple[ProblemSummary, ...]
@@ -148,6 +154,9 @@ def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
         lane_length=_lane_length(lanelets),
         extent=(width, height),
         speed_limits=(lowest, highest),
+        n_traffic_lights=len(scenario.traffic_lights),
+        n_stop_lines=len(scenario.stop_lines),
+        n_stop_signs=sum(line.has_stop_sign for line in scenario.stop_lines),
         kinds=tuple(kinds),
         n_static=int(obstacles.is_static.sum()),
         planning_problems=tuple(_summary(problem, scenario) for problem in scenario.planning_problems),

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive.scenario.control import StopLine, TrafficLight
+
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
@@ -237,6 +239,8 @@ class Scenario:
         sha256: Hash of the file's bytes; empty if the scenario came from memory.
         notes: Parts that were repaired, derived or left out while reading, one line each.
         incomings: Incoming elements of intersections, sorted by intersection and id; empty if the file has none.
+        traffic_lights: Sorted by id.
+        stop_lines: Where vehicles stop for lights and stop signs, sorted by lanelet.
     """
 
     name: str
@@ -249,6 +253,8 @@ class Scenario:
     sha256: str = ""
     notes: tuple[str, ...] = ()
     incomings: tuple[Incoming, ...] = ()
+    traffic_lights: tuple[TrafficLight, ...] = ()
+    stop_lines: tuple[StopLine, ...] = ()
 
     def __repr__(self) -> str:
         still = int(self.obstacles.is_static.sum())

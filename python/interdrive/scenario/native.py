@@ -10,6 +10,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
+from interdrive.scenario.control import SIGNALS
 from interdrive.scenario.model import KINDS
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
     from interdrive.native_settings import RoadSettings
     from interdrive.scenario.model import Obstacles, Scenario, Shape
+
+    _Point = tuple[float, float]
 
 
 #: As in the core, so that an impossible number is refused before files are read.
@@ -100,7 +103,22 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
             np.ascontiguousarray(o.acceleration, dtype=np.float64),
             np.ascontiguousarray(o.yaw_rate, dtype=np.float64),
             np.ascontiguousarray(o.valid),
+            [
+                (light.id, light.offset, [(length, SIGNALS.index(signal)) for signal, length in light.phases])
+                for light in scenario.traffic_lights
+            ],
+            _lines(scenario),
         )
+
+
+def _lines(scenario: Scenario) -> list[tuple[int, tuple[_Point, _Point], bool, list[tuple[int, list[int]]]]]:
+    place = {light.id: row for row, light in enumerate(scenario.traffic_lights)}
+    found = []
+    for line in scenario.stop_lines:
+        ways = [(following, [place[i] for i in lights]) for following, lights in line.light_ids]
+        left, right = line.ends.tolist()
+        found.append((line.lanelet_id, (tuple(left), tuple(right)), line.has_stop_sign, ways))
+    return found
 
 
 def _footprint(number: int, shape: Shape) -> _core.Shape:

@@ -50,6 +50,9 @@ struct PathOccupancy {
     counts: bool,
 }
 
+/// Vehicles stop this far before a stop line [m].
+pub(super) const LINE_GAP: f64 = 0.5;
+
 /// All conflicts of one plan; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Conflicts {
@@ -57,14 +60,17 @@ pub(super) struct Conflicts {
     occupancies: Vec<PathOccupancy>,
     n_points: usize,
     dt: f64,
+    /// Arc length that the front must not pass [m].
+    stop: f64,
 }
 
 impl Conflicts {
-    /// Projects all participants of the request onto the path. Claims that begin later do not count until `decide`.
-    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize) {
+    /// Projects all participants of the request onto the path, beside the arc length `stop` [m] that the front must not
+    /// pass. Claims that begin later do not count until `decide`.
+    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, stop: f64) {
         self.intervals.clear();
         self.occupancies.clear();
-        (self.n_points, self.dt) = (n_points, request.dt);
+        (self.n_points, self.dt, self.stop) = (n_points, request.dt, stop);
         let region = Region::new(ego);
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
@@ -214,6 +220,9 @@ impl Conflicts {
     pub(super) fn allowed(&self, point: usize, ego: &Ego, s: f64, velocity: f64, law: &CarFollowing) -> f64 {
         let front = s + ego.to_front;
         let mut least = f64::INFINITY;
+        if self.stop.is_finite() {
+            least = following(law, velocity, self.stop - LINE_GAP - front + law.minimum_gap, 0.0);
+        }
         for occupancy in self.occupancies.iter().filter(|occupancy| occupancy.counts && point <= occupancy.last) {
             let interval = |at: usize| &self.intervals[occupancy.row + at];
             let acceleration = if !occupancy.along {

@@ -4,7 +4,6 @@ use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::Ego;
 use super::frame::Start;
-use super::speed_profile::SpeedLimits;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
 use crate::settings::{positive, settings};
 
@@ -40,12 +39,7 @@ impl IdmSettings {
 }
 
 /// The plan for a request.
-pub(super) fn plan(
-    request: &PlanRequest,
-    settings: &IdmSettings,
-    limits: &SpeedLimits,
-    memory: &mut PlanningMemory,
-) -> PlanResult {
+pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut PlanningMemory) -> PlanResult {
     let path = &request.route.path;
     // Recorded initial yaw rates are noisy; all later ones come from a plan.
     let start = match Start::new(request, request.previous.is_some()) {
@@ -56,8 +50,9 @@ pub(super) fn plan(
     let law = &settings.law;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
-    conflicts.collect(request, &ego, n_points);
-    speed_profile.fill(path, limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
+    let way = request.rules.way;
+    conflicts.collect(request, &ego, n_points, request.stop(way, start.s));
+    speed_profile.fill(path, &way.limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
     let wish = settings.goal_velocity(request, &start);
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)));

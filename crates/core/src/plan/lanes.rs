@@ -3,13 +3,13 @@
 
 use std::collections::VecDeque;
 
-use super::speed_profile::SpeedLimits;
 use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
 use crate::route::Route;
-use crate::scenario::Goal;
+use crate::rules::{RulesSettings, Way};
+use crate::scenario::{Goal, Scenario};
 
 /// Lanes begin at least this far before the start [m], where the road does.
 const LEAD_IN: f64 = 40.0;
@@ -32,7 +32,8 @@ const FOOT_WINDOW: f64 = 25.0;
 #[derive(Debug, Clone)]
 pub struct Lane {
     pub(super) path: ReferencePath,
-    pub(super) limits: SpeedLimits,
+    /// What the rules of the road say about it.
+    pub(super) way: Way,
     pieces: Vec<Piece>,
 }
 
@@ -107,7 +108,8 @@ impl Lanes {
     ///
     /// # Errors
     /// `InvalidInput` if a lane makes no path.
-    pub(super) fn along(route: &Route, goal: &Goal, road: &RoadNetwork) -> Result<Self> {
+    pub(super) fn along(route: &Route, goal: &Goal, scenario: &Scenario, rules: &RulesSettings) -> Result<Self> {
+        let road = &scenario.road;
         let has_place = goal.states.iter().any(|state| !state.areas.is_empty());
         let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
         let changes = missing_changes(road, goal_lanelet);
@@ -128,9 +130,8 @@ impl Lanes {
             }
             at += 1;
         }
-        let lanes =
-            chains.into_iter().map(|chain| Lane::new(road, chain, &changes, goal_place)).collect::<Result<_>>()?;
-        Ok(Self { lanes })
+        let lane = |chain| Lane::new((scenario, rules), chain, &changes, goal_place);
+        Ok(Self { lanes: chains.into_iter().map(lane).collect::<Result<_>>()? })
     }
 }
 
@@ -160,7 +161,13 @@ fn chain(road: &RoadNetwork, through: usize, changes: &[usize], start: Point, le
 }
 
 impl Lane {
-    fn new(road: &RoadNetwork, chain: Vec<usize>, changes: &[usize], goal_place: Option<Point>) -> Result<Self> {
+    fn new(
+        (scenario, rules): (&Scenario, &RulesSettings),
+        chain: Vec<usize>,
+        changes: &[usize],
+        goal_place: Option<Point>,
+    ) -> Result<Self> {
+        let road = &scenario.road;
         let lanelets = road.lanelets();
         let mut points: Vec<Point> = Vec::new();
         for &lanelet in &chain {
@@ -194,7 +201,7 @@ impl Lane {
             let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
             pieces[i].last_chance = last.min(goal_s) - RESERVE;
         }
-        Ok(Self { limits: SpeedLimits::along(&path, &chain, road), path, pieces })
+        Ok(Self { way: Way::along(&path, &chain, scenario, rules), path, pieces })
     }
 
     fn piece_at(&self, s: f64) -> &Piece {
@@ -263,18 +270,20 @@ mod tests {
     use crate::geometry::shape::{PlacedShape, Shape};
     use crate::road::testing::{LANE_WIDTH, straight_road};
     use crate::route::{RouteSettings, find_route};
-    use crate::scenario::GoalState;
+    use crate::scenario::{GoalState, Obstacles};
+    use std::sync::Arc;
 
     /// Three lanes of 200 m; from the right one at 20 m to a goal at 150 m in a lane (0: right).
-    fn lanes(goal_lane: usize) -> (RoadNetwork, Lanes) {
+    fn lanes(goal_lane: usize) -> (Arc<RoadNetwork>, Lanes) {
         let road = straight_road(3);
         let pose = Pose::new(150.0, goal_lane as f64 * LANE_WIDTH, 0.0);
         let areas = vec![PlacedShape { shape: Shape::rectangle(10.0, 3.0), pose }];
         let route =
             find_route(&road, Pose::new(20.0, 0.0, 0.0), 10.0, &areas, &RouteSettings::default()).expect("a route");
         let goal = Goal { states: vec![GoalState { areas, time_step: (0, 100), velocity: None, orientation: None }] };
-        let lanes = Lanes::along(&route, &goal, &road).expect("lanes");
-        (road, lanes)
+        let scenario = Scenario::new(0.1, Arc::new(road), Obstacles::default()).expect("a scenario");
+        let lanes = Lanes::along(&route, &goal, &scenario, &RulesSettings::default()).expect("lanes");
+        (scenario.road, lanes)
     }
 
     #[test]

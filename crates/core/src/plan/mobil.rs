@@ -112,9 +112,9 @@ pub(super) fn plan(
     let law = &settings.idm.law;
     let ego = Ego::new(request, &lane.path, (start.s, start.velocity, start.d), time);
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
-    conflicts.collect(request, &ego, n_points);
+    conflicts.collect(request, &ego, n_points, request.stop(&lane.way, start.s));
     let comfort = settings.idm.lateral_acceleration;
-    speed_profile.fill(&lane.path, &lane.limits, (start.s, ego.reach), comfort, law.deceleration);
+    speed_profile.fill(&lane.path, &lane.way.limits, (start.s, ego.reach), comfort, law.deceleration);
     let need = lane.need(start.s);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
@@ -236,7 +236,7 @@ fn own(
     let law = &settings.idm.law;
     let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
     let end = end_velocity(law, lane.need(s), front);
-    neighbours.own(law, velocity, wish.min(lane.limits.at(s)).min(end))
+    neighbours.own(law, velocity, wish.min(lane.way.limits.at(s)).min(end))
 }
 
 /// Speed from which the agent still stops comfortably, with a reserve, before the place where its lane must be left [m/s].

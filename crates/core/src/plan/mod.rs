@@ -28,12 +28,12 @@ use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::road::RoadNetwork;
 use crate::route::Route;
+use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
 use lanes::Lanes;
 use recorded_path::RecordedPath;
-use speed_profile::SpeedLimits;
 
 /// The planner of an agent.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,6 +102,16 @@ pub struct PlanRequest<'a> {
     pub previous: Option<&'a Trajectory>,
     /// How many steps ago `previous` was made.
     pub previous_age: usize,
+    /// The rules of the road that it obeys.
+    pub rules: Rules<'a>,
+}
+
+impl PlanRequest<'_> {
+    /// Arc length of a way that the front must not pass now [m], infinite without one, if the rear axle is at `s`.
+    fn stop(&self, way: &Way, s: f64) -> f64 {
+        let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;
+        self.rules.stop(way, front, self.state.velocity.max(0.0))
+    }
 }
 
 /// What a native planner returns.
@@ -124,8 +134,6 @@ pub enum Prepared {
     Nothing,
     /// The agent's recording.
     RecordedPath(Box<RecordedPath>),
-    /// Speed limits along the reference path.
-    SpeedLimits(SpeedLimits),
     /// The lanes that lead to the goal.
     Lanes(Lanes),
 }
@@ -137,20 +145,18 @@ impl Prepared {
     /// `InvalidInput` if the planner needs a recording and there is none.
     pub fn new(
         planner: &Planner,
-        id: i64,
-        first_time_step: i64,
+        (id, first_time_step): (i64, i64),
         vehicle: &Vehicle,
         (route, goal): (&Route, &Goal),
-        scenario: &Scenario,
+        (scenario, rules): (&Scenario, &RulesSettings),
     ) -> Result<Self> {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
-            Planner::Frenet(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
-            Planner::IdmMobil(_) => Ok(Self::Lanes(Lanes::along(route, goal, &scenario.road)?)),
-            Planner::Idm(_) => Ok(Self::SpeedLimits(SpeedLimits::along(&route.path, &route.lanelets, &scenario.road))),
+            Planner::IdmMobil(_) => Ok(Self::Lanes(Lanes::along(route, goal, scenario, rules)?)),
         }
     }
 }
@@ -205,7 +211,7 @@ pub fn plan(
         (Planner::VelocityAdjusting(law), Prepared::RecordedPath(recorded_path)) => {
             velocity_adjusting::plan(request, law, recorded_path, memory)
         }
-        (Planner::Idm(settings), Prepared::SpeedLimits(limits)) => idm::plan(request, settings, limits, memory),
+        (Planner::Idm(settings), _) => idm::plan(request, settings, memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         _ => unreachable!("prepared for another planner"),
     })

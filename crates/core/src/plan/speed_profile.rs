@@ -1,42 +1,10 @@
 //! How fast a path may be driven: speed limits and curves, on a grid of arc lengths.
 
 use crate::geometry::polyline::ReferencePath;
-use crate::road::RoadNetwork;
+use crate::rules::SpeedLimits;
 
 /// Spacing of the grid [m].
 const SPACING: f64 = 2.0;
-
-/// Speed limits along a path.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct SpeedLimits {
-    /// Limit [m/s] from every multiple of the spacing on; infinite where there is none.
-    values: Vec<f64>,
-}
-
-impl SpeedLimits {
-    /// Of the lanelets of a route that the path lies on; the highest where several overlap.
-    pub fn along(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork) -> Self {
-        let limit_of = |lanelet: &usize| {
-            let limit = road.lanelets()[*lanelet].speed_limit;
-            if limit.is_nan() { f64::INFINITY } else { limit }
-        };
-        if lanelets.iter().all(|lanelet| limit_of(lanelet).is_infinite()) {
-            return Self::default();
-        }
-        let limit_at = |i: usize| {
-            let here = road.lanelets_at(path.at(i as f64 * SPACING).position);
-            here.iter().filter(|lanelet| lanelets.contains(lanelet)).map(limit_of).reduce(f64::max)
-        };
-        let n = (path.length() / SPACING) as usize + 1;
-        Self { values: (0..n).map(|i| limit_at(i).unwrap_or(f64::INFINITY)).collect() }
-    }
-
-    /// The limit at an arc length [m/s].
-    pub(super) fn at(&self, s: f64) -> f64 {
-        let index = (s / SPACING).max(0.0) as usize;
-        self.values.get(index.min(self.values.len().max(1) - 1)).copied().unwrap_or(f64::INFINITY)
-    }
-}
 
 /// Speeds from which every limit ahead can be met with comfortable braking; the memory is reused.
 #[derive(Debug, Clone, Default)]
@@ -83,7 +51,7 @@ impl SpeedProfile {
 mod tests {
     use super::*;
     use crate::geometry::Point;
-    use crate::road::testing::{arc, lane, open, straight};
+    use crate::road::testing::{arc, straight};
 
     #[test]
     fn before_a_bend_the_pace_falls_with_the_comfortable_deceleration() {
@@ -102,20 +70,8 @@ mod tests {
     fn whoever_is_too_fast_for_any_road_looks_no_further_than_its_end() {
         let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(100.0, 0.0)]).expect("a path");
         let mut profile = SpeedProfile::default();
-        profile.fill(&path, &SpeedLimits { values: vec![8.0] }, (0.0, 1e12), 2.0, 1.5);
+        profile.fill(&path, &SpeedLimits::uniform(8.0), (0.0, 1e12), 2.0, 1.5);
         assert!(profile.values.len() < 60);
         assert_eq!(profile.at(1e9), 8.0);
-    }
-
-    #[test]
-    fn a_speed_limit_holds_on_its_lanelet() {
-        let mut first = lane(1, &straight((0.0, 0.0), (50.0, 0.0)));
-        first.successors = vec![2];
-        let mut second = lane(2, &straight((50.0, 0.0), (100.0, 0.0)));
-        second.speed_limit = 8.0;
-        let road = open(vec![first, second]);
-        let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(100.0, 0.0)]).expect("a path");
-        let limits = SpeedLimits::along(&path, &[0, 1], &road);
-        assert_eq!((limits.at(20.0), limits.at(60.0)), (f64::INFINITY, 8.0));
     }
 }

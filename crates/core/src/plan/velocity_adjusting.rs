@@ -5,8 +5,8 @@ use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::RETURN_TIME;
 use super::recorded_path::RecordedPath;
-use super::speed_profile::SpeedLimits;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
+use crate::rules::SpeedLimits;
 use crate::settings::settings;
 
 /// A vehicle this near to its recorded place is on schedule [m] and corrects the rest; a later one is late and does not
@@ -94,7 +94,7 @@ pub(super) fn plan(
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
-    conflicts.collect(request, &ego, n_points);
+    conflicts.collect(request, &ego, n_points, f64::INFINITY);
     speed_profile.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
     let clock = recorded_path.clock(request.time_step);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {

@@ -216,10 +216,12 @@ impl World {
 
     fn judge_goals(&mut self) {
         let (time_step, grace, dt) = (self.time_step, self.settings.step.grace_factor, self.scenario.dt);
+        let control = &self.scenario.control;
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
             drive.follow_path(&state, dt);
+            drive.stop_sign = drive.stop_sign.after(control, &drive.way, drive.front(), state.velocity);
             if let Some(kind) = drive.judge(&state, time_step, grace) {
                 drive.outcome.kind = kind;
             }

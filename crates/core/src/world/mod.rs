@@ -19,6 +19,7 @@ use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
+use crate::rules::{RulesSettings, StopSign, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
@@ -52,6 +53,8 @@ pub struct Agent {
     pub planner: Planner,
     /// What it sees.
     pub view: ViewLimits,
+    /// The rules of the road that it obeys.
+    pub rules: RulesSettings,
 }
 
 /// An agent's changing part.
@@ -60,6 +63,10 @@ struct Drive {
     agent: Arc<Agent>,
     /// What its planner computed before the first step.
     prepared: Prepared,
+    /// What the rules of the road say about its reference path.
+    way: Way,
+    /// How long it has stood at a stop sign.
+    stop_sign: StopSign,
     /// Row among the participants.
     row: usize,
     outcome: Outcome,
@@ -78,6 +85,11 @@ struct Drive {
 impl Drive {
     fn is_driving(&self, time_step: i64) -> bool {
         self.outcome.kind == OutcomeKind::Running && time_step >= self.agent.start_time_step
+    }
+
+    /// Arc length of its front on the reference path [m].
+    fn front(&self) -> f64 {
+        self.s + self.agent.vehicle.rear_axle_to_center + 0.5 * self.agent.vehicle.length
     }
 
     /// Last time step of the grace period.
@@ -132,9 +144,12 @@ impl World {
         let drives = agents
             .into_iter()
             .map(|agent| {
-                let Agent { id, start_time_step, ref planner, ref vehicle, ref route, ref goal, .. } = agent;
+                let Agent { id, start_time_step, ref planner, ref vehicle, ref route, ref goal, ref rules, .. } = agent;
+                let begins = (id, start_time_step);
                 Ok(Drive {
-                    prepared: Prepared::new(planner, id, start_time_step, vehicle, (route, goal), &scenario)?,
+                    prepared: Prepared::new(planner, begins, vehicle, (route, goal), (&scenario, rules))?,
+                    way: Way::along(&route.path, &route.lanelets, &scenario, rules),
+                    stop_sign: StopSign::default(),
                     row: participants.ids.binary_search(&id).expect("agents are participants"),
                     outcome: Outcome::running(start_time_step),
                     s: route.start_s,
@@ -293,12 +308,25 @@ impl World {
         Ok(&self.drives[self.drive_index(id)?].agent)
     }
 
-    /// Arc length of the agent's rear axle on its reference path [m]; NaN where it cannot be told.
+    /// Arc length of the agent's rear axle on its reference path [m], and the one that its front must not pass now,
+    /// infinite without one; NaN where it cannot be told.
     ///
     /// # Errors
     /// `UnknownId`.
-    pub fn progress(&self, id: i64) -> Result<f64> {
-        Ok(self.drives[self.drive_index(id)?].s)
+    pub fn progress(&self, id: i64) -> Result<(f64, f64)> {
+        let drive = &self.drives[self.drive_index(id)?];
+        let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
+        Ok((drive.s, self.rules(drive).stop(&drive.way, drive.front(), velocity)))
+    }
+
+    /// Speed limits at every point of the agent's reference path [m/s]; infinite where there is none.
+    ///
+    /// # Errors
+    /// `UnknownId`.
+    pub fn speed_limits(&self, id: i64) -> Result<Vec<f64>> {
+        let drive = &self.drives[self.drive_index(id)?];
+        let path = &drive.agent.route.path;
+        Ok((0..path.x().len()).map(|i| drive.way.limits.at(i as f64 * path.spacing())).collect())
     }
 }
 

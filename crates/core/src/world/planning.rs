@@ -10,6 +10,7 @@ use crate::geometry::Point;
 use crate::plan::frenet::{self, Candidates};
 use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
+use crate::rules::Rules;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, Trajectory};
 
@@ -128,6 +129,19 @@ impl World {
         })
     }
 
+    /// The rules of the road for an agent now.
+    pub(super) fn rules<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
+        Rules {
+            control: &self.scenario.control,
+            settings: &drive.agent.rules,
+            way: &drive.way,
+            time_step: self.time_step,
+            entered: drive.agent.start_time_step,
+            dt: self.scenario.dt,
+            served: drive.stop_sign.served(&drive.agent.rules, self.scenario.dt),
+        }
+    }
+
     fn request<'a>(
         &'a self,
         drive: &'a Drive,
@@ -151,6 +165,7 @@ impl World {
             prediction_index,
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
+            rules: self.rules(drive),
         }
     }
 }

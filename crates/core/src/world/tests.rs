@@ -49,6 +49,7 @@ fn agent(id: i64, initial_state: State, goals: Vec<GoalState>) -> Agent {
         route: Arc::new(route),
         planner: Planner::External,
         view: ViewLimits::default(),
+        rules: RulesSettings::default(),
     }
 }
 

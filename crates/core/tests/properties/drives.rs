@@ -12,6 +12,7 @@ use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, Planner
 use interdrive_core::predict::neural::{Network, Neural};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
 use interdrive_core::route::{RouteSettings, find_route};
+use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Scenario};
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State};
@@ -158,6 +159,7 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
         route: Arc::new(route),
         planner: planner(source, is_recorded),
         view: ViewLimits { sensor_radius: source.any(10.0, 100.0), occlusion: source.chance(100) },
+        rules: RulesSettings::default(),
     })
 }
 

@@ -10,6 +10,7 @@ use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::Planner;
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{RouteSettings, find_route};
+use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{State, States};
@@ -62,6 +63,7 @@ fn agent(proposal: Proposal, road: &RoadNetwork, planner: &Planner) -> Agent {
         route: Arc::new(route.expect("a route")),
         planner: planner.clone(),
         view: ViewLimits { sensor_radius: 80.0, ..ViewLimits::default() },
+        rules: RulesSettings::default(),
     }
 }
 

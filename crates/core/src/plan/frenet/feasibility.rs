@@ -42,6 +42,8 @@ pub enum Rejection {
     Collision = 8,
     /// The footprint leaves the road.
     OffRoad = 9,
+    /// It passes the line of a red light or a stop sign.
+    StopLine = 10,
 }
 
 impl Rejection {

@@ -71,6 +71,8 @@ pub(super) struct SampleGrid {
     /// Of the profile at hand.
     along: Vec<f64>,
     jerks: Vec<f64>,
+    /// Arc length that no sample passes [m].
+    s_max: f64,
     /// State of the start, as far as lateral motions need it.
     start: [f64; 4],
     is_free: bool,
@@ -97,6 +99,7 @@ impl SampleGrid {
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         self.arc_min = arc_min(inputs);
+        self.s_max = targets.s_max;
         end_times(settings, &mut self.end_times);
         grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.end_offsets);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
@@ -182,6 +185,12 @@ impl SampleGrid {
             motion: None,
             path: None,
         });
+        // Where it is at the end is where it gets at most, if it never goes backwards; that is looked at below.
+        let moving = end_time.min(limits.horizon());
+        if s.at(moving)[0] + end_velocity * (limits.horizon() - moving) > self.s_max {
+            self.profiles.last_mut().expect("it was pushed").rejection = Rejection::StopLine;
+            return false;
+        }
         if stays && !found.is_doubtful {
             return true;
         }
@@ -245,6 +254,9 @@ impl SampleGrid {
                 profile.rejection = Rejection::NegativeSpeed;
             }
             profile.rejection = profile.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
+            if s[i] > self.s_max {
+                profile.rejection = profile.rejection.or(Rejection::StopLine);
+            }
             if !(0.0..=path.length()).contains(&s[i]) {
                 profile.rejection = profile.rejection.or(Rejection::LeftPath);
             }

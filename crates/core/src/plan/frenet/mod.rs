@@ -223,7 +223,7 @@ fn prepare(
     let path = &request.route.path;
     samples.generate(&Inputs { start, targets, limits, settings, path });
     costs.prepare(samples, targets.velocity, &settings.weights, path);
-    warm_start.shift(request, start, limits, targets.velocity, &settings.weights);
+    warm_start.shift(request, start, limits, targets, &settings.weights);
     obstacles.prepare(request, (start, warm_start), samples, settings);
 }
 

@@ -2,10 +2,10 @@
 
 use super::super::arrival::{self, LOOK_AHEAD};
 use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
+use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
-use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Aabb, Point};
 
 /// Distance of the samples of the path's curvature [m], and how far they reach at most.
@@ -13,6 +13,8 @@ const CURVE_STEP: f64 = 1.0;
 const CURVE_REACH: f64 = 250.0;
 /// The corridor of the path is wider than the agent by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.3;
+/// Nothing comes nearer to a stop line than this [m].
+const LINE_CLEARANCE: f64 = 0.1;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
 
@@ -21,8 +23,11 @@ const ROUNDING: f64 = 1e-6;
 pub(super) struct Targets {
     /// Speed [m/s].
     pub(super) velocity: f64,
-    /// Arc lengths of the rear axle [m] at which it may want to stop: behind the leader, before the goal's end.
-    pub(super) stops: [Option<f64>; 2],
+    /// Arc lengths of the rear axle [m] at which it may want to stop: behind the leader, before the goal's end, before a
+    /// stop line.
+    pub(super) stops: [Option<f64>; 3],
+    /// Arc length that the rear axle must not pass [m], because of a stop line; infinite without one.
+    pub(super) s_max: f64,
 }
 
 /// A participant ahead on the path.
@@ -40,6 +45,10 @@ impl Targets {
         let vehicle = request.vehicle;
         let front = start.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let (mut following, mut standing) = (f64::INFINITY, f64::INFINITY);
+        let line = request.stop(request.rules.way, start.s);
+        if line.is_finite() {
+            following = safe_velocity(line - LINE_GAP - front, 0.0, comfort);
+        }
         let stretch = Stretch::ahead(request, start);
         let near = request.others.iter().filter(|other| stretch.may_hold(other));
         for leader in near.filter_map(|other| leader(other, request, start)) {
@@ -51,13 +60,16 @@ impl Targets {
         let (goal_velocity, goal_stop) = goal;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
-        let velocity =
-            curve_velocity(&request.route.path, start, comfort, elsewhere).max(start.velocity - step).max(0.0);
+        let velocity = path_velocity(request, start, comfort, elsewhere).max(start.velocity - step).max(0.0);
         let leader_stop = standing - comfort.standstill_gap - (front - start.s);
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
         let near = |s: &f64| settings.stop_targets && (0.3..reach).contains(&(s - start.s));
-        Self { velocity, stops: [Some(leader_stop).filter(near), goal_stop.filter(near)] }
+        let line_stop = line - LINE_GAP - (front - start.s);
+        // Where it stands now it may stay.
+        let s_max = (line - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
+        let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
+        Self { velocity, stops, s_max }
     }
 }
 
@@ -157,8 +169,10 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     (ahead && !beside && (stands || moves_along)).then_some(Leader { rear: s - half_s, velocity })
 }
 
-/// Speed from which all curves ahead can be taken comfortably after comfortable braking, or `velocity` if that is less.
-fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort, velocity: f64) -> f64 {
+/// Speed from which all curves ahead can be taken comfortably, and all speed limits be met, after comfortable braking, or
+/// `velocity` if that is less.
+fn path_velocity(request: &PlanRequest, start: &Start, comfort: &Comfort, velocity: f64) -> f64 {
+    let (path, limits) = (&request.route.path, &request.rules.way.limits);
     let b = comfort.deceleration;
     let lead = start.velocity * LOOK_AHEAD;
     let reach = (20.0 + lead + 0.5 * start.velocity.powi(2) / b).min(CURVE_REACH);
@@ -172,6 +186,11 @@ fn curve_velocity(path: &ReferencePath, start: &Start, comfort: &Comfort, veloci
         let bend = path.curvature_at(start.s + ahead).abs();
         if room * bend > comfort.lateral_acceleration {
             square += comfort.lateral_acceleration / bend - room;
+        }
+        let limit = limits.at(start.s + ahead);
+        let room = square - 2.0 * b * (ahead - lead).max(0.0);
+        if room > limit * limit {
+            square += limit * limit - room;
         }
     }
     square.sqrt()

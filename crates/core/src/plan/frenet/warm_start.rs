@@ -5,6 +5,7 @@ use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
 use super::feasibility::Limits;
 use super::settings::{CostWeights, N_TABLE_TERMS};
+use super::targets::Targets;
 use super::terms::{FrenetMotion, from_tables};
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::State;
@@ -34,22 +35,22 @@ impl WarmStart {
         self.is_valid
     }
 
-    /// Shifts the request's previous plan to now. Beyond its end it goes on with its last speed and curvature.
+    /// Shifts the request's previous plan to now; it is not valid if it passes a stop line. Beyond its end it goes on with its last speed and curvature.
     pub(super) fn shift(
         &mut self,
         request: &PlanRequest,
         start: &Start,
         limits: &Limits,
-        desired_velocity: f64,
+        targets: &Targets,
         weights: &CostWeights,
     ) {
-        self.is_valid = self.convert(request, start, limits).is_some();
+        self.is_valid = self.convert(request, start, limits).is_some_and(|s| s <= targets.s_max);
         if self.is_valid {
-            self.sum_up(limits, desired_velocity, weights);
+            self.sum_up(limits, targets.velocity, weights);
         }
     }
 
-    fn convert(&mut self, request: &PlanRequest, start: &Start, limits: &Limits) -> Option<()> {
+    fn convert(&mut self, request: &PlanRequest, start: &Start, limits: &Limits) -> Option<f64> {
         self.points.clear();
         self.motions.clear();
         let old = &request.previous?.points;
@@ -101,7 +102,7 @@ impl WarmStart {
             self.motions.push(FrenetMotion { s_dot, d_dot, ..FrenetMotion::default() });
             last = state;
         }
-        Some(())
+        Some(s)
     }
 
     /// Accelerations and jerks are differences of the speeds.

@@ -175,7 +175,7 @@ mod tests {
                     path,
                 };
                 samples.generate(&inputs);
-                warm_start.shift(request, &start, &limits, targets.velocity, &settings.weights);
+                warm_start.shift(request, &start, &limits, &targets, &settings.weights);
                 reach.find(request, &start, &samples, &warm_start);
                 let all = candidates(request, &settings);
                 let pose = request.state.pose();

@@ -6,7 +6,6 @@ use super::{Car, Drive};
 use crate::geometry::shape::{Lcg, Shape};
 use crate::geometry::{Point, Pose};
 use crate::plan::frenet::{CostWeights, FrenetMemory, FrenetSettings, Premises, Rejection, attempt, candidates, plan};
-use crate::plan::speed_profile::SpeedLimits;
 use crate::plan::{self, IdmSettings, PlanRequest, Planner, PredictionIndex, Prepared};
 use crate::road::testing::{arc, lane, open};
 use crate::trajectory::{PlanStatus, Predictions};
@@ -291,10 +290,8 @@ fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
         assert!(memory.effort() == all && all > stated && stated > 0, "{} of {all}, first {stated}", memory.effort());
     }
     let mut all_planners = plan::PlanningMemory { frenet: memory, effort: all, ..plan::PlanningMemory::default() };
-    let prepared =
-        Prepared::SpeedLimits(SpeedLimits::along(&blocked.route.path, &blocked.route.lanelets, &blocked.road));
     let idm = Planner::Idm(IdmSettings::default());
-    blocked.with_request(|request| plan::plan(&idm, &prepared, request, &mut all_planners));
+    blocked.with_request(|request| plan::plan(&idm, &Prepared::Nothing, request, &mut all_planners));
     assert_eq!(all_planners.effort(), 0);
     let frenet = Planner::Frenet(Box::default());
     blocked.with_request(|request| plan::plan(&frenet, &Prepared::Nothing, request, &mut all_planners));

@@ -16,6 +16,7 @@ use crate::plan::{Other, PlanRequest, PlanResult, PredictionIndex};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
 use crate::route::Route;
+use crate::rules::Rules;
 use crate::scenario::{Goal, GoalState};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
@@ -184,6 +185,7 @@ impl Drive {
             prediction_index: &PredictionIndex::of(&predictions, &self.positions()),
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
+            rules: Rules::default(),
         })
     }
 

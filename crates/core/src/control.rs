@@ -1,0 +1,186 @@
+//! Traffic control: traffic lights and the lines before which vehicles stop. Immutable once built.
+
+use crate::error::{Error, Result};
+use crate::geometry::Point;
+use crate::road::RoadNetwork;
+
+/// What a traffic light shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Signal {
+    /// Nothing: it is switched off, or its phase is inactive.
+    Dark = 0,
+    /// Green.
+    Green = 1,
+    /// Yellow.
+    Yellow = 2,
+    /// Red, or red and yellow.
+    Red = 3,
+}
+
+impl Signal {
+    /// All signals; the position is the code that crosses the Python boundary.
+    pub const ALL: [Self; 4] = [Self::Dark, Self::Green, Self::Yellow, Self::Red];
+}
+
+/// A traffic light with its cycle.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TrafficLight {
+    /// Its id.
+    pub id: i64,
+    /// Time step at which its cycle begins.
+    pub offset: i64,
+    /// Length in time steps and signal of each phase; none: it is dark.
+    pub phases: Vec<(i64, Signal)>,
+}
+
+impl TrafficLight {
+    /// What it shows at a time step: the phase at (time step - offset) modulo the length of the cycle.
+    pub fn signal(&self, time_step: i64) -> Signal {
+        let cycle: i64 = self.phases.iter().map(|(length, _)| length).sum();
+        if cycle <= 0 {
+            return Signal::Dark;
+        }
+        let mut left = time_step.wrapping_sub(self.offset).rem_euclid(cycle);
+        for (length, signal) in &self.phases {
+            left -= length;
+            if left < 0 {
+                return *signal;
+            }
+        }
+        Signal::Dark
+    }
+}
+
+/// A line before which vehicles stop for a red light or a stop sign.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StopLine {
+    /// Index of the lanelet that ends at it or contains it.
+    pub lanelet: usize,
+    /// Its ends, world frame [m].
+    pub ends: [Point; 2],
+    /// Every vehicle stops here, whatever the lights show.
+    pub has_stop_sign: bool,
+    /// For each lanelet that follows, the positions in `Control::lights` of the lights that count on the way there.
+    pub lights: Vec<(usize, Vec<usize>)>,
+}
+
+/// Traffic lights and stop lines of a map.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Control {
+    /// The lights.
+    pub lights: Vec<TrafficLight>,
+    /// The lines.
+    pub lines: Vec<StopLine>,
+}
+
+impl Control {
+    /// Checks and keeps the parts. Lanelets of lines are given as ids; lights of a line as positions in `lights`.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the light or the lanelet: a lanelet or light that does not exist, a phase without length, an
+    /// end that is not a number.
+    pub fn new(
+        lights: Vec<TrafficLight>,
+        lines: Vec<(i64, [Point; 2], bool, Vec<(i64, Vec<usize>)>)>,
+        road: &RoadNetwork,
+    ) -> Result<Self> {
+        for light in &lights {
+            let mut cycle = 0_i64;
+            for (length, _) in &light.phases {
+                cycle = if *length > 0 { cycle.saturating_add(*length) } else { i64::MAX };
+            }
+            if cycle == i64::MAX {
+                return Err(Error::invalid(format!("traffic light {}: each phase must last a time step", light.id)));
+            }
+        }
+        let index = |id: i64| road.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id });
+        let line = |(lanelet, ends, has_stop_sign, ways): (i64, [Point; 2], bool, Vec<(i64, Vec<usize>)>)| {
+            if !ends.iter().all(|end| end.is_possible()) {
+                return Err(Error::invalid(format!("stop line of lanelet {lanelet}: its ends are not numbers")));
+            }
+            if ways.iter().flat_map(|(_, found)| found).any(|light| *light >= lights.len()) {
+                return Err(Error::invalid(format!("stop line of lanelet {lanelet}: a traffic light is missing")));
+            }
+            let lights = ways.into_iter().map(|(next, found)| Ok((index(next)?, found))).collect::<Result<_>>()?;
+            Ok(StopLine { lanelet: index(lanelet)?, ends, has_stop_sign, lights })
+        };
+        let lines = lines.into_iter().map(line).collect::<Result<_>>()?;
+        Ok(Self { lights, lines })
+    }
+
+    /// What some lights show together: one green is green, else one yellow is yellow, else red; dark if all are.
+    pub fn signal(&self, lights: &[usize], time_step: i64) -> Signal {
+        let mut shown = Signal::Dark;
+        for light in lights {
+            match self.lights[*light].signal(time_step) {
+                Signal::Green => return Signal::Green,
+                Signal::Yellow => shown = Signal::Yellow,
+                Signal::Red if shown == Signal::Dark => shown = Signal::Red,
+                Signal::Red | Signal::Dark => {}
+            }
+        }
+        shown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::road::testing::straight_road;
+
+    fn light(offset: i64, phases: &[(i64, Signal)]) -> TrafficLight {
+        TrafficLight { id: 1, offset, phases: phases.to_vec() }
+    }
+
+    #[test]
+    fn a_light_shows_the_phase_of_its_cycle() {
+        let light = light(790, &[(170, Signal::Green), (30, Signal::Yellow), (800, Signal::Red)]);
+        for (time_step, expected) in [
+            (0, Signal::Red),
+            (789, Signal::Red),
+            (790, Signal::Green),
+            (959, Signal::Green),
+            (960, Signal::Yellow),
+            (989, Signal::Yellow),
+            (990, Signal::Red),
+            (1790, Signal::Green),
+        ] {
+            assert_eq!(light.signal(time_step), expected, "{time_step}");
+        }
+        assert_eq!(self::light(0, &[]).signal(5), Signal::Dark);
+    }
+
+    #[test]
+    fn of_several_lights_one_green_is_green_and_dark_ones_do_not_count() {
+        let single = |signal| light(0, &[(1, signal)]);
+        let lights = Signal::ALL.into_iter().map(single).collect();
+        let control = Control { lights, lines: vec![] };
+        let [dark, green, yellow, red] = [0, 1, 2, 3];
+        for (lights, expected) in [
+            (vec![red, green], Signal::Green),
+            (vec![red, yellow], Signal::Yellow),
+            (vec![yellow, red], Signal::Yellow),
+            (vec![yellow, green], Signal::Green),
+            (vec![red, dark], Signal::Red),
+            (vec![dark, dark], Signal::Dark),
+            (vec![], Signal::Dark),
+        ] {
+            assert_eq!(control.signal(&lights, 7), expected, "{lights:?}");
+        }
+    }
+
+    #[test]
+    fn what_does_not_exist_is_named() {
+        let road = straight_road(1);
+        let ends = [Point::new(50.0, -1.75), Point::new(50.0, 1.75)];
+        let refused = |lights: Vec<TrafficLight>, line: (i64, [Point; 2], bool, Vec<(i64, Vec<usize>)>)| {
+            Control::new(lights, vec![line], &road).expect_err("refused").to_string()
+        };
+        assert!(refused(vec![light(0, &[(0, Signal::Red)])], (1, ends, false, vec![])).starts_with("traffic light 1:"));
+        assert!(refused(vec![], (9, ends, false, vec![])).contains('9'));
+        assert!(refused(vec![], (1, ends, false, vec![(1, vec![0])])).starts_with("stop line of lanelet 1:"));
+        let nowhere = [ends[0], Point::new(f64::NAN, 0.0)];
+        assert!(refused(vec![], (1, nowhere, true, vec![])).starts_with("stop line of lanelet 1:"));
+    }
+}

@@ -1,0 +1,247 @@
+//! Rules of the road that an agent obeys: speed limits, traffic lights, stop signs. They follow from the map, the lights
+//! as they are now, and the agent's own motion; what an agent remembers of a stop sign is part of the world.
+
+use crate::control::{Control, Signal};
+use crate::geometry::Point;
+use crate::geometry::polyline::ReferencePath;
+use crate::road::RoadNetwork;
+use crate::scenario::Scenario;
+use crate::settings::{between, positive, settings};
+
+/// Spacing of the grid of speed limits [m].
+const SPACING: f64 = 2.0;
+/// Stop lines reach beyond their ends by this [m]: paths do not keep to the middle of a lane.
+const LINE_MARGIN: f64 = 1.0;
+/// A light that turns yellow is obeyed if stopping takes no more than this deceleration [m/s²].
+pub const LIGHT_DECELERATION: f64 = 3.0;
+/// A vehicle has stopped at a stop sign if it stands (slower than this [m/s]) at most so far before the line [m].
+const STANDING: f64 = 0.1;
+const STOP_REACH: f64 = 2.0;
+
+settings! {
+    /// Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
+    pub struct RulesSettings as RulesSettings {
+        /// False: it obeys none of them.
+        enabled: bool = true;
+        /// It keeps to speed limits.
+        speed: bool = true;
+        /// It stops for traffic lights.
+        lights: bool = true;
+        /// It stops at stop signs.
+        stop_signs: bool = true;
+        /// It takes speed limits for this many times what they are.
+        speed_factor: f64 = 1.0, positive(3.0);
+        /// It stands this long at a stop sign.
+        stop_duration: f64 ["s"] = 1.0, between(0.0, 60.0);
+    }
+}
+
+/// Speed limits along a path.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SpeedLimits {
+    /// Limit [m/s] from every multiple of the spacing on; infinite where there is none.
+    values: Vec<f64>,
+}
+
+impl SpeedLimits {
+    /// Of the lanelets that the path lies on; the highest where several overlap.
+    pub fn along(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork, factor: f64) -> Self {
+        let limit_of = |lanelet: &usize| {
+            let limit = road.lanelets()[*lanelet].speed_limit;
+            if limit.is_nan() { f64::INFINITY } else { factor * limit }
+        };
+        if lanelets.iter().all(|lanelet| limit_of(lanelet).is_infinite()) {
+            return Self::default();
+        }
+        let limit_at = |i: usize| {
+            let here = road.lanelets_at(path.at(i as f64 * SPACING).position);
+            here.iter().filter(|lanelet| lanelets.contains(lanelet)).map(limit_of).reduce(f64::max)
+        };
+        let n = (path.length() / SPACING) as usize + 1;
+        Self { values: (0..n).map(|i| limit_at(i).unwrap_or(f64::INFINITY)).collect() }
+    }
+
+    /// The same limit everywhere [m/s].
+    #[cfg(test)]
+    pub(crate) fn uniform(limit: f64) -> Self {
+        Self { values: vec![limit] }
+    }
+
+    /// The limit at an arc length [m/s].
+    pub fn at(&self, s: f64) -> f64 {
+        let index = (s / SPACING).max(0.0) as usize;
+        self.values.get(index.min(self.values.len().max(1) - 1)).copied().unwrap_or(f64::INFINITY)
+    }
+}
+
+/// Where a path crosses a stop line.
+#[derive(Debug, Clone, PartialEq)]
+struct Crossing {
+    /// Arc length on the path [m].
+    s: f64,
+    /// Position of the line in `Control::lines`.
+    line: usize,
+    /// Positions in `Control::lights` of the lights that count for the way behind the line.
+    lights: Vec<usize>,
+}
+
+/// What the rules of the road say about a path, worked out once.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Way {
+    /// Its speed limits.
+    pub limits: SpeedLimits,
+    crossings: Vec<Crossing>,
+}
+
+impl Way {
+    /// Of a path along lanelets, as far as these settings obey it.
+    pub fn along(path: &ReferencePath, lanelets: &[usize], scenario: &Scenario, settings: &RulesSettings) -> Self {
+        if !settings.enabled {
+            return Self::default();
+        }
+        let limits = if settings.speed {
+            SpeedLimits::along(path, lanelets, &scenario.road, settings.speed_factor)
+        } else {
+            SpeedLimits::default()
+        };
+        let mut crossings = Vec::new();
+        for (index, line) in scenario.control.lines.iter().enumerate() {
+            let Some(place) = lanelets.iter().position(|lanelet| *lanelet == line.lanelet) else { continue };
+            let ahead = &lanelets[place..];
+            let taken = line.lights.iter().find(|(next, _)| ahead.contains(next));
+            let lights = taken.map_or_else(
+                || line.lights.iter().flat_map(|(_, lights)| lights.iter().copied()).collect(),
+                |(_, lights)| lights.clone(),
+            );
+            let places = arc_lengths_at(path, line.ends);
+            crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights) }));
+        }
+        crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
+        Self { limits, crossings }
+    }
+
+    /// Arc lengths of the stop lines on the path [m], ascending, and their positions in `Control::lines`.
+    pub fn lines(&self) -> impl Iterator<Item = (f64, usize)> {
+        self.crossings.iter().map(|crossing| (crossing.s, crossing.line))
+    }
+}
+
+/// Arc lengths at which a path crosses a line [m].
+fn arc_lengths_at(path: &ReferencePath, [a, b]: [Point; 2]) -> impl Iterator<Item = f64> {
+    let length = a.distance(b).max(1e-6);
+    let beyond = (b - a) * (LINE_MARGIN / length);
+    let (from, along) = (a - beyond, b - a + beyond * 2.0);
+    let knot = |i: usize| Point::new(path.x()[i], path.y()[i]);
+    (1..path.x().len()).filter_map(move |i| {
+        let (start, step) = (knot(i - 1), knot(i) - knot(i - 1));
+        let cross = step.cross(along);
+        let (t, u) = ((from - start).cross(along) / cross, (from - start).cross(step) / cross);
+        // Not a number if they are parallel: no crossing.
+        ((0.0..1.0).contains(&t) && (0.0..=1.0).contains(&u)).then(|| (i as f64 - 1.0 + t) * path.spacing())
+    })
+}
+
+/// The rules of the road for an agent at one time step.
+#[derive(Debug, Clone, Copy)]
+pub struct Rules<'a> {
+    /// Lights and lines.
+    pub control: &'a Control,
+    /// What the agent obeys.
+    pub settings: &'a RulesSettings,
+    /// What they say about its reference path.
+    pub way: &'a Way,
+    /// Now.
+    pub time_step: i64,
+    /// When the agent entered.
+    pub entered: i64,
+    /// Time between steps [s].
+    pub dt: f64,
+    /// The line in `Control::lines` at whose stop sign the agent has stood long enough.
+    pub served: Option<usize>,
+}
+
+static NO_CONTROL: Control = Control { lights: Vec::new(), lines: Vec::new() };
+static NO_WAY: Way = Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new() };
+static NO_SETTINGS: RulesSettings = RulesSettings {
+    enabled: false,
+    speed: false,
+    lights: false,
+    stop_signs: false,
+    speed_factor: 1.0,
+    stop_duration: 0.0,
+};
+
+impl Default for Rules<'_> {
+    /// No rules.
+    fn default() -> Self {
+        Self {
+            control: &NO_CONTROL,
+            settings: &NO_SETTINGS,
+            way: &NO_WAY,
+            time_step: 0,
+            entered: 0,
+            dt: 0.1,
+            served: None,
+        }
+    }
+}
+
+impl Rules<'_> {
+    /// Arc length of a way that the front of the agent must not pass now [m]: that of the nearest stop line that holds it;
+    /// infinite without one. `front` is the arc length of its front [m].
+    ///
+    /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
+    /// `LIGHT_DECELERATION` at its present speed. So an agent that passes on yellow goes on without remembering it.
+    pub fn stop(&self, way: &Way, front: f64, velocity: f64) -> f64 {
+        let holding = way.crossings.iter().find(|crossing| crossing.s > front && self.holds(crossing, front, velocity));
+        holding.map_or(f64::INFINITY, |crossing| crossing.s)
+    }
+
+    fn holds(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
+        let (settings, distance) = (self.settings, crossing.s - front);
+        let since_entry = (self.time_step - self.entered).max(0);
+        let could_stop = |steps: i64| {
+            let before = distance + velocity * steps as f64 * self.dt;
+            velocity * velocity <= 2.0 * LIGHT_DECELERATION * before
+        };
+        let line = &self.control.lines[crossing.line];
+        if settings.stop_signs && line.has_stop_sign && self.served != Some(crossing.line) && could_stop(since_entry) {
+            return true;
+        }
+        let may_pass = |steps: i64| {
+            matches!(self.control.signal(&crossing.lights, self.time_step - steps), Signal::Green | Signal::Dark)
+        };
+        if !settings.lights || crossing.lights.is_empty() || may_pass(0) {
+            return false;
+        }
+        // Either it could have stopped when the light changed, or it is found too near for that.
+        let since_change = (1..=since_entry).take_while(|steps| !may_pass(*steps) && !could_stop(*steps - 1)).count();
+        could_stop(since_change as i64)
+    }
+}
+
+/// How long an agent has stood before the line of a stop sign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StopSign {
+    /// Position of the line in `Control::lines`, and the steps.
+    standing: Option<(usize, usize)>,
+}
+
+impl StopSign {
+    /// One time step later, with the arc length of the agent's front on its way [m] and its speed [m/s].
+    pub fn after(self, control: &Control, way: &Way, front: f64, velocity: f64) -> Self {
+        let near = way.lines().find(|(s, line)| control.lines[*line].has_stop_sign && *s > front);
+        let Some((s, line)) = near.filter(|(s, _)| s - front <= STOP_REACH) else { return Self::default() };
+        let steps = self.standing.filter(|(before, _)| *before == line).map_or(0, |(_, steps)| steps);
+        let stands = velocity.abs() <= STANDING && s >= front;
+        Self { standing: Some((line, steps + usize::from(stands))) }
+    }
+
+    /// The line at which it has stood long enough.
+    pub fn served(self, settings: &RulesSettings, dt: f64) -> Option<usize> {
+        self.standing.filter(|(_, steps)| *steps as f64 * dt >= settings.stop_duration).map(|(line, _)| line)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,120 @@
+//! A road of 200 m along x with a stop line at x = 100; the path is the x axis, so arc lengths differ from x by a constant.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::control::TrafficLight;
+use crate::road::testing::{lane, open, straight, with_successors};
+use crate::scenario::Obstacles;
+
+/// Lanelets 1, from 0 to 100 m, and 2, from there to 200 m with a limit of 8 m/s; the light counts on the way to 2.
+fn scenario(phases: &[(i64, Signal)], has_stop_sign: bool) -> Scenario {
+    let mut second = lane(2, &straight((100.0, 0.0), (200.0, 0.0)));
+    second.speed_limit = 8.0;
+    let road = Arc::new(open(vec![with_successors(lane(1, &straight((0.0, 0.0), (100.0, 0.0))), &[2]), second]));
+    let light = TrafficLight { id: 7, offset: 0, phases: phases.to_vec() };
+    let ends = [Point::new(100.0, 1.75), Point::new(100.0, -1.75)];
+    let control = Control::new(vec![light], vec![(1, ends, has_stop_sign, vec![(2, vec![0])])], &road);
+    let mut scenario = Scenario::new(0.1, road, Obstacles::default()).expect("a scenario");
+    scenario.control = control.expect("lights and lines");
+    scenario
+}
+
+fn path() -> ReferencePath {
+    ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(200.0, 0.0)]).expect("a path")
+}
+
+/// The arc length that an agent must not pass, `entered` steps after the start of the light's cycle.
+fn stop(scenario: &Scenario, (time_step, entered): (i64, i64), front: f64, velocity: f64) -> f64 {
+    let settings = RulesSettings::default();
+    let way = Way::along(&path(), &[0, 1], scenario, &settings);
+    let control = &scenario.control;
+    let rules = Rules { control, settings: &settings, way: &way, time_step, entered, ..Rules::default() };
+    rules.stop(&way, front, velocity)
+}
+
+#[test]
+fn a_red_light_holds_at_its_line_and_a_green_or_dark_one_does_not() {
+    for (signal, expected) in
+        [(Signal::Red, 100.0), (Signal::Yellow, 100.0), (Signal::Green, f64::INFINITY), (Signal::Dark, f64::INFINITY)]
+    {
+        let found = stop(&scenario(&[(1000, signal)], false), (500, 0), 60.0, 10.0);
+        assert!(found == expected || (found - expected).abs() < 1e-6, "{signal:?}: {found}");
+    }
+}
+
+#[test]
+fn a_light_behind_the_front_does_not_hold() {
+    assert_eq!(stop(&scenario(&[(1000, Signal::Red)], false), (500, 0), 100.5, 10.0), f64::INFINITY);
+}
+
+#[test]
+fn on_yellow_an_agent_stops_if_three_metres_per_second_squared_suffice_when_it_begins() {
+    let light = scenario(&[(100, Signal::Green), (30, Signal::Yellow), (500, Signal::Red)], false);
+    let velocity = 13.41;
+    // 13.41² / (2 · 30 m) = 2.997 m/s², 13.41² / (2 · 29 m) = 3.10 m/s²
+    assert!(stop(&light, (100, 0), 70.0, velocity).is_finite());
+    assert!(stop(&light, (100, 0), 71.0, velocity).is_infinite());
+    // One second later it is 13.41 m further, and the decision is the same ...
+    assert!(stop(&light, (110, 0), 71.0 + 13.41, velocity).is_infinite());
+    // ... and on red, too; a vehicle that was further away and did not brake has to.
+    assert!(stop(&light, (131, 0), 71.0 + 28.9, 13.0).is_finite());
+    assert!(stop(&light, (120, 0), 70.0 + 20.0, 7.0).is_finite());
+}
+
+#[test]
+fn an_agent_that_enters_too_near_to_a_red_light_is_not_held() {
+    let red = scenario(&[(1000, Signal::Red)], false);
+    assert!(stop(&red, (500, 500), 95.0, 10.0).is_infinite(), "10 m/s² would be needed");
+    assert!(stop(&red, (505, 500), 99.9, 10.0).is_infinite(), "it is the same vehicle half a second later");
+    assert!(stop(&red, (500, 500), 80.0, 10.0).is_finite());
+}
+
+#[test]
+fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
+    let scenario = scenario(&[], true);
+    let settings = RulesSettings::default();
+    let way = Way::along(&path(), &[0, 1], &scenario, &settings);
+    let control = &scenario.control;
+    let mut sign = StopSign::default();
+    let mut held = 0;
+    for _ in 0..30 {
+        let rules =
+            Rules { control, settings: &settings, way: &way, served: sign.served(&settings, 0.1), ..Rules::default() };
+        if rules.stop(&way, 99.0, 0.0).is_infinite() {
+            break;
+        }
+        held += 1;
+        sign = sign.after(control, &way, 99.0, 0.0);
+    }
+    assert_eq!(held, 10, "one second of standing");
+    // Not before the line, but too far away; and not standing.
+    for (front, velocity) in [(97.0, 0.0), (99.0, 0.5)] {
+        let far = (0..30).fold(StopSign::default(), |sign, _| sign.after(control, &way, front, velocity));
+        assert_eq!(far.served(&settings, 0.1), None, "{front} {velocity}");
+    }
+    assert_eq!(sign.after(control, &way, 100.2, 3.0), StopSign::default(), "behind the line it is forgotten");
+}
+
+#[test]
+fn switched_off_rules_hold_nobody() {
+    let scenario = scenario(&[(1000, Signal::Red)], true);
+    for settings in [
+        RulesSettings { enabled: false, ..RulesSettings::default() },
+        RulesSettings { lights: false, stop_signs: false, ..RulesSettings::default() },
+    ] {
+        let way = Way::along(&path(), &[0, 1], &scenario, &settings);
+        let rules = Rules { control: &scenario.control, settings: &settings, way: &way, ..Rules::default() };
+        assert_eq!(rules.stop(&way, 50.0, 5.0), f64::INFINITY);
+    }
+}
+
+#[test]
+fn a_speed_limit_holds_on_its_lanelet_times_the_factor() {
+    let scenario = scenario(&[], false);
+    for (speed, factor, expected) in [(true, 1.0, 8.0), (true, 1.25, 10.0), (false, 1.0, f64::INFINITY)] {
+        let settings = RulesSettings { speed, speed_factor: factor, ..RulesSettings::default() };
+        let limits = Way::along(&path(), &[0, 1], &scenario, &settings).limits;
+        assert_eq!((limits.at(50.0), limits.at(150.0)), (f64::INFINITY, expected));
+    }
+}

@@ -1,0 +1,128 @@
+"""Reads traffic lights, stop lines and stop signs, and derives what the file leaves out."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.scenario.control import SIGNALS, Signal, StopLine, TrafficLight
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from interdrive.files.shapes import Foreign
+    from interdrive.scenario import Lanelets
+
+#: Ways across an intersection; a light without a direction counts for all.
+_WAYS = ("left", "straight", "right")
+#: A lanelet that turns by more than this leads to the left or right [rad].
+_TURN = math.radians(25.0)
+#: A stop sign counts where its lanelet ends, or this far beyond along single successors [m].
+_SIGN_REACH = 50.0
+
+
+def control(network: Foreign, lanelets: Lanelets) -> tuple[tuple[TrafficLight, ...], tuple[StopLine, ...]]:
+    """Traffic lights, sorted by id, and stop lines, sorted by lanelet.
+
+    A line without points, and that of a lanelet with lights or a stop sign but without a line, is at the lanelet's end.
+    Which lights count on the way to a following lanelet: those of the lanelet and of its line whose direction has the
+    turn that the following lanelet takes, as its intersection states or by its change of heading.
+    """
+    lights = tuple(_light(light) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id)))
+    known = {light.id: light for light in lights}
+    rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
+    sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
+    stopping = _with_stop_sign(network, sources, lanelets, rows)
+    turns = _stated_turns(network)
+    lines = []
+    for number in sorted(sources):
+        source, row = sources[number], rows[number]
+        line = source.stop_line
+        nexts = [i for i in lanelets.successors[row] if i in rows]
+        refs = {*(source.traffic_lights or ()), *(getattr(line, "traffic_light_ref", None) or ())}
+        found = sorted(int(i) for i in refs if int(i) in known)
+        if not (number in stopping or (found and (line is not None or nexts))):
+            continue
+        ways = []
+        for following in nexts:
+            way = turns.get(following) or _turn(lanelets, rows[following])
+            ways.append((following, tuple(i for i in found if way in known[i].directions)))
+        stated = line is not None and line.start is not None and line.end is not None
+        ends = (line.start, line.end) if stated else (lanelets.left[row][-1], lanelets.right[row][-1])
+        points = np.array([np.asarray(end, dtype=np.float64)[:2] for end in ends])
+        lines.append(StopLine(number, points, tuple(ways), number in stopping, line is not None))
+    return lights, tuple(lines)
+
+
+def _light(light: Foreign) -> TrafficLight:
+    cycle = light.traffic_light_cycle
+    elements = (getattr(cycle, "cycle_elements", None) or ()) if light.active else ()
+    phases = tuple((_signal(element.state), int(element.duration)) for element in elements if element.duration > 0)
+    stated = str(getattr(light.direction, "value", "all"))
+    directions = frozenset(way for way in _WAYS if way in stated.lower()) or frozenset(_WAYS)
+    place = light.position
+    return TrafficLight(
+        id=int(light.traffic_light_id),
+        phases=phases if any(signal != "dark" for signal, _ in phases) else (),
+        offset=int(getattr(cycle, "time_offset", 0) or 0),
+        directions=directions,
+        position=None if place is None else (float(place[0]), float(place[1])),
+    )
+
+
+def _signal(state: Foreign) -> Signal:
+    name = "red" if state.value == "redYellow" else str(state.value)
+    return SIGNALS[SIGNALS.index(name)] if name in SIGNALS else "dark"
+
+
+def _stated_turns(network: Foreign) -> dict[int, str]:
+    """Lanelet -> way across its intersection; commonroad-io 2024 and 2026 use different names."""
+    return {
+        int(number): way
+        for intersection in network.intersections
+        for incoming in intersection.incomings
+        for way in _WAYS
+        for group in ("outgoing", "successors")
+        for number in getattr(incoming, f"{group}_{way}", None) or ()
+    }
+
+
+def _turn(lanelets: Lanelets, row: int) -> str:
+    """The way that a lanelet takes by its change of heading."""
+    middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
+    steps = np.diff(middle, axis=0)
+    headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])[np.any(steps != 0.0, axis=1)])
+    change = float(headings[-1] - headings[0]) if len(headings) else 0.0
+    return "left" if change > _TURN else "right" if change < -_TURN else "straight"
+
+
+def is_sign(sign: Foreign, names: Iterable[str]) -> bool:
+    """Whether one of the sign's elements has one of these names in its country's list of signs."""
+    return any(element.traffic_sign_element_id.name in names for element in sign.traffic_sign_elements)
+
+
+def _with_stop_sign(
+    network: Foreign, sources: dict[int, Foreign], lanelets: Lanelets, rows: dict[int, int]
+) -> set[int]:
+    """Lanelets before whose end vehicles stop for a sign: the next one from the sign on that ends at a junction."""
+    signs = {int(sign.traffic_sign_id) for sign in network.traffic_signs if is_sign(sign, ("STOP",))}
+    found = set()
+    for number, source in sources.items():
+        line = source.stop_line
+        if signs & {int(i) for i in getattr(line, "traffic_sign_ref", None) or ()}:
+            found.add(number)
+        elif signs & {int(i) for i in source.traffic_signs or ()}:
+            at, left = number, _SIGN_REACH
+            while sources[at].stop_line is None:
+                nexts = [i for i in lanelets.successors[rows[at]] if i in rows]
+                if len(nexts) != 1 or len(lanelets.predecessors[rows[nexts[0]]]) != 1:
+                    break
+                steps = np.diff(lanelets.left[rows[nexts[0]]], axis=0)
+                left -= float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+                if left < 0.0:
+                    break
+                at = nexts[0]
+            found.add(at)
+    return found

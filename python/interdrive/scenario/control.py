@@ -1,0 +1,81 @@
+"""Traffic lights and stop lines of a file, and what a light shows when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: What a traffic light shows; red and yellow together count as red.
+Signal: TypeAlias = Literal["dark", "green", "yellow", "red"]
+
+#: All signals; the position is the code that crosses the boundary to the core.
+SIGNALS: tuple[Signal, ...] = ("dark", "green", "yellow", "red")
+
+
+@dataclass(frozen=True)
+class TrafficLight:
+    """A traffic light with its cycle.
+
+    Attributes:
+        id: Its id.
+        phases: Signal and length in time steps of each phase; empty if it is switched off.
+        offset: Time step at which the cycle begins.
+        directions: Ways for which it counts: "left", "straight", "right".
+        position: Where it stands [m]; None if the file does not say.
+    """
+
+    id: int
+    phases: tuple[tuple[Signal, int], ...]
+    offset: int = 0
+    directions: frozenset[str] = frozenset(("left", "straight", "right"))
+    position: tuple[float, float] | None = None
+
+    def signals(self, n_steps: int) -> NDArray[np.int64]:
+        """Codes of what it shows at time steps 0 to `n_steps` - 1: positions in `SIGNALS`, shape (n_steps,)."""
+        lengths = [length for _, length in self.phases]
+        if not lengths:
+            return np.zeros(n_steps, dtype=np.int64)
+        codes = np.array([SIGNALS.index(signal) for signal, _ in self.phases], dtype=np.int64)
+        place = np.mod(np.arange(n_steps) - self.offset, sum(lengths))
+        shown: NDArray[np.int64] = codes[np.searchsorted(np.cumsum(lengths), place, side="right")]
+        return shown
+
+
+@dataclass(frozen=True)
+class StopLine:
+    """A line before which vehicles stop for a red light or a stop sign.
+
+    Attributes:
+        lanelet_id: The lanelet that it belongs to.
+        ends: Its ends, left before right [m], shape (2, 2).
+        light_ids: For each lanelet that follows, the ids of the traffic lights that count on the way there.
+        has_stop_sign: Every vehicle stops here, whatever the lights show.
+        is_stated: The file has the line; otherwise it was put at the end of the lanelet.
+    """
+
+    lanelet_id: int
+    ends: NDArray[np.float64]
+    light_ids: tuple[tuple[int, tuple[int, ...]], ...] = field(default=())
+    has_stop_sign: bool = False
+    is_stated: bool = True
+
+    def __post_init__(self) -> None:
+        """The array is read-only from here on."""
+        self.ends.setflags(write=False)
+
+
+def shown_together(lights: list[TrafficLight], n_steps: int) -> NDArray[np.int64]:
+    """What lights of one way show together at time steps 0 to `n_steps` - 1, as positions in `SIGNALS`.
+
+    One green is green, else one yellow is yellow, else red; dark if all are.
+    """
+    shown = np.zeros(n_steps, dtype=np.int64)
+    for light in lights:
+        codes = light.signals(n_steps)
+        shown = np.where((shown == 0) | ((codes != 0) & (codes < shown)), codes, shown)
+    return shown

@@ -1,0 +1,176 @@
+"""Rules of the road, obeyed and broken: a straight road along x with a stop line at x = 100 m; steps of 0.1 s."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support import commonroad_documents as cr
+from tests.support.drivers import Straight
+
+import interdrive as idr
+from interdrive.files import read_scenario
+
+#: Half the length of a car [m].
+HALF = 2.25
+
+
+def road(tmp_path, *, phases=(("red", 5000),), more="", content="", limit=None, speed=10.0, x=50.0, goal=(0, 160)):
+    """A car at `x` [m] that wants to get to x = 130 to 150 m; by default the light stays red."""
+    refs = '<trafficLightRef ref="7"/>' if phases else ""
+    limited = "" if limit is None else '<trafficSignRef ref="6"/>'
+    lanelets = cr.lanelet(1, more='<successor ref="2"/>' + limited + refs + more) + cr.lanelet(
+        2, left=((100, 2), (200, 2)), right=((100, -2), (200, -2)), more='<predecessor ref="1"/>' + limited
+    )
+    light = cr.traffic_light(7, *phases) if phases else ""
+    signs = "" if limit is None else cr.speed_sign(6, limit)
+    start = cr.initial(x, velocity=speed, yawRate=0.0, slipAngle=0.0)
+    area = cr.rectangle_at(140, 0, length=20, width=4)
+    problem = cr.planning_problem(50, cr.goal(position=area, time=goal), start=start)
+    return read_scenario(cr.saved(tmp_path, cr.document(signs + light + content + problem, lanelets=lanelets)))
+
+
+def front(run):
+    """x of the front of the agent over time [m]."""
+    return run.states.x[0, run.states.valid[0]] + HALF
+
+
+def broken(run):
+    """Rules that the agent broke."""
+    return [rule for rule, source in zip(run.violations.rule, run.violations.source, strict=True) if source == "agent"]
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+def test_a_red_light_holds_and_a_green_one_lets_go(tmp_path, planner):
+    run = idr.simulate(road(tmp_path, phases=(("red", 120), ("green", 5000))), planner=planner, threads=1)
+    x = front(run)
+    assert 97.0 <= x[119] <= 100.0, "it stands before the line while the light is red"
+    assert abs(run.states.velocity[0, 119]) < 0.3
+    assert run.outcomes.outcome[0].startswith("goal_reached"), "it drives on"
+    assert broken(run) == []
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm"])
+def test_without_the_rule_the_red_light_is_run_and_the_violation_is_recorded(tmp_path, planner):
+    run = idr.simulate(road(tmp_path), planner=planner, settings={"rules.lights": False}, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert broken(run) == ["red_light"]
+    passed = int(np.argmax(front(run) >= 100.0))
+    assert run.violations.first_time_step[0] == passed
+    assert run.violations.value[0] == pytest.approx(0.1 * passed), "red since the first time step [s]"
+
+
+@pytest.mark.parametrize(("x", "passes"), [(84.0, True), (75.0, False)])
+def test_an_agent_stops_for_yellow_if_it_is_not_too_near(tmp_path, x, passes):
+    # After the first step its front is 12.75 m before the line, so that stopping takes 3.9 m/s²; or 21.75 m, 2.3 m/s².
+    phases = (("green", 1), ("yellow", 10), ("red", 5000))
+    run = idr.simulate(road(tmp_path, phases=phases, x=x, goal=(0, 60)), planner="idm", threads=1)
+    assert (front(run).max() > 100.0) == passes
+    assert broken(run) == []
+
+
+def test_at_a_stop_sign_the_agent_stands_for_a_second_and_goes_on(tmp_path):
+    scenario = road(tmp_path, phases=(), more='<trafficSignRef ref="8"/>', content=cr.sign(8, "206"))
+    run = idr.simulate(scenario, threads=1)
+    x, speed = front(run), run.states.velocity[0, run.states.valid[0]]
+    stands = (speed <= 0.1) & (x >= 98.0) & (x <= 100.0)
+    assert 10 <= stands.sum() <= 15, "time steps"
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert broken(run) == []
+    free = idr.simulate(scenario, threads=1, settings={"rules.stop_signs": False})
+    assert broken(free) == ["stop_sign"]
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+def test_the_speed_limit_is_kept_even_if_the_goal_would_need_more(tmp_path, planner):
+    # 85 m in 6 s would need 14 m/s.
+    run = idr.simulate(road(tmp_path, phases=(), limit=10.0, goal=(0, 60)), planner=planner, threads=1)
+    assert run.states.velocity[0, run.states.valid[0]].max() < 10.5
+    assert broken(run) == []
+
+
+def test_one_agent_may_break_rules_that_the_others_obey(tmp_path):
+    scenario = road(tmp_path)
+    choice = {"50": {"rules.enabled": False}}
+    run = idr.simulate(scenario, agents="all", planner=choice, threads=1)
+    assert broken(run) == ["red_light"]
+    own = run.settings["rules"]
+    assert [table["enabled"] for table in own.values()] == [False], "run.json says who obeys what"
+    again = idr.simulate(scenario, planner=run.settings["planner"], rules=own, threads=1)
+    assert again.digest == run.digest
+
+
+class _Obeys(Straight):
+    """Brakes for what the view says must not be passed; keeps its speed otherwise."""
+
+    def plan(self, view, predictions):
+        ego, n = view.ego, 31
+        room = ego.stop_s - (ego.s + ego.vehicle.rear_axle_to_center + 0.5 * ego.vehicle.length) - 0.5
+        time = np.arange(n) * view.dt
+        braking = ego.velocity**2 / (2 * room) if 0 < room < ego.velocity**2 / 4 else (9.0 if room <= 0 else 0.0)
+        velocity = np.maximum(ego.velocity - braking * time, 0.0)
+        way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * view.dt)])
+        heading = np.full(n, ego.orientation)
+        return idr.Trajectory(ego.x + way, np.full(n, ego.y), heading, velocity)
+
+
+def test_a_planner_in_python_sees_what_holds_it_and_how_fast_it_may_go(tmp_path):
+    seen = []
+
+    class Looks(_Obeys):
+        def plan(self, view, predictions):
+            seen.append((view.ego.stop_s, view.ego.speed_limit))
+            return super().plan(view, predictions)
+
+    scenario = road(tmp_path, phases=(("red", 120), ("green", 5000)), limit=10.0)
+    run = idr.simulate(scenario, planner=Looks, threads=1)
+    assert 98.0 < front(run)[119] <= 100.0
+    stops = np.array([stop for stop, _ in seen])
+    assert np.isfinite(stops[:120]).all() and np.isinf(stops[120:]).all()
+    limits = seen[0][1]
+    assert limits.shape == (len(run.agents[0].reference_path),)
+    assert set(limits[:100].tolist()) == {10.0}
+
+
+def test_recorded_drivers_are_judged_like_agents(tmp_path):
+    def drive(number, y, speed, n):
+        states = [cr.state(t, 40.0 + 0.1 * speed * t, y, orientation=0.0, velocity=speed) for t in range(1, n)]
+        return cr.car(number, cr.initial(40.0, y, velocity=speed), states)
+
+    scenario = road(tmp_path, content=drive(30, 0.5, 12.0, 80), limit=10.0, x=20.0)
+    run = idr.simulate(scenario, agents=[50], threads=1)
+    found = run.violations
+    rows = list(zip(found.source, found.participant_id.tolist(), found.rule, strict=True))
+    assert ("replayed", 30, "red_light") in rows
+    assert ("replayed", 30, "speeding") in rows
+    place = rows.index(("replayed", 30, "speeding"))
+    assert found.value[place] == pytest.approx(2.0), "m/s above the limit"
+    as_agent = idr.simulate(scenario, agents=[30], threads=1).violations
+    sources = set(zip(as_agent.source, as_agent.rule, strict=True))
+    assert {("recording", "red_light"), ("recording", "speeding")} <= sources
+    assert ("agent", "red_light") not in sources
+
+
+def test_violations_are_saved_and_loaded(tmp_path):
+    run = idr.simulate(road(tmp_path), settings={"rules.lights": False}, threads=1)
+    again = idr.Run.load(run.save(tmp_path / "run"))
+    assert again.violations.to_arrow().equals(run.violations.to_arrow())
+    assert again.violations.to_pandas()["rule"].tolist() == ["red_light"]
+    without = idr.simulate(road(tmp_path), settings={"record.violations": False}, threads=1)
+    assert without.violations is None
+    assert not (without.save(tmp_path / "none") / "violations.parquet").exists()
+
+
+def test_driving_against_the_lane_for_a_second_is_a_violation(tmp_path):
+    class Against(Straight):
+        pass
+
+    scenario = road(tmp_path, phases=(), x=90.0)
+    turned = cr.car(
+        30,
+        cr.initial(80.0, -1.0, orientation=float(np.pi), velocity=5.0),
+        [cr.state(t, 80.0 - 0.5 * t, -1.0, orientation=float(np.pi), velocity=5.0) for t in range(1, 25)],
+    )
+    scenario = road(tmp_path, phases=(), x=90.0, content=turned)
+    found = idr.simulate(scenario, agents=[50], planner=Against, threads=1).violations
+    assert [(s, r) for s, r in zip(found.source, found.rule, strict=True)] == [("replayed", "wrong_way")]
+    assert found.value[0] > 5.0, "metres"

@@ -1,0 +1,96 @@
+"""Traffic lights, stop lines and signs as they are read, and what is derived where a file leaves them out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support import commonroad_documents as cr
+
+from interdrive.files import read_scenario
+from interdrive.scenario import SIGNALS
+from interdrive.scenario.control import shown_together
+
+STOP_LINE = "<stopLine>{}<lineMarking>solid</lineMarking>{}</stopLine>"
+
+#: Lanelet 1 leads east to (100, 0); from there 2 straight on, 3 in a quarter circle of 10 m to the left.
+ANGLES = np.linspace(-np.pi / 2, 0.0, 12)
+LEFT_TURN = {
+    side: [(100 + radius * np.cos(angle), 10 + radius * np.sin(angle)) for angle in ANGLES]
+    for side, radius in (("left", 8.0), ("right", 12.0))
+}
+
+
+def junction(more="", content=""):
+    """The document with more of lanelet 1 and more content."""
+    lanelets = (
+        cr.lanelet(1, more='<successor ref="2"/><successor ref="3"/>' + more)
+        + cr.lanelet(2, left=((100, 2), (150, 2)), right=((100, -2), (150, -2)), more='<predecessor ref="1"/>')
+        + cr.lanelet(3, **LEFT_TURN, more='<predecessor ref="1"/>')
+    )
+    return cr.document(content, lanelets=lanelets)
+
+
+@pytest.fixture
+def read(tmp_path):
+    return lambda text: read_scenario(cr.saved(tmp_path, text))
+
+
+def test_a_light_shows_the_phase_of_its_cycle(read):
+    light = cr.traffic_light(7, ("green", 170), ("yellow", 30), ("red", 800), offset=790)
+    scenario = read(junction('<trafficLightRef ref="7"/>', light))
+    shown = scenario.traffic_lights[0].signals(1800)
+    steps = (0, 789, 790, 959, 960, 989, 990, 1790)
+    expected = ["red", "red", "green", "green", "yellow", "yellow", "red", "green"]
+    assert [SIGNALS[shown[step]] for step in steps] == expected
+
+
+def test_red_and_yellow_is_red_and_an_inactive_phase_or_light_is_dark(read):
+    light = cr.traffic_light(7, ("redYellow", 2), ("inactive", 3), ("green", 1))
+    scenario = read(junction('<trafficLightRef ref="7"/>', light))
+    assert [SIGNALS[code] for code in scenario.traffic_lights[0].signals(6)] == ["red"] * 2 + ["dark"] * 3 + ["green"]
+    off = cr.traffic_light(7, ("red", 10), active="false")
+    assert set(read(junction('<trafficLightRef ref="7"/>', off)).traffic_lights[0].signals(20)) == {0}
+
+
+@pytest.mark.parametrize(
+    ("direction", "straight", "left"),
+    [("all", (7,), (7,)), ("left", (), (7,)), ("straightRight", (7,), ()), ("leftStraight", (7,), (7,))],
+)
+def test_a_light_counts_for_the_ways_of_its_direction(read, direction, straight, left):
+    light = cr.traffic_light(7, ("red", 10), direction=direction)
+    line = read(junction('<trafficLightRef ref="7"/>', light)).stop_lines[0]
+    assert dict(line.light_ids) == {2: straight, 3: left}
+
+
+def test_of_two_lights_for_one_way_green_counts_more_than_red_and_dark_does_not_count(read):
+    lights = cr.traffic_light(7, ("red", 2), ("inactive", 2)) + cr.traffic_light(8, ("green", 1), ("yellow", 3))
+    refs = '<trafficLightRef ref="7"/><trafficLightRef ref="8"/>'
+    shown = shown_together(list(read(junction(refs, lights)).traffic_lights), 4)
+    assert [SIGNALS[code] for code in shown] == ["green", "yellow", "yellow", "yellow"]
+
+
+def test_a_line_lies_where_its_points_are_and_otherwise_at_the_end_of_its_lanelet(read):
+    light, ref = cr.traffic_light(7, ("red", 10)), '<trafficLightRef ref="7"/>'
+    points = cr.point(95, 2) + cr.point(95, -2)
+    stated = read(junction(STOP_LINE.format(points, ref), light)).stop_lines[0]
+    np.testing.assert_array_equal(stated.ends, [[95, 2], [95, -2]])
+    without = read(junction(STOP_LINE.format("", ref), light)).stop_lines[0]
+    np.testing.assert_array_equal(without.ends, [[100, 2], [100, -2]])
+    derived = read(junction(ref, light)).stop_lines[0]
+    np.testing.assert_array_equal(derived.ends, [[100, 2], [100, -2]])
+    assert stated.is_stated and without.is_stated and not derived.is_stated
+
+
+def test_a_stop_sign_counts_at_the_end_of_its_lanelet_and_a_yield_sign_does_not(read):
+    scenario = read(junction('<trafficSignRef ref="7"/>', cr.sign(7, "206")))
+    assert [(line.lanelet_id, line.has_stop_sign) for line in scenario.stop_lines] == [(1, True)]
+    assert read(junction('<trafficSignRef ref="7"/>', cr.sign(7, "205"))).stop_lines == ()
+
+
+def test_the_sign_of_a_town_is_a_limit_of_50_km_per_hour_where_there_is_no_other(read):
+    refs = '<trafficSignRef ref="7"/>'
+    assert read(junction(refs, cr.sign(7, "310"))).lanelets.speed_limit[0] == pytest.approx(50 / 3.6)
+    both = refs + '<trafficSignRef ref="8"/>'
+    assert read(junction(both, cr.sign(7, "310") + cr.speed_sign(8, 20.0))).lanelets.speed_limit[0] == 20.0
+    zone = cr.speed_sign(7, 8.0).replace(">274<", ">274.1<")
+    assert read(junction(refs, zone)).lanelets.speed_limit[0] == 8.0
