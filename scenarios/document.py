@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from network import Incoming, Lanelet, Network, rounded
+from network import Incoming, Lanelet, Light, Network, rounded
 from traffic import DT, Vehicle
 
-#: Ids: lanelets from 1 (or beyond all others), then the speed sign and the intersections; vehicles, planning problems.
+#: Ids: lanelets from 1 (or beyond all others), then the speed sign, intersections, lights; vehicles, planning problems.
 SIGN_ID = 900
 INTERSECTION_ID = 901
+FIRST_LIGHT_ID = 951
 FIRST_VEHICLE_ID = 1001
 PLANNING_PROBLEM_ID = 2001
 
@@ -48,8 +49,10 @@ def document(made: Made) -> str:
         "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>",
         f"<scenarioTags>{''.join(f'<{tag}/>' for tag in made.tags)}</scenarioTags>",
     ]
-    lines += [_lanelet(lanelet) for _, lanelet in sorted(network.lanelets.items())]
+    of_lanelet = {number: FIRST_LIGHT_ID + i for i, light in enumerate(network.lights) for number in light.lanelets}
+    lines += [_lanelet(lanelet, of_lanelet.get(number)) for number, lanelet in sorted(network.lanelets.items())]
     lines.append(_speed_sign(network))
+    lines += [_light(FIRST_LIGHT_ID + i, light) for i, light in enumerate(network.lights)]
     number = INTERSECTION_ID
     for incomings in network.intersections:
         lines.append(_intersection(number, incomings))
@@ -72,7 +75,7 @@ def _point(x: float, y: float, tag: str = "point") -> str:
     return f"<{tag}><x>{_number(x)}</x><y>{_number(y)}</y></{tag}>"
 
 
-def _lanelet(lanelet: Lanelet) -> str:
+def _lanelet(lanelet: Lanelet, light: int | None) -> str:
     parts = [f'<lanelet id="{lanelet.id}">']
     for tag, bound, marking in zip(
         ("leftBound", "rightBound"), (lanelet.left, lanelet.right), lanelet.markings, strict=True
@@ -84,8 +87,11 @@ def _lanelet(lanelet: Lanelet) -> str:
     for tag, adjacent in (("adjacentLeft", lanelet.adjacent_left), ("adjacentRight", lanelet.adjacent_right)):
         if adjacent is not None:
             parts.append(f'<{tag} ref="{adjacent[0]}" drivingDir="{"same" if adjacent[1] else "opposite"}"/>')
+    ref = "" if light is None else f'<trafficLightRef ref="{light}"/>'
+    if ref:
+        parts.append(f"<stopLine><lineMarking>solid</lineMarking>{ref}</stopLine>")
     parts += [f"<laneletType>{kind}</laneletType>" for kind in lanelet.kinds]
-    parts += [f'<trafficSignRef ref="{SIGN_ID}"/>', "</lanelet>"]
+    parts += [f'<trafficSignRef ref="{SIGN_ID}"/>{ref}', "</lanelet>"]
     return "\n".join(parts)
 
 
@@ -95,6 +101,17 @@ def _speed_sign(network: Network) -> str:
     return (
         f'<trafficSign id="{SIGN_ID}"><trafficSignElement>{element}</trafficSignElement>'
         f"<position>{_point(x, y)}</position><virtual>true</virtual></trafficSign>"
+    )
+
+
+def _light(number: int, light: Light) -> str:
+    phases = "".join(
+        f"<cycleElement><duration>{length}</duration><color>{colour}</color></cycleElement>"
+        for colour, length in light.phases
+    )
+    return (
+        f'<trafficLight id="{number}"><cycle>{phases}<timeOffset>{light.offset}</timeOffset></cycle>'
+        f"<position>{_point(*light.position)}</position><direction>all</direction><active>true</active></trafficLight>"
     )
 
 

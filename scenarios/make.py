@@ -9,12 +9,13 @@ from pathlib import Path
 import highway
 import intersection
 import lane_merge
+import signals
 import t_junction
 import town
 from document import document
 
 FOLDER = Path(__file__).resolve().parent.parent / "python" / "interdrive" / "data"
-SCENARIOS = {module.__name__: module.make for module in (highway, intersection, lane_merge, t_junction, town)}
+SCENARIOS = {module.__name__: module.make for module in (highway, intersection, lane_merge, signals, t_junction, town)}
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -37,12 +37,23 @@ class Incoming:
 
 
 @dataclass
+class Light:
+    """A traffic light: colours and their lengths in time steps, when the cycle begins, its lanelets, its place [m]."""
+
+    phases: tuple[tuple[str, int], ...]
+    offset: int
+    lanelets: tuple[int, ...]
+    position: tuple[float, float]
+
+
+@dataclass
 class Network:
-    """All lanelets by id, the arms of each intersection, and the speed limit of all [m/s]."""
+    """All lanelets by id, the arms of each intersection, lights, and the speed limit of all lanelets [m/s]."""
 
     speed_limit: float
     lanelets: dict[int, Lanelet] = field(default_factory=dict)
     intersections: list[list[Incoming]] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
 
     def add(
         self,

@@ -174,3 +174,18 @@ def test_driving_against_the_lane_for_a_second_is_a_violation(tmp_path):
     found = idr.simulate(scenario, agents=[50], planner=Against, threads=1).violations
     assert [(s, r) for s, r in zip(found.source, found.rule, strict=True)] == [("replayed", "wrong_way")]
     assert found.value[0] > 5.0, "metres"
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+def test_at_the_shipped_junction_with_lights_nobody_passes_on_red_and_all_arrive(planner):
+    run = idr.simulate("signals", planner=planner)
+    assert broken(run) == []
+    assert all(outcome.startswith("goal_reached") for outcome in run.outcomes.outcome)
+    assert run.digest == idr.simulate("signals", planner=planner, threads=1).digest
+
+
+def test_at_the_shipped_junction_recorded_drivers_obey_and_agents_without_rules_do_not():
+    run = idr.simulate("signals", settings={"rules.enabled": False})
+    rows = set(zip(run.violations.source, run.violations.rule, strict=True))
+    assert ("agent", "red_light") in rows
+    assert {source for source, _ in rows} == {"agent"}

@@ -15,11 +15,17 @@ from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios
 from interdrive.scenario.inspection import candidates, lanelets_at
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("highway", "intersection", "lane_merge", "t_junction", "town")
+NAMES = ("highway", "intersection", "lane_merge", "signals", "t_junction", "town")
 #: Those in which vehicles were recorded; the town has a thousand planning problems instead.
 RECORDED = NAMES[:-1]
 #: Vehicles and duration [s] that each has at least.
-LEAST = {"highway": (30, 10.0), "intersection": (24, 12.0), "lane_merge": (5, 12.0), "t_junction": (6, 12.0)}
+LEAST = {
+    "highway": (30, 10.0),
+    "intersection": (24, 12.0),
+    "lane_merge": (5, 12.0),
+    "signals": (25, 18.0),
+    "t_junction": (6, 12.0),
+}
 
 
 @pytest.fixture(scope="module", params=NAMES)

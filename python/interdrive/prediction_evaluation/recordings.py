@@ -37,6 +37,7 @@ CATEGORIES = ("highway", "intersection", "urban", "junction")
 _CATEGORY_OF = {name: name for name in (*CATEGORIES, "merge", "overtaking", "vulnerable")} | {
     "t_junction": "junction",
     "lane_merge": "merge",
+    "signals": "intersection",
 }
 
 
