@@ -91,7 +91,8 @@ def run(
 ) -> int:
     """Let the vehicles of a scenario plan for themselves.
 
-    FILE is a CommonRoad file or the name of a shipped scenario (t_junction, lane_merge, highway, intersection, signals, town).
+    FILE is a CommonRoad file or the name of a shipped scenario (t_junction, lane_merge, highway, intersection, signals,
+    town).
     """
     given["scenario"] = file
     choices, own, settings = _configured(
