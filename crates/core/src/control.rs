@@ -65,6 +65,19 @@ pub struct StopLine {
     pub lights: Vec<(usize, Vec<usize>)>,
 }
 
+/// A stop line as a file states it; lanelets are ids.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StopLineInput {
+    /// The lanelet that ends at it or contains it.
+    pub lanelet: i64,
+    /// Its ends, world frame [m].
+    pub ends: [Point; 2],
+    /// Every vehicle stops here, whatever the lights show.
+    pub has_stop_sign: bool,
+    /// For each lanelet that follows, the positions of the lights that count on the way there.
+    pub lights: Vec<(i64, Vec<usize>)>,
+}
+
 /// Traffic lights and stop lines of a map.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Control {
@@ -75,16 +88,12 @@ pub struct Control {
 }
 
 impl Control {
-    /// Checks and keeps the parts. Lanelets of lines are given as ids; lights of a line as positions in `lights`.
+    /// Checks and keeps the parts.
     ///
     /// # Errors
     /// `InvalidInput` naming the light or the lanelet: a lanelet or light that does not exist, a phase without length, an
     /// end that is not a number.
-    pub fn new(
-        lights: Vec<TrafficLight>,
-        lines: Vec<(i64, [Point; 2], bool, Vec<(i64, Vec<usize>)>)>,
-        road: &RoadNetwork,
-    ) -> Result<Self> {
+    pub fn new(lights: Vec<TrafficLight>, lines: Vec<StopLineInput>, road: &RoadNetwork) -> Result<Self> {
         for light in &lights {
             let mut cycle = 0_i64;
             for (length, _) in &light.phases {
@@ -95,7 +104,7 @@ impl Control {
             }
         }
         let index = |id: i64| road.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id });
-        let line = |(lanelet, ends, has_stop_sign, ways): (i64, [Point; 2], bool, Vec<(i64, Vec<usize>)>)| {
+        let line = |StopLineInput { lanelet, ends, has_stop_sign, lights: ways }| {
             if !ends.iter().all(|end| end.is_possible()) {
                 return Err(Error::invalid(format!("stop line of lanelet {lanelet}: its ends are not numbers")));
             }
@@ -174,13 +183,15 @@ mod tests {
     fn what_does_not_exist_is_named() {
         let road = straight_road(1);
         let ends = [Point::new(50.0, -1.75), Point::new(50.0, 1.75)];
-        let refused = |lights: Vec<TrafficLight>, line: (i64, [Point; 2], bool, Vec<(i64, Vec<usize>)>)| {
+        let line = StopLineInput { lanelet: 1, ends, has_stop_sign: false, lights: vec![] };
+        let refused = |lights: Vec<TrafficLight>, line: StopLineInput| {
             Control::new(lights, vec![line], &road).expect_err("refused").to_string()
         };
-        assert!(refused(vec![light(0, &[(0, Signal::Red)])], (1, ends, false, vec![])).starts_with("traffic light 1:"));
-        assert!(refused(vec![], (9, ends, false, vec![])).contains('9'));
-        assert!(refused(vec![], (1, ends, false, vec![(1, vec![0])])).starts_with("stop line of lanelet 1:"));
-        let nowhere = [ends[0], Point::new(f64::NAN, 0.0)];
-        assert!(refused(vec![], (1, nowhere, true, vec![])).starts_with("stop line of lanelet 1:"));
+        assert!(refused(vec![light(0, &[(0, Signal::Red)])], line.clone()).starts_with("traffic light 1:"));
+        assert!(refused(vec![], StopLineInput { lanelet: 9, ..line.clone() }).contains('9'));
+        let unlit = StopLineInput { lights: vec![(1, vec![0])], ..line.clone() };
+        assert!(refused(vec![], unlit).starts_with("stop line of lanelet 1:"));
+        let nowhere = StopLineInput { ends: [ends[0], Point::new(f64::NAN, 0.0)], ..line };
+        assert!(refused(vec![], nowhere).starts_with("stop line of lanelet 1:"));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use interdrive_core::control::{Control, Signal, TrafficLight};
+use interdrive_core::control::{Control, Signal, StopLineInput, TrafficLight};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::{LaneletInput, RoadNetwork};
@@ -248,8 +248,13 @@ fn control(lights: Vec<LightParts>, lines: Vec<LineParts>, road: &RoadNetwork) -
         Ok(TrafficLight { id, offset, phases: phases.into_iter().map(signal).collect::<PyResult<_>>()? })
     };
     let lights = lights.into_iter().map(light).collect::<PyResult<_>>()?;
-    let ends = |ends: [(f64, f64); 2]| ends.map(|(x, y)| Point::new(x, y));
-    let lines = lines.into_iter().map(|(lanelet, at, sign, ways)| (lanelet, ends(at), sign, ways)).collect();
+    let line = |(lanelet, ends, has_stop_sign, lights): LineParts| StopLineInput {
+        lanelet,
+        ends: ends.map(|(x, y)| Point::new(x, y)),
+        has_stop_sign,
+        lights,
+    };
+    let lines = lines.into_iter().map(line).collect();
     Control::new(lights, lines, road).map_err(exception)
 }
 

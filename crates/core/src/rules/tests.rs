@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::control::TrafficLight;
+use crate::control::{StopLineInput, TrafficLight};
 use crate::road::testing::{lane, open, straight, with_successors};
 use crate::scenario::Obstacles;
 
@@ -14,7 +14,8 @@ fn scenario(phases: &[(i64, Signal)], has_stop_sign: bool) -> Scenario {
     let road = Arc::new(open(vec![with_successors(lane(1, &straight((0.0, 0.0), (100.0, 0.0))), &[2]), second]));
     let light = TrafficLight { id: 7, offset: 0, phases: phases.to_vec() };
     let ends = [Point::new(100.0, 1.75), Point::new(100.0, -1.75)];
-    let control = Control::new(vec![light], vec![(1, ends, has_stop_sign, vec![(2, vec![0])])], &road);
+    let line = StopLineInput { lanelet: 1, ends, has_stop_sign, lights: vec![(2, vec![0])] };
+    let control = Control::new(vec![light], vec![line], &road);
     let mut scenario = Scenario::new(0.1, road, Obstacles::default()).expect("a scenario");
     scenario.control = control.expect("lights and lines");
     scenario
