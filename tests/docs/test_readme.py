@@ -45,7 +45,7 @@ def console(tmp_path_factory):
 def test_a_run_from_python_gives_outcomes_and_states(tmp_path):
     first, *table, shape = printed(0, tmp_path).splitlines()
     run = idr.simulate("t_junction", agents="all")
-    assert first == repr(run) == "<Run of t_junction: 8 goal_reached; 13.4 s>"
+    assert first == repr(run) == "<Run of t_junction: 8 goal_reached; 12.6 s>"
     assert sum("goal_reached" in row for row in table) == len(run.agents)
     assert shape == str(run.states.x.shape)
     assert (tmp_path / "velocity.pdf").read_bytes().startswith(b"%PDF")
