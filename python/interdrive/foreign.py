@@ -24,6 +24,9 @@ T = TypeVar("T")
 #: Longer texts of exceptions are cut [characters].
 _TEXT_MAX = 1000
 
+#: Longer tracebacks lose their beginning [characters]; so many causes of an exception are followed.
+_TRACEBACK_MAX, _CAUSES_MAX = 20_000, 10
+
 
 #: How numpy handles floating-point errors: numpy 1 has functions for it, numpy 2 a variable of the context.
 _read_errors: Callable[[], object]
@@ -106,18 +109,38 @@ def place_of(error: BaseException) -> str:
 
     It is the last frame in a file that is neither ours nor that of a library, or else the last one that is not ours.
     """
-    ours, libraries = Path(__file__).parent, {Path(path) for path in sysconfig.get_paths().values()}
+    libraries = {Path(path) for path in sysconfig.get_paths().values()}
     own = elsewhere = ""
     # Of the class itself, because a subclass may have an attribute of this name.
     trace = vars(BaseException)["__traceback__"].__get__(error)
     for frame in traceback.extract_tb(trace):
         file = Path(frame.filename)
-        if frame.filename.startswith("<") or ours in file.parents:
+        if frame.filename.startswith("<") or _is_ours(frame.filename):
             continue
         elsewhere = f"{file.name}:{frame.lineno} in {frame.name}"
         if not libraries & set(file.parents):
             own = elsewhere
     return own or elsewhere
+
+
+def traceback_of(error: BaseException) -> str:
+    """The traceback of an exception of foreign code without our own frames, after those of its causes."""
+    parts: list[str] = []
+    found: BaseException | None = error
+    while found is not None and len(parts) < _CAUSES_MAX:
+        # Of the class itself, because a subclass may have attributes of these names.
+        trace, cause, context, is_hidden = (
+            vars(BaseException)[name].__get__(found)
+            for name in ("__traceback__", "__cause__", "__context__", "__suppress_context__")
+        )
+        frames = [frame for frame in traceback.extract_tb(trace) if not _is_ours(frame.filename)]
+        parts.append("".join(traceback.format_list(frames)) + failure(found))
+        found = cause if is_hidden or cause is not None else context
+    return "\n\nand then\n\n".join(reversed(parts))[-_TRACEBACK_MAX:]
+
+
+def _is_ours(file: str) -> bool:
+    return Path(__file__).parent in Path(file).parents
 
 
 def failure(error: BaseException, given: str = "", *, placed: bool = False) -> str:

@@ -18,7 +18,7 @@ from interdrive.errors import InputError
 from interdrive.files import open_scenario
 from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
-from interdrive.planners.calls import ask, planned
+from interdrive.planners.calls import Failure, ask, planned
 from interdrive.planners.workers import Workers, can_be_sent
 from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
@@ -111,7 +111,9 @@ class Simulation:
             seed=seed,
         )
         self._notes = [*self.scenario.notes, *notes]
-        self._configs = agent_configs(config, views or {}, rules or {}, self.agents)
+        recorded = set(self.scenario.obstacles.ids.tolist())
+        self._configs, notes = agent_configs(config, views or {}, rules or {}, self.agents, recorded)
+        self._notes += notes
         self._workers: Workers | None = None
         self.reset()
 
@@ -124,6 +126,7 @@ class Simulation:
         self._python_planners: dict[int, Planner] = {}
         self._stop_workers()
         self._planner_notes: list[str] = []
+        self._tracebacks: dict[int, str] = {}
         handles = []
         for agent in self.agents:
             config, state = self._configs[agent.id], agent.initial_state
@@ -256,14 +259,16 @@ class Simulation:
         for agent_id, view in views.items():
             answer = answers[agent_id]
             try:
-                if not isinstance(answer, str):
+                if not isinstance(answer, Failure):
                     plans.set(view, *answer)
                     continue
             except InputError as error:
-                answer = str(error)
+                answer = Failure(str(error))
             name = self._configs[agent_id].planner.name
-            answer = answer.encode("utf-8", "replace").decode()  # file names need not be text
-            plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {answer}")
+            # File names need not be text.
+            line, trace = (text.encode("utf-8", "replace").decode() for text in (answer.line, answer.traceback))
+            plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
+            self._tracebacks[agent_id] = trace
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
         """Steps until every agent has its outcome.
@@ -292,7 +297,7 @@ class Simulation:
         """The run so far, as arrays."""
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
-        outcomes = outcomes_of(self.world.outcomes(), names)
+        outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
         run = Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),

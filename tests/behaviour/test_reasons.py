@@ -1,5 +1,6 @@
 """Why agents ended as they did, in words, each in a world made for it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,9 @@ import pytest
 from drivers import Straight, Turning
 
 from interdrive import Simulation, Trajectory, load, save, simulate
-from interdrive.testing import Car, crossing, problem, straight_road, world
+from interdrive.results.story import story
+from interdrive.run import PLAN_STATUS
+from interdrive.testing import Car, PlannerContractError, check_planner, crossing, problem, straight_road, world
 
 
 class Stopping(Straight):
@@ -98,6 +101,21 @@ def test_a_stop_without_a_vehicle_ahead_says_so():
     assert ended(scenario, Stopping) == ("time_limit", reason)
 
 
+def test_times_without_an_admissible_sample_say_what_rejected_most_samples(tmp_path):
+    # An oncoming car creeps up to the standing agent, whose front is at 22.3 m.
+    scenario = on_a_road(Car(7, 31.0, velocity=0.5, orientation=np.pi), velocity=0.0, time_step=(0, 40))
+    run = simulate(scenario, agents=[100], predictor="constant_velocity", threads=1)
+    lasted = r"no admissible sample for \d\.\d s \(emergency braking at \d+ time steps\)"
+    assert re.search(rf"{lasted}: collision with 7 at \(2\d\.\d, 0\.0\)", run.outcomes.reason[0])
+    braking = run.plans.status == PLAN_STATUS.index("emergency_braking")
+    assert {run.plans.rejection[row] for row in np.flatnonzero(braking)} == {"collision with 7"}
+    assert {run.plans.rejection[row] for row in np.flatnonzero(~braking)} == {""}
+    save(run, tmp_path / "run")
+    again = load(tmp_path / "run").plans
+    assert again.rejection == run.plans.rejection
+    np.testing.assert_array_equal(again.rejection_x, run.plans.rejection_x)
+
+
 def test_participants_that_cross_the_path_of_a_standing_agent_are_named():
     agent = problem(100, -10.0, velocity=0.0, goal=(50.0, 0.0), time_step=(0, 60))
     cars = [Car(7, 0.0, -20.0, 8.0, np.pi / 2), Car(8, 0.0, -40.0, 8.0, np.pi / 2)]
@@ -174,6 +192,39 @@ def test_a_planner_error_is_its_message():
     run = simulate(on_a_road(), planner=Raising, threads=1)
     assert run.outcomes.reason == run.outcomes.message
     assert "ValueError: no idea" in run.outcomes.reason[0]
+
+
+def test_the_whole_traceback_of_a_planner_is_kept_with_its_causes(tmp_path):
+    class Raising(Straight):
+        def plan(self, view, predictions):
+            try:
+                return self.chosen([], view)
+            except IndexError as error:
+                raise ValueError("no idea") from error
+
+        def chosen(self, candidates, view):
+            return candidates[0]
+
+    run = simulate(on_a_road(), planner=Raising, threads=1)
+    save(run, tmp_path / "run")
+    (trace,) = load(tmp_path / "run").outcomes.traceback
+    assert trace == run.outcomes.traceback[0]
+    places = [
+        "in plan",
+        "in chosen",
+        "return candidates[0]",
+        "IndexError",
+        "and then",
+        "in plan",
+        "ValueError: no idea",
+    ]
+    at = -1
+    for place in places:
+        at = trace.index(place, at + 1)
+    assert story(run, 100)[-1].strip() == "ValueError: no idea"
+    with pytest.raises(PlannerContractError, match="ValueError: no idea") as found:
+        check_planner(Raising)
+    assert isinstance(found.value.__cause__, ValueError)
 
 
 def test_a_run_that_was_stopped_says_when():

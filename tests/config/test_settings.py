@@ -95,7 +95,7 @@ def test_a_value_arrives_with_the_type_of_its_field(name, given, expected):
     ("name", "given", "message"),
     [
         ("planner.frenet.horizon", "long", "planner.frenet.horizon: expected a number [s], not 'long'"),
-        ("planner.frenet.horizon", True, "planner.frenet.horizon: expected a number [s], not True"),
+        ("planner.frenet.horizon", True, "planner.frenet.horizon: expected a number [s] (how far it plans), not True"),
         ("planner.frenet.horizon", "nan", "planner.frenet.horizon: expected a number [s], not 'nan'"),
         ("planner.frenet.horizon", "-1", "planner.frenet: horizon must be positive, not -1.0"),
         ("planner.frenet.speed_max", "fast", "planner.frenet.speed_max: expected a number or none [m/s], not 'fast'"),

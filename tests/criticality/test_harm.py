@@ -39,6 +39,7 @@ def ended(run, *rows):
             np.zeros(len(rows)),
             ("",) * len(rows),
             ("",) * len(rows),
+            ("",) * len(rows),
         ),
     )
 

@@ -192,6 +192,9 @@ def plans(recorded, points=31):
         status=status,
         cost=np.where(status == 1, 12.5, np.nan),
         **table,
+        rejection=tuple("collision with 24" if code == 2 else "" for code in status.tolist()),
+        **{name: np.where(status == 2, 3.5, np.nan) for name in ("rejection_x", "rejection_y")},
+        rejection_overhang=np.full(len(status), np.nan),
     )
 
 
@@ -242,6 +245,7 @@ def invented_run(**changes):
         off_lanelets_s=np.array([0.0, 0.0, 1.5, 0.0]),
         message=("", "with parked_vehicle 22", "", "ZeroDivisionError: division by zero"),
         reason=("", "ran into 22 from behind", "late", "ZeroDivisionError: division by zero"),
+        traceback=("", "", "", 'File "mine.py", line 8, in plan\nZeroDivisionError: division by zero'),
     )
     agents = tuple(
         AgentRecord(

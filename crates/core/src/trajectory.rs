@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
+use crate::geometry::Point;
 use crate::limits::{NUMBER_MAX, TIME_STEP_MAX, check_time_step, is_possible};
 
 /// State of one participant at one time step. The position is the centre of the footprint.
@@ -403,6 +404,24 @@ impl PlanStatus {
     pub const ALL: [Self; 5] = [Self::None, Self::Planned, Self::EmergencyBraking, Self::Infeasible, Self::Error];
 }
 
+/// Why a planner found no ordinary plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Obstruction {
+    /// What rejected most of the samples that the vehicle can drive, in words.
+    pub rejection: String,
+    /// Where the agent's centre would be in the first contact, or at its largest overhang [m]; NaN: nowhere.
+    pub at: Point,
+    /// How far the cheapest of the samples that leave the road reaches beyond the lanelets [m]; NaN for other reasons.
+    pub overhang: f64,
+}
+
+impl Obstruction {
+    /// One that is nowhere in particular.
+    pub fn nowhere(rejection: &str) -> Self {
+        Self { rejection: rejection.into(), at: Point::new(f64::NAN, f64::NAN), overhang: f64::NAN }
+    }
+}
+
 /// One trajectory: point 0 is the state at planning time, point `i` is `i * dt` later. Positions are footprint centres.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trajectory {
@@ -430,6 +449,8 @@ pub struct Plans {
     pub cost: Vec<f64>,
     /// Text for rows with status `Error`.
     pub message: Vec<String>,
+    /// Why there is no ordinary plan, where the planner says so.
+    pub obstruction: Vec<Option<Obstruction>>,
 }
 
 impl Plans {
@@ -444,6 +465,7 @@ impl Plans {
             status: vec![PlanStatus::None; n],
             cost: vec![f64::NAN; n],
             message: vec![String::new(); n],
+            obstruction: vec![None; n],
         }
     }
 

@@ -1,7 +1,7 @@
 //! Native planners with their settings, and their samples.
 
 use interdrive_core::plan::Planner;
-use interdrive_core::plan::frenet::{Candidates, CostWeights, N_TERMS, Rejection};
+use interdrive_core::plan::frenet::{Candidates, CostWeights, N_TERMS};
 use interdrive_core::plan::{IdmMobilSettings, VelocityAdjustingSettings};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -29,28 +29,11 @@ impl PyPlanner {
     }
 }
 
-/// Words for a rejection; empty for an admissible sample.
-fn words(rejection: Rejection, collision_id: i64) -> String {
-    match rejection {
-        Rejection::Admissible => String::new(),
-        Rejection::Acceleration => "acceleration".into(),
-        Rejection::Curvature => "curvature".into(),
-        Rejection::SteeringRate => "steering rate".into(),
-        Rejection::YawRate => "yaw rate".into(),
-        Rejection::LateralAcceleration => "lateral acceleration".into(),
-        Rejection::NegativeSpeed => "negative speed".into(),
-        Rejection::LeftPath => "left the reference path".into(),
-        Rejection::Collision => format!("collision with {collision_id}"),
-        Rejection::OffRoad => "off the road".into(),
-        Rejection::StopLine => "stop line".into(),
-    }
-}
-
 /// All samples of a plan as a dict of arrays: x, y (samples, points); terms (samples, terms); cost, end_time,
 /// end_velocity, end_offset (samples,); rejection (words per sample); chosen (-1 for none); desired_velocity.
 pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResult<Bound<'py, PyDict>> {
     let (n, n_points) = (candidates.len(), candidates.n_points);
-    let reasons = candidates.rejection.iter().zip(&candidates.collision_id).map(|(r, id)| words(*r, *id));
+    let reasons = candidates.rejection.iter().zip(&candidates.collision_id).map(|(why, id)| why.words(*id));
     let dict = PyDict::new(py);
     dict.set_item("x", arrays::grid(py, candidates.x.clone(), [n, n_points])?)?;
     dict.set_item("y", arrays::grid(py, candidates.y.clone(), [n, n_points])?)?;

@@ -8,12 +8,12 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::scene::Scene;
-use interdrive_core::trajectory::{PlanStatus, Plans, State, States};
+use interdrive_core::trajectory::{Obstruction, PlanStatus, Plans, State, States};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, World, WorldSettings};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
@@ -314,6 +314,17 @@ impl PyWorld {
             arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()),
         )?;
         dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
+        let obstructions: Vec<_> = plans.iter().flat_map(|p| &p.obstruction).map(Option::as_ref).collect();
+        let words: Vec<&str> = obstructions.iter().map(|o| o.map_or("", |o| o.rejection.as_str())).collect();
+        dict.set_item("rejection", PyTuple::new(py, words)?)?;
+        for (name, number) in [
+            ("rejection_x", (|o: &Obstruction| o.at.x) as fn(&Obstruction) -> f64),
+            ("rejection_y", |o| o.at.y),
+            ("rejection_overhang", |o| o.overhang),
+        ] {
+            let column = obstructions.iter().map(|o| o.map_or(f64::NAN, number)).collect();
+            dict.set_item(name, arrays::row(py, column))?;
+        }
         type Field = fn(&State) -> f64;
         let fields: [(&str, Field); 5] = [
             ("x", |p| p.x),

@@ -6,7 +6,7 @@ run.json stores the plain values; passed back, they reproduce the run.
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
@@ -15,6 +15,7 @@ from interdrive.config.plugins import Choice, read_choice
 from interdrive.config.specs import PlannerSpec, PredictorSpec, Resolved, resolved_planner, resolved_predictor
 from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings, ViewSettings
+from interdrive.planners import RECORDED_PATH
 
 if TYPE_CHECKING:
     from interdrive.config.schema import SimulationSettings
@@ -95,12 +96,22 @@ def _with(settings: Any, resolved: Resolved) -> Any:  # noqa: ANN401 - PlannerSe
 
 
 def agent_configs(
-    config: RunConfig, views: ViewsSpec, rules: RulesSpec, agents: Sequence[Agent]
-) -> dict[int, AgentConfig]:
+    config: RunConfig, views: ViewsSpec, rules: RulesSpec, agents: Sequence[Agent], recorded: Container[int]
+) -> tuple[dict[int, AgentConfig], list[str]]:
     """Planner, view and rules of every agent.
 
     A choice for an agent takes nothing from "default" unless it names no planner: then the agent has the default
-    planner with the settings of its own choice on top.
+    planner with the settings of its own choice on top. An agent without a recording is driven by `frenet` where the
+    planner of all agents replays recordings.
+
+    Args:
+        config: Planners and predictor of the run.
+        views: Views by agent id.
+        agents: The agents.
+        recorded: Ids of the participants that have a recording.
+
+    Returns:
+        Planner and view by agent id, and one line per agent that did not get the planner of all agents.
 
     Raises:
         InputError: An id is not that of an agent, a choice cannot be used, or a setting does not exist.
@@ -112,6 +123,7 @@ def agent_configs(
         config.planner if isinstance(config.planner, Resolved) else resolved_planner(default, settings.planner)
     )
     found: dict[int, AgentConfig] = {}
+    notes = []
     for agent in agents:
         try:
             planner, own_view, own_rules = for_default, default_view, default_rules
@@ -123,12 +135,15 @@ def agent_configs(
                     own = Choice(default.chosen, {**default.settings, **own.settings})
                     own_view, own_rules = {**default_view, **own_view}, {**default_rules, **own_rules}
                 planner = resolved_planner(own, settings.planner)
+            elif planner.native in RECORDED_PATH and agent.id not in recorded:
+                notes.append(f"agent {agent.id} has no recording for planner {planner.name}: frenet drives it")
+                planner = resolved_planner("frenet", settings.planner)
             view = _record("view", settings.view, looks.get(agent.id, looks.get(_DEFAULT, {})))
             kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(_DEFAULT, {})))
             found[agent.id] = AgentConfig(planner, _record("view", view, own_view), _record("rules", kept, own_rules))
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
-    return found
+    return found, notes
 
 
 def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> RunSettings:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from interdrive.native_settings import Frenet, FrenetComfort, FrenetWeights, Idm, IdmMobil, VelocityAdjusting
 from interdrive.planners.contract import Planner, Trajectory
-from interdrive.planners.native import NATIVE, RECORDS, PlannerSettings, Recorded, native_planner
+from interdrive.planners.native import NATIVE, RECORDED_PATH, RECORDS, PlannerSettings, Recorded, native_planner
 
 __all__ = [
     "NATIVE",
+    "RECORDED_PATH",
     "RECORDS",
     "Frenet",
     "FrenetComfort",

@@ -9,9 +9,10 @@ import signal
 import threading
 import time
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
-from interdrive.foreign import failure, undisturbed
+from interdrive.foreign import failure, traceback_of, undisturbed
 from interdrive.planners.contract import stated
 
 if TYPE_CHECKING:
@@ -27,8 +28,17 @@ _GRACE = 0.5
 #: ... a thread that checks at this interval [s] interrupts the call.
 _LOOK_EVERY = 0.25
 
-#: The arrays of a plan for `Plans.set`, or a line that states why there are none.
-Answer = tuple[Any, ...] | str
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no plan: one line, and the traceback of the planner's exception ("" if it raised none)."""
+
+    line: str
+    traceback: str = ""
+
+
+#: The arrays of a plan for `Plans.set`, or why there are none.
+Answer = tuple[Any, ...] | Failure
 
 
 class _TooLong(BaseException):
@@ -36,7 +46,7 @@ class _TooLong(BaseException):
 
 
 def ask(planner: Planner, view: View, predictions: Predictions, timeout_s: float) -> Answer:
-    """Calls a planner and returns the arrays of its trajectory, or a line that states the failure.
+    """Calls a planner and returns the arrays of its trajectory, or its failure.
 
     Args:
         planner: The planner.
@@ -55,7 +65,7 @@ def ask(planner: Planner, view: View, predictions: Predictions, timeout_s: float
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - whatever a planner raises costs its own agent only
-        return failure(error, "view", placed=True)
+        return Failure(failure(error, "view", placed=True), traceback_of(error))
 
 
 def planned(planner: Planner, view: View, predictions: Predictions) -> tuple[Any, ...]:
@@ -139,5 +149,5 @@ def _raise_in_main_thread(kind: type[BaseException]) -> None:
     ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(kind))
 
 
-def _too_slow(seconds: float, timeout_s: float) -> str:
-    return f"it took {seconds:.3g} s, at most {timeout_s:g} s are allowed (step.planner_timeout_s)"
+def _too_slow(seconds: float, timeout_s: float) -> Failure:
+    return Failure(f"it took {seconds:.3g} s, at most {timeout_s:g} s are allowed (step.planner_timeout_s)")

@@ -39,6 +39,9 @@ NATIVE = {
     "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
 }
 
+#: Planners that need the recording of their agent.
+RECORDED_PATH = ("recorded", "velocity_adjusting")
+
 #: The record of each native planner.
 RECORDS: dict[str, type] = {
     "frenet": Frenet,

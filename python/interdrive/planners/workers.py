@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from interdrive.errors import InputError
 from interdrive.foreign import failure
-from interdrive.planners.calls import ask
+from interdrive.planners.calls import Failure, ask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -120,7 +120,7 @@ class Workers:
         answers: dict[int, Answer] = {}
         for worker, mine_ids in asked:
             for i in mine_ids:
-                answers[i] = worker.lost or self._receive(worker, i)
+                answers[i] = Failure(worker.lost) if worker.lost else self._receive(worker, i)
         return answers
 
     def _receive(self, worker: _Worker, agent: int) -> Answer:
@@ -135,7 +135,7 @@ class Workers:
         except (EOFError, OSError):
             worker.process.join(1.0)
             worker.lost = f"its process ended in {blame} (exit code {worker.process.exitcode})"
-        return worker.lost
+        return Failure(worker.lost)
 
     def close(self) -> None:
         """Ends the processes."""
@@ -202,5 +202,5 @@ def _work(
             try:
                 answer = ask(planners[i], view, predictions.seen_by(view), timeout_s)
             except KeyboardInterrupt as error:  # Ctrl-C of the terminal is ignored here
-                answer = failure(error)
+                answer = Failure(failure(error))
             connection.send(answer)

@@ -89,7 +89,7 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
     if not plans.num_rows:
         return
     starts = np.flatnonzero(plans["point"].to_numpy() == 0)
-    status = plans["status"].to_numpy(zero_copy_only=False)[starts]
+    status, rejection = (plans[name].to_numpy(zero_copy_only=False)[starts] for name in ("status", "rejection"))
     agent, step = plans["agent_id"].to_numpy()[starts], plans["time_step"].to_numpy()[starts]
     length = np.diff(np.append(starts, plans.num_rows))
     for number in np.unique(agent[np.isin(status, list(_EMERGENCIES))]).tolist():
@@ -100,7 +100,7 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
             if name not in _EMERGENCIES or (before is not None and status[before] == name):
                 continue
             kind, moment = "infeasible_plan" if name == "infeasible" else name, int(step[at])
-            text = f"{number} {_EMERGENCIES[name]}"
+            text = f"{number} {_EMERGENCIES[name]}" + (f": {rejection[at]}" if rejection[at] else "")
             yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), text)
 
 

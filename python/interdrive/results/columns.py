@@ -33,6 +33,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
         Column("message", "text", "what the simulation noted, such as the exception of a planner"),
         Column("reason", "text", "why it ended so, in words and numbers; empty if it reached its goal"),
+        Column("traceback", "text", "of the exception that its planner raised; empty for none"),
     ),
     "states": (
         Column("time_step", "integer", ""),
@@ -60,6 +61,12 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("orientation", "number", "heading [rad]", nullable=True),
         Column("velocity", "number", "[m/s]", nullable=True),
         Column("acceleration", "number", "[m/s²]", nullable=True),
+        Column(
+            "rejection", "label", "what rejected most samples that the vehicle could drive; empty for ordinary plans"
+        ),
+        Column("rejection_x", "number", "centre in that contact or at the largest overhang [m]", nullable=True),
+        Column("rejection_y", "number", "the same [m]", nullable=True),
+        Column("rejection_overhang", "number", "of the cheapest sample off the road beyond it [m]", nullable=True),
     ),
     "views": (
         Column("observer_id", "integer", "the observing agent"),

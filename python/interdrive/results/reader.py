@@ -149,6 +149,11 @@ def stored_plans(results: Results) -> Plans:
         status=np.array([PLAN_STATUS.index(name) for name in column["status"][starts].tolist()], dtype=np.int64),
         cost=column["cost"][starts].astype(np.float64),
         **{name: filled(name) for name in STATE_FIELDS[:5]},
+        rejection=tuple(column["rejection"][starts].tolist()),
+        **{
+            name: column[name][starts].astype(np.float64)
+            for name in ("rejection_x", "rejection_y", "rejection_overhang")
+        },
     )
 
 
@@ -216,6 +221,7 @@ def _outcomes(results: Results) -> Outcomes:
         off_lanelets_s=table["off_lanelets_s"].to_numpy(zero_copy_only=False),
         message=tuple(table["message"].to_pylist()),
         reason=tuple(table["reason"].to_pylist()),
+        traceback=tuple(table["traceback"].to_pylist()),
     )
 
 

@@ -10,7 +10,7 @@ from interdrive.criticality import measure_named
 from interdrive.errors import InputError
 from interdrive.run.goals import said_time
 from interdrive.run.phases import emergency_steps, phases
-from interdrive.run.reasons import said_count, said_list, said_name
+from interdrive.run.reasons import said_count, said_list, said_name, said_obstruction
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
@@ -44,7 +44,8 @@ def story(run: Run, agent_id: int, criticality: Criticality | None = None) -> li
         first = said_time(run, int(braking[0]))
         lines.append(f"  no admissible sample at {said_count(len(braking), 'time step')}, the first at {first} s")
     found = criticality or run.criticality([agent_id])
-    return [*lines, *(f"  {line}" for line in _critical(run, agent_id, found))]
+    trace = run.outcomes.traceback[int(np.searchsorted(run.outcomes.agent_id, agent_id))]
+    return [*lines, *(f"  {line}" for line in [*_critical(run, agent_id, found), *trace.splitlines()])]
 
 
 def ending(run: Run, agent_id: int) -> str:
@@ -99,7 +100,8 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
     if phase.kind == "standing":
         return text
     most = f", at most {speed.max():.1f} m/s" if speed.max() > max(speed[0], speed[-1]) + 0.5 else ""
-    return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}"
+    why = said_obstruction(run, agent.id, np.arange(first, last)) if phase.kind == "emergency braking" else ""
+    return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}" + (f": {why}" if why else "")
 
 
 def _critical(run: Run, agent_id: int, found: Criticality) -> list[str]:

@@ -42,6 +42,7 @@ def outcome_table(run: RunRecord) -> pa.Table:
         ),
         message=ended.message,
         reason=ended.reason,
+        traceback=ended.traceback,
     )
 
 
@@ -71,6 +72,7 @@ def _seconds(run: RunRecord, time_step: NDArray[np.int64]) -> NDArray[np.float64
 def plans_table(run: RunRecord) -> pa.Table:
     """One row per plan and point, sorted by time step, agent and point, as an Arrow table."""
     plans = run.plans
+    reasons, reason = np.unique(np.array(plans.rejection, dtype=np.str_), return_inverse=True)
     present = np.isfinite(plans.x)
     if present.shape[1]:
         present[:, 0] = True
@@ -87,6 +89,8 @@ def plans_table(run: RunRecord) -> pa.Table:
         cost=plans.cost[row],
         point=point,
         **along,
+        rejection=labels(tuple(reasons.tolist()), reason[row]),
+        **{name: getattr(plans, name)[row] for name in ("rejection_x", "rejection_y", "rejection_overhang")},
     )
 
 

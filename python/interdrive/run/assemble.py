@@ -29,8 +29,8 @@ def digest(states: States) -> str:
     return total.hexdigest()
 
 
-def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
-    """Outcomes of all agents, from the core's table; `planners` are their names."""
+def outcomes_of(raw: dict[str, Any], planners: dict[int, str], tracebacks: dict[int, str]) -> Outcomes:
+    """Outcomes of all agents, from the core's table, with the names of planners and tracebacks of those that failed."""
     return Outcomes(
         agent_id=raw["agent_id"],
         planner=tuple(planners[i] for i in raw["agent_id"].tolist()),
@@ -43,6 +43,7 @@ def outcomes_of(raw: dict[str, Any], planners: dict[int, str]) -> Outcomes:
         off_lanelets_s=raw["off_lanelets_s"],
         message=tuple(raw["message"]),
         reason=("",) * len(raw["agent_id"]),
+        traceback=tuple(tracebacks.get(i, "") for i in raw["agent_id"].tolist()),
     )
 
 
@@ -76,8 +77,8 @@ def timings_of(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
 
 def no_plans() -> Plans:
     """The table of plans of a run without plans."""
-    none, points = np.empty(0, dtype=np.int64), np.empty((0, 0))
-    return Plans(none, none, none, np.empty(0), points, points, points, points, points)
+    none, numbers, points = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 0))
+    return Plans(none, none, none, numbers, points, points, points, points, points, (), numbers, numbers, numbers)
 
 
 def no_timings() -> Timings:
@@ -102,5 +103,5 @@ def recorded_traffic(scenario: Scenario) -> RunRecord:
     )
     none = np.empty(0, dtype=np.int64)
     numbers = none.astype(np.float64)
-    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), numbers, numbers, numbers, (), ())
+    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), numbers, numbers, numbers, (), (), ())
     return RunRecord(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")

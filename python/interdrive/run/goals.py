@@ -29,6 +29,14 @@ _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
+class Approach:
+    """How near an agent came to its goal: in words, and whether they are about where it ended."""
+
+    words: str
+    at_end: bool
+
+
+@dataclass(frozen=True)
 class _Moment:
     """A state in the goal area: from and to which column the agent stayed there, what was wrong, and how much."""
 
@@ -38,14 +46,14 @@ class _Moment:
     excess: float
 
 
-def approach(run: RunRecord, agent: AgentRecord) -> str:
+def approach(run: RunRecord, agent: AgentRecord) -> Approach:
     """How near the agent came to its goal: which condition was not met in its area, or the distance that was left.
 
     Of several visits and alternatives it is the one that missed the fewest conditions by the least.
 
     Returns:
         For instance "in the goal area from 9.6 to 9.8 s, heading 36° off (29° allowed)", or "14.2 m before the goal
-        area"; "" if neither goal nor states are known.
+        area" at its end; "" if neither goal nor states are known.
     """
     moments = [moment for alternative in agent.goal for moment in _moments(run, agent, alternative)]
     if moments:
@@ -53,10 +61,10 @@ def approach(run: RunRecord, agent: AgentRecord) -> str:
         first, last = (said_time(run, column + run.states.first_time_step) for column in (best.first, best.last))
         when = f"at {first} s" if first == last else f"from {first} to {last} s"
         place = "in the goal area " if agent.goal_areas else ""
-        return ", ".join((f"{place}{when}", *best.faults))
+        return Approach(", ".join((f"{place}{when}", *best.faults)), at_end=False)
     row, columns = _present(run, agent)
     if not len(columns) or not agent.goal_areas:
-        return ""
+        return Approach("", at_end=False)
     return _distance_left(run, agent, row, columns)
 
 
@@ -136,12 +144,12 @@ def _like(value: float, other: float) -> str:
     return f"{value:.{digits}f}"
 
 
-def _distance_left(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> str:
+def _distance_left(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> Approach:
     """Distance to the goal area along the reference path if it is ahead; otherwise how far off the agent passed it."""
     states, end = run.states, int(columns[-1])
     ahead = _along_path(agent, float(states.x[row, end]), float(states.y[row, end]))
     if math.isfinite(ahead):
-        return f"{ahead:.1f} m before the goal area"
+        return Approach(f"{ahead:.1f} m before the goal area", at_end=True)
     areas = [core_shape(area) for area in agent.goal_areas]
     spot, here = _core.Shape.circle(1e-6), (0.0, 0.0, 0.0)
     distances = np.array(
@@ -152,9 +160,9 @@ def _distance_left(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) 
     )
     nearest = int(distances.argmin())
     if nearest == len(columns) - 1:
-        return f"{distances[-1]:.1f} m from the goal area"
+        return Approach(f"{distances[-1]:.1f} m from the goal area", at_end=True)
     when = said_time(run, int(columns[nearest]) + states.first_time_step)
-    return f"passed the goal area at a distance of {distances[nearest]:.1f} m at {when} s"
+    return Approach(f"passed the goal area at a distance of {distances[nearest]:.1f} m at {when} s", at_end=False)
 
 
 def _along_path(agent: AgentRecord, x: float, y: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,9 +19,13 @@ if TYPE_CHECKING:
     from interdrive.run.record import AgentRecord, RunRecord
 
     Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
 
 #: Shorter stops and shorter times without an admissible sample are no reason for being late [s].
 _LONG = 1.0
+
+#: Smaller overhangs are not worth a number [m].
+_SMALLEST = 0.05
 
 #: Participants of these kinds are named with their kind.
 _NAMED = ("pedestrian", "bicycle", "motorcycle", "train")
@@ -52,11 +57,12 @@ def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetw
         case "infeasible":
             steps = len(emergency_steps(run, agent.id))
             before = f" after emergency braking at {said_count(steps, 'time step')}" if steps else ""
-            text = f"no plan{before}: {message or 'the planner gave no reason'}"
+            why = said_obstruction(run, agent.id, ended.time_step[place : place + 1])
+            text = _joined(f"no plan{before}: {message or 'the planner gave no reason'}", why)
         case "goal_reached_late":
             text = _joined(_lateness(run, agent), *_causes(run, agent))
         case "goal_missed":
-            text = approach(run, agent) or "drove past its goal"
+            text = approach(run, agent).words or "drove past its goal"
         case _:
             text = _time_over(run, agent, message or "the time was over")
     return text
@@ -65,8 +71,8 @@ def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetw
 def _time_over(run: RunRecord, agent: AgentRecord, over: str) -> str:
     """What cost an agent its time, and how near its goal it was in the end; `over` says what ended it."""
     near = approach(run, agent)
-    was_there = near.startswith(("in ", "at ", "from "))
-    return _joined(*_causes(run, agent), near if was_there else f"{near} when {over}" if near else over)
+    end = f"{near.words} when {over}" if near.at_end else near.words or over
+    return _joined(*_causes(run, agent), end)
 
 
 def _joined(*parts: str) -> str:
@@ -159,7 +165,22 @@ def no_sample(run: RunRecord, agent_id: int, first: int | None = None, last: int
     if longest * run.scenario.dt < _LONG:
         return ""
     seconds, count = said_time(run, longest), said_count(len(steps), "time step")
-    return f"no admissible sample for {seconds} s (emergency braking at {count})"
+    why = said_obstruction(run, agent_id, next(piece for piece in pieces if len(piece) == longest))
+    return f"no admissible sample for {seconds} s (emergency braking at {count}){why and f': {why}'}"
+
+
+def said_obstruction(run: RunRecord, agent_id: int, time_steps: Ints) -> str:
+    """What rejected most samples at most of some time steps, and where it did so first; "" if that is not known."""
+    plans = run.plans
+    rows = np.flatnonzero((plans.agent_id == agent_id) & np.isin(plans.time_step, time_steps))
+    counts = Counter(plans.rejection[row] for row in rows.tolist() if plans.rejection[row])
+    if not counts:
+        return ""
+    rejection = counts.most_common(1)[0][0]
+    row = next(row for row in rows.tolist() if plans.rejection[row] == rejection)
+    x, y, overhang = (float(c[row]) for c in (plans.rejection_x, plans.rejection_y, plans.rejection_overhang))
+    beyond = f", the cheapest by {overhang:.1f} m" if overhang >= _SMALLEST else ""
+    return f"{rejection}{beyond}" + (f" at ({x:.1f}, {y:.1f})" if np.isfinite(x) else "")
 
 
 def said_name(run: RunRecord, participant_id: int) -> str:

@@ -103,6 +103,7 @@ class Outcomes(Tabular):
         off_lanelets_s: How long it was more than `road.gap_tolerance` [s].
         message: What the simulation noted, such as the exception of a planner.
         reason: Why, in words and numbers, from what was recorded; "" if it reached its goal.
+        traceback: Of the exception that its planner raised; "" for none.
     """
 
     agent_id: Ints
@@ -116,6 +117,7 @@ class Outcomes(Tabular):
     off_lanelets_s: Floats
     message: tuple[str, ...]
     reason: tuple[str, ...]
+    traceback: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,11 @@ class Plans(Tabular):
         cost: Cost of the chosen trajectory, nan where the planner has none, shape (plans,).
         x: Centre [m], shape (plans, points); point i is i * dt after the plan; nan beyond its end.
         y: Centre [m]. orientation: [rad]. velocity: [m/s]. acceleration: [m/s²].
+        rejection: What rejected most of the samples that the vehicle could drive, such as "collision with 305"; "" for
+            ordinary plans and planners that do not say, one per plan.
+        rejection_x: Centre in that contact, or where the overhang is largest [m]; nan for none, shape (plans,).
+        rejection_y: The same.
+        rejection_overhang: How far the cheapest sample off the road reaches beyond the lanelets [m]; nan for none.
     """
 
     time_step: Ints
@@ -177,6 +184,10 @@ class Plans(Tabular):
     orientation: Floats
     velocity: Floats
     acceleration: Floats
+    rejection: tuple[str, ...]
+    rejection_x: Floats
+    rejection_y: Floats
+    rejection_overhang: Floats
 
 
 @dataclass(frozen=True)

@@ -56,21 +56,25 @@ class PlannerContractError(AssertionError):
 class _Watched:
     """Calls a planner twice per step and compares, times it, and checks what it returns."""
 
-    def __init__(self, factory: Callable[[], Planner], seconds_max: float, findings: list[str]) -> None:
+    def __init__(
+        self, factory: Callable[[], Planner], seconds_max: float, findings: list[PlannerContractError]
+    ) -> None:
         self._first, self._second = factory(), factory()
         self._seconds_max, self._findings = seconds_max, findings
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
-        def fail(text: str) -> None:
-            self._findings.append(f"time step {view.time_step}: {text}")
-            raise PlannerContractError(text)
+        def fail(text: str, cause: Exception | None = None) -> None:
+            finding = PlannerContractError(f"time step {view.time_step}: {text}")
+            finding.__cause__ = cause
+            self._findings.append(finding)
+            raise finding
 
         before = _seen(view)
         start = time.perf_counter()
         try:
             plan: Trajectory = self._first.plan(view, predictions)
         except Exception as error:  # noqa: BLE001 - whatever it raises is the finding
-            fail(f"plan: {failure(error, 'view', placed=True)}")
+            fail(f"plan: {failure(error, 'view', placed=True)}", error)
         seconds = time.perf_counter() - start
         try:
             view.check_plan(*stated(plan))
@@ -127,17 +131,18 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
         Outcome of the agent in each world.
 
     Raises:
-        PlannerContractError: A part of the contract is broken; the text names it with world and time step.
+        PlannerContractError: A part of the contract is broken; the text names it with world and time step. If the
+            planner raised an exception, that is its cause.
     """
     if getattr(factory, "parallel", False) and not can_be_sent(factory):
         raise PlannerContractError("it has `parallel = True`, but cannot be pickled for another process")
     ends = {}
     for name, scenario in _worlds().items():
-        findings: list[str] = []
+        findings: list[PlannerContractError] = []
         watched = partial(_Watched, factory, seconds_max, findings)
         run = simulate(scenario, agents=[100], planner={100: watched}, threads=1)
         if findings:
-            raise PlannerContractError(f"{name}, {findings[0]}")
+            raise PlannerContractError(f"{name}, {findings[0]}") from findings[0].__cause__
         if run.outcomes.outcome[0] == "planner_error":
             raise PlannerContractError(f"{name}: {run.outcomes.message[0]}")
         ends[name] = run.outcomes.outcome[0]

@@ -4,7 +4,7 @@ use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::Ego;
 use super::frame::Start;
-use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::settings::{positive, settings};
 
 /// An offset from the path is given up in this time [s].
@@ -65,7 +65,7 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     conflicts.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory_on_road(request, path, &start, motions, RETURN_TIME, road) {
-        Some(trajectory) => planned(trajectory),
+        Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its path bends too tightly where it is"),
     }
 }

@@ -13,7 +13,7 @@ use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::{IdmSettings, RETURN_TIME};
 use super::lanes::{Lane, Lanes, Need};
-use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::geometry::Pose;
 use crate::settings::{between, positive, settings};
 use neighbours::{Neighbours, Next};
@@ -131,7 +131,7 @@ pub(super) fn plan(
     conflicts.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory_on_road(request, &lane.path, &start, motions, time, road) {
-        Some(trajectory) => planned(trajectory),
+        Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its lane bends too tightly where it is"),
     }
 }

@@ -30,7 +30,7 @@ use crate::road::RoadNetwork;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
-use crate::trajectory::{PlanStatus, Predictions, State, Trajectory};
+use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::Vehicle;
 use lanes::Lanes;
 use recorded_path::RecordedPath;
@@ -125,6 +125,25 @@ pub struct PlanResult {
     pub cost: f64,
     /// Why there is no plan, for people; empty otherwise.
     pub message: String,
+    /// Why there is no ordinary plan; `None` if there is one.
+    pub obstruction: Option<Obstruction>,
+}
+
+impl PlanResult {
+    /// An ordinary plan; its cost is NaN if none was computed.
+    pub(crate) fn planned(trajectory: Trajectory, cost: f64) -> Self {
+        Self { trajectory, status: PlanStatus::Planned, cost, message: String::new(), obstruction: None }
+    }
+
+    /// Emergency braking.
+    fn braking(trajectory: Trajectory) -> Self {
+        Self { status: PlanStatus::EmergencyBraking, ..Self::planned(trajectory, f64::NAN) }
+    }
+
+    /// Not even emergency braking.
+    fn infeasible(trajectory: Trajectory, message: String) -> Self {
+        Self { status: PlanStatus::Infeasible, message, ..Self::planned(trajectory, f64::NAN) }
+    }
 }
 
 /// What a planner works out once for an agent, before the first step; planners keep no other memory.
@@ -215,10 +234,6 @@ pub fn plan(
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         _ => unreachable!("prepared for another planner"),
     })
-}
-
-fn planned(trajectory: Trajectory) -> PlanResult {
-    PlanResult { trajectory, status: PlanStatus::Planned, cost: f64::NAN, message: String::new() }
 }
 
 /// What an agent does that its planner cannot help: it stays if it stands, and otherwise brakes as hard as it can.

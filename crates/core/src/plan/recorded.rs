@@ -4,7 +4,7 @@ use super::car_following::integrate;
 use super::frame::Start;
 use super::idm::RETURN_TIME;
 use super::recorded_path::RecordedPath;
-use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::trajectory::Trajectory;
 
 /// The recorded states themselves; beyond the last one along the lane with the last speed.
@@ -27,5 +27,5 @@ pub(super) fn plan(request: &PlanRequest, recorded_path: &RecordedPath, memory: 
             None => return refused(request, memory, "its lane bends too tightly where it is"),
         }
     }
-    planned(Trajectory { points })
+    PlanResult::planned(Trajectory { points }, f64::NAN)
 }

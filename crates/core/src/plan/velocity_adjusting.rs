@@ -5,7 +5,7 @@ use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::RETURN_TIME;
 use super::recorded_path::RecordedPath;
-use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, planned, refused};
+use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::rules::SpeedLimits;
 use crate::settings::settings;
 
@@ -107,7 +107,7 @@ pub(super) fn plan(
     conflicts.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory(request, path, &start, motions, RETURN_TIME) {
-        Some(trajectory) => planned(trajectory),
+        Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its path bends too tightly where it is"),
     }
 }

@@ -197,7 +197,7 @@ impl World {
         let time_step = self.time_step + 1;
         let partner = partner.map(|partner| self.participants.ids[partner]);
         let Some(drive) = self.drives.iter_mut().find(|drive| drive.row == row) else { return };
-        let message = format!("at {:.0} % of the step", fraction * 100.0);
+        let message = format!("contact at {:.3} s", (self.time_step as f64 + fraction) * self.scenario.dt);
         let earlier = drive.outcome.kind == OutcomeKind::Collision && drive.contact_fraction <= fraction;
         if earlier || !matches!(drive.outcome.kind, OutcomeKind::Running | OutcomeKind::Collision) {
             return;

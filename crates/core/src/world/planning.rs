@@ -12,7 +12,7 @@ use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, PlanningMemory,
 use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
-use crate::trajectory::{PlanStatus, Plans, Predictions, Trajectory};
+use crate::trajectory::{Plans, Predictions, Trajectory};
 
 impl World {
     /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
@@ -50,6 +50,7 @@ impl World {
             plans.status[row] = result.status;
             plans.cost[row] = result.cost;
             plans.message[row] = result.message;
+            plans.obstruction[row] = result.obstruction;
         }
         Ok(plans)
     }
@@ -121,12 +122,7 @@ impl World {
         }
         let (plan, made) = drive.plan.as_ref()?;
         let points = plan.points[(self.time_step - made) as usize..].to_vec();
-        Some(PlanResult {
-            trajectory: Trajectory { points },
-            status: PlanStatus::Planned,
-            cost: f64::NAN,
-            message: String::new(),
-        })
+        Some(PlanResult::planned(Trajectory { points }, f64::NAN))
     }
 
     /// The rules of the road for an agent now.

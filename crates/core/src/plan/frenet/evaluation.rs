@@ -55,8 +55,10 @@ pub(super) struct EvaluationMemory {
     pub(super) road: Vec<u32>,
     /// Samples that are rejected for a contact alone.
     pub(super) contacts: Vec<(u32, Contact)>,
-    /// Least cost of the samples that were rejected for the road alone; inf: none was.
+    /// Least cost of the samples that were rejected for the road alone; inf: none was. That sample, and their number.
     pub(super) off_road_cost: f64,
+    pub(super) off_road_sample: usize,
+    pub(super) n_off_road: usize,
 }
 
 impl EvaluationMemory {
@@ -69,6 +71,7 @@ impl EvaluationMemory {
         self.order.clear();
         self.contacts.clear();
         self.off_road_cost = f64::INFINITY;
+        self.n_off_road = 0;
     }
 }
 
@@ -172,15 +175,18 @@ impl<'a> Evaluation<'a> {
     }
 
     /// The complete cost of the trajectory in the pool, if its footprint stays on the road.
-    fn if_on_road(&mut self, slot: Range<usize>, cost: f64) -> Refined {
+    fn if_on_road(&mut self, sample: usize, slot: Range<usize>, cost: f64) -> Refined {
         let pool = std::mem::take(&mut self.tables.memory.pool);
         let stays = self.is_on_road(&pool[slot]);
         self.tables.memory.pool = pool;
         if stays {
             Refined::Cost(cost)
         } else {
-            let least = &mut self.tables.memory.off_road_cost;
-            *least = least.min(cost);
+            let memory = &mut *self.tables.memory;
+            memory.n_off_road += 1;
+            if cost < memory.off_road_cost {
+                (memory.off_road_cost, memory.off_road_sample) = (cost, sample);
+            }
             Refined::Rejected
         }
     }
@@ -339,7 +345,7 @@ impl SearchSpace for Evaluation<'_> {
         let progress = &mut progress[slot as usize];
         let slot = slot as usize * n_points..(slot as usize + 1) * n_points;
         if let Some(cost) = progress.cost {
-            return self.if_on_road(slot, cost);
+            return self.if_on_road(sample, slot, cost);
         }
         let (points, contributions) = (&pool[slot.clone()], &mut contributions[slot]);
         let (obstacles, request) = (&*self.tables.obstacles, self.problem.request);

@@ -16,7 +16,7 @@ use super::super::{PlanRequest, PlanResult};
 use super::obstacles::Contact;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
-use crate::trajectory::{PlanStatus, State, Trajectory};
+use crate::trajectory::{State, Trajectory};
 
 /// Slower agents stand [m/s].
 pub(super) const AGENT_STOPPED_SPEED: f64 = 0.1;
@@ -40,18 +40,12 @@ pub(super) fn stay(request: &PlanRequest, n_points: usize) -> PlanResult {
     if n_points > 1 {
         points[1].acceleration = -request.state.velocity / request.dt;
     }
-    PlanResult {
-        trajectory: Trajectory { points },
-        status: PlanStatus::EmergencyBraking,
-        cost: f64::NAN,
-        message: String::new(),
-    }
+    PlanResult::braking(Trajectory { points })
 }
 
 /// A plan for a state that is not a number: there is nothing to drive.
 pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) -> PlanResult {
-    let trajectory = Trajectory { points: vec![request.state; n_points] };
-    PlanResult { trajectory, status: PlanStatus::Infeasible, cost: f64::NAN, message }
+    PlanResult::infeasible(Trajectory { points: vec![request.state; n_points] }, message)
 }
 
 /// Full braking as the present steering allows it, as far as it stays on the road: along the previous plan's path, on the
@@ -86,21 +80,12 @@ pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u3
     let arcs = curvatures(request).into_iter().map(|curvature| along_arc(request, n_points, curvature));
     for points in along_previous(request, n_points).into_iter().chain(arcs) {
         if stays_on_road(request, &points, scratch) {
-            return PlanResult {
-                trajectory: Trajectory { points },
-                status: PlanStatus::EmergencyBraking,
-                cost: f64::NAN,
-                message: String::new(),
-            };
+            return PlanResult::braking(Trajectory { points });
         }
         first = first.or(Some(points));
     }
-    PlanResult {
-        trajectory: Trajectory { points: first.expect("there is always an arc") },
-        status: PlanStatus::Infeasible,
-        cost: f64::NAN,
-        message: format!("{reason}, and full braking leaves the road"),
-    }
+    let trajectory = Trajectory { points: first.expect("there is always an arc") };
+    PlanResult::infeasible(trajectory, format!("{reason}, and full braking leaves the road"))
 }
 
 /// Curvatures of braking arcs: the present one and others within the limits of steering and tyres, the next ones first.

@@ -47,6 +47,36 @@ pub enum Rejection {
 }
 
 impl Rejection {
+    /// All; the position is the number.
+    pub(super) const ALL: [Self; 10] = [
+        Self::Admissible,
+        Self::Acceleration,
+        Self::Curvature,
+        Self::SteeringRate,
+        Self::YawRate,
+        Self::LateralAcceleration,
+        Self::NegativeSpeed,
+        Self::LeftPath,
+        Self::Collision,
+        Self::OffRoad,
+    ];
+
+    /// In words; empty for an admissible sample. `collision_id` is the participant that is hit.
+    pub fn words(self, collision_id: i64) -> String {
+        match self {
+            Self::Admissible => String::new(),
+            Self::Acceleration => "acceleration".into(),
+            Self::Curvature => "curvature".into(),
+            Self::SteeringRate => "steering rate".into(),
+            Self::YawRate => "yaw rate".into(),
+            Self::LateralAcceleration => "lateral acceleration".into(),
+            Self::NegativeSpeed => "negative speed".into(),
+            Self::LeftPath => "left the reference path".into(),
+            Self::Collision => format!("collision with {collision_id}"),
+            Self::OffRoad => "off the road".into(),
+        }
+    }
+
     /// The first reason counts.
     #[inline]
     pub(super) fn or(self, other: Self) -> Self {

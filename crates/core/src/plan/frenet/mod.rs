@@ -28,6 +28,7 @@ mod cost;
 mod search;
 mod evaluation;
 mod fallback;
+mod obstruction;
 mod candidates;
 #[cfg(test)]
 mod tests;
@@ -38,7 +39,7 @@ pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult};
-use crate::trajectory::{PlanStatus, State, Trajectory};
+use crate::trajectory::{Obstruction, PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
@@ -139,7 +140,7 @@ fn attempt(
     }
     let start = match Start::new(request, premises.yaw_rate_counts) {
         Ok(start) => start,
-        Err(reason) => return last_resort(request, n_points, &mut memory.road, &format!("the agent {reason}")),
+        Err(reason) => return without_plan(request, n_points, memory, &format!("the agent {reason}")),
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
@@ -160,14 +161,15 @@ fn attempt(
     if let Some((sample, cost)) = choice {
         evaluation.write_if_drivable(sample);
         let trajectory = trajectory(request, start, evaluation.points());
-        return PlanResult { trajectory, status: PlanStatus::Planned, cost, message: String::new() };
+        return PlanResult::planned(trajectory, cost);
     }
-    if start.velocity > fallback::AGENT_STOPPED_SPEED
-        && let Some(trajectory) = least_bad(&mut evaluation)
-    {
-        return PlanResult { trajectory, status: PlanStatus::EmergencyBraking, cost: f64::NAN, message: String::new() };
-    }
-    last_resort(request, n_points, road, "no sample can be driven")
+    let obstruction = Some(obstruction::find(&mut evaluation));
+    let is_moving = start.velocity > fallback::AGENT_STOPPED_SPEED;
+    let result = match is_moving.then(|| least_bad(&mut evaluation)).flatten() {
+        Some(trajectory) => PlanResult::braking(trajectory),
+        None => last_resort(request, n_points, road, "no sample can be driven"),
+    };
+    PlanResult { obstruction, ..result }
 }
 
 /// Points of a plan.
@@ -264,7 +266,8 @@ pub(super) fn without_plan(
     reason: &str,
 ) -> PlanResult {
     if request.state.is_finite() {
-        last_resort(request, n_points, &mut memory.road, reason)
+        let obstruction = Some(Obstruction::nowhere(reason));
+        PlanResult { obstruction, ..last_resort(request, n_points, &mut memory.road, reason) }
     } else {
         fallback::refuse(request, n_points, reason.into())
     }

@@ -21,7 +21,7 @@ fn a_contact_ends_the_agent_with_partner_time_and_relative_speed() {
         (found.kind, found.time_step, found.partner, found.off_road),
         (OutcomeKind::Collision, 1, Some(7), false)
     );
-    assert!((found.impact_speed - 10.0).abs() < 1e-9 && found.message.contains("at 25 % of the step"), "{found:?}");
+    assert!((found.impact_speed - 10.0).abs() < 1e-9 && found.message.contains("at 0.025 s"), "{found:?}");
     assert_eq!(one_step(&[Recorded::standing(7, ahead(1.001), 0.0)]).kind, OutcomeKind::Running);
 }
 
@@ -49,7 +49,7 @@ fn the_impact_speed_is_that_of_both_at_the_moment_of_contact() {
         move_to(&mut world, &[(1, at(21.0, 0.0, own_next))]);
         let found = outcome(&world, 1);
         assert!((found.impact_speed - expected).abs() < 1e-3, "{found:?}, not {expected} m/s");
-        assert!(found.message.contains("at 50 % of the step"), "{found:?}");
+        assert!(found.message.contains("at 0.050 s"), "{found:?}");
     }
 }
 
@@ -60,7 +60,7 @@ fn the_earliest_contact_of_a_step_is_the_one_that_counts() {
         both.sort_by_key(|one| one.id);
         let found = one_step(&both);
         assert_eq!(found.partner, Some(near));
-        assert!(found.message.contains("at 20 % of the step"), "{}", found.message);
+        assert!(found.message.contains("at 0.020 s"), "{}", found.message);
     }
 }
 

@@ -6,7 +6,7 @@ use super::super::fallback;
 use super::{Car, Drive};
 use crate::geometry::Pose;
 use crate::plan::frenet::FrenetSettings;
-use crate::road::testing::straight;
+use crate::road::testing::{open, straight, tapered_lane};
 use crate::trajectory::PlanStatus;
 
 /// Own speed at the contact [m/s], and that which full braking from the first emergency on would have left there; `None`
@@ -95,4 +95,26 @@ fn full_braking_is_offered_along_the_last_plan_and_on_the_present_arc_and_straig
         assert!(distance < 8.0 * 8.0 / (2.0 * 0.9 * 11.5) + 2.0, "{distance}");
     }
     assert!(found[1][30].orientation > 0.05 && found[2][30].orientation == drive.state.orientation);
+}
+
+#[test]
+fn an_emergency_names_what_rejected_most_samples_and_where() {
+    let obstruction = |drive: &Drive| drive.plan(&FrenetSettings::default()).obstruction;
+    let center = straight((0.0, 0.0), (100.0, 0.0));
+    assert_eq!(obstruction(&Drive::along(&center, 30.0, 10.0)), None);
+    // A car across the lane, its side 12 m ahead of the agent's centre, at 15 m/s.
+    let blocked = Drive::along(&center, 30.0, 15.0);
+    let blocked = blocked.clone().with_cars(vec![Car::at(blocked.state.x + 12.805, 0.0, FRAC_PI_2, 0.0)]);
+    let found = obstruction(&blocked).expect("no sample stops in time");
+    assert_eq!(found.rejection, "collision with 100");
+    assert!((found.at.x - blocked.state.x).abs() < 15.0 && found.overhang.is_nan(), "{found:?}");
+    // The lane narrows from 3.5 m to 1.2 m; the agent is 1.61 m wide and has 20 m/s.
+    let narrowing = Drive::on(open(vec![tapered_lane(1, &center, 3.5, 1.2)]), &center, 70.0, 20.0);
+    let found = obstruction(&narrowing).expect("no sample stops in time");
+    assert_eq!(found.rejection, "off the road");
+    assert!(found.at.x > narrowing.state.x && (0.1..0.4).contains(&found.overhang), "{found:?}");
+    // Against the direction of the path there are no samples.
+    let mut turned = Drive::along(&center, 30.0, 10.0);
+    turned.state.orientation = PI;
+    assert_eq!(obstruction(&turned).expect("no samples").rejection, "the agent heads away from its reference path");
 }
