@@ -172,8 +172,11 @@ def planned(
         for planner_label, chosen in planners.items()
         for predictor_label, expected in predictors.items()
     }
-    if not can_be_sent((planners, predictors, settings)):
-        raise InputError("planner, predictor or settings cannot be sent to other processes (they cannot be pickled)")
+    for label, thing in [(f"planner {n}", p) for n, p in planners.items()] + [
+        (f"predictor {n}", p) for n, p in predictors.items()
+    ]:
+        if not can_be_sent(thing):
+            raise InputError(label, "it cannot be sent to other processes (it cannot be pickled); give its class")
     specs = [
         _keyed(
             RunSpec(
@@ -358,12 +361,10 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
     own, chosen, expected = config.settings, config.planner, config.predictor
     if not isinstance(chosen, Resolved):
         raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
+    for part, usual in ((chosen, own.planner), (expected, own.predictor)):
+        if not part.plain(usual)[1]:
+            raise InputError(f"{part.what} {part.name}", _unknown_to_others(part))
     found = stored({0: AgentConfig(chosen, own.view, own.rules)}, expected, own)
-    if not found["repeatable"]:
-        raise InputError(
-            f"planner {chosen.name} or predictor {expected.name}: other processes cannot find it by "
-            "its name; put it into a module"
-        )
     modules = {name.partition(":")[0] for name in (chosen.name, expected.name) if ":" in name}
     plain = {
         "base": flatten(settings),
@@ -382,6 +383,16 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
     if libraries:
         plain["libraries"] = libraries
     return plain
+
+
+def _unknown_to_others(part: Resolved) -> str:
+    """Why other processes cannot make a planner or predictor, and what to do."""
+    module, _, name = part.name.partition(":")
+    if module == "__main__" or "<" in name:
+        own = name.rpartition(".")[2] if "<lambda>" not in name else "CLASS"
+        where = "it is defined in a notebook or script" if module == "__main__" else "it is defined in a function"
+        return f"{where}, where other processes do not find it; save it in a file mine.py, write {part.what} mine:{own}"
+    return "other processes cannot make an equal object; give its class, or a dataclass with plain fields"
 
 
 def _source(module: str) -> str:

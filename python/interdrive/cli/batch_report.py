@@ -133,15 +133,25 @@ def _print_unfinished(console: Console, lost: list[tuple[str, ...]]) -> None:
 
 
 def print_answer(answer: Answer) -> None:
-    """Prints a table of values."""
+    """Prints a table of values; where it is wider than the console, row by row."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
+    rows = [[_cell(value) for value in row] for row in answer.rows[:_ANSWER_ROWS_MAX]]
     for k, name in enumerate(answer.columns):
         is_number = any(isinstance(row[k], int | float) and not isinstance(row[k], bool) for row in answer.rows)
         table.add_column(escape(name), justify="right" if is_number else "left", overflow="fold")
-    for row in answer.rows[:_ANSWER_ROWS_MAX]:
-        table.add_row(*(escape(_cell(value)) for value in row))
-    console.print(table)
+    widths = [max(map(len, column)) + 2 for column in zip(answer.columns, *rows, strict=True)]
+    if sum(widths) - 2 <= console.width:
+        for row in rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
+    else:
+        for number, row in enumerate(rows):
+            console.print(f"row {number + 1}", style="bold")
+            grid = Table.grid(padding=(0, 2, 0, 0))
+            for name, value in zip(answer.columns, row, strict=True):
+                grid.add_row(f"  {escape(name)}", escape(value))
+            console.print(grid)
     hidden = len(answer.rows) - _ANSWER_ROWS_MAX
     if hidden > 0:
         console.print(f"{hidden} more rows; --csv prints all", style="dim")

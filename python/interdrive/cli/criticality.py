@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,18 +12,34 @@ import click
 from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
-from interdrive.errors import InputError
+from interdrive.errors import InputError, InterdriveError
 
 if TYPE_CHECKING:
-    from interdrive.criticality import Criticality
+    from collections.abc import Callable
+
+    from interdrive.criticality import Criticality, CriticalMoment
     from interdrive.results import Run
+
+#: Pairs that are printed for several files.
+_PAIRS = 20
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What is evaluated: its name, how it is opened, and the folder for its tables."""
+
+    name: str
+    opened: Callable[[], Run]
+    folder: Path
 
 
 @click.command()
-@click.argument("what", metavar="FILE|RUN")
+@click.argument("what", metavar="FILE|FOLDER|RUN...", nargs=-1, required=True)
 @click.option(
     "--participants", metavar="ID,ID", help="Vehicles to evaluate (all agents of a run, all vehicles of a file)."
 )
+@click.option("--pairs", metavar="N", type=click.IntRange(min=1), help="Print the N most critical pairs of vehicles.")
+@click.option("--measure", metavar="NAME", default="ttc", help="Measure that ranks the pairs (ttc).")
 @click.option(
     "--set",
     "assignments",
@@ -36,8 +54,10 @@ if TYPE_CHECKING:
 @click.option("--png", is_flag=True, help="Draw the measures over time, and the most critical moment.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def criticality(
-    what: str,
+    what: tuple[str, ...],
     participants: str | None,
+    pairs: int | None,
+    measure: str,
     assignments: tuple[str, ...],
     threads: int | None,
     out: str | None,
@@ -49,30 +69,48 @@ def criticality(
     FILE is a CommonRoad file or the name of a shipped scenario, whose recorded traffic is evaluated. RUN is a run
     folder. The command writes criticality.parquet (every vehicle, time step and measure) and
     criticality_extremes.parquet (the most critical value of each vehicle and measure), and prints the most critical
-    moments.
+    moments. FOLDER stands for all files in it and the folders below; each of several files gets its own folder of
+    tables, and the most critical pairs of all of them are printed.
     """
-    from interdrive.cli.report import print_criticality, progress  # noqa: PLC0415 - rich
-    from interdrive.criticality import CriticalitySettings, evaluate  # noqa: PLC0415
+    from interdrive.cli.report import print_criticality, print_pairs, progress  # noqa: PLC0415 - rich
+    from interdrive.criticality import CriticalitySettings, evaluate, measure_named  # noqa: PLC0415
     from interdrive.criticality.tables import save_criticality  # noqa: PLC0415
 
     settings = bind(CriticalitySettings(), assigned(assignments))
-    judged = _numbers(participants)
+    judged, rank = _numbers(participants), measure_named(measure)
+    sources, folder = _sources(what, out)
+    is_one = len(sources) == 1
+    ranked: list[tuple[str, float, CriticalMoment]] = []
+    n_refused = 0
     with progress(quiet=quiet) as report:
-        report.say(f"reading {what}")
-        run, folder = _opened(what, out)
-        report.say("evaluating")
-        source = run if run.agents else run.scenario
-        found = evaluate(source, judged, settings=settings, threads=threads)
-        report.say("writing")
-        save_criticality(found, folder)
-        if png:
-            report.say("drawing")
-            _draw(run, found, folder)
-    if not quiet:
+        for done, source in enumerate(sources):
+            report.counted(f"evaluating {source.name}", done, len(sources))
+            try:
+                run = source.opened()
+                found = evaluate(run if run.agents else run.scenario, judged, settings=settings, threads=threads)
+                save_criticality(found, source.folder)
+            except InterdriveError as error:
+                if is_one:
+                    raise
+                say(f"error: {error}", err=True)
+                n_refused += 1
+                continue
+            moments = found.most_critical_pairs(rank.name, pairs or _PAIRS)
+            ranked += [(source.name, found.dt, moment) for moment in moments]
+            if png:
+                _draw(run, found, source.folder)
+    if quiet:
+        return 2 if n_refused else 0
+    if is_one:
         print_criticality(found, run.scenario.name, shown(folder))
         if png and found.most_critical_moment() is None:
             say("nothing is drawn: no two vehicles were in conflict")
-    return 0
+    if pairs or not is_one:
+        ranked.sort(key=lambda one: -one[2].value if rank.grows else one[2].value)
+        print_pairs(ranked[: pairs or _PAIRS])
+    if not is_one:
+        say(f"{len(sources) - n_refused} of {len(sources)} files evaluated, tables in {shown(folder)}")
+    return 2 if n_refused else 0
 
 
 def _numbers(ids: str | None) -> list[int] | None:
@@ -84,18 +122,30 @@ def _numbers(ids: str | None) -> list[int] | None:
         raise InputError(f"--participants {ids}: write them as 12,34") from None
 
 
-def _opened(what: str, out: str | None) -> tuple[Run, Path]:
-    """The run to evaluate, and the folder for the tables."""
-    from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
+def _sources(what: tuple[str, ...], out: str | None) -> tuple[list[_Source], Path]:
+    """What the arguments name (runs, files, all files in folders), and the folder that holds all tables."""
+    from interdrive.batches.plan import scenario_files  # noqa: PLC0415
+    from interdrive.files import open_scenario  # noqa: PLC0415
     from interdrive.results import recorded_run, reopen  # noqa: PLC0415 - pyarrow
     from interdrive.storage import not_a_link, resolved  # noqa: PLC0415
 
-    if Path(what).is_dir():
-        return reopen(what), not_a_link(out) if out else resolved(what)
-    name, target = scenario_named(what), not_a_link(out) if out else None
-    path = shipped_scenario(name) if name in shipped_scenarios() and not Path(name).exists() else name
-    run = recorded_run(read_scenario(path))
-    return run, target or resolved(new_folder(f"{Path(what).stem}-criticality"))
+    def recorded(path: str) -> Run:
+        return recorded_run(open_scenario(path))
+
+    target = not_a_link(out) if out else None
+    runs = [one for one in what if (Path(one) / "run.json").exists()]
+    if len(what) == 1 and (runs or not Path(what[0]).is_dir()):
+        name = what[0] if runs else scenario_named(what[0])
+        folder = target or resolved(name if runs else new_folder(f"{Path(name).stem}-criticality"))
+        return [_Source(name, partial(reopen if runs else recorded, name), folder)], folder
+    above = target or resolved(new_folder("criticality"))
+    files = scenario_files(one for one in what if one not in runs)[0] if len(runs) < len(what) else []
+    found = [_Source(one, partial(reopen, one), above / Path(one).resolve().name) for one in runs]
+    found += [_Source(file.name, partial(recorded, file.path), above / file.category / file.name) for file in files]
+    for number, source in enumerate(found):
+        if any(source.folder == other.folder for other in found[:number]):
+            found[number] = replace(source, folder=source.folder.with_name(f"{source.folder.name}-{number}"))
+    return found, above
 
 
 def _draw(run: Run, found: Criticality, folder: Path) -> None:

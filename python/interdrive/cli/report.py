@@ -14,7 +14,7 @@ from rich.segment import Segment
 from rich.table import Table
 
 from interdrive.cli.terminal import visible
-from interdrive.criticality import MEASURES, agent_harm
+from interdrive.criticality import MEASURES, agent_harm, measure_named
 from interdrive.run import OUTCOMES
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from interdrive.config.plugins import Listed
-    from interdrive.criticality import Criticality
+    from interdrive.criticality import Criticality, CriticalMoment
     from interdrive.results import Run
     from interdrive.scenario.inspection import Inspection
     from interdrive.studies import CaseStudy
@@ -191,6 +191,19 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
     console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
     print_notes(console, found.notes, "Criticality.notes")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+
+
+def print_pairs(pairs: Sequence[tuple[str, float, CriticalMoment]]) -> None:
+    """Prints the most critical moments of pairs: scenario, its time between steps [s], and the moment."""
+    console = output()
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("scenario", "vehicle", "with", "time [s]", "measure", "value", "path or conflict area"):
+        table.add_column(escape(column), justify="right" if column in ("time [s]", "value") else "left")
+    for name, dt, moment in pairs:
+        value = f"{moment.value:.3f} {measure_named(moment.measure).unit}".rstrip()
+        ids, time = (str(moment.participant_id), str(moment.partner_id)), f"{moment.time_step * dt:.1f}"
+        table.add_row(escape(name), *ids, time, moment.measure, value, moment.path)
+    console.print(table if table.row_count else "no two vehicles were in conflict")
 
 
 def print_notes(console: Console, notes: Sequence[str], where: str) -> None:

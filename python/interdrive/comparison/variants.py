@@ -42,6 +42,7 @@ class ComparedSet:
         n_scenarios: Scenarios of the agents that all of them drove.
         n_agents: Agents that all of them drove; table and differences contain no others.
         left_out: Per variant, agents that it drove and another one did not.
+        n_repeated: Rows of agents whose seed drew the same agents of a scenario as an earlier one.
     """
 
     traffic: str
@@ -51,6 +52,7 @@ class ComparedSet:
     n_scenarios: int
     n_agents: int
     left_out: Mapping[str, int]
+    n_repeated: int = 0
 
     @property
     def title(self) -> str:
@@ -69,6 +71,8 @@ class ComparedSet:
         if any(self.left_out.values()):
             counts = ", ".join(f"{variant} {count}" for variant, count in self.left_out.items() if count)
             text += f", those that all {len(self.drivers)} planners drove; not counted: {counts}"
+        if self.n_repeated:
+            text += f"; {self.n_repeated} rows are not counted, as their seeds drew the same agents as earlier ones"
         return text
 
 
@@ -153,8 +157,11 @@ def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
         for who in driven.values():
             here["counts"][[row for agent, row in who.items() if agent in common]] = True
         left_out = {variant: len(who) - len(common) for variant, who in driven.items()}
-        n_scenarios = len({agent[0] for agent in common})
-        yield ComparedSet(traffic, agents, variants, drivers, n_scenarios, len(common), left_out), here
+        n_scenarios, n_repeated = (
+            len({agent[0] for agent in common}),
+            int(tested.sum()) - sum(map(len, driven.values())),
+        )
+        yield ComparedSet(traffic, agents, variants, drivers, n_scenarios, len(common), left_out, n_repeated), here
 
 
 def by_category(rows: Rows) -> Iterator[tuple[str, Rows]]:

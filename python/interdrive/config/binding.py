@@ -199,7 +199,15 @@ def _fitting(name: str, value: object, owner: type) -> object:
         return _converted(value, hint)
     except _MismatchError:
         expected = _expectation(hint) + (f" [{unit}]" if unit else "")
+        if str(value).strip().lower() in ("true", "false"):  # a number can be meant to switch something on
+            expected = _clause(_documentation(owner, name.rpartition(".")[2]), expected)
         raise InputError(name, f"expected {expected}, not {value!r}") from None
+
+
+def _clause(text: str, expected: str) -> str:
+    """What is expected, with the first clause of a documentation."""
+    clause = re.split(r" \(|[:;.,]", text, maxsplit=1)[0]
+    return f"{expected} ({clause[:1].lower()}{clause[1:]})" if clause else expected
 
 
 def _hint(owner: type, field: str) -> tuple[object, str]:

@@ -156,13 +156,50 @@ class Criticality:
         if not np.isfinite(values).any():
             return None
         row = int(np.nanargmax(values) if measure.grows else np.nanargmin(values))
-        path = int(extremes.path[row])
+        numbers = (int(array[row]) for array in (extremes.partner_id, extremes.time_step, extremes.path))
+        return self._moment(measure.name, float(values[row]), row, *numbers)
+
+    def most_critical_pairs(self, name: str, n: int) -> tuple[CriticalMoment, ...]:
+        """The most critical moments of different pairs of participants, the most critical one first.
+
+        Args:
+            name: The measure.
+            n: At most so many.
+
+        Raises:
+            InputError: There is no such measure.
+        """
+        measure = measure_named(name)
+        series = self.series[measure.name]
+        is_conflict = np.isfinite(series.value) & (series.partner_id >= 0)
+        if measure.none_is_zero:
+            is_conflict &= series.value != 0.0
+        row, column = np.nonzero(is_conflict)
+        value, partner = series.value[row, column], series.partner_id[row, column]
+        order = np.argsort(-value if measure.grows else value, kind="stable")
+        both = np.sort(np.stack([self.participant_id[row], partner], axis=1), axis=1)[order]
+        first = order[np.sort(np.unique(both, axis=0, return_index=True)[1])][:n]
+        return tuple(
+            self._moment(
+                measure.name,
+                float(value[i]),
+                int(row[i]),
+                int(partner[i]),
+                int(column[i]) + self.first_time_step,
+                int(series.path[row[i], column[i]]),
+            )
+            for i in first.tolist()
+        )
+
+    def _moment(
+        self, measure: str, value: float, row: int, partner_id: int, time_step: int, path: int
+    ) -> CriticalMoment:
         return CriticalMoment(
-            measure=measure.name,
-            value=float(values[row]),
+            measure=measure,
+            value=value,
             participant_id=int(self.participant_id[row]),
-            partner_id=int(extremes.partner_id[row]),
-            time_step=int(extremes.time_step[row]),
+            partner_id=partner_id,
+            time_step=time_step,
             path="" if path < 0 else self.paths[path],
         )
 

@@ -28,7 +28,7 @@ from interdrive.scenario import (
 from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -69,13 +69,13 @@ def _listed(ids: list[int]) -> str:
 
 
 def converted(
-    scenario: Foreign, problems: Foreign, *, file: str, path: Path | None, sha256: str, facts: Facts
+    scenario: Foreign, problems: Mapping[int, Foreign], *, file: str, path: Path | None, sha256: str, facts: Facts
 ) -> Scenario:
     """Converts a scenario and a planning problem set of commonroad-io to a `Scenario`.
 
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`.
-        problems: `commonroad.planning.planning_problem.PlanningProblemSet`, or None.
+        problems: `commonroad.planning.planning_problem.PlanningProblem` by id.
         file: Name of the input in messages.
         path: File of the input, or None.
         sha256: Hash of that file.
@@ -92,9 +92,8 @@ def converted(
     benchmark_id = facts.benchmark_id or str(scenario.scenario_id)
     lanelets = _lanelets(scenario.lanelet_network, notes)
     obstacles = _obstacles(scenario, dt, file, facts, notes)
-    table = {} if problems is None else problems.planning_problem_dict
     planning_problems = tuple(
-        _planning_problem(table[number], lanelets, file, facts, notes) for number in sorted(table)
+        _planning_problem(problems[number], lanelets, file, facts, notes) for number in sorted(problems)
     )
     lights, lines = control(scenario.lanelet_network, lanelets)
     found = Scenario(

@@ -26,15 +26,16 @@ from interdrive.scenario import Scenario
 from interdrive.scenario.limits import require_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
-    from commonroad.planning.planning_problem import PlanningProblemSet
+    from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
     from commonroad.scenario.scenario import Scenario as CommonRoadScenario
 
 #: A scenario: one that was read, the path of a CommonRoad file, the name of a shipped scenario, or an object of
-#: commonroad-io, alone or as a pair with its planning problems.
+#: commonroad-io, alone or as a pair with its planning problems or one of them.
 ScenarioSpec: TypeAlias = (
-    "Scenario | str | os.PathLike[str] | CommonRoadScenario | tuple[CommonRoadScenario, PlanningProblemSet]"
+    "Scenario | str | os.PathLike[str] | CommonRoadScenario "
+    "| tuple[CommonRoadScenario, PlanningProblemSet | PlanningProblem]"
 )
 
 #: Endings of protobuf files; all other files are read as XML.
@@ -74,18 +75,18 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
             document.check(root, file)
             facts = document.facts(root, file)
             scenario, problems = _open_xml(root, data)
-        result = converted(scenario, problems, file=file, path=path, sha256=sha256, facts=facts)
+        result = converted(scenario, _by_id(problems), file=file, path=path, sha256=sha256, facts=facts)
     return _with_remarks(result, remarks)
 
 
 def scenario_from_commonroad(
-    scenario: CommonRoadScenario, planning_problem_set: PlanningProblemSet | None = None
+    scenario: CommonRoadScenario, planning_problems: PlanningProblemSet | PlanningProblem | None = None
 ) -> Scenario:
     """Converts a scenario that was loaded by commonroad-io, or built with its classes, to arrays.
 
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`. It is not changed.
-        planning_problem_set: Its planning problems, if it has any.
+        planning_problems: Its planning problems, or one of them.
 
     Returns:
         The scenario; `path` is None. commonroad-io sets values that are missing in the initial state of a file to 0, so
@@ -97,10 +98,23 @@ def scenario_from_commonroad(
     file = f"scenario {getattr(scenario, 'scenario_id', '')}".strip()
     if not (hasattr(scenario, "lanelet_network") and hasattr(scenario, "dynamic_obstacles")):
         raise InputError(f"{type(scenario).__name__} is not a commonroad.scenario.scenario.Scenario")
+    problems = _by_id(planning_problems)
     with quiet(file) as remarks:
         facts = document.Facts()
-        result = converted(scenario, planning_problem_set, file=file, path=None, sha256="", facts=facts)
+        result = converted(scenario, problems, file=file, path=None, sha256="", facts=facts)
     return _with_remarks(result, remarks)
+
+
+def _by_id(problems: Foreign) -> Mapping[int, Foreign]:
+    """Planning problems of commonroad-io by id, from a set, from one, or from None."""
+    if problems is None:
+        return {}
+    if hasattr(problems, "planning_problem_id"):
+        return {problems.planning_problem_id: problems}
+    if not hasattr(problems, "planning_problem_dict"):
+        raise InputError(f"{type(problems).__name__} is neither a PlanningProblemSet nor a PlanningProblem")
+    found: Mapping[int, Foreign] = problems.planning_problem_dict
+    return found
 
 
 def _bytes(path: Path) -> bytes:
