@@ -391,6 +391,22 @@ def test_what_cannot_be_used_is_one_line_before_anything_is_simulated(arguments,
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("what", "module", "where"),
+    [("planner", "__main__", "a notebook or script"), ("predictor", "test_batches", "a function")],
+)
+def test_a_class_that_other_processes_do_not_find_is_named_with_what_to_do(what, module, where, tmp_path):
+    class Mine:
+        def plan(self, view, predictions): ...
+        def predict(self, scene): ...
+
+    Mine.__module__ = module
+    Mine.__qualname__ = "Mine" if module == "__main__" else Mine.__qualname__
+    text = rf"^{what} .*Mine: it is defined in {where}, .* save it in a file mine.py, write {what} mine:Mine$"
+    with pytest.raises(idr.InputError, match=text):
+        idr.batch("t_junction", tmp_path / "out", **{what: Mine})
+
+
 def test_ray_that_is_not_installed_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(idr.InterdriveError, match=r"^ray is not installed; pip install interdrive\[ray\]$"):

@@ -142,10 +142,15 @@ def test_beyond_its_end_a_recording_goes_on_along_the_lane_with_its_last_speed()
 
 
 @pytest.mark.parametrize("kind", REPLAYING)
-def test_an_agent_without_recording_cannot_replay_it(kind):
-    scenario = world(straight_road(), problems=[problem(60000, 20.0, goal=(110.0, 0.0), time_step=(0, 110))])
+def test_an_agent_without_recording_is_left_to_frenet_and_refused_if_it_was_named(kind):
+    agent = problem(60000, 20.0, goal=(110.0, 0.0), time_step=(0, 110))
+    scenario = world(straight_road(300.0), cars=[Car(7, 150.0, velocity=10.0)], problems=[agent])
+    run = simulate(scenario, agents=[7, 60000], planner=kind, threads=1)
+    assert run.outcomes.planner == (kind, "frenet")
+    assert f"agent 60000 has no recording for planner {kind}: frenet drives it" in run.notes
+    assert run.settings["planner"] == {"7": kind, "60000": "frenet"}
     with pytest.raises(InputError, match=f"agent 60000 has no recording, which planner {kind} needs"):
-        simulate(scenario, planner=kind, threads=1)
+        simulate(scenario, planner={60000: kind}, threads=1)
 
 
 # --- velocity_adjusting ---------------------------------------------------------------------------------------------

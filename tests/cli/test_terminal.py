@@ -82,3 +82,14 @@ def test_no_command_prints_past_these_places(path):
     # CSV that a file or another program reads is printed as it is.
     allowed = {"terminal.py": ["click.echo("], "sql.py": ["stdout.write("]}
     assert found == allowed.get(path.name, [])
+
+
+def test_rows_that_are_wider_than_the_terminal_are_printed_line_by_line(capsys, console):
+    print_answer(Answer(("planner", "reason"), (("frenet", "w" * 500), ("idm", "short"))))
+    printed = without_colours(capsys.readouterr().out)
+    assert [line.split()[0] for line in printed.splitlines() if line[:1] != "w" and line.strip("w ")][:3] == [
+        "row",
+        "planner",
+        "reason",
+    ]
+    assert "row 2\n  planner  idm" in printed

@@ -285,6 +285,7 @@ def test_agents_count_once_when_seeds_chose_the_same_ones(tmp_path):
     runs += [("s/x", "b", {i: {} for i in chosen_by[seed]}, {**other, "seed": seed}) for seed in (1, 2)]
     found = compare(invented(tmp_path / "batch", runs))
     assert (found.sets[0].n_agents, found.sets[0].left_out) == (4, {"a": 0, "b": 0})
+    assert found.sets[0].size.endswith("; 2 rows are not counted, as their seeds drew the same agents as earlier ones")
     assert (row(found, "all", "a")["n_agents"], row(found, "all", "a")["collisions"]) == (4, 25.0)
     apart = difference(found, "collisions")
     assert (apart["difference"], apart["n_agents"]) == (25.0, 4)

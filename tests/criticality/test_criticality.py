@@ -388,6 +388,32 @@ def test_the_command_judges_a_file_and_writes_tables_and_pictures(tmp_path, monk
     assert "out/t_junction-criticality" in result.output
 
 
+def test_the_command_ranks_the_pairs_of_all_files_in_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in" / "town").mkdir(parents=True)
+    near = world(straight_road(), cars=[Car(11, 20.0, velocity=10.0), Car(12, 40.0, velocity=5.0)])
+    far = world(straight_road(), cars=[Car(13, 20.0, velocity=10.0), Car(14, 80.0, velocity=8.0)])
+    for name, scenario in (("near", near), ("far", far)):
+        (tmp_path / "in" / "town" / f"{name}.xml").write_bytes(write_scenario(recorded_run(scenario)))
+    result = invoke("criticality", "in", "--pairs", "5", "--out", "tables")
+    assert result.exit_code == 0, result.output
+    rows = [line.split()[:3] for line in result.output.splitlines() if " ttc " in line]
+    assert rows == [["near", "11", "12"], ["far", "13", "14"]]
+    assert sorted(path.name for path in (tmp_path / "tables" / "town").iterdir()) == ["far", "near"]
+    (tmp_path / "in" / "broken.xml").write_text("<nothing/>")
+    result = invoke("criticality", "in", "--out", "again")
+    assert result.exit_code == 2
+    assert "2 of 3 files evaluated" in result.output
+
+
+def test_pairs_are_ranked_by_their_most_critical_moment():
+    found = evaluate(following())
+    (pair,) = found.most_critical_pairs("ttc", 9)
+    assert pair == found.most_critical("ttc")
+    assert found.most_critical_pairs("btn", 9)[0].value == found.most_critical("btn").value
+    assert found.most_critical_pairs("ttc", 0) == ()
+
+
 def test_the_command_judges_whom_it_is_told_with_settings(tmp_path):
     out = tmp_path / "tables"
     result = invoke(

@@ -122,6 +122,11 @@ def test_a_run_becomes_objects_of_commonroad_io(run, capsys):
     assert len(problems.planning_problem_dict) == len(run.scenario.planning_problems)
     again = idr.scenario_from_commonroad(scenario, problems)
     assert again.lanelets.ids.tolist() == run.scenario.lanelets.ids.tolist()
+    one = next(iter(problems.planning_problem_dict.values()))
+    alone = idr.simulate((scenario, one), agents=1, settings={"step.max_steps": 1}, threads=1)
+    assert [problem.id for problem in alone.scenario.planning_problems] == [one.planning_problem_id]
+    with pytest.raises(idr.InputError, match="str is neither a PlanningProblemSet nor a PlanningProblem"):
+        idr.scenario_from_commonroad(scenario, "problem")
     assert capsys.readouterr().out == ""
 
 
