@@ -79,7 +79,7 @@ export interface Info {
   seed: number | null;
 }
 
-/** The page of a run. */
+/** The page of a run; positions in its arrays are relative to `origin` [m]. */
 export interface RunHeader {
   format: number;
   kind: "run";
@@ -89,6 +89,7 @@ export interface RunHeader {
   first_time_step: number;
   n_steps: number;
   view: Shown;
+  origin: [number, number];
   participants: Participant[];
   statuses: string[];
   reasons: string[];

@@ -35,7 +35,8 @@ export class Detail {
     const kinds: [keyof Layers, string, string, boolean][] = [
       ["plan", "plan", "The chosen plan (P)", !run.header.missing.some((m) => m.what === "plans")],
       ["candidates", "candidates", "Sampled candidates, coloured by cost (C)", run.has("candidate_x")],
-      ["predictions", "predictions", "What it planned against, with 95 % ellipses (R)", run.has("prediction_x")],
+      ["predictions", "predictions", "What it planned against, with 95 % ellipses of at most 8 m (R)", run.has("prediction_x")],
+      ["everybody", "of all", "Predictions of all it sees, not only of its conflict partners (E)", run.has("prediction_x")],
       ["sight", "view", "How far it sees; who is not seen is pale (V)", true],
     ];
     for (const [layer, label, title, there] of kinds) {
@@ -82,9 +83,10 @@ export class Detail {
   private sentence(): string {
     const { state, run } = this;
     const p = run.header.participants[state.selected];
+    const ended = state.step >= (p.end ?? Infinity) ? (p.reason ?? "") : "";
     if (!run.present(state.selected, state.step))
-      return state.step > (p.end ?? Infinity) ? "It is done and gone." : "It is not there at this time.";
-    const parts: string[] = [];
+      return state.step > (p.end ?? Infinity) ? ended || "It is done and gone." : "It is not there at this time.";
+    const parts = ended ? [ended] : [];
     const plan = run.plan(state.selected, state.step);
     if (plan >= 0) {
       const status = run.header.statuses[run.table("plan_status")[plan]];

@@ -26,6 +26,7 @@ const KEYS: [string, string][] = [
   ["+ − 0", "nearer, further away, show everything"],
   ["W A S D", "move the map"],
   ["P C R V L", "show plan, candidates, predictions, view, ids"],
+  ["E", "predictions of everybody or of conflict partners"],
   ["T", "light or dark"],
   ["Shift+A", "larger text"],
 ];
@@ -39,7 +40,7 @@ export function helpDialog(): HTMLDialogElement {
   return dialog;
 }
 
-const LAYERS: Record<string, keyof Layers> = { p: "plan", c: "candidates", r: "predictions", v: "sight", l: "labels" };
+const LAYERS: Record<string, keyof Layers> = { p: "plan", c: "candidates", r: "predictions", e: "everybody", v: "sight", l: "labels" };
 
 export function listenToKeys(parts: Parts): void {
   document.addEventListener("keydown", (event) => {

@@ -54,18 +54,22 @@ async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Pr
 
   let dirty = true;
   state.onChange(() => (dirty = true));
+  const draw = () => {
+    dirty = false;
+    document.documentElement.dataset.theme = state.theme;
+    document.documentElement.style.setProperty("--zoom", String(state.zoom));
+    map.draw();
+    player.draw();
+    panels.draw();
+    detail.draw();
+    mirror(root, state);
+  };
+  // A browser that takes one picture and leaves may never ask for a frame.
+  map.resize();
+  draw();
   const frame = (now: number) => {
     player.tick(now);
-    if (dirty) {
-      dirty = false;
-      document.documentElement.dataset.theme = state.theme;
-      document.documentElement.style.setProperty("--zoom", String(state.zoom));
-      map.draw();
-      player.draw();
-      panels.draw();
-      detail.draw();
-      mirror(root, state);
-    }
+    if (dirty) draw();
     requestAnimationFrame(frame);
   };
   requestAnimationFrame(frame);

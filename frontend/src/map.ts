@@ -81,7 +81,8 @@ export class RoadMap {
     return Math.min(2, window.devicePixelRatio || 1);
   }
 
-  private resize(): void {
+  /** Takes the size that the page gives it. */
+  resize(): void {
     const { clientWidth, clientHeight } = this.root;
     if (clientWidth === 0 || clientHeight === 0) return;
     const first = this.camera.width <= 1;

@@ -25,12 +25,22 @@ interface Chart {
   line?: HTMLElement;
 }
 
+/** Recorded columns of the states besides the velocity. */
+const COLUMNS = [
+  { name: "acceleration", title: "acceleration", unit: "m/s²" },
+  { name: "yaw_rate", title: "yaw rate", unit: "rad/s" },
+  { name: "orientation", title: "orientation", unit: "rad" },
+  { name: "x", title: "x", unit: "m" },
+  { name: "y", title: "y", unit: "m" },
+];
+
 /** In narrower charts the value is below its name [rem of 14 px]. */
 const NARROW = 19;
 
 export class Profiles {
   readonly root = element("div", { class: "profiles" });
   private readonly measures = element("select", { title: "Criticality measure", "aria-label": "Criticality measure" });
+  private readonly columns = element("select", { title: "Recorded column", "aria-label": "Recorded column" });
   private readonly charts: Chart[];
   private readonly times: number[];
   private shown = "";
@@ -54,8 +64,13 @@ export class Profiles {
     });
     this.charts = [
       this.chart(element("span", {}, "velocity"), "m/s", 1, () => run.series("velocity", state.selected)),
-      this.chart(element("span", {}, "acceleration"), "m/s²", 1, () => run.series("acceleration", state.selected)),
+      this.chart(this.columns, "", 2, () => this.recorded()),
     ];
+    this.columns.append(...COLUMNS.map(({ title }, i) => element("option", { value: String(i) }, title)));
+    this.columns.addEventListener("change", () => {
+      this.shown = "";
+      state.changed();
+    });
     this.charts[0].least = 2;
     this.charts[1].least = 1;
     if (run.header.measures.length) {
@@ -69,7 +84,7 @@ export class Profiles {
 
   draw(): void {
     const { state } = this;
-    const key = `${state.selected} ${this.measures.value} ${state.theme} ${state.zoom}`;
+    const key = [state.selected, this.columns.value, this.measures.value, state.theme, state.zoom].join();
     if (state.selected < 0) return;
     if (key !== this.shown) {
       this.shown = key;
@@ -88,6 +103,16 @@ export class Profiles {
     const time = this.run.seconds(0) + this.state.time * this.run.header.dt;
     const at = chart.u?.valToPos(time, "x") ?? NaN;
     if (chart.line !== undefined && Number.isFinite(at)) chart.line.style.transform = `translateX(${at}px)`;
+  }
+
+  private recorded(): Column {
+    const { name } = this.column;
+    const shift = name === "x" || name === "y" ? this.run.header.origin[name === "x" ? 0 : 1] : 0;
+    return this.run.series(name, this.state.selected).map((value) => (value === null ? null : value + shift));
+  }
+
+  private get column() {
+    return COLUMNS[Number(this.columns.value)];
   }
 
   private get measure() {
@@ -114,7 +139,8 @@ export class Profiles {
       if (!Number.isFinite(value)) return "no conflict";
       return `${text(value, 2, this.measure.unit)}${partner ? ` with ${partner.id}` : ""}`;
     }
-    return text(chart.series()[step], chart.digits, chart.unit) || "–";
+    const unit = chart === this.charts[1] ? this.column.unit : chart.unit;
+    return text(chart.series()[step], chart.digits, unit) || "–";
   }
 
   private chart(name: HTMLElement, unit: string, digits: number, series: () => Column): Chart {

@@ -149,9 +149,18 @@ export class Run {
     return this.predictionsAt.get(step) ?? NONE;
   }
 
-  /** Rows of those whom an agent sees; undefined if that was not recorded. */
+  /** Rows of those with whom an agent is in conflict by any measure; undefined without measures. */
+  partners(row: number, step: number): Set<number> | undefined {
+    const { agent } = this.header.participants[row];
+    if (agent < 0 || !this.header.measures.length) return undefined;
+    const found = new Set(this.header.measures.map((_, index) => this.measurePartner(index, agent, step)));
+    found.delete(-1);
+    return found;
+  }
+
+  /** Rows of those whom an agent sees; undefined if that was not recorded, as at its end, where it plans no more. */
   seen(row: number, step: number): Set<number> | undefined {
-    if (!this.has("view_observer")) return undefined;
+    if (!this.has("view_observer") || step >= (this.header.participants[row].end ?? Infinity)) return undefined;
     const found = new Set<number>();
     const [observer, seen, first, last] = ["observer", "seen", "first", "last"].map((n) => this.table(`view_${n}`));
     for (let i = 0; i < observer.length; i++) if (observer[i] === row && first[i] <= step && step <= last[i]) found.add(seen[i]);

@@ -8,6 +8,8 @@ export interface Layers {
   plan: boolean;
   candidates: boolean;
   predictions: boolean;
+  /** Predictions of everybody in view, not only of conflict partners. */
+  everybody: boolean;
   sight: boolean;
 }
 
@@ -24,7 +26,7 @@ export class State {
   theme: Theme = "light";
   /** Size of text and lines. */
   zoom = 1;
-  layers: Layers = { labels: true, plan: true, candidates: true, predictions: true, sight: true };
+  layers: Layers = { labels: true, plan: true, candidates: true, predictions: true, everybody: false, sight: true };
   private readonly listeners: (() => void)[] = [];
 
   constructor(readonly run: Run) {}

@@ -9,6 +9,9 @@ import type { State } from "./state";
 /** An ellipse that holds 95 % of a normal distribution. */
 const ELLIPSE = Math.sqrt(-2 * Math.log(0.05));
 
+/** Larger ellipses say nothing: half of their longer axis [m]. */
+const ELLIPSE_MAX = 8;
+
 /** Outcomes that stay in sight. */
 const LOUD = new Set(["collision", "planner_error", "infeasible"]);
 
@@ -185,6 +188,7 @@ export class Traffic {
     const [first, last] = this.run.predictions(made);
     if (first === last || this.run.pose(state.selected, state.step) === undefined) return;
     const seen = this.run.seen(state.selected, made);
+    const partners = state.layers.everybody ? undefined : this.run.partners(state.selected, made);
     const color = PALETTES[state.theme].prediction;
     const [who, probability] = [this.run.table("prediction_participant"), this.run.table("prediction_probability")];
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -192,7 +196,8 @@ export class Traffic {
     ctx.strokeStyle = color;
     ctx.fillStyle = color;
     for (let i = first; i < last; i++) {
-      if (who[i] === state.selected || !(seen === undefined ? this.inRange(who[i], state.selected, made) : seen.has(who[i]))) continue;
+      if (who[i] === state.selected || partners?.has(who[i]) === false) continue;
+      if (!(seen === undefined ? this.inRange(who[i], state.selected, made) : seen.has(who[i]))) continue;
       ctx.lineWidth = 0.8 * state.zoom;
       this.ellipses(ctx, camera, i, probability[i]);
       ctx.globalAlpha = 0.2 + 0.75 * probability[i];
@@ -219,6 +224,7 @@ export class Traffic {
       const half = Math.hypot((a - c) / 2, b);
       const angle = 0.5 * Math.atan2(2 * b, a - c);
       const long = Math.sqrt(Math.max(0, (a + c) / 2 + half));
+      if (ELLIPSE * long > ELLIPSE_MAX) break;
       const short = Math.sqrt(Math.max(0, (a + c) / 2 - half));
       const [px, py] = camera.toScreen(x[i], y[i]);
       const s = ELLIPSE * camera.scale;

@@ -21,6 +21,8 @@ function driven(dt = 0.1): Promise<Run> {
     candidate_cost: { shape: [4], values: [5, 1, 3, NaN] },
     candidate_reason: { shape: [4], values: [0, 0, 1, 0] },
     prediction_step: { shape: [3], values: [0, 0, 1] },
+    measure: { shape: [2, 1, 4], values: [9, 3, 9, 9, 9, 9, 2, 9] },
+    measure_partner: { shape: [2, 1, 4], values: [-1, 1, -1, -1, -1, 1, 1, -1] },
     view_observer: { shape: [1], values: [0] },
     view_seen: { shape: [1], values: [1] },
     view_first: { shape: [1], values: [1] },
@@ -31,7 +33,8 @@ function driven(dt = 0.1): Promise<Run> {
     { ...vehicle, id: 7, agent: 0, end: 3, outcome: "goal_reached" },
     { ...vehicle, id: 9, agent: -1 },
   ];
-  const header = { dt, first_time_step: 10, n_steps: 4, participants, arrays } as unknown as RunHeader;
+  const measures = [{ name: "ttc" }, { name: "pet" }];
+  const header = { dt, first_time_step: 10, n_steps: 4, participants, measures, arrays } as unknown as RunHeader;
   return Run.read(header, text);
 }
 
@@ -74,11 +77,20 @@ test("costs range over candidates that were not rejected", async () => {
   assert.equal(costRange(run, 3, 4), undefined);
 });
 
-test("who is seen is known by time", async () => {
+test("conflict partners are those of any measure", async () => {
+  const run = await driven();
+  assert.deepEqual(
+    [0, 1, 2].map((step) => [...(run.partners(0, step) ?? [])]),
+    [[], [1], [1]],
+  );
+  assert.equal(run.partners(1, 1), undefined);
+});
+
+test("who is seen is known by time until the agent plans no more", async () => {
   const run = await driven();
   assert.deepEqual(
     [0, 1, 2, 3].map((step) => run.seen(0, step)?.size),
-    [0, 1, 1, 0],
+    [0, 1, 1, undefined],
   );
   assert.deepEqual(run.predictions(0), [0, 2]);
 });

@@ -85,6 +85,7 @@ def run_contents(folder: str | Path) -> Contents:
         "first_time_step": run.states.first_time_step,
         "n_steps": run.states.n_steps,
         "view": {"angle": view.angle, "width": view.width, "height": view.height},
+        "origin": (float(origin[0]), float(origin[1])),
         "participants": _participants(run, results, origin),
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,

@@ -95,7 +95,7 @@ class Info(TypedDict):
 
 
 class RunHeader(TypedDict):
-    """The page of a run."""
+    """The page of a run; positions in its arrays are relative to `origin` [m]."""
 
     format: int
     kind: Literal["run"]
@@ -105,6 +105,7 @@ class RunHeader(TypedDict):
     first_time_step: int
     n_steps: int
     view: Shown
+    origin: tuple[float, float]
     participants: list[Participant]
     statuses: list[str]
     reasons: list[str]

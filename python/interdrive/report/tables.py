@@ -37,6 +37,7 @@ def pack_states(packer: Packer, run: Run, origin: Floats) -> None:
     packer.add("orientation", _unwrapped(states.orientation), unit=_RADIAN, steps=True)
     packer.add("velocity", states.velocity, unit=_SPEED, steps=True)
     packer.add("acceleration", states.acceleration, unit=_SPEED, steps=True)
+    packer.add("yaw_rate", states.yaw_rate, unit=_RADIAN, steps=True)
 
 
 def _unwrapped(orientation: Floats) -> Floats:
