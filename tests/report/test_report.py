@@ -284,7 +284,7 @@ def test_an_emergency_lasts_as_long_as_no_new_plan_is_of_another_kind():
     """Agent 1 plans anew every third time step and at 47, when its plan of 46 ends."""
     made = {40: "planned", 43: "emergency_braking", 46: "emergency_braking", 47: "emergency_braking", 50: "planned"}
     rows = [
-        {"time_step": step, "agent_id": 1, "point": point, "status": made.get(step, "planned")}
+        {"time_step": step, "agent_id": 1, "point": point, "status": made.get(step, "planned"), "rejection": ""}
         for step in range(40, 54)
         for point in range(2 if step == 46 else 20)
     ]
