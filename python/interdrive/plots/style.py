@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -100,9 +101,18 @@ def line_style(index: int, dashes: Sequence[Any] = ("-", (0, (4.5, 1.6)), (0, (1
     return {"color": AGENTS[index % len(AGENTS)], "linestyle": dashes[index // len(AGENTS) % len(dashes)]}
 
 
+class _Figure(Figure):
+    """A figure that notebooks show without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        drawn = io.BytesIO()
+        self.savefig(drawn, format="png")
+        return drawn.getvalue()
+
+
 def empty_figure(width: float, height: float, **options: Any) -> Figure:  # noqa: ANN401 - of matplotlib
     """A figure of that size [in], without pyplot."""
-    figure = Figure(figsize=(width, height), dpi=300, **options)
+    figure = _Figure(figsize=(width, height), dpi=300, **options)
     FigureCanvasAgg(figure)
     return figure
 
