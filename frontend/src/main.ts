@@ -7,6 +7,7 @@ import { type BatchHeader, FORMAT, type RunHeader } from "./contract";
 import { Detail } from "./detail";
 import { button, element, toggle } from "./elements";
 import { focusAfterClicks, helpDialog, listenToKeys } from "./keys";
+import { link } from "./link";
 import { RoadMap } from "./map";
 import { Panels } from "./panels";
 import { Player } from "./player";
@@ -51,6 +52,7 @@ async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Pr
   );
   listenToKeys({ run, state, map, player, jump });
   focusAfterClicks(root, map);
+  link(run, state, map);
 
   let dirty = true;
   state.onChange(() => (dirty = true));

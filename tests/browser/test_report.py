@@ -416,3 +416,21 @@ def test_texts_and_numbers_of_others_are_shown_and_nothing_else(page, demo, tmp_
     assert page.title() == "t_junction - interdrive"
     assert "<img src=x onerror=alert(1)>" in page.content().replace("&lt;", "<").replace("&gt;", ">")
     assert page.locator("img").count() == 0
+
+
+def test_two_runs_side_by_side_have_one_clock_and_one_selection(page, demo, tmp_path):
+    other = tmp_path / "idm"
+    interdrive("run", "t_junction", "--planner", "idm", "--predictor", "lane_following", "--out", other)
+    interdrive("report", demo.parent, other, "--out", tmp_path / "both.html")
+    page.goto((tmp_path / "both.html").as_uri())
+    one, two = (frame for frame in page.frames if frame != page.main_frame)
+    for frame in (one, two):
+        frame.wait_for_selector("#report[data-ready=true]")
+    one.click('tr[data-agent="2001"] button')
+    one.locator(".map").focus()
+    for _ in range(7):
+        page.keyboard.press("ArrowRight")
+    two.wait_for_selector('#report[data-step="7"][data-selected="2001"]')
+    two.locator(".map").focus()
+    page.keyboard.press("Escape")
+    one.wait_for_selector('#report[data-step="7"][data-selected=""]')

@@ -22,7 +22,7 @@ from interdrive.config.schema import RecordSettings, SimulationSettings, StepSet
 from interdrive.criticality import MEASURES, CriticalitySettings, evaluate
 from interdrive.criticality.tables import save_criticality
 from interdrive.errors import InputError, ResultsError
-from interdrive.report import write_run_report
+from interdrive.report import write_pair_report, write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.events import events_of
 from interdrive.report.measured import Measured
@@ -217,7 +217,7 @@ def test_collisions_goals_and_what_planners_gave_up_are_events(tmp_path):
     assert [header["participants"][row]["id"] for row in crash["rows"]] == [2, 22]
     assert ("goal_reached", "1 reaches its goal") in said
     assert ("planner_error", "4 ends: its planner failed") in said
-    assert said["emergency_braking", "2 falls back on an emergency plan"]["step"] == 47
+    assert said["emergency_braking", "2 falls back on an emergency plan: collision with 24"]["step"] == 47
     assert [event["step"] for event in header["events"]] == sorted(event["step"] for event in header["events"])
 
 
@@ -457,3 +457,17 @@ def test_report_on_what_is_no_run_is_one_line_and_exit_code_2(tmp_path, what):
     assert done.exit_code == 2
     assert done.output.startswith("error: ")
     assert len(done.output.strip().splitlines()) == 1
+
+
+def test_two_runs_of_a_scenario_share_a_page_and_others_do_not(tmp_path):
+    run = invented_run()
+    for name in ("frenet", "idm"):
+        save(run, tmp_path / name)
+    save(replace(run, scenario=replace(run.scenario, name="elsewhere")), tmp_path / "other")
+    path = write_pair_report(tmp_path / "frenet", tmp_path / "idm")
+    assert path == tmp_path / "frenet_idm.html"
+    text = path.read_text(encoding="utf-8")
+    assert text.count("<iframe ") == 2
+    assert f"<h1>{tmp_path / 'idm'}</h1>" in text
+    with pytest.raises(ResultsError, match="runs of different scenarios"):
+        write_pair_report(tmp_path / "frenet", tmp_path / "other")

@@ -9,21 +9,25 @@ from interdrive.cli.arguments import shown
 
 @click.command()
 @click.argument("folder", metavar="RUN|BATCH")
+@click.argument("other", metavar="[RUN]", required=False)
 @click.option("--out", metavar="FILE", help="Path of the page (report.html in the folder).")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
-def report(folder: str, out: str | None, quiet: bool) -> None:
+def report(folder: str, other: str | None, out: str | None, quiet: bool) -> None:
     """Write one HTML file that shows a run: map, player, profiles, tables. You can open it offline.
 
     RUN is a run folder. The page states which parts were not recorded; `interdrive run --report` records everything
     and writes the page at once. BATCH is the folder of a batch: its page has the comparison of planners, distributions
-    and all runs; runs whose folders were kept get separate pages, one click away.
+    and all runs; runs whose folders were kept get separate pages, one click away. Two RUNs of one scenario, of two
+    planners for instance, are shown side by side with one clock.
     """
     from interdrive.cli.report import print_page, progress  # noqa: PLC0415 - rich
-    from interdrive.report import is_batch, write_batch_report, write_run_report  # noqa: PLC0415 - matplotlib
+    from interdrive.report import is_batch, write_batch_report, write_pair_report, write_run_report  # noqa: PLC0415 - matplotlib
 
     with progress(quiet=quiet) as bar:
         bar.say(f"reading {folder}")
-        if is_batch(folder):
+        if other is not None:
+            path = write_pair_report(folder, other, out)
+        elif is_batch(folder):
             path = write_batch_report(folder, out, on_run=bar.frames("pages of runs"))
         else:
             path = write_run_report(folder, out)

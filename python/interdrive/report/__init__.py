@@ -10,13 +10,14 @@ from interdrive.batches.store import BatchFolder
 from interdrive.errors import InterdriveError, ResultsError
 from interdrive.report.batch import batch_contents
 from interdrive.report.contents import run_contents
-from interdrive.report.page import page
+from interdrive.report.page import page, pages_side_by_side
+from interdrive.results.information import read_information
 from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["is_batch", "write_batch_report", "write_run_report"]
+__all__ = ["is_batch", "write_batch_report", "write_pair_report", "write_run_report"]
 
 
 def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path:
@@ -38,6 +39,35 @@ def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path
     text = page(f"{contents.header['name']} - interdrive", contents)
     with replacing(target) as partial:
         partial.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be text
+    return target
+
+
+def write_pair_report(first: str | Path, second: str | Path, path: str | Path | None = None) -> Path:
+    """Writes a page with two runs of the same scenario side by side: one clock, one selection, one place on the map.
+
+    Args:
+        first: A run folder.
+        second: Another one.
+        path: Where to; beside the first folder by default, named after both.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        ResultsError: The runs are of different scenarios; and as `write_run_report`.
+        InputError: The scenario of a run cannot be read.
+    """
+    one, other = (Path(folder).resolve() for folder in (first, second))
+    target = _target(one, one.with_name(f"{one.name}_{other.name}.html") if path is None else path)
+    scenarios = [read_information(folder)["scenario"] for folder in (one, other)]
+    names = [str(scenario["name"]) for scenario in scenarios]
+    if len({(scenario["name"], scenario["sha256"]) for scenario in scenarios}) > 1:
+        raise ResultsError(f"{first} and {second}: runs of different scenarios, {names[0]} and {names[1]}")
+    pages = [(str(folder), page(names[0], run_contents(folder))) for folder in (first, second)]
+    with replacing(target) as partial:
+        partial.write_text(
+            pages_side_by_side(f"{names[0]} - interdrive", pages), encoding="utf-8", errors="replace"
+        )  # names of files need not be text
     return target
 
 

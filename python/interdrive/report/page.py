@@ -9,10 +9,45 @@ from typing import TYPE_CHECKING
 from interdrive.storage import json_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from interdrive.report.contents import Contents
 
 # The page may load nothing, not even from its own folder; a browser keeps it to that.
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
+
+
+#: Whatever one page says, the other one hears.
+_RELAY = """addEventListener("message", (event) => {
+  for (let i = 0; i < frames.length; i++) if (frames[i] !== event.source) frames[i].postMessage(event.data, "*");
+});"""
+
+_SIDE_BY_SIDE = """html, body { height: 100%; margin: 0; }
+body { display: flex; font: 14px system-ui, sans-serif; }
+section { flex: 1; display: flex; flex-direction: column; min-width: 0; }
+h1 { font-size: 1rem; margin: 0.4rem 0.8rem; }
+iframe { flex: 1; border: 0; border-right: 1px solid #bbb; width: 100%; }
+@media (max-width: 900px) { body { flex-direction: column; } }"""
+
+
+def pages_side_by_side(title: str, pages: Sequence[tuple[str, str]]) -> str:
+    """One page with several ones in it, each with its name; they share their clock (frontend/src/link.ts)."""
+    shown = (
+        f'<section><h1>{html.escape(name)}</h1><iframe title="{html.escape(name)}" srcdoc="{html.escape(text)}">'
+        "</iframe></section>"
+        for name, text in pages
+    )
+    return "\n".join(
+        (
+            _head(title, _SIDE_BY_SIDE),
+            "<body>",
+            f"<script>{_RELAY}</script>",
+            *shown,
+            "</body>",
+            "</html>",
+            "",
+        )
+    )
 
 
 def page(title: str, contents: Contents) -> str:
@@ -21,6 +56,22 @@ def page(title: str, contents: Contents) -> str:
     script, style = ((bundle / name).read_text(encoding="utf-8") for name in ("report.js", "report.css"))
     # Inside a script element only "<" can end it.
     header = json_text(contents.header).replace("<", "\\u003c")
+    return "\n".join(
+        (
+            _head(title, style),
+            "<body>",
+            '<div id="report"><noscript>This page needs JavaScript.</noscript></div>',
+            f'<script type="application/json" id="header">{header}</script>',
+            f'<script type="text/plain" id="arrays">{contents.arrays}</script>',
+            f"<script>{script}</script>",
+            "</body>",
+            "</html>",
+            "",
+        )
+    )
+
+
+def _head(title: str, style: str) -> str:
     return "\n".join(
         (
             "<!doctype html>",
@@ -34,13 +85,5 @@ def page(title: str, contents: Contents) -> str:
             '<link rel="icon" href="data:,">',
             f"<style>{style}</style>",
             "</head>",
-            "<body>",
-            '<div id="report"><noscript>This page needs JavaScript.</noscript></div>',
-            f'<script type="application/json" id="header">{header}</script>',
-            f'<script type="text/plain" id="arrays">{contents.arrays}</script>',
-            f"<script>{script}</script>",
-            "</body>",
-            "</html>",
-            "",
         )
     )
