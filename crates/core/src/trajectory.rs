@@ -449,8 +449,8 @@ pub struct Plans {
     pub cost: Vec<f64>,
     /// Text for rows with status `Error`.
     pub message: Vec<String>,
-    /// Why there is no ordinary plan, where the planner says so.
-    pub obstruction: Vec<Option<Obstruction>>,
+    /// Rows without an ordinary plan, ascending, and why, where the planner says so.
+    pub obstructions: Vec<(usize, Obstruction)>,
 }
 
 impl Plans {
@@ -465,7 +465,7 @@ impl Plans {
             status: vec![PlanStatus::None; n],
             cost: vec![f64::NAN; n],
             message: vec![String::new(); n],
-            obstruction: vec![None; n],
+            obstructions: Vec::new(),
         }
     }
 

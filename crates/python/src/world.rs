@@ -314,7 +314,12 @@ impl PyWorld {
             arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()),
         )?;
         dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
-        let obstructions: Vec<_> = plans.iter().flat_map(|p| &p.obstruction).map(Option::as_ref).collect();
+        let mut obstructions: Vec<Option<&Obstruction>> = vec![None; n_rows];
+        let mut first = 0;
+        for table in plans {
+            table.obstructions.iter().for_each(|(row, obstruction)| obstructions[first + row] = Some(obstruction));
+            first += table.ids.len();
+        }
         let words: Vec<&str> = obstructions.iter().map(|o| o.map_or("", |o| o.rejection.as_str())).collect();
         dict.set_item("rejection", PyTuple::new(py, words)?)?;
         for (name, number) in [

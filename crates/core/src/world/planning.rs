@@ -50,7 +50,7 @@ impl World {
             plans.status[row] = result.status;
             plans.cost[row] = result.cost;
             plans.message[row] = result.message;
-            plans.obstruction[row] = result.obstruction;
+            plans.obstructions.extend(result.obstruction.map(|obstruction| (row, obstruction)));
         }
         Ok(plans)
     }
