@@ -107,6 +107,7 @@ def agent_configs(
     Args:
         config: Planners and predictor of the run.
         views: Views by agent id.
+        rules: Rules of the road by agent id, or of "default".
         agents: The agents.
         recorded: Ids of the participants that have a recording.
 

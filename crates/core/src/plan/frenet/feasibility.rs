@@ -48,7 +48,7 @@ pub enum Rejection {
 
 impl Rejection {
     /// All; the position is the number.
-    pub(super) const ALL: [Self; 10] = [
+    pub(super) const ALL: [Self; 11] = [
         Self::Admissible,
         Self::Acceleration,
         Self::Curvature,
@@ -59,6 +59,7 @@ impl Rejection {
         Self::LeftPath,
         Self::Collision,
         Self::OffRoad,
+        Self::StopLine,
     ];
 
     /// In words; empty for an admissible sample. `collision_id` is the participant that is hit.
@@ -74,6 +75,7 @@ impl Rejection {
             Self::LeftPath => "left the reference path".into(),
             Self::Collision => format!("collision with {collision_id}"),
             Self::OffRoad => "off the road".into(),
+            Self::StopLine => "stop line".into(),
         }
     }
 
