@@ -61,6 +61,7 @@ def text() -> str:
             name: {key: mark[key] for key in ("marker", "color", "text")} for name, mark in marks.items()
         },
         "AGENTS": style.AGENTS,
+        "SIGNAL_COLORS": style.SIGNAL_COLORS,
         "ON_DARK: Record<string, string>": style.ON_DARK,
         "GOAL": style.GOAL,
         "PREDICTION": style.PREDICTION,

@@ -261,6 +261,11 @@ export const MARKS: Record<string, { marker: string; color: string; text: string
     "color": "#F0E442",
     "text": "no feasible plan found"
   },
+  "violation": {
+    "marker": "D",
+    "color": "#D55E00",
+    "text": "broken rule of the road"
+  },
   "critical": {
     "marker": "P",
     "color": "#CC79A7",
@@ -279,6 +284,13 @@ export const AGENTS = [
   "#882255",
   "#44AA99",
   "#999933"
+];
+
+export const SIGNAL_COLORS = [
+  "#ffffff",
+  "#1a9850",
+  "#f6c619",
+  "#d73027"
 ];
 
 export const ON_DARK: Record<string, string> = {

@@ -7,7 +7,12 @@ import { mark, markIcon } from "./marks";
 import type { Run } from "./run";
 import type { State } from "./state";
 
-const GROUPS: Record<string, string> = { emergency_braking: "emergencies", infeasible_plan: "emergencies", critical: "critical moments" };
+const GROUPS: Record<string, string> = {
+  emergency_braking: "emergencies",
+  infeasible_plan: "emergencies",
+  critical: "critical moments",
+  violation: "broken rules",
+};
 
 export class Panels {
   readonly root = element("aside", { class: "side" });

@@ -2,6 +2,7 @@
 
 import type { Camera } from "./camera";
 import { agentColor, costColor, PALETTES } from "./colors";
+import { SIGNAL_COLORS } from "./contract";
 import { drawMark } from "./marks";
 import type { Pose, Run } from "./run";
 import type { State } from "./state";
@@ -51,6 +52,7 @@ export class Traffic {
     const agent = selected >= 0 && this.run.header.participants[selected].agent >= 0;
     const here = agent && this.run.present(selected, state.step);
     const seen = here ? this.run.seen(selected, state.step) : undefined;
+    this.drawStopLines(ctx, camera, ratio, state);
     if (agent) {
       this.drawGoal(ctx, camera, ratio, state);
       if (layers.sight) this.drawSight(ctx, camera, ratio, state);
@@ -86,6 +88,24 @@ export class Traffic {
     const pose = this.run.pose(row, state.time);
     if (pose !== undefined || agent < 0 || state.step < (end ?? Infinity)) return pose;
     return this.run.lastPose(row, state.time);
+  }
+
+  /** Stop lines in the colours that their lights show now. */
+  private drawStopLines(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State): void {
+    if (!this.run.has("stop_line_xy")) return;
+    const xy = this.run.table("stop_line_xy");
+    const signal = this.run.table("stop_line_signal");
+    camera.worldTransform(ctx, ratio);
+    ctx.lineCap = "butt";
+    ctx.lineWidth = Math.max(0.5, 3 / camera.scale);
+    for (let i = 0; i < xy.length / 4; i++) {
+      ctx.strokeStyle = SIGNAL_COLORS[signal[i * this.run.steps + state.step]];
+      ctx.beginPath();
+      ctx.moveTo(xy[4 * i], xy[4 * i + 1]);
+      ctx.lineTo(xy[4 * i + 2], xy[4 * i + 3]);
+      ctx.stroke();
+    }
+    ctx.setTransform(1, 0, 0, 1, 0, 0);
   }
 
   private drawBodies(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State, seen?: Set<number>): void {

@@ -10,7 +10,7 @@ import pytest
 from bodies import Body, body_of, distances, random_shape
 
 from interdrive import _core
-from interdrive.native_settings import ConstantVelocity, CoreStepSettings, RoadSettings, ViewSettings
+from interdrive.native_settings import ConstantVelocity, CoreStepSettings, RoadSettings, RulesSettings, ViewSettings
 from interdrive.scenario import Scenario, Shape
 
 SUBSTEPS = 1000
@@ -113,7 +113,7 @@ def agent(i: int, body: Body, pose: np.ndarray, start: int, route: _core.Route, 
     """A vehicle without limits."""
     vehicle = _core.Vehicle(1, 4.5, 1.8, velocity_max=1e5)
     state = (*pose.tolist(), 0.0, 0.0, 0.0)
-    return _core.Agent(i, 1, body.handle, vehicle, state, start, goal, route, None, ViewSettings())
+    return _core.Agent(i, 1, body.handle, vehicle, state, start, goal, route, None, ViewSettings(), RulesSettings())
 
 
 def world_of(scenario: _core.Scenario, agents: list[_core.Agent]) -> _core.World:

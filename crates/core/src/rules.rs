@@ -67,6 +67,11 @@ impl SpeedLimits {
         Self { values: vec![limit] }
     }
 
+    /// There is a limit somewhere.
+    pub fn any(&self) -> bool {
+        !self.values.is_empty()
+    }
+
     /// The limit at an arc length [m/s].
     pub fn at(&self, s: f64) -> f64 {
         let index = (s / SPACING).max(0.0) as usize;

@@ -79,8 +79,12 @@ OUTCOME_MARKS = {
 EVENT_MARKS = {
     "emergency_braking": Mark("8", "#E69F00", 4.0, "emergency plan"),
     "infeasible_plan": Mark("v", "#F0E442", 5.0, "no feasible plan found"),
+    "violation": Mark("D", "#D55E00", 4.0, "broken rule of the road"),
     "critical": Mark("P", "#CC79A7", 6.0, "critical moment"),
 }
+
+#: Stop lines by what their lights show, in the order of `interdrive.scenario.SIGNALS`: dark, green, yellow, red.
+SIGNAL_COLORS = ("#ffffff", "#1a9850", "#f6c619", "#d73027")
 
 
 def agent_colors(run: Run) -> dict[int, str]:

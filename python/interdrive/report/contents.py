@@ -18,7 +18,15 @@ from interdrive.report.contract import FORMAT
 from interdrive.report.events import Event, events_of
 from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
-from interdrive.report.tables import pack_candidates, pack_plans, pack_predictions, pack_road, pack_states, pack_views
+from interdrive.report.tables import (
+    pack_candidates,
+    pack_plans,
+    pack_predictions,
+    pack_road,
+    pack_states,
+    pack_stop_lines,
+    pack_views,
+)
 from interdrive.results import read_results, reopen
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
@@ -57,6 +65,7 @@ def run_contents(folder: str | Path) -> Contents:
     packer, lacking, origin = Packer(), _lacking(results), _origin(view)
     pack_states(packer, run, origin)
     pack_road(packer, run, origin)
+    pack_stop_lines(packer, run, origin)
     settings = _settings(results.info)
     replan_every = int(settings.get("step.replan_every", 1))
     pack_plans(packer, run, origin, results.plans, replan_every)
@@ -90,7 +99,9 @@ def run_contents(folder: str | Path) -> Contents:
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(measure) for measure in MEASURES],
-        "events": [_event(event) for event in events_of(run, results.plans, measured, replan_every)],
+        "events": [
+            _event(event) for event in events_of(run, results.plans, results.violations, measured, replan_every)
+        ],
         "missing": lacking,
         "info": {
             "digest": info.get("digest", ""),

@@ -23,6 +23,14 @@ THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
 #: Plans of these kinds are events when they begin. (An emergency plan brakes or evades; see docs/planner_frenet.md.)
 _EMERGENCIES = {"emergency_braking": "falls back on an emergency plan", "infeasible": "finds no feasible plan"}
 
+#: Rules of the road that are broken, with the value of the violation.
+_VIOLATIONS = {
+    "speeding": "is {:.1f}\N{NO-BREAK SPACE}m/s too fast",
+    "red_light": "passes a light that has been red for {:.1f}\N{NO-BREAK SPACE}s",
+    "stop_sign": "passes a stop sign, {:.1f}\N{NO-BREAK SPACE}m/s at least",
+    "wrong_way": "drives {:.0f}\N{NO-BREAK SPACE}m the wrong way",
+}
+
 _ENDS = {
     "goal_reached": "reaches its goal",
     "goal_reached_late": "reaches its goal late",
@@ -41,7 +49,7 @@ class Event:
 
     Attributes:
         step: Column of the states.
-        kind: An outcome, "emergency_braking", "infeasible_plan", or "critical".
+        kind: An outcome, "emergency_braking", "infeasible_plan", "violation", or "critical".
         rows: Rows of the states that it is about, the judged one first.
         text: For people.
         value: Of a measure.
@@ -54,11 +62,14 @@ class Event:
     value: float | None = None
 
 
-def events_of(run: Run, plans: ArrowTable, measured: Measured | None, replan_every: int) -> list[Event]:
+def events_of(
+    run: Run, plans: ArrowTable, violations: ArrowTable | None, measured: Measured | None, replan_every: int
+) -> list[Event]:
     """All events, sorted by time, then by participant; agents planned anew every `replan_every` time steps."""
     every = [
         *_ends(run),
         *_emergencies(run, plans, replan_every),
+        *(_violations(run, violations) if violations is not None else ()),
         *(_critical(run, measured) if measured is not None else ()),
     ]
     return sorted(every, key=lambda event: (event.step, event.rows, event.kind))
@@ -102,6 +113,15 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
             kind, moment = "infeasible_plan" if name == "infeasible" else name, int(step[at])
             text = f"{number} {_EMERGENCIES[name]}" + (f": {rejection[at]}" if rejection[at] else "")
             yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), text)
+
+
+def _violations(run: Run, table: ArrowTable) -> Iterator[Event]:
+    """Rules of the road that agents and replayed vehicles broke, when each violation begins."""
+    for row in table.to_pylist():
+        if row["source"] != "recording":
+            number, value = row["participant_id"], row["value"]
+            text = f"{number} {_VIOLATIONS[row['rule']].format(value)}"
+            yield Event(row["first_time_step"] - run.states.first_time_step, "violation", (_row(run, number),), text)
 
 
 def _critical(run: Run, measured: Measured) -> Iterator[Event]:

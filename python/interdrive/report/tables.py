@@ -11,6 +11,7 @@ from interdrive.plots.view import View
 from interdrive.report.measured import columns_of, rows_of
 from interdrive.report.planning import made_at
 from interdrive.run import PLAN_STATUS
+from interdrive.scenario.control import shown_at_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,6 +64,16 @@ def pack_road(packer: Packer, run: Run, origin: Floats) -> None:
         packer.add(f"{name}_n", np.array([len(line) for line in lines], dtype=np.int64))
         points = np.concatenate([np.empty((0, 2)), *lines])
         packer.add(f"{name}_xy", points.T, unit=_METRE, steps=True)
+
+
+def pack_stop_lines(packer: Packer, run: Run, origin: Floats) -> None:
+    """Ends of stop lines, shape (pieces, 4), and what their lights show, shape (pieces, time_steps)."""
+    scenario, states = run.scenario, run.states
+    if not scenario.stop_lines:
+        return
+    ends, shown = shown_at_lines(scenario.traffic_lights, scenario.stop_lines, states.first_time_step, states.n_steps)
+    packer.add("stop_line_xy", (ends - origin).reshape(-1, 4), unit=_METRE)
+    packer.add("stop_line_signal", shown)
 
 
 def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable, replan_every: int) -> None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
 #: What a traffic light shows; red and yellow together count as red.
@@ -67,6 +69,27 @@ class StopLine:
     def __post_init__(self) -> None:
         """The array is read-only from here on."""
         self.ends.setflags(write=False)
+
+
+def shown_at_lines(
+    lights: Sequence[TrafficLight], lines: Sequence[StopLine], first_time_step: int, n_steps: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Stop lines with what drivers see there; a line whose ways have different lights is divided among them.
+
+    Returns:
+        Ends of the pieces, left before right [m], shape (pieces, 2, 2), and positions in `SIGNALS`, shape (pieces,
+        n_steps), from `first_time_step` on.
+    """
+    known = {light.id: light for light in lights}
+    ends, shown = [np.empty((0, 2, 2))], [np.empty((0, n_steps), dtype=np.int64)]
+    for line in lines:
+        groups = list(dict.fromkeys(found for _, found in line.light_ids)) or [()]
+        cuts = np.linspace(line.ends[0], line.ends[1], len(groups) + 1)
+        for place, group in enumerate(groups):
+            ends.append(cuts[None, place : place + 2])
+            codes = shown_together([known[i] for i in group], first_time_step + n_steps)
+            shown.append(codes[None, first_time_step:])
+    return np.concatenate(ends), np.concatenate(shown)
 
 
 def shown_together(lights: list[TrafficLight], n_steps: int) -> NDArray[np.int64]:

@@ -173,6 +173,7 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
 /// `velocity` if that is less.
 fn path_velocity(request: &PlanRequest, start: &Start, comfort: &Comfort, velocity: f64) -> f64 {
     let (path, limits) = (&request.route.path, &request.rules.way.limits);
+    let is_limited = limits.any();
     let b = comfort.deceleration;
     let lead = start.velocity * LOOK_AHEAD;
     let reach = (20.0 + lead + 0.5 * start.velocity.powi(2) / b).min(CURVE_REACH);
@@ -186,6 +187,9 @@ fn path_velocity(request: &PlanRequest, start: &Start, comfort: &Comfort, veloci
         let bend = path.curvature_at(start.s + ahead).abs();
         if room * bend > comfort.lateral_acceleration {
             square += comfort.lateral_acceleration / bend - room;
+        }
+        if !is_limited {
+            continue;
         }
         let limit = limits.at(start.s + ahead);
         let room = square - 2.0 * b * (ahead - lead).max(0.0);
