@@ -188,6 +188,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         off_lanelets_s=np.zeros(n),
         message=("",) * n,
         reason=("",) * n,
+        traceback=("",) * n,
     )
     simulated.result = replace(GOOD, outcomes=many, notes=tuple(f"note {k}" for k in range(30)))
     text = invoke("run", "bend.xml").stdout

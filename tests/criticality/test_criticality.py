@@ -445,10 +445,10 @@ def test_the_command_refuses_in_one_line(arguments, text, tmp_path, monkeypatch)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_is_no_run_is_refused(tmp_path):
+def test_a_folder_without_run_and_scenarios_is_refused(tmp_path):
     result = invoke("criticality", str(tmp_path))
     assert result.exit_code == 2
-    assert "not a run folder" in result.output
+    assert "this folder holds no scenario files" in result.output
 
 
 # Figures

@@ -147,9 +147,17 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
 
 
 def turning_length(one: Case) -> float:
-    """Least arc length of a lateral quintic of ours [m], see docs/planner_frenet.md: 5 m, for an agent below 2 m/s so much
-    longer (in steps of 10 %, up to 60 m) that at 80 % of its present or desired speed the wheels turn fast enough.
+    """Least arc length of a lateral quintic of ours [m], see docs/planner_frenet.md.
+
+    It is 5 m; for an agent below 2 m/s so much longer (in steps of 10 %, up to 60 m) that the wheels turn fast enough
+    at 80 % of its present or desired speed.
     """
+    powers = np.arange(6.0)
+
+    def row(at: float, order: int) -> np.ndarray:
+        factors = np.prod([np.maximum(powers - k, 0.0) for k in range(order)], axis=0) if order else 1.0
+        return factors * at ** np.maximum(powers - order, 0.0)
+
     vehicle, start = one.simulation.agents[0].vehicle, one.start
     velocity = start.in_world(one.path)[2]
     if velocity >= 2.0:
@@ -158,12 +166,6 @@ def turning_length(one: Case) -> float:
     length = 5.0
     while length < 60.0:
         # The quintic from (d, d', d'') to rest at 0: its third derivative at both ends.
-        powers = np.arange(6)[None, :]
-
-        def row(at: float, order: int) -> np.ndarray:
-            factors = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0) if order else 1.0
-            return (factors * at ** np.maximum(powers - order, 0))[0] if order else (at**powers)[0].astype(float)
-
         ends = np.array([row(at, order) for at in (0.0, length) for order in range(3)])
         quintic = np.linalg.solve(ends, [start.d, start.d_prime, start.d_prime2, 0.0, 0.0, 0.0])
         if max(abs(row(at, 3) @ quintic) for at in (0.0, length)) <= most:
@@ -176,8 +178,8 @@ def split(one: Case) -> tuple[np.ndarray, np.ndarray]:
     """Rows that both planners describe over time, and rows that both describe over arc length.
 
     Ours chooses by the slowest speed of the row and stretches manoeuvres over arc length to at least `turning_length`;
-    the published one chooses by the start speed and stretches nothing. Rows with negative speeds are infeasible for both
-    and left out.
+    the published one chooses by the start speed and stretches nothing. Rows with negative speeds are infeasible for
+    both and left out.
     """
     rows, start = one.grid, one.start
     end, velocity = one.found["end_time"][rows, None], one.found["end_velocity"][rows, None]

@@ -7,10 +7,10 @@ use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
 use interdrive_core::rules::RulesSettings;
 use interdrive_core::scene::ViewLimits;
-use interdrive_core::settings::{Record, Value, check};
+use interdrive_core::settings::{Range, Record, Value, check};
 use interdrive_core::world::StepSettings;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyInt};
 
 use crate::errors::{InputError, exception};
 
@@ -44,7 +44,13 @@ fn fill(record: &mut dyn Record, given: &Bound<'_, PyAny>) -> PyResult<()> {
         let refused = |_| InputError::new_err((field.name, format!("expected {expected}, not {one}")));
         match value {
             Value::Number(number) => *number = one.extract().map_err(refused)?,
-            Value::Count(count) => *count = one.extract().map_err(refused)?,
+            Value::Count(count) => {
+                let Range { min, max, .. } = field.range;
+                *count = one.extract().map_err(|error| match one.is_instance_of::<PyInt>() {
+                    true => InputError::new_err((field.name, format!("must be {min} to {max}, not {one}"))),
+                    false => refused(error),
+                })?;
+            }
             Value::Flag(flag) => *flag = one.extract().map_err(refused)?,
             Value::Choice(choice) => {
                 if !choice.choose(&one.extract::<String>().map_err(refused)?) {
