@@ -100,7 +100,7 @@ def run_contents(folder: str | Path) -> Contents:
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(measure) for measure in MEASURES],
         "events": [
-            _event(event) for event in events_of(run, results.plans, results.violations, measured, replan_every)
+            _event(event) for event in events_of(run, results.plans, measured, replan_every, results.violations)
         ],
         "missing": lacking,
         "info": {

@@ -63,7 +63,11 @@ class Event:
 
 
 def events_of(
-    run: Run, plans: ArrowTable, violations: ArrowTable | None, measured: Measured | None, replan_every: int
+    run: Run,
+    plans: ArrowTable,
+    measured: Measured | None,
+    replan_every: int,
+    violations: ArrowTable | None = None,
 ) -> list[Event]:
     """All events, sorted by time, then by participant; agents planned anew every `replan_every` time steps."""
     every = [

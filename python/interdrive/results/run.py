@@ -147,7 +147,9 @@ class Run(RunRecord):
         folder = Path(tempfile.mkdtemp(prefix="interdrive-")) / "run"
         self.save(folder)
         page = RunPage(write_run_report(folder))
-        if "ipykernel" in sys.modules:
+        # Other programs may have loaded these packages; only the shell of a notebook has a kernel.
+        shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+        if hasattr(shell, "kernel"):
             from IPython.display import display  # noqa: PLC0415 - there in Jupyter only
 
             display(page)
