@@ -28,7 +28,7 @@ QUEUES = (
 EGO = (0, "straight 2", 2)
 #: Intelligent Driver Model: desired speed [m/s], acceleration, comfortable deceleration [m/s²], time gap [s], gap [m].
 SPEED, ACCELERATION, DECELERATION, TIME_GAP, GAP = 13.0, 1.8, 2.0, 1.2, 2.0
-#: Nobody brakes harder than this [m/s²], and accelerations change no faster [m/s³].
+#: Hardest braking [m/s²], and fastest change of an acceleration [m/s³].
 BRAKING, JERK = 2.8, 3.0
 #: A driver stops for yellow if that takes no more than this [m/s²], so far before the line [m].
 YELLOW, STOP_GAP = 3.0, 1.0

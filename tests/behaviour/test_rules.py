@@ -9,6 +9,7 @@ from tests.support.drivers import Straight
 
 import interdrive as idr
 from interdrive.files import read_scenario
+from interdrive.report.contents import run_contents
 
 #: Half the length of a car [m].
 HALF = 2.25
@@ -189,3 +190,13 @@ def test_at_the_shipped_junction_recorded_drivers_obey_and_agents_without_rules_
     rows = set(zip(run.violations.source, run.violations.rule, strict=True))
     assert ("agent", "red_light") in rows
     assert {source for source, _ in rows} == {"agent"}
+
+
+def test_the_page_of_a_run_has_its_stop_lines_and_an_event_for_each_violation(tmp_path):
+    run = idr.simulate(road(tmp_path), settings={"rules.lights": False}, threads=1)
+    header = run_contents(run.save(tmp_path / "run")).header
+    assert [event["text"] for event in header["events"] if event["kind"] == "violation"] == [
+        f"50 passes a light that has been red for {run.violations.value[0]:.1f}\N{NO-BREAK SPACE}s"
+    ]
+    assert header["arrays"]["stop_line_xy"]["shape"] == [1, 4]
+    assert header["arrays"]["stop_line_signal"]["shape"] == [1, run.states.n_steps]

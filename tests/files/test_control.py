@@ -8,7 +8,7 @@ from tests.support import commonroad_documents as cr
 
 from interdrive.files import read_scenario
 from interdrive.scenario import SIGNALS
-from interdrive.scenario.control import shown_together
+from interdrive.scenario.control import shown_at_lines, shown_together
 
 STOP_LINE = "<stopLine>{}<lineMarking>solid</lineMarking>{}</stopLine>"
 
@@ -94,3 +94,14 @@ def test_the_sign_of_a_town_is_a_limit_of_50_km_per_hour_where_there_is_no_other
     assert read(junction(both, cr.sign(7, "310") + cr.speed_sign(8, 20.0))).lanelets.speed_limit[0] == 20.0
     zone = cr.speed_sign(7, 8.0).replace(">274<", ">274.1<")
     assert read(junction(refs, zone)).lanelets.speed_limit[0] == 8.0
+
+
+def test_a_line_whose_ways_have_different_lights_is_divided_among_them(read):
+    lights = cr.traffic_light(7, ("red", 10), direction="left") + cr.traffic_light(
+        8, ("green", 3), ("yellow", 7), direction="straight"
+    )
+    scenario = read(junction('<trafficLightRef ref="7"/><trafficLightRef ref="8"/>', lights))
+    ends, shown = shown_at_lines(scenario.traffic_lights, scenario.stop_lines, 2, 3)
+    np.testing.assert_array_equal(ends, [[[100, 2], [100, 0]], [[100, 0], [100, -2]]])
+    straight, left = ([SIGNALS[code] for code in row] for row in shown)
+    assert (straight, left) == (["green", "yellow", "yellow"], ["red"] * 3)
