@@ -87,6 +87,7 @@ fn world(planner: &Planner) -> World {
             planner: planner.clone(),
             view: ViewLimits { sensor_radius: 80.0, ..ViewLimits::default() },
             rules: RulesSettings::default(),
+            v2x: None,
         }
     });
     let agents = agents.collect();

@@ -36,7 +36,7 @@ fn traffic(n: usize) -> Scene {
 }
 
 fn views(c: &mut Criterion) {
-    let mut group = c.benchmark_group("everybody looks");
+    let mut group = c.benchmark_group("all agents look");
     for n in [24, 50, 200] {
         let scene = traffic(n);
         for (name, occlusion) in [("distance", false), ("line of sight", true)] {

@@ -12,7 +12,7 @@ use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::rules::Rules;
 use interdrive_core::scenario::{Goal, GoalState};
 use interdrive_core::trajectory::{Predictions, State};
-use interdrive_core::vehicle::Vehicle;
+use interdrive_core::vehicle::{ParticipantKind, Vehicle};
 
 /// Three lanes of 3.5 m along a bend of 400 m radius; the middle one has id 2.
 fn road() -> RoadNetwork {
@@ -88,6 +88,7 @@ impl Bench {
                 velocity: *velocity,
                 shape: &self.shape,
                 is_static: false,
+                kind: ParticipantKind::Car,
             })
             .collect();
         let request = PlanRequest {
@@ -108,6 +109,7 @@ impl Bench {
             previous: None,
             previous_age: 0,
             rules: Rules::default(),
+            last_time_step: None,
         };
         plan(black_box(&request), settings, memory).cost
     }

@@ -77,6 +77,11 @@ pub fn first_contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pos
     earliest
 }
 
+/// Pose at a fraction of a step.
+pub fn pose_between(from: Pose, to: Pose, fraction: f64) -> Pose {
+    RigidMotion::new(from, to).pose_at(fraction)
+}
+
 /// Smallest distance of two points during the step [m], from their offset at the start and its change.
 fn nearest_approach(offset: Point, shift: Point) -> f64 {
     let length_squared = shift.norm_squared();
@@ -121,22 +126,46 @@ fn first_contact_of_parts(
 /// All pairs that touch during the step and are relevant, each with the earliest fraction: (i, j, fraction) with i < j,
 /// ascending. `relevant(i, j)` is asked, with i < j, for pairs that come near each other.
 pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize, f64)> {
-    let boxes: Vec<Aabb> = movers.iter().map(swept_box).collect();
+    let mut memory = ContactMemory::default();
+    find_contacts(movers.len(), |i| movers[i], relevant, &mut memory);
+    memory.found
+}
+
+/// Memory of the search for contacts; what it holds besides `found` has no meaning.
+#[derive(Debug, Clone, Default)]
+pub struct ContactMemory {
+    boxes: Vec<Aabb>,
+    order: Vec<(f64, f64, usize)>,
+    /// What was found: as [`contacts`] returns it.
+    pub found: Vec<(usize, usize, f64)>,
+}
+
+/// As [`contacts`] among `n` bodies, into memory that is reused.
+pub fn find_contacts<'a>(
+    n: usize,
+    mover: impl Fn(usize) -> Mover<'a>,
+    relevant: impl Fn(usize, usize) -> bool,
+    memory: &mut ContactMemory,
+) {
+    let ContactMemory { boxes, order, found } = memory;
+    boxes.clear();
+    boxes.extend((0..n).map(|i| swept_box(&mover(i))));
     // Sort and sweep along the longer side of the crowd: roads rarely run along both axes.
     let centers = Aabb::around(boxes.iter().map(|aabb| aabb.min.lerp(aabb.max, 0.5)));
     let size = centers.max - centers.min;
-    let mut order: Vec<(f64, f64, usize)> = if size.y > size.x {
-        boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.y, aabb.max.y, i)).collect()
+    order.clear();
+    if size.y > size.x {
+        order.extend(boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.y, aabb.max.y, i)));
     } else {
-        boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.x, aabb.max.x, i)).collect()
-    };
+        order.extend(boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.x, aabb.max.x, i)));
+    }
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
-    let mut found = Vec::new();
+    found.clear();
     for (position, (_, high, first)) in order.iter().enumerate() {
         for (_, _, second) in order[position + 1..].iter().take_while(|(low, ..)| low <= high) {
             let (i, j) = (*first.min(second), *first.max(second));
             if boxes[i].overlaps(&boxes[j]) && relevant(i, j) {
-                let (a, b) = (&movers[i], &movers[j]);
+                let (a, b) = (mover(i), mover(j));
                 found.extend(
                     first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to).map(|fraction| (i, j, fraction)),
                 );
@@ -144,7 +173,6 @@ pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -
         }
     }
     found.sort_unstable_by_key(|(i, j, _)| (*i, *j));
-    found
 }
 
 /// Axis-aligned box around everything the body covers during the step.
@@ -162,11 +190,34 @@ fn swept_box(mover: &Mover<'_>) -> Aabb {
 /// Earliest fraction of the step at which the road does not admit the vehicle, examined every 0.25 m of motion and at
 /// both ends; `None` if it stays on the road.
 pub fn departs_road(road: &RoadNetwork, shape: &Shape, vehicle: &Vehicle, from: Pose, to: Pose) -> Option<f64> {
+    departure(road, shape, vehicle, (from, to), &mut Vec::new())
+}
+
+/// The same with memory that is overwritten.
+pub(crate) fn departure(
+    road: &RoadNetwork,
+    shape: &Shape,
+    vehicle: &Vehicle,
+    (from, to): (Pose, Pose),
+    scratch: &mut Vec<u32>,
+) -> Option<f64> {
     let motion = RigidMotion::new(from, to);
     let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
     let looks = (travel / ROAD_CHECK_SPACING).ceil().clamp(1.0, ROAD_CHECKS_MAX) as usize;
     let mut fractions = (0..=looks).map(|look| look as f64 / looks as f64);
-    fractions.find(|fraction| !road.admits(shape, vehicle, motion.pose_at(*fraction)))
+    fractions.find(|fraction| !road.admits(shape, vehicle, motion.pose_at(*fraction), scratch))
+}
+
+/// A vehicle that follows poses, one per step, leaves the road after having been on it.
+pub fn leaves_road(road: &RoadNetwork, shape: &Shape, vehicle: &Vehicle, poses: &[Pose]) -> bool {
+    let mut was_on_road = poses.first().is_some_and(|pose| road.covers(shape, *pose));
+    for pair in poses.windows(2) {
+        if was_on_road && departs_road(road, shape, vehicle, pair[0], pair[1]).is_some() {
+            return true;
+        }
+        was_on_road |= road.covers(shape, pair[1]);
+    }
+    false
 }
 
 /// One box per interval between consecutive poses, each around a footprint (length, width [m], centred on the pose) at

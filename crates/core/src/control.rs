@@ -1,4 +1,7 @@
-//! Traffic control: traffic lights and the lines before which vehicles stop. Immutable once built.
+//! Traffic control: traffic lights, the lines before which vehicles stop, signs that say who goes first. Immutable once
+//! built.
+
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::error::{Error, Result};
 use crate::geometry::Point;
@@ -78,17 +81,67 @@ pub struct StopLineInput {
     pub lights: Vec<(i64, Vec<usize>)>,
 }
 
-/// Traffic lights and stop lines of a map.
+/// A way across a junction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Turn {
+    /// To the left.
+    Left = 0,
+    /// Straight on.
+    Straight = 1,
+    /// To the right.
+    Right = 2,
+}
+
+impl Turn {
+    /// All turns; the position is the code that crosses the Python boundary.
+    pub const ALL: [Self; 3] = [Self::Left, Self::Straight, Self::Right];
+}
+
+/// What a file says about who goes first; lanelets are indices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Priorities {
+    /// Turns of the lanelets that lead across junctions, where the file states them.
+    pub turns: BTreeMap<usize, Turn>,
+    /// For lanelets that lead to a junction and have a sign: what it is worth for each turn, 1 (stop) to 5.
+    pub ranks: BTreeMap<usize, [u8; 3]>,
+    /// Lanelets from which others are entered with care: driveways, ramps, bus stops.
+    pub minor: BTreeSet<usize>,
+    /// Vehicles drive on the left.
+    pub left_hand: bool,
+    /// Without any sign, who comes from the right (1), from the left (-1), or neither (0) goes first.
+    pub priority_side: i8,
+    /// At a T without signs the road that goes on is the main road.
+    pub derives_main_road: bool,
+}
+
+impl Default for Priorities {
+    /// Right-hand traffic, priority to the right, no signs.
+    fn default() -> Self {
+        Self {
+            turns: BTreeMap::new(),
+            ranks: BTreeMap::new(),
+            minor: BTreeSet::new(),
+            left_hand: false,
+            priority_side: 1,
+            derives_main_road: false,
+        }
+    }
+}
+
+/// Traffic lights, stop lines and priorities of a map.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Control {
     /// The lights.
     pub lights: Vec<TrafficLight>,
     /// The lines.
     pub lines: Vec<StopLine>,
+    /// Who goes first at junctions.
+    pub priorities: Priorities,
 }
 
 impl Control {
-    /// Checks and keeps the parts.
+    /// Checks and keeps the parts; without priorities.
     ///
     /// # Errors
     /// `InvalidInput` naming the light or the lanelet: a lanelet or light that does not exist, a phase without length, an
@@ -115,7 +168,7 @@ impl Control {
             Ok(StopLine { lanelet: index(lanelet)?, ends, has_stop_sign, lights })
         };
         let lines = lines.into_iter().map(line).collect::<Result<_>>()?;
-        Ok(Self { lights, lines })
+        Ok(Self { lights, lines, priorities: Priorities::default() })
     }
 
     /// What some lights show together: one green is green, else one yellow is yellow, else red; dark if all are.
@@ -164,7 +217,7 @@ mod tests {
     fn of_several_lights_one_green_is_green_and_dark_ones_do_not_count() {
         let single = |signal| light(0, &[(1, signal)]);
         let lights = Signal::ALL.into_iter().map(single).collect();
-        let control = Control { lights, lines: vec![] };
+        let control = Control { lights, ..Control::default() };
         let [dark, green, yellow, red] = [0, 1, 2, 3];
         for (lights, expected) in [
             (vec![red, green], Signal::Green),

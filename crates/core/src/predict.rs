@@ -3,7 +3,6 @@
 
 mod lane_candidates;
 pub mod neural;
-mod product;
 mod standing;
 #[cfg(test)]
 mod tests;
@@ -20,6 +19,7 @@ use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::settings::{between, positive, settings};
 use crate::trajectory::{Predictions, State};
+use crate::vehicle::ParticipantKind;
 use lane_candidates::LaneCandidates;
 pub use standing::is_standing;
 
@@ -202,12 +202,31 @@ fn predict_one(
             replay(out, i, scenario, scene.participants.ids[row]);
         }
         _ if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED => stand(out, i, &state),
-        Predictor::ConstantVelocity(spread) => go_straight(out, i, &state, spread, scene.dt),
+        Predictor::ConstantVelocity(spread) => go_straight(out, i, (&state, 0.0), spread, scene.dt),
         Predictor::Neural(_) => unreachable!("the network predicts all vehicles at once"),
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
-            lane_candidates::follow_lanes(out, i, row, &state, settings, (scene, road), lanes);
+            let moving = (scene.participants.kind[row], &state, 0.0);
+            lane_candidates::follow_lanes(out, i, moving, settings, (scene.dt, road), lanes);
         }
     }
+}
+
+/// Writes what is expected of a participant that an agent was told of, into row `i`: `state` is moved to now, `age` is that of
+/// what was told [s]. Vehicles follow their lanes, with the default settings of `lane_following`.
+pub(crate) fn told(
+    out: &mut Predictions,
+    i: usize,
+    (kind, is_static): (ParticipantKind, bool),
+    state: &State,
+    age: f64,
+    (dt, road): (f64, &RoadNetwork),
+) {
+    if is_static || state.velocity.abs() < STATIONARY_SPEED {
+        return stand(out, i, state);
+    }
+    let settings = LaneFollowing::default();
+    let settings = LaneFollowing { modes_max: settings.modes_max.min(out.n_modes), ..settings };
+    lane_candidates::follow_lanes(out, i, (kind, state, age), &settings, (dt, road), &mut LaneCandidates::default());
 }
 
 /// Completes a table to a row for every participant present: one that is missing or has no valid mode goes
@@ -232,13 +251,14 @@ pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Pre
         if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED {
             stand(&mut out, i, &state);
         } else {
-            go_straight(&mut out, i, &state, &STRAIGHT, scene.dt);
+            go_straight(&mut out, i, (&state, 0.0), &STRAIGHT, scene.dt);
         }
     }
     Cow::Owned(out)
 }
 
-fn write(out: &mut Predictions, i: usize, pose: Pose, velocity: f64, covariance: (f64, f64, f64)) {
+/// Writes the mean, the speed and the covariance of one step of one mode.
+pub(crate) fn write(out: &mut Predictions, i: usize, pose: Pose, velocity: f64, covariance: (f64, f64, f64)) {
     out.x[i] = pose.position.x;
     out.y[i] = pose.position.y;
     out.orientation[i] = pose.orientation;
@@ -255,14 +275,15 @@ fn stand(out: &mut Predictions, row: usize, state: &State) {
     }
 }
 
-fn go_straight(out: &mut Predictions, row: usize, state: &State, spread: &Spread, dt: f64) {
+/// `age` is that of the state [s]: it is moved to now already, but its spread is older.
+fn go_straight(out: &mut Predictions, row: usize, (state, age): (&State, f64), spread: &Spread, dt: f64) {
     out.probability[row * out.n_modes] = 1.0;
     let start = out.offset(row, 0);
     let axis = Point::from_angle(state.orientation);
     let step = axis * (state.velocity * dt);
     for k in 0..out.n_steps {
         let position = state.pose().position + step * (k + 1) as f64;
-        let covariance = spread.covariance(axis, state.velocity, (k + 1) as f64 * dt);
+        let covariance = spread.covariance(axis, state.velocity, age + (k + 1) as f64 * dt);
         write(out, start + k, Pose { position, orientation: state.orientation }, state.velocity, covariance);
     }
 }

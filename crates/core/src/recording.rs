@@ -1,6 +1,6 @@
 //! What happened: states, plans, outcomes and, if requested, visibility intervals. Append-only.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use crate::trajectory::{Plans, State, States};
 
@@ -77,16 +77,37 @@ impl Outcome {
     }
 }
 
+/// A stretch of time steps in which an agent had to wait before a junction for one reason.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wait {
+    /// The agent.
+    pub agent: i64,
+    /// First time step.
+    pub first: i64,
+    /// Last time step, included.
+    pub last: i64,
+    /// Code of the reason.
+    pub kind: u8,
+    /// The participant that it waited for.
+    pub by: Option<i64>,
+    /// Arc length on its reference path that its front was not to pass [m].
+    pub stop: f64,
+}
+
 /// States of all participants and plans of all agents, step by step.
 #[derive(Debug, Clone)]
 pub struct Recording {
     ids: Vec<i64>,
+    /// Time step of the first column.
     first_time_step: i64,
     /// One block of participants per time step.
-    columns: Vec<Vec<Option<State>>>,
+    columns: VecDeque<Vec<Option<State>>>,
+    /// Largest number of columns; earlier ones are forgotten.
+    columns_max: usize,
     plans: Vec<Plans>,
     /// Visibility intervals (first and last time step) by the ids of observer and seen participant.
     sightings: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
+    waits: BTreeMap<i64, Vec<Wait>>,
 }
 
 /// A stretch of time steps in which an agent saw another participant without a break.
@@ -105,12 +126,36 @@ pub struct Sighting {
 impl Recording {
     /// Nothing recorded yet.
     pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
-        Self { ids, first_time_step, columns: Vec::new(), plans: Vec::new(), sightings: BTreeMap::new() }
+        let (columns, plans, sightings) = (VecDeque::new(), Vec::new(), BTreeMap::new());
+        Self { ids, first_time_step, columns, columns_max: usize::MAX, plans, sightings, waits: BTreeMap::new() }
+    }
+
+    /// Becomes a recording without anything in it, of at most so many columns; memory is reused.
+    pub(crate) fn restart(&mut self, ids: &[i64], first_time_step: i64, columns_max: usize) {
+        self.ids.clear();
+        self.ids.extend_from_slice(ids);
+        (self.first_time_step, self.columns_max) = (first_time_step, columns_max);
+        self.columns.clear();
+        self.plans.clear();
+        self.sightings.clear();
+        self.waits.clear();
     }
 
     /// Adds the states of the next time step, one per participant.
     pub(crate) fn push(&mut self, states: &[Option<State>]) {
-        self.columns.push(states.to_vec());
+        let mut column = Vec::new();
+        if self.columns.len() == self.columns_max {
+            column = self.columns.pop_front().unwrap_or_default();
+            column.clear();
+            self.first_time_step += 1;
+        }
+        column.extend_from_slice(states);
+        self.columns.push_back(column);
+    }
+
+    /// State of a row at the last time step.
+    pub(crate) fn last_state(&self, row: usize) -> Option<State> {
+        self.columns.back().and_then(|states| states.get(row).copied().flatten())
     }
 
     /// Adds the plans that led to the next time step.
@@ -127,6 +172,23 @@ impl Recording {
                 _ => stretches.push((time_step, time_step)),
             }
         }
+    }
+
+    /// Notes that an agent has to wait at a time step; called in the order of time.
+    pub(crate) fn push_wait(&mut self, wait: Wait) {
+        let stretches = self.waits.entry(wait.agent).or_default();
+        let is_same = |last: &&mut Wait| {
+            last.last == wait.first - 1 && (last.kind, last.by, last.stop) == (wait.kind, wait.by, wait.stop)
+        };
+        match stretches.last_mut().filter(is_same) {
+            Some(last) => last.last = wait.last,
+            None => stretches.push(wait),
+        }
+    }
+
+    /// Waits before junctions, sorted by agent and time.
+    pub fn waits(&self) -> impl Iterator<Item = &Wait> {
+        self.waits.values().flatten()
     }
 
     /// Visibility intervals, sorted by observer, seen and time; empty unless requested.
@@ -163,17 +225,23 @@ impl Recording {
 
     /// The last `n` recorded time steps as a table of shape (participants, n); absent before the beginning.
     pub fn last_states(&self, n: usize) -> States {
+        let mut table = States::default();
+        self.write_last_states(n, &mut table);
+        table
+    }
+
+    /// The same into a table that is there; memory is reused.
+    pub(crate) fn write_last_states(&self, n: usize, table: &mut States) {
         let last_time_step = self.first_time_step + self.columns.len() as i64 - 1;
-        let mut table = States::absent(self.ids.clone(), last_time_step + 1 - n as i64, n);
+        table.clear(&self.ids, last_time_step + 1 - n as i64, n);
         let skipped = self.columns.len().saturating_sub(n);
         let offset = n.saturating_sub(self.columns.len());
-        for (i, states) in self.columns[skipped..].iter().enumerate() {
+        for (i, states) in self.columns.iter().skip(skipped).enumerate() {
             for (row, state) in states.iter().enumerate() {
                 if let Some(state) = state {
                     table.set(row, offset + i, state);
                 }
             }
         }
-        table
     }
 }

@@ -1,6 +1,15 @@
 //! Rules of the road that an agent obeys: speed limits, traffic lights, stop signs. They follow from the map, the lights
 //! as they are now, and the agent's own motion; what an agent remembers of a stop sign is part of the world.
 
+mod arbitration;
+mod components;
+mod course;
+
+pub use arbitration::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
+pub use course::Course;
+
+use std::sync::LazyLock;
+
 use crate::control::{Control, Signal};
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -14,9 +23,10 @@ const SPACING: f64 = 2.0;
 const LINE_MARGIN: f64 = 1.0;
 /// A light that turns yellow is obeyed if stopping takes no more than this deceleration [m/s²].
 pub const LIGHT_DECELERATION: f64 = 3.0;
-/// A vehicle has stopped at a stop sign if it stands (slower than this [m/s]) at most so far before the line [m].
+/// A vehicle stands at a stop sign if it is slower than this [m/s].
 const STANDING: f64 = 0.1;
-const STOP_REACH: f64 = 2.0;
+/// A stop counts at most so far before the line [m].
+pub const STOP_REACH: f64 = 2.0;
 
 settings! {
     /// Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
@@ -29,10 +39,24 @@ settings! {
         lights: bool = true;
         /// It stops at stop signs.
         stop_signs: bool = true;
+        /// It gives way at junctions: it enters one only if nobody else uses its way across, as long as others keep to the
+        /// same order.
+        precedence: bool = false;
+        /// It does not enter a junction without room behind it.
+        keep_clear: bool = true;
         /// It takes speed limits for this many times what they are.
         speed_factor: f64 = 1.0, positive(3.0);
         /// It stands this long at a stop sign.
         stop_duration: f64 ["s"] = 1.0, between(0.0, 60.0);
+        /// It has left an area of a junction so long before another one comes.
+        lead: f64 ["s"] = 1.0, between(0.0, 60.0);
+        /// It enters an area of a junction so long after another one has left.
+        lag: f64 ["s"] = 0.3, between(0.0, 60.0);
+        /// After standing for so long it is content with half of `lead`.
+        impatience: f64 ["s"] = 10.0, positive(f64::INFINITY);
+        /// Agents that stand for so long and wait for each other in a circle let one of them enter a junction without room
+        /// behind it.
+        circle_after: f64 ["s"] = 5.0, positive(f64::INFINITY);
     }
 }
 
@@ -163,17 +187,36 @@ pub struct Rules<'a> {
     pub dt: f64,
     /// The line in `Control::lines` at whose stop sign the agent has stood long enough.
     pub served: Option<usize>,
+    /// It has to wait before a junction.
+    pub hold: Option<Hold>,
 }
 
-static NO_CONTROL: Control = Control { lights: Vec::new(), lines: Vec::new() };
+/// An agent waits before a junction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// How far its front may go [m] ...
+    pub distance: f64,
+    /// ... before this time has passed [s]; infinite: until it is told otherwise.
+    pub release: f64,
+    /// Because of this participant.
+    pub by: Option<i64>,
+}
+
+static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
 static NO_WAY: Way = Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new() };
 static NO_SETTINGS: RulesSettings = RulesSettings {
     enabled: false,
     speed: false,
     lights: false,
     stop_signs: false,
+    precedence: false,
+    keep_clear: false,
     speed_factor: 1.0,
     stop_duration: 0.0,
+    lead: 0.0,
+    lag: 0.0,
+    impatience: f64::INFINITY,
+    circle_after: f64::INFINITY,
 };
 
 impl Default for Rules<'_> {
@@ -187,6 +230,7 @@ impl Default for Rules<'_> {
             entered: 0,
             dt: 0.1,
             served: None,
+            hold: None,
         }
     }
 }
@@ -248,5 +292,7 @@ impl StopSign {
     }
 }
 
+#[cfg(test)]
+mod rail_tests;
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,12 @@
 //! The input: road, recorded obstacles, planning problems, goals. Immutable once built.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::wrap_angle;
+use crate::junctions::Junctions;
 use crate::limits::NUMBER_MAX;
 use crate::road::RoadNetwork;
 use crate::trajectory::{State, States};
@@ -102,8 +103,10 @@ pub struct Scenario {
     pub road: Arc<RoadNetwork>,
     /// Recorded traffic.
     pub obstacles: Obstacles,
-    /// Traffic lights and stop lines of its roads.
+    /// Traffic lights, stop lines and priorities of its roads.
     pub control: Control,
+    /// Once they were needed.
+    junctions: OnceLock<Junctions>,
 }
 
 impl Scenario {
@@ -136,7 +139,12 @@ impl Scenario {
                 }
             }
         }
-        Ok(Self { dt, road, obstacles, control: Control::default() })
+        Ok(Self { dt, road, obstacles, control: Control::default(), junctions: OnceLock::new() })
+    }
+
+    /// What the ways of its roads share; worked out at the first call.
+    pub fn junctions(&self) -> &Junctions {
+        self.junctions.get_or_init(|| Junctions::of(&self.road, &self.control))
     }
 }
 

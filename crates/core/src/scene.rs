@@ -2,13 +2,14 @@
 //! any plan is here.
 
 mod contact;
+pub use contact::PlacedBody;
 pub mod line_of_sight;
 
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::geometry::Point;
 use crate::geometry::shape::Shape;
+use crate::geometry::{Point, Pose};
 use crate::scenario::Scenario;
 use crate::settings::{positive, settings};
 use crate::trajectory::{State, States};
@@ -167,6 +168,36 @@ impl Scene {
             .collect();
         let mut seen = line_of_sight::seen_from(eye, &bodies).into_iter();
         visible.retain(|_| seen.next() == Some(true));
+    }
+
+    /// Whether the participant in a row would see a body that is not present, if it were.
+    pub(crate) fn would_see(
+        &self,
+        row: usize,
+        limits: &ViewLimits,
+        shape: &Shape,
+        pose: Pose,
+        is_static: bool,
+    ) -> bool {
+        let participants = &self.participants;
+        let eye = self.state(row).pose().position;
+        let size = if is_static { shape.bounding_radius() } else { 0.0 };
+        if pose.position.distance(eye) > limits.sensor_radius + size {
+            return false;
+        }
+        if !limits.occlusion {
+            return true;
+        }
+        let others = self.present.iter().copied().filter(|other| *other != row);
+        let body = |other: usize| line_of_sight::SightBody {
+            shape: &participants.shape[other],
+            pose: self.state(other).pose(),
+            hides: participants.is_static[other] || participants.kind[other].blocks_sight(),
+            is_wanted: false,
+        };
+        let wanted = line_of_sight::SightBody { shape, pose, hides: false, is_wanted: true };
+        let bodies: Vec<_> = std::iter::once(wanted).chain(others.map(body)).collect();
+        line_of_sight::seen_from(eye, &bodies)[0]
     }
 }
 

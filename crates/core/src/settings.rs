@@ -214,7 +214,8 @@ pub(crate) use choice;
 /// ```text
 /// settings! {
 ///     /// What it is for.
-///     pub struct RustName as PythonName(inner: Inner) {   // the fields of `inner` count as its own
+///     pub struct RustName as PythonName(inner: Inner) {   // the fields of `inner` count as its own; `PythonName [N]`
+///                                                         // instead: N numbers, which `as_array` gives
 ///         /// What it means.
 ///         horizon: f64 ["s"] = 3.0, positive(60.0);       // unit and range may be left out
 ///         /// Settings of their own.
@@ -223,11 +224,23 @@ pub(crate) use choice;
 /// }
 /// ```
 macro_rules! settings {
+    (@array $name:ident [] $($field:ident)*) => {};
+    (@array $name:ident [$n:expr] $($field:ident)*) => {
+        impl $name {
+            /// Names of the fields, in the order of the table.
+            pub const NAMES: [&'static str; $n] = [$(stringify!($field)),*];
+
+            /// The values in the order of `NAMES`.
+            pub fn as_array(&self) -> [f64; $n] {
+                [$(self.$field),*]
+            }
+        }
+    };
     (@or $otherwise:expr) => { $otherwise };
     (@or $otherwise:expr, $given:expr) => { $given };
     ($(
         $(#[doc = $about:literal])+
-        pub struct $name:ident as $python:ident $(($base:ident: $base_type:ty $(= $base_default:expr)?))? {
+        pub struct $name:ident as $python:ident $([$n:expr])? $(($base:ident: $base_type:ty $(= $base_default:expr)?))? {
             $(
                 $(#[doc = $text:literal])+
                 $field:ident: $type:ty $([$unit:literal])? $(= $default:expr $(, $range:expr)?)?;
@@ -247,6 +260,8 @@ macro_rules! settings {
                 pub $field: $type,
             )*
         }
+
+        settings!(@array $name [$($n)?] $($field)*);
 
         impl Default for $name {
             fn default() -> Self {

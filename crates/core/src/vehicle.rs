@@ -1,5 +1,7 @@
 //! Kinds of participants, vehicle parameters and limits, and the kinematic single-track relations.
 
+pub mod single_track;
+
 use crate::error::{Error, Result};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, Pose};
@@ -71,6 +73,11 @@ impl ParticipantKind {
             self,
             Self::Car | Self::Truck | Self::Bus | Self::Motorcycle | Self::Bicycle | Self::PriorityVehicle | Self::Taxi
         )
+    }
+
+    /// Stands or drives on lanes: any vehicle, or one whose kind is not known.
+    pub fn is_on_the_road(self) -> bool {
+        self.is_vehicle() || matches!(self, Self::Unknown | Self::ParkedVehicle | Self::Train)
     }
 
     /// Others cannot be seen through or past it: everything but pedestrians, bicycles and motorcycles.

@@ -7,21 +7,26 @@ mod criticality;
 mod errors;
 mod getters;
 mod neural;
+mod observation;
 mod planner;
 mod predictions;
 mod predictor;
 mod route;
 mod scenario;
 mod scene;
+mod scoring;
 mod settings;
 mod vehicle;
 mod view;
 mod world;
+mod worlds;
 
 use interdrive_core::criticality::Measure;
 use interdrive_core::criticality::harm::ImpactArea;
 use interdrive_core::recording::OutcomeKind;
+use interdrive_core::rules;
 use interdrive_core::trajectory::PlanStatus;
+use interdrive_core::v2x::{Service, Via};
 use interdrive_core::vehicle::ParticipantKind;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -33,6 +38,8 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     codes.set_item("outcome", OutcomeKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("plan_status", PlanStatus::ALL.map(|status| format!("{status:?}")))?;
     codes.set_item("impact_area", ImpactArea::ALL.map(|area| format!("{area:?}")))?;
+    codes.set_item("service", Service::ALL.map(|service| format!("{service:?}")))?;
+    codes.set_item("via", Via::ALL.map(|via| format!("{via:?}")))?;
     codes.set_item("measure", Measure::ALL.map(|(_, name)| name))?;
     Ok(codes)
 }
@@ -41,11 +48,17 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CODES", codes(module.py())?)?;
+    module.add("LIGHT_DECELERATION", rules::LIGHT_DECELERATION)?;
+    module.add("STOP_REACH", rules::STOP_REACH)?;
     criticality::register(module)?;
+    worlds::register(module)?;
     neural::register(module)?;
+    scoring::register(module)?;
     module.add_function(wrap_pyfunction!(settings::check_settings, module)?)?;
     module.add_function(wrap_pyfunction!(settings::settings_tables, module)?)?;
     module.add_function(wrap_pyfunction!(settings::steps_at_most, module)?)?;
+    module.add_function(wrap_pyfunction!(observation::observation_layout, module)?)?;
+    module.add_function(wrap_pyfunction!(observation::observation_blocks, module)?)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;
     module.add_class::<scenario::PyScenario>()?;

@@ -1,14 +1,29 @@
 //! Native planners with their settings, and their samples.
 
+use std::sync::Arc;
+
 use interdrive_core::plan::Planner;
 use interdrive_core::plan::frenet::{Candidates, CostWeights, N_TERMS};
+use interdrive_core::plan::learned::ActionSpace;
+use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPolicy};
 use interdrive_core::plan::{IdmMobilSettings, VelocityAdjustingSettings};
+use interdrive_core::vehicle::single_track::Kinematic;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
-use crate::errors::InputError;
+use crate::errors::{InputError, exception};
 use crate::settings::read;
+
+/// What actions mean, from their name, their record and the numbers of choices.
+pub fn action_space(name: &str, record: &Bound<'_, PyAny>, grid: (usize, usize)) -> PyResult<ActionSpace> {
+    Ok(match name {
+        "kinematic" => ActionSpace::Kinematic(read::<Kinematic>(record)?),
+        "kinematic_grid" => ActionSpace::KinematicGrid(read::<Kinematic>(record)?, grid),
+        _ => return Err(InputError::new_err(format!("actions: there are no actions {name}"))),
+    })
+}
 
 #[pyclass(frozen, name = "Planner", module = "interdrive._core")]
 pub struct PyPlanner(pub Planner);
@@ -27,7 +42,34 @@ impl PyPlanner {
             _ => return Err(InputError::new_err((name.to_owned(), "is no native planner"))),
         }))
     }
+
+    /// A learned policy from the weights of its layers, the last one for the action.
+    #[staticmethod]
+    fn policy(
+        layers: Vec<LayerParts<'_>>,
+        activation: &str,
+        actions: (String, Bound<'_, PyAny>, (usize, usize)),
+        observation: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let layer = |(name, weight, bias): LayerParts<'_>| LayerWeights {
+            name,
+            weight: weight.as_array().iter().copied().collect(),
+            bias: bias.as_array().iter().copied().collect(),
+        };
+        let layers: Vec<LayerWeights> = layers.into_iter().map(layer).collect();
+        let activation = match activation {
+            "tanh" => Activation::Tanh,
+            "relu" => Activation::Relu,
+            _ => return Err(InputError::new_err(("activation", format!("must be tanh or relu, not {activation}")))),
+        };
+        let space = action_space(&actions.0, &actions.1, actions.2)?;
+        let policy = Policy::new(&layers, activation, space, read(observation)?).map_err(exception)?;
+        Ok(Self(Planner::Policy(SharedPolicy(Arc::new(policy)))))
+    }
 }
+
+/// Name, weights of shape (outputs, inputs) and bias of shape (outputs,) of a layer.
+type LayerParts<'py> = (String, PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py, f32>);
 
 /// All samples of a plan as a dict of arrays: x, y (samples, points); terms (samples, terms); cost, end_time,
 /// end_velocity, end_offset (samples,); rejection (words per sample); chosen (-1 for none); desired_velocity.

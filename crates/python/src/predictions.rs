@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use interdrive_core::predict::completed;
-use interdrive_core::trajectory::Predictions;
+use interdrive_core::trajectory::{Predictions, State};
+use interdrive_core::v2x::{Expectations, Known};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -13,24 +14,39 @@ use crate::errors::{InputError, exception};
 use crate::getters::getters;
 use crate::scene::PyScene;
 
+/// Id, code of how it is known, age, place among those present; kind, static, length, width and state of others.
+pub type KnownParts = (i64, i64, f64, i64, (i64, bool, f64, f64, [f64; 6]));
+
 /// A table of predictions, or some of its rows: what one agent may know is not copied before it is examined.
 #[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
 pub struct PyPredictions {
     table: Arc<Predictions>,
     rows: Option<Vec<usize>>,
+    /// What the agents with V2X were told besides.
+    pub told: Option<Arc<Expectations>>,
 }
 
 impl PyPredictions {
     pub fn whole(table: Predictions) -> Self {
-        Self { table: Arc::new(table), rows: None }
+        Self { table: Arc::new(table), rows: None, told: None }
     }
 
     /// The table for the core.
     pub fn table(&self) -> std::borrow::Cow<'_, Predictions> {
         match &self.rows {
             None => std::borrow::Cow::Borrowed(&*self.table),
-            Some(_) => std::borrow::Cow::Owned(self.table.of(&self.shown_ids())),
+            Some(rows) => std::borrow::Cow::Owned(self.table.rows(rows)),
         }
+    }
+
+    /// The same predictions, with what the agents were told.
+    pub fn with(&self, told: Expectations) -> Self {
+        Self { table: Arc::clone(&self.table), rows: self.rows.clone(), told: Some(Arc::new(told)) }
+    }
+
+    /// The same predictions.
+    pub fn again(&self) -> Self {
+        Self { table: Arc::clone(&self.table), rows: self.rows.clone(), told: self.told.clone() }
     }
 
     fn shown_ids(&self) -> Vec<i64> {
@@ -122,6 +138,38 @@ impl PyPredictions {
         Self::whole(completed(&self.table(), &scene.scene).into_owned())
     }
 
+    /// What an agent with V2X knows, sorted by id, as tuples: id, code of how it knows, age [s], place among those present
+    /// (-1: its sensors do not see it), code of the kind, whether it is static, length and width [m], and its state; None
+    /// for an agent without V2X.
+    fn known(&self, id: i64) -> Option<Vec<KnownParts>> {
+        let told = self.told.as_ref()?;
+        let parts = |known: &Known| {
+            let place = known.seen.map_or(-1, |place| place as i64);
+            let numbers =
+                told.extra(known.row).filter(|_| known.seen.is_none()).map_or_else(Default::default, |extra| {
+                    let (length, width) = extra.shape.extent();
+                    let State { x, y, orientation, velocity, acceleration, yaw_rate } = extra.state;
+                    (
+                        extra.kind as i64,
+                        extra.is_static,
+                        length,
+                        width,
+                        [x, y, orientation, velocity, acceleration, yaw_rate],
+                    )
+                });
+            (known.id, known.via as i64, known.age, place, numbers)
+        };
+        told.known.get(&id).map(|known| known.iter().map(parts).collect())
+    }
+
+    /// Ages of the received plans that are used instead of predictions [s], over all agents with V2X, and the number of
+    /// pairs of such an agent and another one that it knows of.
+    fn plan_ages<'py>(&self, py: Python<'py>) -> (Row<'py, f64>, usize) {
+        let told = self.told.as_deref();
+        let ages = told.map_or_else(Vec::new, |told| told.ages().collect());
+        (arrays::row(py, ages), told.map_or(0, |told| told.known.values().map(Vec::len).sum()))
+    }
+
     /// For other processes.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, this) = (slf.py(), slf.get());
@@ -176,8 +224,16 @@ getters! { PyPredictions {
 impl PyPredictions {
     /// The rows of these participants.
     pub fn only(&self, ids: impl Iterator<Item = i64>) -> Self {
-        let shown = self.rows.as_deref();
-        let rows = ids.filter_map(|id| self.table.row(id)).filter(|row| shown.is_none_or(|rows| rows.contains(row)));
-        Self { table: Arc::clone(&self.table), rows: Some(rows.collect()) }
+        let row = |id: i64| match &self.rows {
+            None => self.table.row(id),
+            // Additional rows are not where their ids would be.
+            Some(rows) => rows.binary_search_by_key(&id, |row| self.table.ids[*row]).ok().map(|i| rows[i]),
+        };
+        Self { table: Arc::clone(&self.table), rows: Some(ids.filter_map(row).collect()), told: None }
+    }
+
+    /// Some rows of the table that agents with V2X expect.
+    pub fn rows_told(told: &Expectations, rows: Vec<usize>) -> Self {
+        Self { table: Arc::clone(&told.table), rows: Some(rows), told: None }
     }
 }

@@ -2,15 +2,18 @@
 
 use std::sync::Arc;
 
-use interdrive_core::control::{Control, Signal, StopLineInput, TrafficLight};
+use interdrive_core::control::{Control, Priorities, Signal, StopLineInput, TrafficLight, Turn};
+use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::junctions::Area;
 use interdrive_core::road::{LaneletInput, RoadNetwork};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::ParticipantKind;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, detached, exception};
@@ -258,6 +261,26 @@ fn control(lights: Vec<LightParts>, lines: Vec<LineParts>, road: &RoadNetwork) -
     Control::new(lights, lines, road).map_err(exception)
 }
 
+/// Turns and ranks of lanelets, minor lanelets, left-hand traffic, side of priority, whether main roads are derived.
+type PriorityParts = (Vec<(i64, usize)>, Vec<(i64, [u8; 3])>, Vec<i64>, bool, i8, bool);
+
+fn priorities(parts: PriorityParts, road: &RoadNetwork) -> PyResult<Priorities> {
+    let (turns, ranks, minor, left_hand, priority_side, derives_main_road) = parts;
+    let index = |id: i64| road.index_of(id).ok_or_else(|| exception(Error::UnknownId { what: "lanelet", id }));
+    let turn = |code: usize| {
+        let found = Turn::ALL.get(code).copied();
+        found.ok_or_else(|| InputError::new_err(format!("there is no turn {code}")))
+    };
+    Ok(Priorities {
+        turns: turns.into_iter().map(|(id, code)| Ok((index(id)?, turn(code)?))).collect::<PyResult<_>>()?,
+        ranks: ranks.into_iter().map(|(id, ranks)| Ok((index(id)?, ranks))).collect::<PyResult<_>>()?,
+        minor: minor.into_iter().map(index).collect::<PyResult<_>>()?,
+        left_hand,
+        priority_side,
+        derives_main_road,
+    })
+}
+
 #[pyclass(frozen, name = "Scenario", module = "interdrive._core")]
 pub struct PyScenario(pub Arc<Scenario>);
 
@@ -266,7 +289,7 @@ impl PyScenario {
     #[new]
     #[pyo3(signature = (
         dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
-        lights=vec![], lines=vec![]
+        lights=vec![], lines=vec![], priorities=None
     ))]
     fn new(
         dt: f64,
@@ -285,6 +308,7 @@ impl PyScenario {
         valid: PyReadonlyArrayDyn<'_, bool>,
         lights: Vec<LightParts>,
         lines: Vec<LineParts>,
+        priorities: Option<PriorityParts>,
     ) -> PyResult<Self> {
         let fields = [&y, &orientation, &velocity, &acceleration];
         let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
@@ -293,7 +317,31 @@ impl PyScenario {
             Obstacles { kind, shape: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static, states };
         let mut scenario = Scenario::new(dt, Arc::clone(&road.0), obstacles).map_err(exception)?;
         scenario.control = control(lights, lines, &road.0)?;
+        if let Some(parts) = priorities {
+            scenario.control.priorities = self::priorities(parts, &road.0)?;
+        }
         Ok(Self(Arc::new(scenario)))
+    }
+
+    /// All areas that two ways share, one row each, as a dict of arrays: `junction`, `kind` (code), `lanelet`, `entry`
+    /// and `exit` of both sides, shape (areas, 2) [m], `first` (side, -1: who came first), `reason` (code), `x`, `y` [m].
+    fn junctions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (road, areas) = (&self.0.road, &self.0.junctions().areas);
+        let dict = PyDict::new(py);
+        dict.set_item("junction", arrays::row(py, areas.iter().map(|area| area.junction as i64).collect()))?;
+        dict.set_item("kind", arrays::row(py, areas.iter().map(|area| area.kind as i64).collect()))?;
+        let first = |area: &Area| area.first.map_or(-1, |side| side as i64);
+        dict.set_item("first", arrays::row(py, areas.iter().map(first).collect()))?;
+        dict.set_item("reason", arrays::row(py, areas.iter().map(|area| area.reason as i64).collect()))?;
+        let sides = || areas.iter().flat_map(|area| area.sides);
+        let ids = sides().map(|side| road.lanelets()[side.lanelet].id).collect();
+        dict.set_item("lanelet", arrays::grid(py, ids, [areas.len(), 2])?)?;
+        dict.set_item("entry", arrays::grid(py, sides().map(|side| side.entry).collect(), [areas.len(), 2])?)?;
+        dict.set_item("exit", arrays::grid(py, sides().map(|side| side.exit).collect(), [areas.len(), 2])?)?;
+        let centers: Vec<Point> = areas.iter().map(|area| area.hull.center()).collect();
+        dict.set_item("x", arrays::row(py, centers.iter().map(|center| center.x).collect()))?;
+        dict.set_item("y", arrays::row(py, centers.iter().map(|center| center.y).collect()))?;
+        Ok(dict)
     }
 }
 

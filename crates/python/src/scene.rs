@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use interdrive_core::geometry::shape::Shape;
 use interdrive_core::predict::is_standing;
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
+use interdrive_core::trajectory::State;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -13,11 +15,50 @@ use crate::errors::detached;
 use crate::getters::getters;
 use crate::scenario::{PyRoadNetwork, PyScenario};
 
-/// One field of the past of some rows: shape (rows, history), the last column is now.
-pub fn past<'py, T: numpy::Element + Copy>(py: Python<'py>, scene: &Scene, rows: &[usize], values: &[T]) -> Grid<'py> {
+/// A participant of which an agent was told.
+pub struct Told {
+    pub id: i64,
+    pub kind: i64,
+    pub is_static: bool,
+    pub shape: Shape,
+    pub state: State,
+}
+
+/// A participant in a row of the scene, or one of whom an agent was told.
+pub enum Shown<'a> {
+    Row(usize),
+    Told(&'a Told),
+}
+
+/// One field of the past: shape (participants, history), the last column is now; `absent` where nothing was told.
+pub fn past<'py, T: numpy::Element + Copy>(
+    py: Python<'py>,
+    scene: &Scene,
+    shown: &[Shown<'_>],
+    values: &[T],
+    (told, absent): (impl Fn(&State) -> T, T),
+) -> Grid<'py> {
     let n = scene.past.n_steps;
-    let flat: Vec<T> = rows.iter().flat_map(|row| values[row * n..(row + 1) * n].iter().copied()).collect();
-    arrays::grid(py, flat, [rows.len(), n])
+    let mut flat: Vec<T> = Vec::with_capacity(shown.len() * n);
+    for one in shown {
+        match one {
+            Shown::Row(row) => flat.extend_from_slice(&values[row * n..(row + 1) * n]),
+            Shown::Told(other) => {
+                flat.resize(flat.len() + n - 1, absent);
+                flat.push(told(&other.state));
+            }
+        }
+    }
+    arrays::grid(py, flat, [shown.len(), n])
+}
+
+/// A property of every participant that is shown.
+pub fn of_each<T>(shown: &[Shown<'_>], row: impl Fn(usize) -> T, told: impl Fn(&Told) -> T) -> Vec<T> {
+    let one = |shown: &Shown<'_>| match shown {
+        Shown::Row(at) => row(*at),
+        Shown::Told(other) => told(other),
+    };
+    shown.iter().map(one).collect()
 }
 
 macro_rules! participants_seen {
@@ -29,33 +70,45 @@ macro_rules! participants_seen {
             dt: f64 = |this| this.scene.dt;
             /// Ids, ascending, shape (participants,).
             ids: Row<'py, i64> = |this, py|
-                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.ids[*row]).collect());
+                arrays::row(py, of_each(&this.shown(), |row| this.scene.participants.ids[row], |told| told.id));
             /// Codes of their kinds, shape (participants,); `interdrive.scenario.KINDS` has the names.
-            kinds: Row<'py, i64> = |this, py|
-                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.kind[*row] as i64).collect());
+            kinds: Row<'py, i64> = |this, py| {
+                let kind = |row: usize| this.scene.participants.kind[row] as i64;
+                arrays::row(py, of_each(&this.shown(), kind, |told| told.kind))
+            };
             /// Whether a participant is a static obstacle, shape (participants,).
-            is_static: Row<'py, bool> = |this, py|
-                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.is_static[*row]).collect());
+            is_static: Row<'py, bool> = |this, py| {
+                let is_static = |row: usize| this.scene.participants.is_static[row];
+                arrays::row(py, of_each(&this.shown(), is_static, |told| told.is_static))
+            };
             /// Length of the footprints' bounding boxes [m], shape (participants,).
-            length: Row<'py, f64> = |this, py|
-                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.shape[*row].extent().0).collect());
+            length: Row<'py, f64> = |this, py| {
+                let length = |row: usize| this.scene.participants.shape[row].extent().0;
+                arrays::row(py, of_each(&this.shown(), length, |told| told.shape.extent().0))
+            };
             /// Width of the footprints' bounding boxes [m], shape (participants,).
-            width: Row<'py, f64> = |this, py|
-                arrays::row(py, this.rows().iter().map(|row| this.scene.participants.shape[*row].extent().1).collect());
+            width: Row<'py, f64> = |this, py| {
+                let width = |row: usize| this.scene.participants.shape[row].extent().1;
+                arrays::row(py, of_each(&this.shown(), width, |told| told.shape.extent().1))
+            };
             /// Centres [m], shape (participants, history); the last column is now, nan where absent.
-            x: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.x);
+            x: Grid<'py> = |this, py| past(py, &this.scene, &this.shown(), &this.scene.past.x, (|s| s.x, f64::NAN));
             /// Centres [m], world frame, shape (participants, history); nan where absent.
-            y: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.y);
+            y: Grid<'py> = |this, py| past(py, &this.scene, &this.shown(), &this.scene.past.y, (|s| s.y, f64::NAN));
             /// Headings [rad], world frame, shape (participants, history); nan where absent.
-            orientation: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.orientation);
+            orientation: Grid<'py> = |this, py|
+                past(py, &this.scene, &this.shown(), &this.scene.past.orientation, (|s| s.orientation, f64::NAN));
             /// Speeds along the heading [m/s], shape (participants, history); nan where absent.
-            velocity: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.velocity);
+            velocity: Grid<'py> = |this, py|
+                past(py, &this.scene, &this.shown(), &this.scene.past.velocity, (|s| s.velocity, f64::NAN));
             /// Accelerations along the heading [m/s²], shape (participants, history); nan where absent.
-            acceleration: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.acceleration);
+            acceleration: Grid<'py> = |this, py|
+                past(py, &this.scene, &this.shown(), &this.scene.past.acceleration, (|s| s.acceleration, f64::NAN));
             /// Changes of heading [rad/s], shape (participants, history); nan where absent.
-            yaw_rate: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.yaw_rate);
+            yaw_rate: Grid<'py> = |this, py|
+                past(py, &this.scene, &this.shown(), &this.scene.past.yaw_rate, (|s| s.yaw_rate, f64::NAN));
             /// Whether a participant was present, shape (participants, history).
-            valid: Grid<'py> = |this, py| past(py, &this.scene, &this.rows(), &this.scene.past.valid);
+            valid: Grid<'py> = |this, py| past(py, &this.scene, &this.shown(), &this.scene.past.valid, (|_| true, false));
         } }
     };
 }
@@ -68,8 +121,8 @@ pub struct PyScene {
 }
 
 impl PyScene {
-    fn rows(&self) -> Vec<usize> {
-        self.scene.present.clone()
+    fn shown(&self) -> Vec<Shown<'_>> {
+        self.scene.present.iter().map(|row| Shown::Row(*row)).collect()
     }
 }
 

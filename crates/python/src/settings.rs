@@ -1,6 +1,7 @@
 //! Python's records of settings, read by the tables of the core.
 
 use interdrive_core::criticality::Settings as MeasureSettings;
+use interdrive_core::observation::ObservationSettings;
 use interdrive_core::plan::frenet::FrenetSettings;
 use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
@@ -8,7 +9,10 @@ use interdrive_core::road::RoadSettings;
 use interdrive_core::rules::RulesSettings;
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::settings::{Range, Record, Value, check};
+use interdrive_core::v2x::V2xSettings;
+use interdrive_core::vehicle::single_track::Kinematic;
 use interdrive_core::world::StepSettings;
+use interdrive_core::worlds::RewardWeights;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyInt};
 
@@ -27,7 +31,11 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(StepSettings::default()),
         Box::new(RoadSettings::default()),
         Box::new(RulesSettings::default()),
+        Box::new(V2xSettings::default()),
         Box::new(MeasureSettings::default()),
+        Box::new(Kinematic::default()),
+        Box::new(ObservationSettings::default()),
+        Box::new(RewardWeights::default()),
     ]
 }
 

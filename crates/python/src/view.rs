@@ -7,9 +7,9 @@ use interdrive_core::geometry::shape::OrientedBox;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::external_plan::{StatedPlan, check_plan};
 use interdrive_core::road::RoadNetwork;
-use interdrive_core::scene::Scene;
+use interdrive_core::scene::{PlacedBody, Scene};
 use interdrive_core::trajectory::State;
-use interdrive_core::world::Agent;
+use interdrive_core::world::{Agent, Progress};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 
@@ -18,28 +18,47 @@ use crate::errors::{InputError, exception};
 use crate::getters::getters;
 use crate::predictions::PyPredictions;
 use crate::route::{PyGoal, PyRoute};
-use crate::scene::{participants_seen, past};
+use crate::scene::{Shown, Told, of_each, participants_seen, past};
 use crate::vehicle::PyVehicle;
 
-/// What one agent knows. `ids`, `x`, ... are the participants that it sees; its own state is `state`.
+/// A participant that an agent with V2X knows of: how, the age of what it was told [s], and its row in the scene or what was told.
+pub struct KnownBody {
+    pub via: i64,
+    pub age: f64,
+    pub body: Result<usize, Told>,
+}
+
+/// What one agent knows. `ids`, `x`, ... are the participants that it sees or was told of; its own state is `state`.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
 pub struct PyView {
     pub scene: Arc<Scene>,
     pub visible: Vec<usize>,
+    /// All participants that it knows of, if it has V2X.
+    pub known: Option<Vec<KnownBody>>,
     /// The agent's own row.
     pub row: usize,
     pub agent: Arc<Agent>,
     pub state: State,
-    pub s: f64,
-    pub stop_s: f64,
+    pub progress: Progress,
     /// At every point of the reference path.
     pub speed_limit: Vec<f64>,
     pub road: Arc<RoadNetwork>,
 }
 
 impl PyView {
-    fn rows(&self) -> Vec<usize> {
-        self.visible.clone()
+    fn shown(&self) -> Vec<Shown<'_>> {
+        match &self.known {
+            None => self.visible.iter().map(|row| Shown::Row(*row)).collect(),
+            Some(known) => {
+                let bodies = known.iter().map(|known| &known.body);
+                bodies.map(|body| body.as_ref().map_or_else(Shown::Told, |row| Shown::Row(*row))).collect()
+            }
+        }
+    }
+
+    /// The participant of which the agent was told by this id.
+    fn told(&self, id: i64) -> Option<&Told> {
+        self.known.iter().flatten().filter_map(|known| known.body.as_ref().err()).find(|told| told.id == id)
     }
 
     /// The points of a plan that was made from this view: x, y, orientation, velocity; acceleration, yaw rate.
@@ -79,10 +98,24 @@ impl PyView {
 
 participants_seen!(PyView);
 
+getters! { PyView {
+    /// How the agent knows of each participant, shape (participants,); `interdrive.run.VIA` has the names.
+    via: Row<'py, i64> = |this, py| arrays::row(py, match &this.known {
+        None => vec![0; this.visible.len()],
+        Some(known) => known.iter().map(|known| known.via).collect(),
+    });
+    /// Age of what the agent was told about each participant [s], shape (participants,): of the plan for those that it
+    /// sees; 0 where it was told nothing.
+    age: Row<'py, f64> = |this, py| arrays::row(py, match &this.known {
+        None => vec![0.0; this.visible.len()],
+        Some(known) => known.iter().map(|known| known.age).collect(),
+    });
+} }
+
 #[pymethods]
 impl PyView {
     fn __repr__(&self) -> String {
-        let (id, step, seen) = (self.agent.id, self.scene.time_step, self.visible.len());
+        let (id, step, seen) = (self.agent.id, self.scene.time_step, self.shown().len());
         format!("<View of agent {id} at time step {step}: {seen} participants>")
     }
 
@@ -96,6 +129,13 @@ impl PyView {
     /// polygons.
     fn outlines<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let participants = &self.scene.participants;
+        if let Some(told) = self.told(id) {
+            let pose = told.state.pose();
+            let parts = told.shape.outline().into_iter();
+            let world =
+                |part: Vec<Point>| arrays::points(py, part.into_iter().map(|point| pose.world_from_body(point)));
+            return parts.map(world).collect();
+        }
         let row = self.visible.iter().find(|row| participants.ids[**row] == id);
         let row = *row.ok_or_else(|| InputError::new_err(format!("participant {id} is not in view")))?;
         let pose = self.scene.state(row).pose();
@@ -151,7 +191,12 @@ impl PyView {
     ) -> PyResult<Option<(i64, usize)>> {
         let vehicle = &self.agent.vehicle;
         let drive = swept_boxes(&self.poses(&x, &y, &orientation)?, vehicle.length, vehicle.width);
-        Ok(self.scene.first_contact(self.agent.id, &drive, &predictions.table(), [margin_length, margin_width]))
+        let margin = [margin_length, margin_width];
+        let told = |id: i64| {
+            let told = self.told(id)?;
+            Some(PlacedBody { shape: &told.shape, pose: told.state.pose(), is_static: told.is_static })
+        };
+        Ok(self.scene.first_contact(self.agent.id, &drive, &predictions.table(), margin, &told))
     }
 }
 
@@ -159,6 +204,12 @@ impl PyView {
 impl PyPredictions {
     /// The rows that an agent may know: of those in its view, and its own.
     fn seen_by(&self, view: &PyView) -> Self {
+        if let Some((told, known)) = self.told.as_ref().and_then(|told| Some((told, told.known.get(&view.agent.id)?))) {
+            let own = view.scene.present.binary_search(&view.row).expect("a view is of an agent that is present");
+            let mut rows: Vec<usize> = known.iter().map(|known| known.row).collect();
+            rows.insert(known.partition_point(|known| known.id < view.agent.id), own);
+            return Self::rows_told(told, rows);
+        }
         let mut rows = view.visible.clone();
         rows.insert(rows.partition_point(|row| *row < view.row), view.row);
         self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
@@ -209,10 +260,14 @@ getters! { PyEgo {
         PyRoute { route: Arc::clone(&view.agent.route), road: Arc::clone(&view.road) }
     };
     /// Arc length of the rear axle on the reference path [m].
-    s: f64 = |this| this.view.get().s;
-    /// Arc length on the reference path that the front must not pass now [m], because of a red light or a stop sign;
-    /// infinite without one.
-    stop_s: f64 = |this| this.view.get().stop_s;
+    s: f64 = |this| this.view.get().progress.s;
+    /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign or others
+    /// at a junction; infinite without one.
+    stop_s: f64 = |this| this.view.get().progress.stop_s;
+    /// For how long it must not [s]; infinite: until it is told otherwise.
+    stop_release: f64 = |this| this.view.get().progress.stop_release;
+    /// The participant to which it gives way there.
+    stop_by: Option<i64> = |this| this.view.get().progress.stop_by;
     /// Speed limit at every point of the reference path [m/s]; infinite where there is none.
     speed_limit: Row<'py, f64> = |this, py| arrays::row(py, this.view.get().speed_limit.clone());
     /// First and last time step at which the goal can be reached in time; the largest integer where there is no last one.

@@ -9,8 +9,9 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, PlanStatus, Plans, State, States};
+use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
-use interdrive_core::world::{Agent, World, WorldSettings};
+use interdrive_core::world::{Agent, Progress, World, WorldSettings};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -19,14 +20,14 @@ use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
 use crate::getters::getters;
 use crate::planner::PyPlanner;
-use crate::predictions::PyPredictions;
+use crate::predictions::{KnownParts, PyPredictions};
 use crate::predictor::PyPredictor;
 use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
-use crate::scene::PyScene;
+use crate::scene::{PyScene, Told};
 use crate::settings::read;
 use crate::vehicle::PyVehicle;
-use crate::view::PyView;
+use crate::view::{KnownBody, PyView};
 
 /// Time step, rows present, first time step and number of columns of the past, its six fields row-major, its mask.
 type SceneParts<'py> = (i64, Vec<usize>, i64, usize, [PyReadonlyArray1<'py, f64>; 6], PyReadonlyArray1<'py, bool>);
@@ -38,7 +39,7 @@ pub struct PyAgent(pub Agent);
 impl PyAgent {
     #[new]
     #[pyo3(signature = (
-        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view, rules
+        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view, rules, v2x=None
     ))]
     fn new(
         id: i64,
@@ -52,6 +53,7 @@ impl PyAgent {
         planner: Option<&PyPlanner>,
         view: &Bound<'_, PyAny>,
         rules: &Bound<'_, PyAny>,
+        v2x: Option<bool>,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
         Ok(Self(Agent {
@@ -66,6 +68,7 @@ impl PyAgent {
             planner: planner.map_or(Planner::External, |planner| planner.0.clone()),
             view: read(view)?,
             rules: read(rules)?,
+            v2x,
         }))
     }
 }
@@ -137,7 +140,9 @@ fn nanoseconds(time: Duration) -> u64 {
 #[pymethods]
 impl PyWorld {
     #[new]
-    #[pyo3(signature = (scenario, agents, step, *, threads, record_views=false))]
+    #[pyo3(signature = (
+        scenario, agents, step, *, threads, record_views=false, v2x=None, seed=0, messages="none"
+    ))]
     fn new(
         py: Python<'_>,
         scenario: &PyScenario,
@@ -145,9 +150,27 @@ impl PyWorld {
         step: &Bound<'_, PyAny>,
         threads: usize,
         record_views: bool,
+        v2x: Option<&Bound<'_, PyAny>>,
+        seed: u64,
+        messages: &str,
     ) -> PyResult<Self> {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
-        let settings = WorldSettings { step: read(step)?, threads, record_views };
+        let record_messages = match messages {
+            "none" => Logged::None,
+            "sent" => Logged::Sent,
+            "links" => Logged::Links,
+            _ => return Err(InputError::new_err(("messages", format!("must be none, sent or links, not {messages}")))),
+        };
+        let v2x = v2x.map(read).transpose()?.unwrap_or_default();
+        let settings = WorldSettings {
+            step: read(step)?,
+            threads,
+            record_views,
+            v2x,
+            seed,
+            record_messages,
+            ..WorldSettings::default()
+        };
         let scenario = Arc::clone(&scenario.0);
         let world = detached(py, || World::new(scenario, agents, settings))?;
         Ok(Self(world, AtomicU64::new(0)))
@@ -159,19 +182,29 @@ impl PyWorld {
     }
 
     /// What an agent sees. `told` are the arc length of its rear axle on its reference path and the one that its front
-    /// must not pass [m]; the world knows them, other processes must be told.
-    #[pyo3(signature = (scene, id, told=None))]
-    fn view(&self, scene: &PyScene, id: i64, told: Option<(f64, f64)>) -> PyResult<PyView> {
+    /// must not pass [m], for how long [s] and because of whom; the world knows them, other processes must be told. `known` is what `Predictions.known` says;
+    /// without it the view has what the agent's sensors see.
+    #[pyo3(signature = (scene, id, told=None, known=None))]
+    fn view(
+        &self,
+        scene: &PyScene,
+        id: i64,
+        told: Option<(f64, f64, f64, Option<i64>)>,
+        known: Option<Vec<KnownParts>>,
+    ) -> PyResult<PyView> {
         let agent = Arc::clone(self.0.agent(id).map_err(exception)?);
         let visible = self.0.visible(id, &scene.scene).map_err(exception)?;
         let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
-        let (s, stop_s) = told.map_or_else(|| self.0.progress(id).map_err(exception), Ok)?;
+        let progress = match told {
+            Some((s, stop_s, stop_release, stop_by)) => Progress { s, stop_s, stop_release, stop_by },
+            None => self.0.progress(id).map_err(exception)?,
+        };
         Ok(PyView {
             visible,
+            known: known.map(|known| known.into_iter().map(|parts| body(&scene.scene, parts)).collect()),
             row,
             state: scene.scene.state(row),
-            s,
-            stop_s,
+            progress,
             speed_limit: self.0.speed_limits(id).map_err(exception)?,
             scene: Arc::clone(&scene.scene),
             road: Arc::clone(&self.0.scenario().road),
@@ -211,8 +244,64 @@ impl PyWorld {
     }
 
     fn plan(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPlans> {
+        if let Some(told) = &predictions.told {
+            return self.timed(py, |world| world.plan_as_expected(&scene.scene, told)).map(PyPlans);
+        }
         let table = predictions.table();
         self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
+    }
+
+    /// The predictions with what the agents with V2X were told; the same predictions if there is none.
+    fn expect(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPredictions> {
+        if self.0.equipped().is_empty() {
+            return Ok(predictions.again());
+        }
+        let table = predictions.table();
+        let told = self.timed(py, |world| world.expect(&scene.scene, &table))?;
+        Ok(told.map_or_else(|| predictions.again(), |told| predictions.with(told)))
+    }
+
+    /// Stretches in which agents held for others so far, as a dict of arrays; going_id -1: the way behind was blocked.
+    fn agreements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = self.0.agreements();
+        let dict = PyDict::new(py);
+        let column = |value: &dyn Fn(&Agreement) -> i64| arrays::row(py, all.iter().map(value).collect());
+        dict.set_item("holding_id", column(&|one| one.holding))?;
+        dict.set_item("going_id", column(&|one| one.going.unwrap_or(-1)))?;
+        dict.set_item("first_time_step", column(&|one| one.first))?;
+        dict.set_item("last_time_step", column(&|one| one.last))?;
+        let number = |value: &dyn Fn(&Agreement) -> f64| arrays::row(py, all.iter().map(value).collect());
+        dict.set_item("bar_x", number(&|one| one.bar.position.x))?;
+        dict.set_item("bar_y", number(&|one| one.bar.position.y))?;
+        dict.set_item("bar_heading", number(&|one| one.bar.orientation))?;
+        dict.set_item("claim", column(&|one| one.claim))?;
+        Ok(dict)
+    }
+
+    /// Messages so far as a dict of arrays: one row per message, and one per message and receiver in range, with
+    /// receiver_id -1 in the former, and arrived -1 where the message is lost; and totals. None if no agent has V2X.
+    fn messages<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(log) = self.0.messages() else { return Ok(None) };
+        let dict = PyDict::new(py);
+        let column = |value: &dyn Fn(&Message) -> i64| arrays::row(py, log.rows.iter().map(value).collect());
+        dict.set_item("time_step", column(&|row| row.time_step))?;
+        dict.set_item("sender_id", column(&|row| row.sender))?;
+        dict.set_item("service", column(&|row| row.service as i64))?;
+        dict.set_item("bytes", column(&|row| row.bytes as i64))?;
+        dict.set_item("objects", column(&|row| row.objects as i64))?;
+        dict.set_item("points", column(&|row| row.points as i64))?;
+        dict.set_item("in_range", column(&|row| row.in_range as i64))?;
+        dict.set_item("received", column(&|row| row.received as i64))?;
+        dict.set_item("receiver_id", column(&|row| row.link.map_or(-1, |link| link.0)))?;
+        dict.set_item("arrived", column(&|row| row.link.and_then(|link| link.1).unwrap_or(-1)))?;
+        let distance = log.rows.iter().map(|row| row.link.map_or(f64::NAN, |link| link.2)).collect();
+        dict.set_item("distance", arrays::row(py, distance))?;
+        dict.set_item("messages", log.messages)?;
+        dict.set_item("total_bytes", log.bytes)?;
+        dict.set_item("total_in_range", log.in_range)?;
+        dict.set_item("total_received", log.received)?;
+        dict.set_item("peak_bytes", log.peak_bytes)?;
+        Ok(Some(dict))
     }
 
     /// Moves all participants; returns the seconds that the search for contacts and road departures took.
@@ -245,46 +334,12 @@ impl PyWorld {
 
     /// Outcomes of all agents as a dict of arrays, sorted by id.
     fn outcomes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let outcomes: Vec<_> = self.0.outcomes().collect();
-        let dict = PyDict::new(py);
-        dict.set_item("agent_id", arrays::row(py, self.0.agents().map(|agent| agent.id).collect()))?;
-        dict.set_item("kind", arrays::row(py, outcomes.iter().map(|o| o.kind as i64).collect()))?;
-        dict.set_item("time_step", arrays::row(py, outcomes.iter().map(|o| o.time_step).collect()))?;
-        dict.set_item("partner_id", arrays::row(py, outcomes.iter().map(|o| o.partner.unwrap_or(-1)).collect()))?;
-        dict.set_item("off_road", arrays::row(py, outcomes.iter().map(|o| o.off_road).collect()))?;
-        dict.set_item("impact_speed", arrays::row(py, outcomes.iter().map(|o| o.impact_speed).collect()))?;
-        dict.set_item("off_lanelets", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets).collect()))?;
-        dict.set_item("off_lanelets_s", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets_s).collect()))?;
-        dict.set_item("message", outcomes.iter().map(|o| o.message.clone()).collect::<Vec<_>>())?;
-        Ok(dict)
+        outcomes_dict(py, &self.0)
     }
 
     /// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let states = self.0.recording().states();
-        let participants = self.0.participants();
-        let shape = [states.ids.len(), states.n_steps];
-        let extent: Vec<(f64, f64)> = participants.shape.iter().map(Shape::extent).collect();
-        let dict = PyDict::new(py);
-        dict.set_item("first_time_step", states.first_time_step)?;
-        dict.set_item("kind", arrays::row(py, participants.kind.iter().map(|kind| *kind as i64).collect()))?;
-        dict.set_item("is_agent", arrays::row(py, participants.is_agent.clone()))?;
-        dict.set_item("is_static", arrays::row(py, participants.is_static.clone()))?;
-        dict.set_item("length", arrays::row(py, extent.iter().map(|e| e.0).collect()))?;
-        dict.set_item("width", arrays::row(py, extent.iter().map(|e| e.1).collect()))?;
-        dict.set_item("ids", arrays::row(py, states.ids))?;
-        for (name, values) in [
-            ("x", states.x),
-            ("y", states.y),
-            ("orientation", states.orientation),
-            ("velocity", states.velocity),
-            ("acceleration", states.acceleration),
-            ("yaw_rate", states.yaw_rate),
-        ] {
-            dict.set_item(name, arrays::grid(py, values, shape)?)?;
-        }
-        dict.set_item("valid", arrays::grid(py, states.valid, shape)?)?;
-        Ok(dict)
+        states_dict(py, &self.0)
     }
 
     /// Visibility intervals per observer and participant so far as a dict of arrays; empty unless the world records views.
@@ -298,61 +353,128 @@ impl PyWorld {
         Ok(dict)
     }
 
+    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.WAITS`, `by_id` -1 for none.
+    fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let waits: Vec<_> = self.0.recording().waits().collect();
+        let dict = PyDict::new(py);
+        dict.set_item("agent_id", arrays::row(py, waits.iter().map(|wait| wait.agent).collect()))?;
+        dict.set_item("first_time_step", arrays::row(py, waits.iter().map(|wait| wait.first).collect()))?;
+        dict.set_item("last_time_step", arrays::row(py, waits.iter().map(|wait| wait.last).collect()))?;
+        dict.set_item("kind", arrays::row(py, waits.iter().map(|wait| i64::from(wait.kind)).collect()))?;
+        dict.set_item("by_id", arrays::row(py, waits.iter().map(|wait| wait.by.unwrap_or(-1)).collect()))?;
+        dict.set_item("stop_s", arrays::row(py, waits.iter().map(|wait| wait.stop).collect()))?;
+        Ok(dict)
+    }
+
     /// All plans so far as a dict of arrays, one row per time step and agent.
     fn plans<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let plans = self.0.recording().plans();
-        let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
-        let n_rows: usize = plans.iter().map(|p| p.ids.len()).sum();
-        let dict = PyDict::new(py);
-        dict.set_item(
-            "time_step",
-            arrays::row(py, plans.iter().flat_map(|p| vec![p.time_step; p.ids.len()]).collect()),
-        )?;
-        dict.set_item("agent_id", arrays::row(py, plans.iter().flat_map(|p| p.ids.iter().copied()).collect()))?;
-        dict.set_item(
-            "status",
-            arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()),
-        )?;
-        dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
-        let mut obstructions: Vec<Option<&Obstruction>> = vec![None; n_rows];
-        let mut first = 0;
-        for table in plans {
-            table.obstructions.iter().for_each(|(row, obstruction)| obstructions[first + row] = Some(obstruction));
-            first += table.ids.len();
-        }
-        let words: Vec<&str> = obstructions.iter().map(|o| o.map_or("", |o| o.rejection.as_str())).collect();
-        dict.set_item("rejection", PyTuple::new(py, words)?)?;
-        for (name, number) in [
-            ("rejection_x", (|o: &Obstruction| o.at.x) as fn(&Obstruction) -> f64),
-            ("rejection_y", |o| o.at.y),
-            ("rejection_overhang", |o| o.overhang),
-        ] {
-            let column = obstructions.iter().map(|o| o.map_or(f64::NAN, number)).collect();
-            dict.set_item(name, arrays::row(py, column))?;
-        }
-        type Field = fn(&State) -> f64;
-        let fields: [(&str, Field); 5] = [
-            ("x", |p| p.x),
-            ("y", |p| p.y),
-            ("orientation", |p| p.orientation),
-            ("velocity", |p| p.velocity),
-            ("acceleration", |p| p.acceleration),
-        ];
-        for (name, field) in fields {
-            let mut flat = Vec::with_capacity(n_rows * n_points);
-            for table in plans {
-                for row in 0..table.ids.len() {
-                    flat.extend(table.row_points(row).iter().map(field));
-                    flat.resize(flat.len() + n_points - table.n_points, f64::NAN);
-                }
-            }
-            dict.set_item(name, arrays::grid(py, flat, [n_rows, n_points])?)?;
-        }
-        Ok(dict)
+        plans_dict(py, &self.0)
     }
 }
 
+/// A participant that an agent knows of, from plain numbers.
+fn body(scene: &Scene, (id, via, age, place, numbers): KnownParts) -> KnownBody {
+    let (kind, is_static, length, width, [x, y, orientation, velocity, acceleration, yaw_rate]) = numbers;
+    let state = State { x, y, orientation, velocity, acceleration, yaw_rate };
+    let seen = usize::try_from(place).ok().and_then(|place| scene.present.get(place).copied());
+    let told = || Told { id, kind, is_static, shape: Shape::rectangle(length, width), state };
+    KnownBody { via, age, body: seen.ok_or_else(told) }
+}
+
+/// Outcomes of all agents as a dict of arrays, sorted by id.
+pub fn outcomes_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
+    let outcomes: Vec<_> = world.outcomes().collect();
+    let dict = PyDict::new(py);
+    dict.set_item("agent_id", arrays::row(py, world.agents().map(|agent| agent.id).collect()))?;
+    dict.set_item("kind", arrays::row(py, outcomes.iter().map(|o| o.kind as i64).collect()))?;
+    dict.set_item("time_step", arrays::row(py, outcomes.iter().map(|o| o.time_step).collect()))?;
+    dict.set_item("partner_id", arrays::row(py, outcomes.iter().map(|o| o.partner.unwrap_or(-1)).collect()))?;
+    dict.set_item("off_road", arrays::row(py, outcomes.iter().map(|o| o.off_road).collect()))?;
+    dict.set_item("impact_speed", arrays::row(py, outcomes.iter().map(|o| o.impact_speed).collect()))?;
+    dict.set_item("off_lanelets", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets).collect()))?;
+    dict.set_item("off_lanelets_s", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets_s).collect()))?;
+    dict.set_item("message", outcomes.iter().map(|o| o.message.clone()).collect::<Vec<_>>())?;
+    Ok(dict)
+}
+
+/// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
+pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
+    let states = world.recording().states();
+    let participants = world.participants();
+    let shape = [states.ids.len(), states.n_steps];
+    let extent: Vec<(f64, f64)> = participants.shape.iter().map(Shape::extent).collect();
+    let dict = PyDict::new(py);
+    dict.set_item("first_time_step", states.first_time_step)?;
+    dict.set_item("kind", arrays::row(py, participants.kind.iter().map(|kind| *kind as i64).collect()))?;
+    dict.set_item("is_agent", arrays::row(py, participants.is_agent.clone()))?;
+    dict.set_item("is_static", arrays::row(py, participants.is_static.clone()))?;
+    dict.set_item("length", arrays::row(py, extent.iter().map(|e| e.0).collect()))?;
+    dict.set_item("width", arrays::row(py, extent.iter().map(|e| e.1).collect()))?;
+    dict.set_item("ids", arrays::row(py, states.ids))?;
+    for (name, values) in [
+        ("x", states.x),
+        ("y", states.y),
+        ("orientation", states.orientation),
+        ("velocity", states.velocity),
+        ("acceleration", states.acceleration),
+        ("yaw_rate", states.yaw_rate),
+    ] {
+        dict.set_item(name, arrays::grid(py, values, shape)?)?;
+    }
+    dict.set_item("valid", arrays::grid(py, states.valid, shape)?)?;
+    Ok(dict)
+}
+
+/// All plans so far as a dict of arrays, one row per time step and agent.
+pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
+    let plans = world.recording().plans();
+    let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
+    let n_rows: usize = plans.iter().map(|p| p.ids.len()).sum();
+    let dict = PyDict::new(py);
+    dict.set_item("time_step", arrays::row(py, plans.iter().flat_map(|p| vec![p.time_step; p.ids.len()]).collect()))?;
+    dict.set_item("agent_id", arrays::row(py, plans.iter().flat_map(|p| p.ids.iter().copied()).collect()))?;
+    dict.set_item("status", arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()))?;
+    dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
+    let mut obstructions: Vec<Option<&Obstruction>> = vec![None; n_rows];
+    let mut first = 0;
+    for table in plans {
+        table.obstructions.iter().for_each(|(row, obstruction)| obstructions[first + row] = Some(obstruction));
+        first += table.ids.len();
+    }
+    let words: Vec<&str> = obstructions.iter().map(|o| o.map_or("", |o| o.rejection.as_str())).collect();
+    dict.set_item("rejection", PyTuple::new(py, words)?)?;
+    for (name, number) in [
+        ("rejection_x", (|o: &Obstruction| o.at.x) as fn(&Obstruction) -> f64),
+        ("rejection_y", |o| o.at.y),
+        ("rejection_overhang", |o| o.overhang),
+    ] {
+        let column = obstructions.iter().map(|o| o.map_or(f64::NAN, number)).collect();
+        dict.set_item(name, arrays::row(py, column))?;
+    }
+    type Field = fn(&State) -> f64;
+    let fields: [(&str, Field); 5] = [
+        ("x", |p| p.x),
+        ("y", |p| p.y),
+        ("orientation", |p| p.orientation),
+        ("velocity", |p| p.velocity),
+        ("acceleration", |p| p.acceleration),
+    ];
+    for (name, field) in fields {
+        let mut flat = Vec::with_capacity(n_rows * n_points);
+        for table in plans {
+            for row in 0..table.ids.len() {
+                flat.extend(table.row_points(row).iter().map(field));
+                flat.resize(flat.len() + n_points - table.n_points, f64::NAN);
+            }
+        }
+        dict.set_item(name, arrays::grid(py, flat, [n_rows, n_points])?)?;
+    }
+    Ok(dict)
+}
+
 getters! { PyWorld {
+    /// Ids of the agents with V2X, ascending.
+    equipped: Vec<i64> = |this| this.0.equipped().to_vec();
     time_step: i64 = |this| this.0.time_step();
     is_done: bool = |this| this.0.is_done();
     /// Ids of the agents that drive now, ascending.

@@ -182,7 +182,7 @@ fn the_broad_phase_finds_what_trying_all_pairs_finds_in_ascending_order() {
 }
 
 #[test]
-fn nobody_is_in_contact_with_nobody() {
+fn without_others_there_is_no_contact() {
     assert_eq!(contacts(&[], |_, _| true), []);
 }
 

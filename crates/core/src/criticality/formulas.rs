@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_ahead_is_no_conflict() {
+    fn a_free_path_is_no_conflict() {
         assert_eq!(time_headway(INF, 10.0), INF);
         for (velocity, acceleration) in [(-10.0, 0.0), (-10.0, -1.0), (0.0, -1.0), (5.0, 2.0)] {
             assert_eq!(time_to_collision(INF, velocity, acceleration), INF);

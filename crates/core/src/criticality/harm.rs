@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn who_hits_whom_decides_on_the_model() {
+    fn the_roles_in_an_impact_decide_on_the_model() {
         use ParticipantKind::{Bicycle, Car, Structure};
         // Both 10 m/s, head-on: 20 m/s, shared by equal masses, all of it against what does not give way.
         let against = |own, other| {

@@ -1,14 +1,19 @@
 //! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time
 //! step, and the harm of collisions. Evaluated afterwards, on what was recorded. Definitions: docs/criticality.md.
 
+pub mod blame;
 mod conflict;
 mod curve;
-pub mod harm;
-pub mod formulas;
 mod evaluation_step;
+mod footing;
+pub mod formulas;
+pub mod harm;
+mod measure;
 mod overlap;
 mod paths;
+mod result;
 mod settings;
+pub mod straight;
 #[cfg(test)]
 mod tests;
 mod traffic;
@@ -18,6 +23,8 @@ use std::collections::BTreeSet;
 use rayon::prelude::*;
 
 pub use conflict::Connector;
+pub use measure::Measure;
+pub use result::{Criticality, Exposure, Extreme, Series, Way};
 pub use settings::{LeadMembership, Settings, ThwMode};
 pub use traffic::Traffic;
 
@@ -28,73 +35,11 @@ use conflict::{Conflicts, crossing_connectors};
 use evaluation_step::{Context, Decisive, Following, Moment, Via};
 use overlap::Overlaps;
 use paths::{PathSystems, starts};
+use result::{Judged, assemble};
 
 /// Distances that differ by less [m] are equal: of several equal encounters the earliest one counts, however the world
 /// is turned.
 const SAME_DISTANCE: f64 = 1e-8;
-
-/// What is measured; the position is the place in [`Criticality::series`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(usize)]
-pub enum Measure {
-    /// Headway [m].
-    Hw = 0,
-    /// Time headway [s].
-    Thw = 1,
-    /// Time to collision [s].
-    Ttc = 2,
-    /// Share of time exposed to a small time to collision, from here on.
-    Tet = 3,
-    /// Time-integrated time to collision [s²], from here on.
-    Tit = 4,
-    /// Distance of closest encounter [m].
-    Dce = 5,
-    /// Time to closest encounter [s].
-    Ttce = 6,
-    /// Encroachment time [s].
-    Et = 7,
-    /// Post-encroachment time [s].
-    Pet = 8,
-    /// Required longitudinal acceleration [m/s²].
-    ALongReq = 9,
-    /// Brake threat number.
-    Btn = 10,
-    /// Required lateral acceleration [m/s²].
-    ALatReq = 11,
-    /// Steer threat number.
-    Stn = 12,
-    /// Proportion of stopping distance.
-    Psd = 13,
-    /// Minimal stopping distance [m].
-    Msd = 14,
-}
-
-impl Measure {
-    /// All, in order, with the names used outside.
-    pub const ALL: [(Self, &'static str); 15] = [
-        (Self::Hw, "hw"),
-        (Self::Thw, "thw"),
-        (Self::Ttc, "ttc"),
-        (Self::Tet, "tet"),
-        (Self::Tit, "tit"),
-        (Self::Dce, "dce"),
-        (Self::Ttce, "ttce"),
-        (Self::Et, "et"),
-        (Self::Pet, "pet"),
-        (Self::ALongReq, "a_long_req"),
-        (Self::Btn, "btn"),
-        (Self::ALatReq, "a_lat_req"),
-        (Self::Stn, "stn"),
-        (Self::Psd, "psd"),
-        (Self::Msd, "msd"),
-    ];
-
-    /// Larger values are more critical.
-    pub fn grows(self) -> bool {
-        use Measure::{ALatReq, Btn, Msd, Stn, Tet, Tit};
-        matches!(self, Btn | ALatReq | Stn | Msd | Tet | Tit)
-    }
-}
 
 /// Where conflict areas are looked for.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,75 +68,6 @@ pub struct Request {
     pub threads: usize,
 }
 
-/// One measure of all judged participants; arrays of shape (judged, time steps), row-major.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Series {
-    /// Infinite: no conflict. NaN: absent, or cannot be computed.
-    pub value: Vec<f64>,
-    /// Id of the decisive participant; -1: none.
-    pub partner: Vec<i64>,
-    /// Index into [`Criticality::ways`]; -1: none.
-    pub way: Vec<i64>,
-}
-
-/// The most critical value of a measure for one participant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Extreme {
-    /// Value; NaN if it could not be computed at any time step.
-    pub value: f64,
-    /// First time step with that value; of the distance of the closest encounter the encounter itself, of the time to
-    /// it the moment of the smallest time to collision (without any, the first state), of an encroachment time when it
-    /// is entered, of a post-encroachment time when the first one has left.
-    pub time_step: i64,
-    /// Id; -1: none.
-    pub partner: i64,
-    /// Index into [`Criticality::ways`]; -1: none.
-    pub way: i64,
-}
-
-/// A path (lanelets in driving order) or a conflict area (the own lanelet, the other one's), as lanelet ids.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Way {
-    /// Lanelet ids.
-    pub lanelets: Vec<i64>,
-    /// The two lanelets cross.
-    pub is_conflict_area: bool,
-}
-
-/// What is known about one participant beyond the measures at each time step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Exposure {
-    /// Time with a time to collision of at most the threshold [s].
-    pub tet_seconds: f64,
-    /// Integrated time to collision per time [s].
-    pub tit_mean: f64,
-    /// Share of the time steps before a conflict area at which it could not have stopped before it; NaN without any.
-    pub psd_below_one: f64,
-    /// The conflict area of the encroachment time was occupied from the first state on.
-    pub et_left_censored: bool,
-    /// Id of the participant that was first in the conflict area of the post-encroachment time; -1: none.
-    pub pet_first: i64,
-}
-
-/// All measures.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Criticality {
-    /// Ids of the judged participants, ascending.
-    pub ids: Vec<i64>,
-    /// Time step of the first column.
-    pub first_time_step: i64,
-    /// Number of columns.
-    pub n_steps: usize,
-    /// One per [`Measure`].
-    pub series: Vec<Series>,
-    /// Per measure and judged participant.
-    pub extremes: Vec<Vec<Extreme>>,
-    /// Per judged participant.
-    pub exposure: Vec<Exposure>,
-    /// Paths and conflict areas that values refer to.
-    pub ways: Vec<Way>,
-}
-
 /// All measures for some participants.
 ///
 /// # Errors
@@ -215,6 +91,15 @@ pub fn overlapping_lanelets(road: &RoadNetwork, erosion: f64, overlap_min: f64) 
     let n = road.lanelets().len();
     let others = |i: usize| (i + 1..n).map(move |j| (i, j));
     (0..n).flat_map(others).filter(|(i, j)| overlaps.of(*i, *j)).collect()
+}
+
+/// For every lanelet by index whether it crosses or joins others that do not come from the same one.
+pub fn crossing_lanelets(road: &RoadNetwork, erosion: f64, overlap_min: f64) -> Vec<bool> {
+    let mut found = vec![false; road.lanelets().len()];
+    for connector in crossing_connectors(road, &Overlaps::new(road, erosion, overlap_min)) {
+        found[connector.lanelet] = true;
+    }
+    found
 }
 
 /// Rows with their available deceleration, ascending.
@@ -261,14 +146,6 @@ fn contacts(traffic: &Traffic, given: &[(i64, i64, i64)]) -> Result<Vec<(u32, u3
     }
     found.sort_unstable();
     Ok(found)
-}
-
-/// One participant's part of the result.
-struct Judged {
-    /// Per measure and column.
-    series: Vec<Vec<Decisive>>,
-    extremes: Vec<(Decisive, usize)>,
-    exposure: Exposure,
 }
 
 fn evaluated(
@@ -424,65 +301,4 @@ fn extremes(series: &[Vec<Decisive>], there: &[bool], et: Decisive, pet: Decisiv
             _ => extreme(*measure),
         })
         .collect()
-}
-
-fn assemble(traffic: &Traffic, paths: &PathSystems, judged: &[(usize, f64)], found: &[Judged]) -> Criticality {
-    let (n, n_measures) = (traffic.states.n_steps, Measure::ALL.len());
-    let mut vias: Vec<Via> = found
-        .iter()
-        .flat_map(|one| one.series.iter().flatten().chain(one.extremes.iter().map(|(value, _)| value)))
-        .map(|value| value.via)
-        .filter(|via| *via != Via::Nothing)
-        .collect();
-    vias.sort_unstable();
-    vias.dedup();
-    let ids = &traffic.states.ids;
-    let id_of = |row: u32| ids.get(row as usize).copied().unwrap_or(-1);
-    let way_of = |via: Via| vias.binary_search(&via).map_or(-1, |index| index as i64);
-    let series = (0..n_measures)
-        .map(|measure| {
-            let all = || found.iter().flat_map(move |one| one.series[measure].iter());
-            Series {
-                value: all().map(|value| value.value).collect(),
-                partner: all().map(|value| id_of(value.partner)).collect(),
-                way: all().map(|value| way_of(value.via)).collect(),
-            }
-        })
-        .collect();
-    let extremes = (0..n_measures)
-        .map(|measure| {
-            let at = |one: &Judged| {
-                let (value, column) = one.extremes[measure];
-                Extreme {
-                    value: value.value,
-                    time_step: traffic.states.first_time_step + column as i64,
-                    partner: id_of(value.partner),
-                    way: way_of(value.via),
-                }
-            };
-            found.iter().map(at).collect()
-        })
-        .collect();
-    let exposure = found
-        .iter()
-        .map(|one| Exposure { pet_first: u32::try_from(one.exposure.pet_first).map_or(-1, id_of), ..one.exposure })
-        .collect();
-    Criticality {
-        ids: judged.iter().map(|(row, _)| ids[*row]).collect(),
-        first_time_step: traffic.states.first_time_step,
-        n_steps: n,
-        series,
-        extremes,
-        exposure,
-        ways: vias.iter().map(|via| way(&traffic.road, paths, *via)).collect(),
-    }
-}
-
-fn way(road: &RoadNetwork, paths: &PathSystems, via: Via) -> Way {
-    let id = |lanelet: &u32| road.lanelets()[*lanelet as usize].id;
-    match via {
-        Via::Path(code) => Way { lanelets: paths.lanelets(code).iter().map(id).collect(), is_conflict_area: false },
-        Via::ConflictArea(own, other) => Way { lanelets: vec![id(&own), id(&other)], is_conflict_area: true },
-        Via::Nothing => Way { lanelets: Vec::new(), is_conflict_area: false },
-    }
 }

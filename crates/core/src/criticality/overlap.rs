@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use crate::geometry::clipping::{area, clip, intersection, strip};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::road::{Lanelet, RoadNetwork};
@@ -128,11 +129,6 @@ impl Area {
     }
 }
 
-/// Area of a counter-clockwise polygon [m²].
-fn area(polygon: &[Point]) -> f64 {
-    0.5 * polygon.windows(2).map(|pair| (pair[0] - polygon[0]).cross(pair[1] - polygon[0])).sum::<f64>()
-}
-
 /// The part of a convex polygon at least `inset` [m] to the left of a line from `a` to `b`. Going from the left bound
 /// to the right one, the lanelet is on the left.
 fn clipped(polygon: &[Point], a: Point, b: Point, inset: f64) -> Vec<Point> {
@@ -143,35 +139,6 @@ fn clipped(polygon: &[Point], a: Point, b: Point, inset: f64) -> Vec<Point> {
     }
     let normal = along.left() * (1.0 / length);
     clip(polygon, a + normal * inset, normal)
-}
-
-/// The part of a convex polygon in front of a line.
-fn clip(polygon: &[Point], origin: Point, normal: Point) -> Vec<Point> {
-    let mut out = Vec::with_capacity(polygon.len() + 1);
-    for (i, &from) in polygon.iter().enumerate() {
-        let to = polygon[(i + 1) % polygon.len()];
-        let (start, end) = ((from - origin).dot(normal), (to - origin).dot(normal));
-        if start >= 0.0 {
-            out.push(from);
-        }
-        if (start > 0.0 && end < 0.0) || (start < 0.0 && end > 0.0) {
-            out.push(from.lerp(to, start / (start - end)));
-        }
-    }
-    out
-}
-
-/// Intersection of convex polygons (Sutherland and Hodgman).
-fn intersection(a: &[Point], b: &[Point]) -> Vec<Point> {
-    let mut out = a.to_vec();
-    for (i, &from) in b.iter().enumerate() {
-        let to = b[(i + 1) % b.len()];
-        out = clip(&out, from, (to - from).left());
-        if out.len() < 3 {
-            return Vec::new();
-        }
-    }
-    out
 }
 
 /// A bound moved to its left by `by` [m] (negative: right), vertex by vertex.
@@ -201,26 +168,14 @@ fn shifted(bound: &[Point], by: f64) -> Vec<Point> {
     (0..n).map(move_vertex).collect()
 }
 
-/// Convex pieces of the strip between two bounds; those that are inside out are left out.
-fn strip(left: &[Point], right: &[Point]) -> Vec<Vec<Point>> {
-    let mut pieces = Vec::new();
-    for i in 0..left.len() - 1 {
-        let quad = [right[i], right[i + 1], left[i + 1], left[i]];
-        let turn = |a: usize, b: usize, c: usize| (quad[b] - quad[a]).cross(quad[c] - quad[b]);
-        if (0..4).all(|k| turn(k, (k + 1) % 4, (k + 2) % 4) >= 0.0) {
-            pieces.push(quad.to_vec());
-            continue;
-        }
-        let [a, b, c, d] = quad;
-        let twice = |p: Point, q: Point, r: Point| (q - p).cross(r - p);
-        let halves = if twice(a, b, c).min(twice(a, c, d)) >= twice(a, b, d).min(twice(b, c, d)) {
-            [[a, b, c], [a, c, d]]
-        } else {
-            [[a, b, d], [b, c, d]]
-        };
-        pieces.extend(halves.into_iter().filter(|[p, q, r]| twice(*p, *q, *r) > 0.0).map(|half| half.to_vec()));
+/// Values for all indices below `n`, on the threads of the pool in which it is called; outside of one, on the calling
+/// thread: the global thread pool is left alone.
+fn of_each<T: Send>(n: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    if rayon::current_thread_index().is_some() {
+        (0..n).into_par_iter().map(value).collect()
+    } else {
+        (0..n).map(value).collect()
     }
-    pieces
 }
 
 /// Which lanelets of a road overlap once they are eroded.
@@ -235,10 +190,9 @@ pub(super) struct Overlaps {
 impl Overlaps {
     pub(super) fn new(road: &RoadNetwork, erosion: f64, least: f64) -> Self {
         let lanelets = road.lanelets();
-        let eroded: Vec<Area> = lanelets.par_iter().map(|lanelet| Area::eroded(lanelet, erosion)).collect();
         let n = lanelets.len();
-        let pairs: Vec<Vec<usize>> =
-            (0..n).into_par_iter().map(|i| (i..n).filter(|j| eroded[i].shares(&eroded[*j], least)).collect()).collect();
+        let eroded: Vec<Area> = of_each(n, |i| Area::eroded(&lanelets[i], erosion));
+        let pairs: Vec<Vec<usize>> = of_each(n, |i| (i..n).filter(|j| eroded[i].shares(&eroded[*j], least)).collect());
         let mut bits = vec![0_u64; (n * n).div_ceil(64)];
         for (i, others) in pairs.iter().enumerate() {
             for &j in others {

@@ -92,6 +92,11 @@ impl Traffic {
         Ok(())
     }
 
+    /// Row of a participant.
+    pub fn row(&self, id: i64) -> Option<usize> {
+        self.states.row(id)
+    }
+
     #[inline]
     pub(super) fn index(&self, row: usize, column: usize) -> usize {
         row * self.states.n_steps + column

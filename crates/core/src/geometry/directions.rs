@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn huge_angles_are_looked_up_one_by_one_and_who_is_not_valid_has_none() {
+    fn huge_angles_are_looked_up_one_by_one_and_invalid_rows_have_none() {
         let angles = [1e9, f64::NAN, 1.0, f64::NAN];
         let (mut x, mut y) = ([1.0; 4], [1.0; 4]);
         write_directions(&angles, &[true, true, false, false], &mut x, &mut y);

@@ -1,6 +1,7 @@
 //! Points, poses and angles. SI units and radians; unless a name says otherwise, coordinates are in the world frame
 //! (x east, y north, orientation counter-clockwise from the x axis).
 
+pub(crate) mod clipping;
 pub(crate) mod directions;
 pub mod polyline;
 pub mod shape;

@@ -141,6 +141,11 @@ impl Shape {
         self.outline.clone()
     }
 
+    /// The same, borrowed.
+    pub(crate) fn outlines(&self) -> &[Vec<Point>] {
+        &self.outline
+    }
+
     /// Box along the body axes around the shape at a pose; exact for a rectangle along the body axes.
     pub fn oriented_box(&self, pose: Pose) -> OrientedBox {
         self.oriented_box_along(pose.position, Point::from_angle(pose.orientation))

@@ -62,15 +62,18 @@ pub(super) struct Conflicts {
     dt: f64,
     /// Arc length that the front must not pass [m].
     stop: f64,
+    /// The same for a time [s].
+    hold: (f64, f64),
 }
 
 impl Conflicts {
-    /// Projects all participants of the request onto the path, beside the arc length `stop` [m] that the front must not
-    /// pass. Claims that begin later do not count until `decide`.
-    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, stop: f64) {
+    /// Projects all participants of the request onto the path, beside the arc lengths [m] that the front must not pass, the
+    /// second one for a time [s]. Claims that begin later do not count until `decide`.
+    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, stops: (f64, (f64, f64))) {
         self.intervals.clear();
         self.occupancies.clear();
-        (self.n_points, self.dt, self.stop) = (n_points, request.dt, stop);
+        (self.n_points, self.dt) = (n_points, request.dt);
+        (self.stop, self.hold) = stops;
         let region = Region::new(ego);
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
@@ -222,6 +225,12 @@ impl Conflicts {
         let mut least = f64::INFINITY;
         if self.stop.is_finite() {
             least = following(law, velocity, self.stop - LINE_GAP - front + law.minimum_gap, 0.0);
+        }
+        let (stop, release) = self.hold;
+        let left = release - point as f64 * self.dt;
+        if stop.is_finite() && left > 0.0 {
+            let waits = following(law, velocity, stop - LINE_GAP - front + law.minimum_gap, 0.0);
+            least = least.min(waits.max(not_before(stop - LINE_GAP - front, velocity, 0.0, left)));
         }
         for occupancy in self.occupancies.iter().filter(|occupancy| occupancy.counts && point <= occupancy.last) {
             let interval = |at: usize| &self.intervals[occupancy.row + at];

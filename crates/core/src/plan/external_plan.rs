@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_could_drive_is_named() {
+    fn a_plan_that_cannot_be_driven_is_named() {
         let now = straight(10.0, 1)[0];
         let bent = |change: &dyn Fn(&mut [State])| {
             let mut points = straight(10.0, 5);

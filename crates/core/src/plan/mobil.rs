@@ -112,7 +112,7 @@ pub(super) fn plan(
     let law = &settings.idm.law;
     let ego = Ego::new(request, &lane.path, (start.s, start.velocity, start.d), time);
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
-    conflicts.collect(request, &ego, n_points, request.stop(&lane.way, start.s));
+    conflicts.collect(request, &ego, n_points, (request.stop(&lane.way, start.s), request.hold(start.s)));
     let comfort = settings.idm.lateral_acceleration;
     speed_profile.fill(&lane.path, &lane.way.limits, (start.s, ego.reach), comfort, law.deceleration);
     let need = lane.need(start.s);

@@ -7,11 +7,13 @@ mod frame;
 pub mod frenet;
 mod idm;
 mod lanes;
+pub mod learned;
 mod mobil;
 mod prediction_index;
 pub mod external_plan;
 mod speed_profile;
 mod path_motion;
+pub mod policy;
 mod polynomial;
 mod recorded;
 mod recorded_path;
@@ -26,12 +28,13 @@ pub use velocity_adjusting::VelocityAdjustingSettings;
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
+use crate::observation::PathTable;
 use crate::road::RoadNetwork;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{ParticipantKind, Vehicle};
 use lanes::Lanes;
 use recorded_path::RecordedPath;
 
@@ -48,6 +51,8 @@ pub enum Planner {
     Idm(IdmSettings),
     /// The same with lane changes by MOBIL.
     IdmMobil(Box<IdmMobilSettings>),
+    /// A learned policy.
+    Policy(policy::SharedPolicy),
     /// A planner outside the core that writes a row of `Plans`.
     External,
 }
@@ -65,6 +70,8 @@ pub struct Other<'a> {
     pub shape: &'a Shape,
     /// Never moves.
     pub is_static: bool,
+    /// Kind.
+    pub kind: ParticipantKind,
 }
 
 /// All that a native planner may know for one plan.
@@ -104,6 +111,8 @@ pub struct PlanRequest<'a> {
     pub previous_age: usize,
     /// The rules of the road that it obeys.
     pub rules: Rules<'a>,
+    /// Last time step of the grace period; `None` if the goal has no end.
+    pub last_time_step: Option<i64>,
 }
 
 impl PlanRequest<'_> {
@@ -111,6 +120,12 @@ impl PlanRequest<'_> {
     fn stop(&self, way: &Way, s: f64) -> f64 {
         let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;
         self.rules.stop(way, front, self.state.velocity.max(0.0))
+    }
+
+    /// Arc length that the front must not pass before a junction [m], and until when [s]; infinite, 0 without one.
+    fn hold(&self, s: f64) -> (f64, f64) {
+        let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;
+        self.rules.hold.map_or((f64::INFINITY, 0.0), |hold| (front + hold.distance, hold.release))
     }
 }
 
@@ -155,6 +170,8 @@ pub enum Prepared {
     RecordedPath(Box<RecordedPath>),
     /// The lanes that lead to the goal.
     Lanes(Lanes),
+    /// What is known about the route of an observer.
+    PathTable(Box<PathTable>),
 }
 
 impl Prepared {
@@ -175,6 +192,7 @@ impl Prepared {
             Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
+            Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
             Planner::IdmMobil(_) => Ok(Self::Lanes(Lanes::along(route, goal, scenario, rules)?)),
         }
     }
@@ -189,6 +207,7 @@ pub struct PlanningMemory {
     /// Always empty between plans.
     pub(crate) others: Vec<Other<'static>>,
     frenet: frenet::FrenetMemory,
+    policy: policy::PolicyMemory,
     conflicts: conflicts::Conflicts,
     speed_profile: speed_profile::SpeedProfile,
     /// Motions of the plan, and of a plan that ignores later occupancies.
@@ -232,6 +251,7 @@ pub fn plan(
         }
         (Planner::Idm(settings), _) => idm::plan(request, settings, memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
+        (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),
         _ => unreachable!("prepared for another planner"),
     })
 }

@@ -94,7 +94,7 @@ pub(super) fn plan(
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
-    conflicts.collect(request, &ego, n_points, f64::INFINITY);
+    conflicts.collect(request, &ego, n_points, (f64::INFINITY, (f64::INFINITY, 0.0)));
     speed_profile.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
     let clock = recorded_path.clock(request.time_step);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {

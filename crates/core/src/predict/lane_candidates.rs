@@ -3,8 +3,8 @@
 use super::{LaneFollowing, go_straight, write};
 use crate::geometry::{Point, Pose};
 use crate::road::{Chains, LaneMatch, Matching, RoadNetwork};
-use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
+use crate::vehicle::ParticipantKind;
 
 /// A participant that is faster than the caps (they are on a grid) may brake harder than planned by this factor.
 const BRAKING_FACTOR: f64 = 1.5;
@@ -82,28 +82,28 @@ fn is_same_lane(a: &[usize], b: &[usize]) -> bool {
     continues(a, b) || continues(b, a)
 }
 
+/// Of a participant with this kind and state; `age` is that of the state [s], see `go_straight`.
 pub(super) fn follow_lanes(
     out: &mut Predictions,
     i: usize,
-    row: usize,
-    state: &State,
+    (kind, state, age): (ParticipantKind, &State, f64),
     settings: &LaneFollowing,
-    (scene, road): (&Scene, &RoadNetwork),
+    (dt, road): (f64, &RoadNetwork),
     lanes: &mut LaneCandidates,
 ) {
-    let horizon = out.n_steps as f64 * scene.dt;
-    let follows = scene.participants.kind[row].is_vehicle() && state.velocity > 0.0;
+    let horizon = out.n_steps as f64 * dt;
+    let follows = kind.is_vehicle() && state.velocity > 0.0;
     if follows {
         lanes.find(state.pose(), state.velocity * horizon + 10.0, settings.modes_max, road);
     }
     if !follows || lanes.found.is_empty() {
-        go_straight(out, i, state, &settings.spread, scene.dt);
+        go_straight(out, i, (state, age), &settings.spread, dt);
         return;
     }
     let total: f64 = lanes.found.iter().map(|lane| lane.weight).sum();
     for (mode, lane) in lanes.found.iter().enumerate() {
         out.probability[i * out.n_modes + mode] = lane.weight / total;
-        follow_lane(out, i, mode, state, (lane, lanes.chain(lane)), settings, scene.dt, road);
+        follow_lane(out, i, mode, (state, age), (lane, lanes.chain(lane)), settings, dt, road);
     }
 }
 
@@ -112,7 +112,7 @@ fn follow_lane(
     out: &mut Predictions,
     i: usize,
     mode: usize,
-    state: &State,
+    (state, age): (&State, f64),
     (lane, chain): (&LaneCandidate, &[usize]),
     settings: &LaneFollowing,
     dt: f64,
@@ -142,7 +142,7 @@ fn follow_lane(
         let course = Point::new((velocity * dt).max(0.05), ahead - d);
         let pose = Pose { position: pose.position + shift * fade, orientation: pose.orientation + course.angle() };
         let axis = (along * course.x + along.left() * course.y) * (1.0 / course.norm());
-        write(out, start + k, pose, velocity, settings.spread.covariance(axis, velocity, time));
+        write(out, start + k, pose, velocity, settings.spread.covariance(axis, velocity, age + time));
     }
 }
 

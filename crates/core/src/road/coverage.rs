@@ -108,14 +108,19 @@ impl RoadNetwork {
     /// A footprint, smaller by `gap_tolerance` all around, lies on the road: the centres of its parts do and no road
     /// edge crosses them.
     pub fn covers(&self, shape: &Shape, pose: Pose) -> bool {
+        self.covers_with(shape, pose, &mut Vec::new())
+    }
+
+    /// The same with memory that is overwritten.
+    pub(crate) fn covers_with(&self, shape: &Shape, pose: Pose, scratch: &mut Vec<u32>) -> bool {
         let aabb = shape.aabb(pose);
-        self.area.uniform(&aabb).unwrap_or_else(|| self.covers_by(shape, pose, &aabb, self.settings.gap_tolerance))
+        let margin = self.settings.gap_tolerance;
+        self.area.uniform(&aabb).unwrap_or_else(|| self.covers_by(shape, pose, &aabb, margin, scratch))
     }
 
     /// The centres of the parts lie on the road, and no road edge comes deeper than `margin` [m] into one.
-    pub(super) fn covers_by(&self, shape: &Shape, pose: Pose, aabb: &Aabb, margin: f64) -> bool {
-        let mut near = Vec::new();
-        self.area.edges_near(aabb, &mut near);
+    pub(super) fn covers_by(&self, shape: &Shape, pose: Pose, aabb: &Aabb, margin: f64, near: &mut Vec<u32>) -> bool {
+        self.area.edges_near(aabb, near);
         shape.parts().iter().all(|part| {
             let sum = part.vertices.iter().fold(Point::default(), |sum, vertex| sum + *vertex);
             let center = pose.world_from_body(sum * (part.vertices.len() as f64).recip());

@@ -172,7 +172,7 @@ impl RoadNetwork {
     }
 
     /// Point of the centre line, continued into the straightest neighbours, then straight.
-    fn beside(&self, lanelet: usize, s: f64) -> Point {
+    pub(crate) fn beside(&self, lanelet: usize, s: f64) -> Point {
         let (mut at, mut s) = (lanelet, s);
         for _ in 0..FOLLOWED_LANELETS_MAX {
             let line = &self.lanelets[at].center;

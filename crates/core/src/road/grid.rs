@@ -7,6 +7,9 @@ const CELL_SIZE_MIN: f64 = 2.5;
 /// Maps that would need more cells get larger ones.
 const CELLS_MAX: f64 = 262_144.0;
 
+/// Share of a cell by which rounding may shift its bounds: what lies on a bound is in the cells on both sides.
+const BOUND_SLACK: f64 = 1e-6;
+
 /// Layout of the cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
@@ -96,8 +99,9 @@ impl Grid {
         let around = Aabb::around(vertices.iter().copied()).grown(margin);
         let Some(range) = self.range(&around) else { return };
         for row in range.rows.0..=range.rows.1 {
-            let bottom = self.origin.y + row as f64 * self.size - margin;
-            let top = bottom + self.size + 2.0 * margin;
+            let reach = margin + BOUND_SLACK * self.size;
+            let bottom = self.origin.y + row as f64 * self.size - reach;
+            let top = bottom + self.size + 2.0 * reach;
             let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
             for (i, &a) in vertices.iter().enumerate() {
                 let b = vertices[(i + 1) % vertices.len()];
@@ -206,6 +210,17 @@ mod tests {
             }
         }
         assert!(visited.iter().filter(|v| **v).count() < grid().n_cells() / 2, "but not everywhere");
+    }
+
+    #[test]
+    fn a_segment_along_the_bound_of_two_rows_is_found_whatever_rounding_makes_of_the_bound() {
+        let grid = Grid::over(&Aabb { min: Point::new(-101.1, -101.1), max: Point::new(101.1, 101.1) });
+        for row in 1..80 {
+            let y = f64::from(row * 25 - 1011) / 10.0; // not -101.1 + 2.5 row, which rounds otherwise
+            let mut visited = Vec::new();
+            grid.visit_convex(&[Point::new(2.5, y), Point::new(0.0, y)], 0.0, |cell| visited.push(cell));
+            assert!(visited.contains(&grid.cell_of(Point::new(1.0, y)).expect("inside")), "row {row}");
+        }
     }
 
     #[test]

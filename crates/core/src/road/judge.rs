@@ -33,11 +33,11 @@ choice! {
 }
 
 impl RoadNetwork {
-    /// A vehicle of this shape at this pose of its centre is on the road, in the eyes of the judge.
-    pub fn admits(&self, shape: &Shape, vehicle: &Vehicle, pose: Pose) -> bool {
-        self.covers(shape, pose) || {
+    /// A vehicle of this shape at this pose of its centre is on the road, in the eyes of the judge. `scratch` is overwritten.
+    pub fn admits(&self, shape: &Shape, vehicle: &Vehicle, pose: Pose, scratch: &mut Vec<u32>) -> bool {
+        self.covers_with(shape, pose, scratch) || {
             let body = OrientedBox::new(pose, vehicle.length, vehicle.width);
-            self.admits_wheels(&body, &vehicle.wheels(&body), &mut Vec::new())
+            self.admits_wheels(&body, &vehicle.wheels(&body), scratch)
         }
     }
 
@@ -81,17 +81,17 @@ impl RoadNetwork {
     }
 
     /// How far a body reaches beyond the lanelets [m], 0 if it does not: the furthest point of its outline from them, and
-    /// at most half of its size.
-    pub fn overhang(&self, shape: &Shape, pose: Pose) -> f64 {
+    /// at most half of its size. `scratch` is overwritten.
+    pub fn overhang(&self, shape: &Shape, pose: Pose, scratch: &mut Vec<u32>) -> f64 {
         let aabb = shape.aabb(pose);
-        if self.area.uniform(&aabb) == Some(true) || self.covers_by(shape, pose, &aabb, 0.0) {
+        if self.area.uniform(&aabb) == Some(true) || self.covers_by(shape, pose, &aabb, 0.0, scratch) {
             return 0.0;
         }
         let most = shape.bounding_radius();
         let mut furthest = 0.0_f64;
-        for part in shape.outline() {
-            let corners: Vec<Point> = part.into_iter().map(|point| pose.world_from_body(point)).collect();
-            let distances = outline(&corners).map(|point| self.area.surface.distance(point, most));
+        for part in shape.outlines() {
+            let corner = |i: usize| pose.world_from_body(part[i]);
+            let distances = outline_of(part.len(), &corner).map(|point| self.area.surface.distance(point, most));
             furthest = distances.fold(furthest, f64::max);
         }
         furthest
@@ -138,9 +138,13 @@ fn shrunk(of: &OrientedBox, margin: f64) -> OrientedBox {
 
 /// Points along a closed outline, its corners among them.
 fn outline(corners: &[Point]) -> impl Iterator<Item = Point> + '_ {
-    let n = corners.len();
+    outline_of(corners.len(), |i| corners[i])
+}
+
+/// The same for `n` corners.
+fn outline_of(n: usize, corner: impl Fn(usize) -> Point) -> impl Iterator<Item = Point> {
     (0..n).flat_map(move |i| {
-        let (a, b) = (corners[i], corners[(i + 1) % n]);
+        let (a, b) = (corner(i), corner((i + 1) % n));
         let steps = (a.distance(b) / OUTLINE_SPACING).ceil().clamp(1.0, PIECES_MAX) as usize;
         (0..steps).map(move |k| a.lerp(b, k as f64 / steps as f64))
     })
@@ -175,15 +179,15 @@ mod tests {
 
     fn admits(road: &RoadNetwork, pose: Pose) -> bool {
         let still = OrientedBox::new(pose, CAR.length, CAR.width);
-        let answer = road.admits(&Shape::rectangle(CAR.length, CAR.width), &CAR, pose);
         let mut scratch = Vec::new();
+        let answer = road.admits(&Shape::rectangle(CAR.length, CAR.width), &CAR, pose, &mut scratch);
         assert_eq!(road.admits_box(&CAR, &still, &mut scratch), answer);
         assert_eq!(road.admits_motion(&CAR, &still, &still, &mut scratch), answer);
         answer
     }
 
     fn overhang(road: &RoadNetwork, pose: Pose) -> f64 {
-        road.overhang(&Shape::rectangle(CAR.length, CAR.width), pose)
+        road.overhang(&Shape::rectangle(CAR.length, CAR.width), pose, &mut Vec::new())
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
 }
 
 #[test]
-fn switched_off_rules_hold_nobody() {
+fn switched_off_rules_hold_no_agent() {
     let scenario = scenario(&[(1000, Signal::Red)], true);
     for settings in [
         RulesSettings { enabled: false, ..RulesSettings::default() },

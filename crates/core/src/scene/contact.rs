@@ -5,54 +5,58 @@ use crate::geometry::Pose;
 use crate::geometry::shape::{OrientedBox, Shape};
 use crate::trajectory::Predictions;
 
+/// A footprint and where it is now.
+#[derive(Debug, Clone, Copy)]
+pub struct PlacedBody<'a> {
+    /// In its body frame.
+    pub shape: &'a Shape,
+    /// Footprint centre.
+    pub pose: Pose,
+    /// Never moves.
+    pub is_static: bool,
+}
+
 impl Scene {
     /// Id and interval of the first contact of a drive of `agent` that begins now with another predicted participant,
     /// where the most probable mode expects them; of several in one interval, the smallest id.
     ///
     /// `drive` holds the swept boxes of the intervals from now on. Participants are longer and wider by `margin` [m],
-    /// in all, and are swept between their positions as well; static obstacles count with their exact shapes.
-    pub fn first_contact(
-        &self,
+    /// in all, and are swept between their positions as well; static obstacles count with their exact shapes. `told` knows
+    /// the bodies of those whom the agent does not see itself.
+    pub fn first_contact<'a>(
+        &'a self,
         agent: i64,
         drive: &[OrientedBox],
         predictions: &Predictions,
         margin: [f64; 2],
+        told: &dyn Fn(i64) -> Option<PlacedBody<'a>>,
     ) -> Option<(i64, usize)> {
         let mut first: Option<(i64, usize)> = None;
         for (row, id) in predictions.ids.iter().enumerate().filter(|(_, id)| **id != agent) {
             let until = first.map_or(drive.len(), |(_, interval)| interval);
-            let participant = self.participants.ids.binary_search(id).ok();
-            let Some(participant) = participant.filter(|row| self.present.binary_search(row).is_ok()) else { continue };
-            let found = if self.participants.is_static[participant] {
-                self.contact_with_static(&drive[..until], participant, margin)
+            let Some(body) = told(*id).or_else(|| self.body(*id)) else { continue };
+            let found = if body.is_static {
+                contact_with_static(&drive[..until], body, margin)
             } else {
-                self.contact_with_moving(&drive[..until], participant, predictions, row, margin)
+                self.contact_with_moving(&drive[..until], body, predictions, row, margin)
             };
             first = found.map(|interval| (*id, interval)).or(first);
         }
         first
     }
 
-    fn contact_with_static(&self, drive: &[OrientedBox], participant: usize, margin: [f64; 2]) -> Option<usize> {
-        let (shape, pose) = (&self.participants.shape[participant], self.state(participant).pose());
-        let aabb = shape.aabb(pose);
-        drive.iter().position(|swept| {
-            let grown = OrientedBox {
-                half_length: swept.half_length + 0.5 * margin[0],
-                half_width: swept.half_width + 0.5 * margin[1],
-                ..*swept
-            };
-            grown.aabb().overlaps(&aabb) && {
-                let body = Shape::rectangle(2.0 * grown.half_length, 2.0 * grown.half_width);
-                shape.overlaps(pose, &body, Pose { position: grown.center, orientation: grown.axis.angle() })
-            }
-        })
+    /// Of a participant that is present.
+    fn body(&self, id: i64) -> Option<PlacedBody<'_>> {
+        let row =
+            self.participants.ids.binary_search(&id).ok().filter(|row| self.present.binary_search(row).is_ok())?;
+        let (shape, is_static) = (&self.participants.shape[row], self.participants.is_static[row]);
+        Some(PlacedBody { shape, pose: self.state(row).pose(), is_static })
     }
 
     fn contact_with_moving(
         &self,
         drive: &[OrientedBox],
-        participant: usize,
+        PlacedBody { shape, pose, .. }: PlacedBody<'_>,
         predictions: &Predictions,
         row: usize,
         margin: [f64; 2],
@@ -62,7 +66,6 @@ impl Scene {
         let likeliest =
             (1..probability.len()).fold(0, |best, k| if probability[k] > probability[best] { k } else { best });
         let first = predictions.offset(row, likeliest);
-        let shape = &self.participants.shape[participant];
         let body = |pose: Pose| {
             let body = shape.oriented_box(pose);
             OrientedBox {
@@ -71,7 +74,7 @@ impl Scene {
                 ..body
             }
         };
-        let mut before = body(self.state(participant).pose());
+        let mut before = body(pose);
         for (interval, swept) in drive.iter().enumerate().take(predictions.n_steps.saturating_sub(shift)) {
             let k = first + shift + interval;
             if !predictions.valid[k] {
@@ -85,6 +88,25 @@ impl Scene {
         }
         None
     }
+}
+
+fn contact_with_static(
+    drive: &[OrientedBox],
+    PlacedBody { shape, pose, .. }: PlacedBody<'_>,
+    margin: [f64; 2],
+) -> Option<usize> {
+    let aabb = shape.aabb(pose);
+    drive.iter().position(|swept| {
+        let grown = OrientedBox {
+            half_length: swept.half_length + 0.5 * margin[0],
+            half_width: swept.half_width + 0.5 * margin[1],
+            ..*swept
+        };
+        grown.aabb().overlaps(&aabb) && {
+            let body = Shape::rectangle(2.0 * grown.half_length, 2.0 * grown.half_width);
+            shape.overlaps(pose, &body, Pose { position: grown.center, orientation: grown.axis.angle() })
+        }
+    })
 }
 
 #[cfg(test)]
@@ -133,27 +155,27 @@ mod tests {
     }
 
     #[test]
-    fn two_who_meet_touch_in_the_interval_in_which_their_bumpers_meet() {
+    fn two_that_meet_touch_in_the_interval_in_which_their_bumpers_meet() {
         let (scene, predictions) = oncoming();
         // 16 m between the bumpers close at 20 m/s: contact at 0.8 s, the end of interval 7.
-        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions, [0.0, 0.0]), Some((3, 7)));
-        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions, [4.2, 0.0]), Some((3, 6)));
-        assert_eq!(scene.first_contact(1, &drive(5.0, 0.0), &predictions, [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions, [0.0, 0.0], &|_| None), Some((3, 7)));
+        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions, [4.2, 0.0], &|_| None), Some((3, 6)));
+        assert_eq!(scene.first_contact(1, &drive(5.0, 0.0), &predictions, [0.0, 0.0], &|_| None), None);
     }
 
     #[test]
     fn who_passes_beside_touches_only_with_the_margin() {
         let (scene, predictions) = oncoming();
-        assert_eq!(scene.first_contact(1, &drive(10.0, 2.1), &predictions, [0.0, 0.0]), None);
-        assert_eq!(scene.first_contact(1, &drive(10.0, 2.1), &predictions, [0.0, 0.3]), Some((3, 7)));
-        assert_eq!(scene.first_contact(1, &drive(10.0, 3.95), &predictions, [0.0, 0.0]), Some((8, 0)));
-        assert_eq!(scene.first_contact(1, &drive(10.0, 3.85), &predictions, [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 2.1), &predictions, [0.0, 0.0], &|_| None), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 2.1), &predictions, [0.0, 0.3], &|_| None), Some((3, 7)));
+        assert_eq!(scene.first_contact(1, &drive(10.0, 3.95), &predictions, [0.0, 0.0], &|_| None), Some((8, 0)));
+        assert_eq!(scene.first_contact(1, &drive(10.0, 3.85), &predictions, [0.0, 0.0], &|_| None), None);
     }
 
     #[test]
     fn only_others_of_the_predictions_count() {
         let (scene, predictions) = oncoming();
-        assert_eq!(scene.first_contact(3, &drive(10.0, 0.0), &predictions, [0.0, 0.0]), None);
-        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions.of(&[8]), [0.0, 0.0]), None);
+        assert_eq!(scene.first_contact(3, &drive(10.0, 0.0), &predictions, [0.0, 0.0], &|_| None), None);
+        assert_eq!(scene.first_contact(1, &drive(10.0, 0.0), &predictions.of(&[8]), [0.0, 0.0], &|_| None), None);
     }
 }

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use super::{Drive, World};
-use crate::collision::{Mover, contacts, departs_road};
+use super::{Drive, StepMemory, World};
+use crate::collision::{Mover, departure, find_contacts};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::plan::external_plan::check_plan;
-use crate::recording::{Outcome, OutcomeKind};
+use crate::recording::{Outcome, OutcomeKind, Wait};
+use crate::rules::{Order, OrderKind};
 use crate::scenario::GoalState;
 use crate::trajectory::{PlanStatus, Plans, State};
 
@@ -33,7 +34,7 @@ impl World {
     /// As [`World::step`].
     pub fn step_marked(&mut self, plans: &Plans, mut mark: impl FnMut()) -> Result<()> {
         self.check_time_step("plans", plans.time_step)?;
-        if plans.ids != self.driving() {
+        if !self.driving_ids().eq(plans.ids.iter().copied()) {
             return Err(Error::invalid(format!(
                 "plans for agents {:?}, but {:?} are driving",
                 plans.ids,
@@ -43,17 +44,30 @@ impl World {
         if self.settings.record_views {
             self.note_sightings();
         }
+        self.orders();
+        let orders = self.orders.take().unwrap_or_default();
         self.adopt(plans);
-        let next = self.next_states();
+        self.send_messages(plans);
+        let mut memory = std::mem::take(&mut self.step_memory);
+        self.write_next_states(&mut memory.next);
         mark();
-        self.judge_contacts(&next);
-        self.judge_road(&next);
+        self.judge_contacts(&mut memory);
+        self.judge_road(&memory.next, &mut memory.edges);
         mark();
-        self.states = next;
+        std::mem::swap(&mut self.states, &mut memory.next);
+        self.step_memory = memory;
         self.time_step += 1;
         self.judge_goals();
         self.judge_length();
-        self.recording.push_plans(plans.clone());
+        self.remember(&orders);
+        if self.settings.keep_recording {
+            for order in orders.iter().filter(|order| order.kind != OrderKind::Go) {
+                let (first, last) = (self.time_step - 1, self.time_step - 1);
+                let Order { id: agent, kind, by, stop, .. } = *order;
+                self.recording.push_wait(Wait { agent, first, last, kind: kind as u8, by, stop });
+            }
+            self.recording.push_plans(plans.clone());
+        }
         // The final state of an agent that ends now is recorded; from the next step on it is gone.
         self.enter(self.time_step);
         self.recording.push(&self.states);
@@ -62,6 +76,7 @@ impl World {
                 self.states[drive.row] = None;
             }
         }
+        self.file_messages();
         Ok(())
     }
 
@@ -115,19 +130,17 @@ impl World {
         }
     }
 
-    /// States one step later; `None` for participants that have left.
-    fn next_states(&self) -> Vec<Option<State>> {
-        let mut next: Vec<Option<State>> = self
-            .recorded_row
-            .iter()
-            .map(|row| row.and_then(|row| self.recorded_state(row, self.time_step + 1)))
-            .collect();
+    /// Writes the states one step later; `None` for participants that have left.
+    fn write_next_states(&self, next: &mut Vec<Option<State>>) {
+        next.clear();
+        next.extend(
+            self.recorded_row.iter().map(|row| row.and_then(|row| self.recorded_state(row, self.time_step + 1))),
+        );
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
             let (plan, made) = drive.plan.as_ref().expect("a driving agent has a plan");
             let index = (self.time_step + 1 - made) as usize;
             next[drive.row] = Some(plan.points[index.min(plan.points.len() - 1)]);
         }
-        next
     }
 
     fn recorded_state(&self, row: usize, time_step: i64) -> Option<State> {
@@ -136,22 +149,22 @@ impl World {
         obstacles.states.get(row, time_step)
     }
 
-    fn judge_contacts(&mut self, next: &[Option<State>]) {
-        let moving: Vec<usize> =
-            (0..next.len()).filter(|row| self.states[*row].is_some() && next[*row].is_some()).collect();
-        let movers: Vec<Mover<'_>> = moving
-            .iter()
-            .map(|row| Mover {
-                shape: &self.participants.shape[*row],
-                from: self.states[*row].expect("filtered").pose(),
-                to: next[*row].expect("filtered").pose(),
-            })
-            .collect();
+    fn judge_contacts(&mut self, StepMemory { next, moving, contacts, .. }: &mut StepMemory) {
+        moving.clear();
+        moving.extend((0..next.len()).filter(|row| self.states[*row].is_some() && next[*row].is_some()));
+        let mover = |i: usize| {
+            let row = moving[i];
+            Mover {
+                shape: &self.participants.shape[row],
+                from: self.states[row].expect("filtered").pose(),
+                to: next[row].expect("filtered").pose(),
+            }
+        };
         let is_agent = &self.participants.is_agent;
         let relevant = |i: usize, j: usize| is_agent[moving[i]] || is_agent[moving[j]];
-        let found = contacts(&movers, relevant);
+        find_contacts(moving.len(), mover, relevant, contacts);
         let mut still_touching = BTreeSet::new();
-        for (i, j, fraction) in found {
+        for (i, j, fraction) in contacts.found.iter().copied() {
             let pair = (moving[i], moving[j]);
             if self.entered_in_contact.contains(&pair) {
                 still_touching.insert(pair);
@@ -165,22 +178,23 @@ impl World {
         self.entered_in_contact = still_touching;
     }
 
-    fn judge_road(&mut self, next: &[Option<State>]) {
+    fn judge_road(&mut self, next: &[Option<State>], scratch: &mut Vec<u32>) {
         let road = std::sync::Arc::clone(&self.scenario.road);
         let mut departures = Vec::new();
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(self.time_step)) {
             let (from, to) =
                 (self.states[drive.row].expect("driving").pose(), next[drive.row].expect("driving").pose());
             if drive.was_on_road {
-                if let Some(fraction) = departs_road(&road, &drive.agent.shape, &drive.agent.vehicle, from, to) {
+                if let Some(fraction) = departure(&road, &drive.agent.shape, &drive.agent.vehicle, (from, to), scratch)
+                {
                     let speed = next[drive.row].expect("driving").velocity.abs();
                     departures.push((drive.row, speed, fraction));
                 }
             } else {
-                drive.was_on_road = road.covers(&drive.agent.shape, to);
+                drive.was_on_road = road.covers_with(&drive.agent.shape, to, scratch);
             }
             if drive.was_on_road {
-                let overhang = road.overhang(&drive.agent.shape, to);
+                let overhang = road.overhang(&drive.agent.shape, to, scratch);
                 drive.outcome.off_lanelets = drive.outcome.off_lanelets.max(overhang);
                 if overhang > road.settings().gap_tolerance {
                     drive.outcome.off_lanelets_s += self.scenario.dt;
@@ -248,7 +262,7 @@ impl World {
                 Some(recorded) => self.recorded_state(recorded, time_step),
                 None => None,
             };
-            let was_absent = time_step == self.scenario.obstacles.states.first_time_step
+            let was_absent = time_step == self.first_time_step
                 || self.recorded_row[row]
                     .is_some_and(|recorded| self.recorded_state(recorded, time_step - 1).is_none());
             if self.recorded_row[row].is_some() {

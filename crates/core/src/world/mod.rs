@@ -2,30 +2,36 @@
 //! `step` is the only function that changes it.
 
 mod advance;
+mod cooperation;
+mod ordering;
 mod planning;
 mod settings;
+mod staging;
 #[cfg(test)]
 mod tests;
 mod threads;
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicUsize;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
+use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
-use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
 use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
-use crate::rules::{RulesSettings, StopSign, Way};
+use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, StopSign, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
+use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
-use threads::Threads;
+pub(crate) use staging::StagedAgent;
+pub(crate) use staging::check_agents;
+pub(crate) use threads::Threads;
 
 /// For so many participants, expectations that need no network are made by one thread.
 const FEW: usize = 12;
@@ -55,6 +61,8 @@ pub struct Agent {
     pub view: ViewLimits,
     /// The rules of the road that it obeys.
     pub rules: RulesSettings,
+    /// Whether it has V2X; `None`: as drawn by the penetration.
+    pub v2x: Option<bool>,
 }
 
 /// An agent's changing part.
@@ -62,13 +70,19 @@ pub struct Agent {
 struct Drive {
     agent: Arc<Agent>,
     /// What its planner computed before the first step.
-    prepared: Prepared,
+    prepared: Arc<Prepared>,
     /// What the rules of the road say about its reference path.
-    way: Way,
+    way: Arc<Way>,
+    /// The areas that it shares with others on its way.
+    course: Arc<Course>,
+    /// What it remembers of the next ones.
+    memory: Memory,
     /// How long it has stood at a stop sign.
     stop_sign: StopSign,
     /// Row among the participants.
     row: usize,
+    /// Place among the agents with V2X.
+    place: Option<usize>,
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,
@@ -89,7 +103,15 @@ impl Drive {
 
     /// Arc length of its front on the reference path [m].
     fn front(&self) -> f64 {
-        self.s + self.agent.vehicle.rear_axle_to_center + 0.5 * self.agent.vehicle.length
+        let half = 0.5 * self.agent.vehicle.length;
+        if self.plan.is_none() {
+            // Where `s` is about to be.
+            let center = self.agent.initial_state.pose().position;
+            if let Some((s, _)) = self.agent.route.path.project_near(center, self.s, half) {
+                return s + half;
+            }
+        }
+        self.s + self.agent.vehicle.rear_axle_to_center + half
     }
 
     /// Last time step of the grace period.
@@ -98,6 +120,19 @@ impl Drive {
         let late = |end: i64| start.saturating_add((grace_factor * (end - start) as f64).floor() as i64);
         self.agent.goal.latest_time_step().map(late)
     }
+}
+
+/// Where an agent is on its reference path, and how far it may go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Arc length of its rear axle [m]; NaN where it cannot be told.
+    pub s: f64,
+    /// Arc length that its front must not pass [m], infinite without one ...
+    pub stop_s: f64,
+    /// ... before this time has passed [s]; infinite: until it is told otherwise.
+    pub stop_release: f64,
+    /// The participant that it waits for.
+    pub stop_by: Option<i64>,
 }
 
 /// The running simulation.
@@ -109,16 +144,54 @@ pub struct World {
     /// Row of the recorded obstacle behind each participant; `None` for agents.
     recorded_row: Vec<Option<usize>>,
     drives: Vec<Drive>,
+    first_time_step: i64,
     time_step: i64,
+    /// Some agent has an area on its way.
+    has_passages: bool,
+    /// Orders of the present time step, once they were needed.
+    orders: OnceLock<Vec<Order>>,
     /// State now, per participant; `None` if absent.
     states: Vec<Option<State>>,
     /// Pairs that touched when one of them entered: contact counts once they have separated.
     entered_in_contact: BTreeSet<(usize, usize)>,
     recording: Recording,
+    /// Messages; `None` if no agent has V2X.
+    network: Option<Box<Network>>,
     threads: Threads,
     /// Memory of the planners, one per thread.
     memories: Vec<Mutex<PlanningMemory>>,
     prediction_memory: predict::Memory,
+    step_memory: StepMemory,
+}
+
+/// An agent of a world.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Driver<'a> {
+    /// As it was before the first step.
+    pub(crate) agent: &'a Agent,
+    /// Speed limits along its reference path.
+    pub(crate) limits: &'a SpeedLimits,
+    /// Arc length of its rear axle on the reference path [m].
+    pub(crate) s: f64,
+    /// Row among the participants.
+    pub(crate) row: usize,
+    /// How it stands.
+    pub(crate) outcome: &'a Outcome,
+    /// Its state, also that in which it has just ended; `None` before it starts and after it has ended.
+    pub(crate) state: Option<State>,
+    /// Last time step of the grace period.
+    pub(crate) last_time_step: Option<i64>,
+}
+
+/// Memory that steps reuse.
+#[derive(Debug, Default)]
+struct StepMemory {
+    /// States of the step before, afterwards.
+    next: Vec<Option<State>>,
+    /// Rows of the participants that are there before and after the step.
+    moving: Vec<usize>,
+    contacts: ContactMemory,
+    edges: Vec<u32>,
 }
 
 impl World {
@@ -128,55 +201,13 @@ impl World {
     /// `InvalidInput` naming the agent or field: an id twice, an initial state that is not a number, an agent that
     /// starts before the first time step or whose planner needs a recording that is not there, impossible settings.
     pub fn new(scenario: Arc<Scenario>, mut agents: Vec<Agent>, settings: WorldSettings) -> Result<Self> {
-        settings.step.validate()?;
-        check_threads(settings.threads)?;
-        let history_steps = settings.step.history_at(scenario.dt);
-        if history_steps > HISTORY_STEPS_MAX {
-            return Err(Error::invalid(format!(
-                "history_steps must be at most {HISTORY_STEPS_MAX}, not {history_steps}"
-            )));
-        }
         agents.sort_by_key(|agent| agent.id);
+        let mut world = Self::empty(Arc::clone(&scenario), settings)?;
+        check_agents(&agents, scenario.obstacles.states.first_time_step)?;
+        let staged: Vec<StagedAgent> =
+            agents.into_iter().map(|agent| StagedAgent::new(agent, &scenario)).collect::<Result<_>>()?;
         let first_time_step = scenario.obstacles.states.first_time_step;
-        check_agents(&agents, first_time_step)?;
-        let threads = Threads::new(settings.threads)?;
-        let (participants, recorded_row) = participants(&scenario, &agents);
-        let drives = agents
-            .into_iter()
-            .map(|agent| {
-                let Agent { id, start_time_step, ref planner, ref vehicle, ref route, ref goal, ref rules, .. } = agent;
-                let begins = (id, start_time_step);
-                Ok(Drive {
-                    prepared: Prepared::new(planner, begins, vehicle, (route, goal), (&scenario, rules))?,
-                    way: Way::along(&route.path, &route.lanelets, &scenario, rules),
-                    stop_sign: StopSign::default(),
-                    row: participants.ids.binary_search(&id).expect("agents are participants"),
-                    outcome: Outcome::running(start_time_step),
-                    s: route.start_s,
-                    plan: None,
-                    was_on_road: false,
-                    contact_fraction: f64::INFINITY,
-                    effort: AtomicUsize::new(0),
-                    agent: Arc::new(agent),
-                })
-            })
-            .collect::<Result<_>>()?;
-        let mut world = Self {
-            states: vec![None; participants.ids.len()],
-            recording: Recording::new(participants.ids.clone(), first_time_step),
-            participants: Arc::new(participants),
-            recorded_row,
-            drives,
-            time_step: first_time_step,
-            entered_in_contact: BTreeSet::new(),
-            scenario,
-            settings,
-            threads,
-            memories: (0..settings.threads).map(|_| Mutex::default()).collect(),
-            prediction_memory: predict::Memory::default(),
-        };
-        world.enter(first_time_step);
-        world.recording.push(&world.states);
+        world.restart(&scenario, &staged, first_time_step);
         Ok(world)
     }
 
@@ -217,13 +248,32 @@ impl World {
 
     /// Ids of the agents that drive now, ascending.
     pub fn driving(&self) -> Vec<i64> {
-        self.drives.iter().filter(|d| d.is_driving(self.time_step)).map(|d| d.agent.id).collect()
+        self.driving_ids().collect()
     }
 
     /// Pairs of ids that touched when one of them entered and have not separated since.
     pub fn entered_in_contact(&self) -> Vec<(i64, i64)> {
         let ids = &self.participants.ids;
         self.entered_in_contact.iter().map(|(a, b)| (ids[*a], ids[*b])).collect()
+    }
+
+    /// An agent now, by its position among the agents.
+    pub(crate) fn driver(&self, index: usize) -> Driver<'_> {
+        let drive = &self.drives[index];
+        Driver {
+            agent: &drive.agent,
+            limits: &drive.way.limits,
+            s: drive.s,
+            row: drive.row,
+            outcome: &drive.outcome,
+            state: self.recording.last_state(drive.row),
+            last_time_step: drive.last_time_step(self.settings.step.grace_factor),
+        }
+    }
+
+    /// Ids of the agents that drive now, ascending.
+    pub(crate) fn driving_ids(&self) -> impl Iterator<Item = i64> {
+        self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).map(|drive| drive.agent.id)
     }
 
     /// Latest time step at which the last agent ends; `None` without agents.
@@ -245,6 +295,17 @@ impl World {
     /// What can be seen now.
     pub fn scene(&self) -> Scene {
         self.scene_with_past(self.settings.step.history_at(self.scenario.dt))
+    }
+
+    /// Writes what can be seen now, with a part of the past, into a scene that is there; memory is reused.
+    pub(crate) fn write_scene(&self, history_steps: usize, scene: &mut Scene) {
+        (scene.time_step, scene.dt) = (self.time_step, self.scenario.dt);
+        if !Arc::ptr_eq(&scene.participants, &self.participants) {
+            scene.participants = Arc::clone(&self.participants);
+        }
+        scene.present.clear();
+        scene.present.extend((0..self.states.len()).filter(|row| self.states[*row].is_some()));
+        self.recording.write_last_states(history_steps + 1, &mut scene.past);
     }
 
     fn scene_with_past(&self, history_steps: usize) -> Scene {
@@ -308,15 +369,22 @@ impl World {
         Ok(&self.drives[self.drive_index(id)?].agent)
     }
 
-    /// Arc length of the agent's rear axle on its reference path [m], and the one that its front must not pass now,
-    /// infinite without one; NaN where it cannot be told.
+    /// Where an agent is on its reference path, and how far it may go now.
     ///
     /// # Errors
     /// `UnknownId`.
-    pub fn progress(&self, id: i64) -> Result<(f64, f64)> {
+    pub fn progress(&self, id: i64) -> Result<Progress> {
         let drive = &self.drives[self.drive_index(id)?];
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
-        Ok((drive.s, self.rules(drive).stop(&drive.way, drive.front(), velocity)))
+        let rules = self.rules(drive);
+        let line = rules.stop(&drive.way, drive.front(), velocity);
+        let own = Progress { s: drive.s, stop_s: line, stop_release: f64::INFINITY, stop_by: None };
+        Ok(match rules.hold {
+            Some(hold) if drive.front() + hold.distance < line => {
+                Progress { stop_s: drive.front() + hold.distance, stop_release: hold.release, stop_by: hold.by, ..own }
+            }
+            _ => own,
+        })
     }
 
     /// Speed limits at every point of the agent's reference path [m/s]; infinite where there is none.
@@ -328,72 +396,4 @@ impl World {
         let path = &drive.agent.route.path;
         Ok((0..path.x().len()).map(|i| drive.way.limits.at(i as f64 * path.spacing())).collect())
     }
-}
-
-fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
-    for pair in agents.windows(2) {
-        if pair[0].id == pair[1].id {
-            return Err(Error::invalid(format!("agent {} is there twice", pair[0].id)));
-        }
-    }
-    for agent in agents {
-        let id = agent.id;
-        if !agent.initial_state.is_possible() {
-            return Err(Error::invalid(format!(
-                "agent {id} starts with a state that is not a number up to {NUMBER_MAX:e}"
-            )));
-        }
-        agent.shape.check_numbers().map_err(|error| Error::invalid(format!("agent {id}: {error}")))?;
-        check_time_step(&format!("agent {id}: its start"), agent.start_time_step)?;
-        for goal in &agent.goal.states {
-            check_time_step(&format!("agent {id}: the begin of its goal"), goal.time_step.0)?;
-            check_time_step(&format!("agent {id}: the end of its goal"), goal.time_step.1)?;
-        }
-        if agent.start_time_step < first_time_step {
-            let start = agent.start_time_step;
-            return Err(Error::invalid(format!(
-                "agent {id} starts at time step {start}, before the scenario ({first_time_step})"
-            )));
-        }
-        let radius = agent.view.sensor_radius;
-        if radius.is_nan() || radius <= 0.0 {
-            return Err(Error::invalid(format!("agent {id} has a sensor radius of {radius} m")));
-        }
-        if agent.goal.states.is_empty() {
-            return Err(Error::invalid(format!("agent {id} has no goal")));
-        }
-    }
-    Ok(())
-}
-
-/// Agents and the recorded obstacles that no agent replaces, sorted by id.
-fn participants(scenario: &Scenario, agents: &[Agent]) -> (Participants, Vec<Option<usize>>) {
-    let obstacles = &scenario.obstacles;
-    let mut rows: Vec<(i64, Option<usize>, Option<&Agent>)> = agents.iter().map(|a| (a.id, None, Some(a))).collect();
-    let replaced = |id: &i64| agents.binary_search_by_key(id, |agent| agent.id).is_ok();
-    rows.extend(
-        obstacles.states.ids.iter().enumerate().filter(|(_, id)| !replaced(id)).map(|(row, id)| (*id, Some(row), None)),
-    );
-    rows.sort_by_key(|(id, ..)| *id);
-    let mut participants = Participants::default();
-    let mut recorded = Vec::with_capacity(rows.len());
-    for (id, row, agent) in rows {
-        participants.ids.push(id);
-        participants.is_agent.push(agent.is_some());
-        match (row, agent) {
-            (Some(row), _) => {
-                participants.kind.push(obstacles.kind[row]);
-                participants.shape.push(obstacles.shape[row].clone());
-                participants.is_static.push(obstacles.is_static[row]);
-            }
-            (None, Some(agent)) => {
-                participants.kind.push(agent.kind);
-                participants.shape.push(agent.shape.clone());
-                participants.is_static.push(false);
-            }
-            (None, None) => unreachable!("every row is an obstacle or an agent"),
-        }
-        recorded.push(row);
-    }
-    (participants, recorded)
 }

@@ -13,6 +13,7 @@ use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
 use crate::trajectory::{Plans, Predictions, Trajectory};
+use crate::v2x::{Expectations, Extra, Known};
 
 impl World {
     /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
@@ -25,16 +26,31 @@ impl World {
     pub fn plan(&self, scene: &Scene, predictions: &Predictions) -> Result<Plans> {
         self.check_time_step("scene", scene.time_step)?;
         self.check_time_step("predictions", predictions.time_step)?;
-        let predictions = completed(predictions, scene);
-        let crowd = Crowd::of(scene);
-        let prediction_index = PredictionIndex::of(&predictions, &crowd.positions);
-        let expected = (&*predictions, &prediction_index);
+        match self.expect(scene, predictions)? {
+            Some(expectations) => self.plan_as_expected(scene, &expectations),
+            None => Ok(self.plan_all(&Crowd::of(scene), scene, &completed(predictions, scene))),
+        }
+    }
+
+    /// The same with what [`World::expect`] says.
+    ///
+    /// # Errors
+    /// `WrongTimeStep` if scene or expectations are not of now.
+    pub fn plan_as_expected(&self, scene: &Scene, expectations: &Expectations) -> Result<Plans> {
+        self.check_time_step("scene", scene.time_step)?;
+        self.check_time_step("predictions", expectations.table.time_step)?;
+        Ok(self.plan_all(&Crowd::told(scene, expectations), scene, &expectations.table))
+    }
+
+    fn plan_all(&self, crowd: &Crowd<'_>, scene: &Scene, predictions: &Predictions) -> Plans {
+        let prediction_index = PredictionIndex::of(predictions, &crowd.positions);
+        let expected = (predictions, &prediction_index);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
         let order = self.longest_first(&drives);
         self.threads.each(order.len(), |thread, i| {
             let row = order[i];
-            let plan = self.plan_one(drives[row], (scene, &crowd), expected, &mut self.memory(thread));
+            let plan = self.plan_one(drives[row], (scene, crowd), expected, &mut self.memory(thread));
             if let Some(plan) = plan {
                 results[row].set(plan).expect("every agent plans once");
             }
@@ -52,7 +68,7 @@ impl World {
             plans.message[row] = result.message;
             plans.obstructions.extend(result.obstruction.map(|obstruction| (row, obstruction)));
         }
-        Ok(plans)
+        plans
     }
 
     /// All samples of an agent's planner with cost and reason of rejection; `None` if its planner has none.
@@ -66,12 +82,16 @@ impl World {
         if !drive.is_driving(self.time_step) {
             return Ok(None);
         }
-        let predictions = completed(predictions, scene);
+        let expectations = self.expect(scene, predictions)?;
+        let completed = completed(predictions, scene);
+        let (crowd, table) = match &expectations {
+            Some(expectations) => (Crowd::told(scene, expectations), &*expectations.table),
+            None => (Crowd::of(scene), &*completed),
+        };
         let (mut visible, mut others) = (Vec::new(), Vec::new());
-        let crowd = Crowd::of(scene);
         crowd.see(drive, scene, &mut visible, &mut others);
-        let prediction_index = PredictionIndex::of(&predictions, &crowd.positions);
-        Ok(Some(frenet::candidates(&self.request(drive, &others, (&predictions, &prediction_index)), settings)))
+        let prediction_index = PredictionIndex::of(table, &crowd.positions);
+        Ok(Some(frenet::candidates(&self.request(drive, &others, (table, &prediction_index)), settings)))
     }
 
     /// Rows of the agents, those whose last plans took most work first: what begins last should not take longest. Nothing
@@ -127,6 +147,11 @@ impl World {
 
     /// The rules of the road for an agent now.
     pub(super) fn rules<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
+        Rules { hold: self.hold(drive), ..self.lines(drive) }
+    }
+
+    /// The same without junctions.
+    pub(super) fn lines<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
         Rules {
             control: &self.scenario.control,
             settings: &drive.agent.rules,
@@ -135,6 +160,7 @@ impl World {
             entered: drive.agent.start_time_step,
             dt: self.scenario.dt,
             served: drive.stop_sign.served(&drive.agent.rules, self.scenario.dt),
+            hold: None,
         }
     }
 
@@ -162,14 +188,17 @@ impl World {
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
             rules: self.rules(drive),
+            last_time_step: drive.last_time_step(self.settings.step.grace_factor),
         }
     }
 }
 
-/// All participants present, as planners see them.
+/// All participants present, as planners see them, and what agents were told.
 struct Crowd<'a> {
+    /// One per row of the predictions.
     positions: Vec<Point>,
     all: Vec<Other<'a>>,
+    told: Option<&'a Expectations>,
 }
 
 impl<'a> Crowd<'a> {
@@ -181,14 +210,43 @@ impl<'a> Crowd<'a> {
             velocity: scene.observed_velocity(*row),
             shape: &participants.shape[*row],
             is_static: participants.is_static[*row],
+            kind: participants.kind[*row],
         };
-        Self { positions: scene.positions(), all: scene.present.iter().enumerate().map(other).collect() }
+        Self { positions: scene.positions(), all: scene.present.iter().enumerate().map(other).collect(), told: None }
     }
 
-    /// Writes the participants that an agent sees; `visible` is memory.
+    fn told(scene: &'a Scene, expectations: &'a Expectations) -> Self {
+        let mut crowd = Self::of(scene);
+        crowd.positions.extend(expectations.extras.iter().map(|extra| extra.state.pose().position));
+        Self { told: Some(expectations), ..crowd }
+    }
+
+    /// Writes the participants that an agent sees or was told of; `visible` is memory.
     fn see(&self, drive: &Drive, scene: &Scene, visible: &mut Vec<usize>, others: &mut Vec<Other<'a>>) {
-        scene.see(drive.row, &drive.agent.view, &self.positions, visible);
         others.clear();
+        if let Some(told) = self.told
+            && let Some(known) = told.known.get(&drive.agent.id)
+        {
+            others.extend(known.iter().map(|known| self.other(known, told)));
+            return;
+        }
+        scene.see(drive.row, &drive.agent.view, &self.positions, visible);
         others.extend(visible.iter().map(|place| self.all[*place]));
+    }
+
+    fn other(&self, known: &Known, told: &'a Expectations) -> Other<'a> {
+        if let Some(place) = known.seen {
+            return Other { row: known.row, ..self.all[place] };
+        }
+        let Extra { state, shape, is_static, kind, .. } =
+            told.extra(known.row).expect("an unseen participant has a row of its own");
+        Other {
+            row: known.row,
+            pose: state.pose(),
+            velocity: state.velocity,
+            shape,
+            is_static: *is_static,
+            kind: *kind,
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Settings of the world.
 
 use crate::settings::{between, settings};
+use crate::v2x::{Logged, V2xSettings};
 
 settings! {
     /// Steps of the world.
@@ -39,11 +40,27 @@ pub struct WorldSettings {
     pub threads: usize,
     /// Record at every step which participants each driving agent sees.
     pub record_views: bool,
+    /// Cooperation.
+    pub v2x: V2xSettings,
+    /// Seed of what cooperation draws.
+    pub seed: u64,
+    /// How much of the messages is recorded.
+    pub record_messages: Logged,
+    /// Keep all states and plans; otherwise only as much of the past as a scene shows.
+    pub keep_recording: bool,
 }
 
 impl Default for WorldSettings {
     fn default() -> Self {
-        Self { step: StepSettings::default(), threads: 1, record_views: false }
+        Self {
+            step: StepSettings::default(),
+            threads: 1,
+            record_views: false,
+            v2x: V2xSettings::default(),
+            seed: 0,
+            record_messages: Logged::None,
+            keep_recording: true,
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! How drives end, on a straight road along x, with plans written by hand. Steps take 0.1 s.
 
 mod contacts;
+mod cooperation;
 mod goals;
 mod plans;
 
@@ -50,6 +51,7 @@ fn agent(id: i64, initial_state: State, goals: Vec<GoalState>) -> Agent {
         planner: Planner::External,
         view: ViewLimits::default(),
         rules: RulesSettings::default(),
+        v2x: None,
     }
 }
 

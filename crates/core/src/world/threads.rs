@@ -6,24 +6,28 @@ use crate::error::{Error, Result};
 
 /// Threads of a world.
 #[derive(Debug)]
-pub(super) struct Threads {
-    pool: rayon::ThreadPool,
+pub(crate) struct Threads {
+    /// None for one thread.
+    pool: Option<rayon::ThreadPool>,
     n: usize,
 }
 
 impl Threads {
     /// For work by so many at once, one of them the calling thread.
-    pub(super) fn new(n: usize) -> Result<Self> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(n.saturating_sub(1).max(1)).build();
+    pub(crate) fn new(n: usize) -> Result<Self> {
+        if n < 2 {
+            return Ok(Self { pool: None, n });
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n - 1).build();
         let pool = pool.map_err(|error| Error::invalid(format!("{n} threads could not be started: {error}")))?;
-        Ok(Self { pool, n })
+        Ok(Self { pool: Some(pool), n })
     }
 
     /// Calls `work(thread, i)` once for every i below `n`. They are handed out one by one in their order, the next one to
     /// any free thread; `thread` counts from 0, and no two calls with the same one run at the same time.
     ///
     /// The calling thread begins at once; the others need some time to wake up.
-    pub(super) fn each(&self, n: usize, work: impl Fn(usize, usize) + Sync) {
+    pub(crate) fn each(&self, n: usize, work: impl Fn(usize, usize) + Sync) {
         let next = AtomicUsize::new(0);
         let take = |thread: usize| loop {
             let i = next.fetch_add(1, Ordering::Relaxed);
@@ -33,10 +37,8 @@ impl Threads {
             work(thread, i);
         };
         let n_threads = self.n.min(n);
-        if n_threads < 2 {
-            return take(0);
-        }
-        self.pool.in_place_scope(|scope| {
+        let Some(pool) = self.pool.as_ref().filter(|_| n_threads > 1) else { return take(0) };
+        pool.in_place_scope(|scope| {
             for thread in 1..n_threads {
                 let take = &take;
                 scope.spawn(move |_| take(thread));

@@ -16,6 +16,7 @@ use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Scenario};
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State};
+use interdrive_core::v2x::V2xSettings;
 use interdrive_core::vehicle::Vehicle;
 use interdrive_core::world::{Agent, StepSettings, World, WorldSettings};
 
@@ -160,7 +161,21 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
         planner: planner(source, is_recorded),
         view: ViewLimits { sensor_radius: source.any(10.0, 100.0), occlusion: source.chance(100) },
         rules: RulesSettings::default(),
+        v2x: source.chance(60).then(|| source.chance(200)),
     })
+}
+
+/// Cooperation with an imperfect channel.
+fn v2x(source: &mut Source) -> V2xSettings {
+    V2xSettings {
+        penetration: source.within(0.0, 1.0),
+        delay: source.within(0.0, 0.4),
+        jitter: source.within(0.0, 0.4),
+        loss: source.within(0.0, 0.5),
+        fading: source.chance(60),
+        cpm: source.chance(120),
+        ..V2xSettings::default()
+    }
 }
 
 /// What a planner from outside hands over: from ordinary points to any numbers.
@@ -257,6 +272,8 @@ fn drive(mut source: Source, threads: usize) -> Option<Driven> {
         },
         threads,
         record_views: source.chance(60),
+        v2x: if source.chance(60) { v2x(source) } else { V2xSettings::default() },
+        ..WorldSettings::default()
     };
     let mut world = match World::new(Arc::clone(&scenario), agents, settings) {
         Ok(world) => world,

@@ -64,6 +64,7 @@ fn agent(proposal: Proposal, road: &RoadNetwork, planner: &Planner) -> Agent {
         planner: planner.clone(),
         view: ViewLimits { sensor_radius: 80.0, ..ViewLimits::default() },
         rules: RulesSettings::default(),
+        v2x: None,
     }
 }
 

@@ -23,12 +23,12 @@ fn of_two_connectors_behind_one_lane_the_one_driven_longer_or_nearer_counts() {
 
 #[test]
 fn a_connector_that_is_not_reached_or_neither_entered_nor_left_is_not_on_the_route() {
-    assert_eq!(route(straight_on(1), 30), []);
+    assert!(route(straight_on(1), 30).is_empty());
     // From x = -5 to 15 it is on the connector only.
     let mut inside = straight_on(1);
     inside.states.drain(..45);
-    assert_eq!(route(inside, 20), []);
+    assert!(route(inside, 20).is_empty());
     let mut parked = straight_on(1);
     parked.is_static = true;
-    assert_eq!(route(parked, 95), []);
+    assert!(route(parked, 95).is_empty());
 }

@@ -111,7 +111,7 @@ fn oncoming_traffic_counts_only_where_the_ways_meet() {
 }
 
 #[test]
-fn oncoming_traffic_counts_for_who_drives_on_its_lane() {
+fn oncoming_traffic_counts_for_a_vehicle_on_its_lane() {
     let actors = [Actor::going(1, state(40.0, 1.8, 0.0, 10.0), 60), Actor::going(2, state(160.0, 4.9, PI, 10.0), 60)];
     near(at(&judged(&traffic(two_ways(), &actors), 1), Measure::Dce, 0), 1.1, 1e-9);
 }

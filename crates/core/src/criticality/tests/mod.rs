@@ -5,6 +5,7 @@ mod encounters;
 mod following;
 mod invariance;
 mod odd_input;
+mod straight;
 
 use std::sync::Arc;
 

@@ -20,6 +20,8 @@ const ARC_MIN: f64 = 5.0;
 /// Slow agents return to the path so gently that the wheels turn fast enough at this share of the speed that they have
 /// or want: on a shorter way they could not become faster, on a longer one they would stay beside the path.
 const TURNING_SPEED: f64 = 0.8;
+/// Where the road is narrow, end positions are within this distance of the path [m].
+const NARROW_OFFSET: f64 = 1.0;
 /// Speeds above minus this [m/s] count as 0.
 const ROUNDING: f64 = 1e-3;
 /// Decelerations of the braking profiles as fractions of the largest one.
@@ -35,6 +37,8 @@ pub(super) struct Inputs<'a> {
     pub(super) limits: &'a Limits,
     pub(super) settings: &'a FrenetSettings,
     pub(super) path: &'a ReferencePath,
+    /// Only lateral positions near the path count, for places where the road is narrow.
+    pub(super) is_narrow: bool,
 }
 
 /// Numbers per point of a profile's path.
@@ -73,6 +77,8 @@ pub(super) struct SampleGrid {
     jerks: Vec<f64>,
     /// Arc length that no sample passes [m].
     s_max: f64,
+    /// The same for a time [s].
+    gate: (f64, f64),
     /// State of the start, as far as lateral motions need it.
     start: [f64; 4],
     is_free: bool,
@@ -81,7 +87,7 @@ pub(super) struct SampleGrid {
 impl SampleGrid {
     /// All motions along the path, and the lateral ones that are shared.
     pub(super) fn generate(&mut self, inputs: &Inputs) {
-        let Inputs { start, targets, limits, settings, path } = *inputs;
+        let Inputs { start, targets, limits, settings, path, is_narrow } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
         self.stride = limits.n_points.next_multiple_of(SIMD_POINTS);
@@ -95,13 +101,20 @@ impl SampleGrid {
         self.path.clear();
         self.furthest.clear();
         self.furthest.resize(self.stride, start.s);
-        self.lateral.clear(self.n_points, self.stride);
+        self.lateral.clear(self.n_points, self.stride, targets.offset);
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         self.arc_min = arc_min(inputs);
         self.s_max = targets.s_max;
+        self.gate = targets.gate;
         end_times(settings, &mut self.end_times);
-        grid(-settings.d_max, settings.d_max, settings.level, start.d, &mut self.end_offsets);
+        if is_narrow {
+            let widest = settings.d_max.min(NARROW_OFFSET);
+            grid(-widest, widest, settings.level, start.d, &mut self.end_offsets);
+        } else {
+            end_offsets(settings, start.d, &mut self.end_offsets);
+        }
+        insert(&mut self.end_offsets, targets.offset);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
         let from = [start.s, start.s_dot, start.s_ddot];
         self.speed_scale = start.s_dot.abs() + start.s_ddot.abs() * settings.horizon;
@@ -186,8 +199,9 @@ impl SampleGrid {
             path: None,
         });
         // Where it is at the end is where it gets at most, if it never goes backwards; that is looked at below.
-        let moving = end_time.min(limits.horizon());
-        if s.at(moving)[0] + end_velocity * (limits.horizon() - moving) > self.s_max {
+        let place = |time: f64| s.at(end_time.min(time))[0] + end_velocity * (time - end_time.min(time));
+        let (gate, release) = self.gate;
+        if place(limits.horizon()) > self.s_max || (gate.is_finite() && place(release.min(limits.horizon())) > gate) {
             self.profiles.last_mut().expect("it was pushed").rejection = Rejection::StopLine;
             return false;
         }
@@ -254,7 +268,7 @@ impl SampleGrid {
                 profile.rejection = Rejection::NegativeSpeed;
             }
             profile.rejection = profile.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
-            if s[i] > self.s_max {
+            if s[i] > self.s_max || (s[i] > self.gate.0 && self.times[i] < self.gate.1) {
                 profile.rejection = profile.rejection.or(Rejection::StopLine);
             }
             if !(0.0..=path.length()).contains(&s[i]) {
@@ -439,6 +453,15 @@ fn end_times(settings: &FrenetSettings, out: &mut Vec<f64>) {
 fn grid(low: f64, high: f64, level: usize, extra: f64, out: &mut Vec<f64>) {
     let n = 2_usize << level;
     out.extend((0..=n).map(|i| low + (high - low) * i as f64 / n as f64));
+    insert(out, extra);
+}
+
+/// Lateral end positions, closer to each other near the path, and one more; ascending: 0, 0.19, 0.75, 1.69 and 3 m to
+/// both sides at level 2. Where the road is narrow, some decimetres decide.
+fn end_offsets(settings: &FrenetSettings, extra: f64, out: &mut Vec<f64>) {
+    let n = 1_i32 << settings.level;
+    let share = |i: i32| f64::from(i) / f64::from(n);
+    out.extend((-n..=n).map(|i| settings.d_max * share(i) * share(i).abs()));
     insert(out, extra);
 }
 

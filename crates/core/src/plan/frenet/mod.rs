@@ -80,8 +80,8 @@ struct Premises {
     keeps_clear: bool,
 }
 
-/// Who ends slower than this [m/s] crawls.
-const CRAWLING: f64 = 1.0;
+/// Plans that end slower than this [m/s] crawl.
+const CRAWLING: f64 = 2.0;
 
 impl Premises {
     const STATED: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
@@ -92,12 +92,18 @@ impl Premises {
         Self { yaw_rate_counts: true, slack: 2.5, keeps_clear: false },
         Self { yaw_rate_counts: false, slack: 2.5, keeps_clear: false },
     ];
+
+    /// Recorded yaw rates of slow vehicles are mostly noise; the speed divides them by little.
+    fn knows_yaw_rate(&self, request: &PlanRequest, settings: &FrenetSettings) -> bool {
+        self.yaw_rate_counts && (request.previous.is_some() || request.state.velocity >= settings.low_velocity)
+    }
 }
 
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
 ///
 /// If nothing is admissible, or nothing but standing and crawling where the road forbids better samples, the agent may
-/// come as close to the edge of the road as the judge allows.
+/// come as close to the edge of the road as the judge allows, and looks at lateral positions near its path only, which are
+/// closer to each other then.
 /// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
 /// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
@@ -138,7 +144,7 @@ fn attempt(
     if !request.state.is_finite() {
         return fallback::refuse(request, n_points, "the present state is not a number".into());
     }
-    let start = match Start::new(request, premises.yaw_rate_counts) {
+    let start = match Start::new(request, premises.knows_yaw_rate(request, settings)) {
         Ok(start) => start,
         Err(reason) => return without_plan(request, n_points, memory, &format!("the agent {reason}")),
     };
@@ -146,7 +152,12 @@ fn attempt(
     let targets = Targets::new(request, &start, settings);
     let FrenetMemory { samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, road, effort } =
         memory;
-    prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles, warm_start));
+    prepare(
+        request,
+        settings,
+        (&start, &targets, &limits, !premises.keeps_clear),
+        (samples, costs, obstacles, warm_start),
+    );
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
@@ -200,14 +211,20 @@ pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidate
 fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premises) -> Candidates {
     let n_points = n_points(request, settings);
     let is_known = request.state.is_finite();
-    let Some(start) = is_known.then(|| Start::new(request, premises.yaw_rate_counts).ok()).flatten() else {
+    let Some(start) = is_known.then(|| Start::new(request, premises.knows_yaw_rate(request, settings)).ok()).flatten()
+    else {
         return Candidates { n_points, desired_velocity: f64::NAN, ..Candidates::default() };
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
     let mut memory = FrenetMemory::default();
     let FrenetMemory { samples, costs, obstacles, warm_start, evaluation: evaluation_memory, .. } = &mut memory;
-    prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles, warm_start));
+    prepare(
+        request,
+        settings,
+        (&start, &targets, &limits, !premises.keeps_clear),
+        (samples, costs, obstacles, warm_start),
+    );
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
@@ -219,11 +236,11 @@ fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premis
 fn prepare(
     request: &PlanRequest,
     settings: &FrenetSettings,
-    (start, targets, limits): (&Start, &Targets, &Limits),
+    (start, targets, limits, is_narrow): (&Start, &Targets, &Limits, bool),
     (samples, costs, obstacles, warm_start): (&mut SampleGrid, &mut TableCosts, &mut Obstacles, &mut WarmStart),
 ) {
     let path = &request.route.path;
-    samples.generate(&Inputs { start, targets, limits, settings, path });
+    samples.generate(&Inputs { start, targets, limits, settings, path, is_narrow });
     costs.prepare(samples, targets.velocity, &settings.weights, path);
     warm_start.shift(request, start, limits, targets, &settings.weights);
     obstacles.prepare(request, (start, warm_start), samples, settings);

@@ -35,7 +35,7 @@ fn off_road(evaluation: &mut Evaluation) -> Obstruction {
     evaluation.write_if_drivable(evaluation.tables.memory.off_road_sample);
     let request = evaluation.problem.request;
     let (overhang, at) = evaluation.points().iter().fold((f64::NEG_INFINITY, Point::default()), |furthest, point| {
-        let overhang = request.road.overhang(request.shape, point.pose());
+        let overhang = request.road.overhang(request.shape, point.pose(), &mut Vec::new());
         if overhang > furthest.0 { (overhang, point.center) } else { furthest }
     });
     Obstruction { rejection: Rejection::OffRoad.words(-1), at, overhang }

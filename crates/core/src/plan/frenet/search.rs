@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_chosen_if_all_are_rejected() {
+    fn none_is_chosen_if_all_are_rejected() {
         let mut queue = Queue::default();
         start(&mut queue, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
         let mut search =

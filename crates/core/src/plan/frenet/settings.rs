@@ -5,7 +5,7 @@ use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
 settings! {
     /// Weights of the terms of the cost; zero disables a term. Every term is zero or positive.
-    pub struct CostWeights as FrenetWeights {
+    pub struct CostWeights as FrenetWeights [N_TERMS] {
         /// Root of the summed squares of speed minus desired speed over all points [m/s].
         velocity_offset: f64 = 1.0, NOT_NEGATIVE;
         /// Root of the summed squares of the lateral offset over the last half of the points [m].
@@ -108,44 +108,6 @@ pub const N_TERMS: usize = N_TABLE_TERMS + N_WORLD_TERMS + 1;
 pub(super) const N_TABLE_TERMS: usize = 4;
 /// The next ones need its trajectory; the last one is the prediction.
 pub(super) const N_WORLD_TERMS: usize = 8;
-
-impl CostWeights {
-    /// Names of the terms, in the order of [`CostWeights::as_array`].
-    pub const NAMES: [&'static str; N_TERMS] = [
-        "velocity_offset",
-        "distance_to_reference",
-        "lateral_jerk",
-        "longitudinal_jerk",
-        "acceleration",
-        "jerk",
-        "lateral_velocity",
-        "lateral_acceleration",
-        "longitudinal_velocity",
-        "longitudinal_acceleration",
-        "orientation_offset",
-        "distance_to_obstacles",
-        "prediction",
-    ];
-
-    /// The weights in the order of [`CostWeights::NAMES`].
-    pub fn as_array(&self) -> [f64; N_TERMS] {
-        [
-            self.velocity_offset,
-            self.distance_to_reference,
-            self.lateral_jerk,
-            self.longitudinal_jerk,
-            self.acceleration,
-            self.jerk,
-            self.lateral_velocity,
-            self.lateral_acceleration,
-            self.longitudinal_velocity,
-            self.longitudinal_acceleration,
-            self.orientation_offset,
-            self.distance_to_obstacles,
-            self.prediction,
-        ]
-    }
-}
 
 #[cfg(test)]
 mod tests {

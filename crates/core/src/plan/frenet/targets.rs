@@ -13,8 +13,20 @@ const CURVE_STEP: f64 = 1.0;
 const CURVE_REACH: f64 = 250.0;
 /// The corridor of the path is wider than the agent by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.3;
+/// Distance to what stands and is passed [m]: the first one for which there is room.
+const PASSING_CLEARANCES: [f64; 2] = [0.3, 0.2];
+/// Room is needed from so far before it to so far behind it [m], examined at such steps [m].
+const PASSING_LEAD: f64 = 1.0;
+const PASSING_STEP: f64 = 2.0;
+/// The agent moves to the side so long before it [s], but no less than this [m].
+const PASSING_TIME: f64 = 3.0;
+const PASSING_LENGTH: f64 = 10.0;
+/// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
+const QUEUE_OFFSET: f64 = 1.0;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
+/// Whoever has to wait for more than this [s] may want to stop.
+const HOLD_STOP: f64 = 2.0;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
 
@@ -28,9 +40,24 @@ pub(super) struct Targets {
     pub(super) stops: [Option<f64>; 3],
     /// Arc length that the rear axle must not pass [m], because of a stop line; infinite without one.
     pub(super) s_max: f64,
+    /// Lateral position [m]: 0, or beside what stands in the way and is passed.
+    pub(super) offset: f64,
+    /// The same before a junction, and for how long [s].
+    pub(super) gate: (f64, f64),
 }
 
 /// A participant ahead on the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Ahead {
+    Leads(Leader),
+    /// It stands and is passed at an offset [m]; arc length of its nearest point [m].
+    IsPassed {
+        rear: f64,
+        offset: f64,
+    },
+}
+
+/// A participant that the agent follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Leader {
     /// Arc length of its nearest point [m].
@@ -49,9 +76,26 @@ impl Targets {
         if line.is_finite() {
             following = safe_velocity(line - LINE_GAP - front, 0.0, comfort);
         }
+        let (hold, release) = request.hold(start.s);
+        if hold.is_finite() {
+            // It arrives when it may go.
+            let room = hold - LINE_GAP - front;
+            following = following.min(safe_velocity(room, 0.0, comfort).max(room / release.max(request.dt)));
+        }
         let stretch = Stretch::ahead(request, start);
         let near = request.others.iter().filter(|other| stretch.may_hold(other));
-        for leader in near.filter_map(|other| leader(other, request, start)) {
+        let passing_reach = front + PASSING_LENGTH.max(PASSING_TIME * start.velocity);
+        let (mut offset, mut nearest) = (0.0, passing_reach);
+        for ahead in near.filter_map(|other| ahead(other, request, start, settings)) {
+            let leader = match ahead {
+                Ahead::Leads(leader) => leader,
+                Ahead::IsPassed { rear, offset: beside } => {
+                    if rear < nearest {
+                        (nearest, offset) = (rear, beside);
+                    }
+                    continue;
+                }
+            };
             let gap = leader.rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, leader.velocity, comfort));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
@@ -68,8 +112,11 @@ impl Targets {
         let line_stop = line - LINE_GAP - (front - start.s);
         // Where it stands now it may stay.
         let s_max = (line - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
+        let gate = (hold - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
+        let hold_stop = hold - LINE_GAP - (front - start.s);
+        let line_stop = if release > HOLD_STOP { line_stop.min(hold_stop) } else { line_stop };
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, stops, s_max }
+        Self { velocity, stops, s_max, gate: (gate, release), offset }
     }
 }
 
@@ -134,9 +181,9 @@ impl Stretch {
     }
 }
 
-/// The participant as a leader, if it is one: ahead, its footprint in the corridor between the agent and the path, and
-/// it stands or moves along the path. Structures of several parts are left to the collision test.
-fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader> {
+/// The participant as a leader or as one to be passed, if it is ahead, its footprint in the corridor between the agent and
+/// the path, and it stands or moves along the path. Structures of several parts are left to the collision test.
+fn ahead(other: &Other, request: &PlanRequest, start: &Start, settings: &FrenetSettings) -> Option<Ahead> {
     if other.is_static && other.shape.parts().len() > 1 {
         return None;
     }
@@ -166,7 +213,46 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     let stands = other.is_static || other.velocity.abs() < LEADER_STATIONARY_SPEED;
     let moves_along = cos * other.velocity.signum() > LEADER_HEADING_COSINE;
     let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };
-    (ahead && !beside && (stands || moves_along)).then_some(Leader { rear: s - half_s, velocity })
+    if !ahead || beside || !(stands || moves_along) {
+        return None;
+    }
+    let rear = s - half_s;
+    // Vehicles that stand in a queue head along the path, near its middle.
+    let queues = !other.is_static && cos > LEADER_HEADING_COSINE && d.abs() < QUEUE_OFFSET;
+    if stands && !queues {
+        for clearance in PASSING_CLEARANCES {
+            let half_gap = half_d + 0.5 * vehicle.width + clearance;
+            let mut sides = [(d - half_gap).min(0.0), (d + half_gap).max(0.0)];
+            sides.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+            let has_room = |side: &f64| has_room(request, (rear, s + half_s), *side, settings.d_max);
+            if let Some(offset) = sides.into_iter().find(has_room) {
+                return Some(Ahead::IsPassed { rear, offset });
+            }
+        }
+    }
+    Some(Ahead::Leads(Leader { rear, velocity }))
+}
+
+/// The agent stays on lanelets of its own direction while it passes a stretch of the path at an offset of its rear axle.
+fn has_room(request: &PlanRequest, (from, to): (f64, f64), d: f64, d_max: f64) -> bool {
+    if d.abs() > d_max {
+        return false;
+    }
+    let (path, vehicle, road) = (&request.route.path, request.vehicle, request.road);
+    let length = to - from + 2.0 * PASSING_LEAD + vehicle.length;
+    let n = (length / PASSING_STEP).ceil();
+    let first = from - PASSING_LEAD - vehicle.length;
+    (0..=n as usize).all(|i| {
+        let at = path.at((first + length * i as f64 / n).max(0.0));
+        let (tangent, left) = (at.tangent(), at.tangent().left());
+        [-0.5, 0.5].iter().all(|side| {
+            let place = at.position + left * (d + side * vehicle.width);
+            road.lanelets_at(place).iter().any(|lanelet| {
+                let foot = road.lanelets()[*lanelet].center.project(place).s;
+                Point::from_angle(road.heading_at(*lanelet, foot)).dot(tangent) > LEADER_HEADING_COSINE
+            })
+        })
+    })
 }
 
 /// Speed from which all curves ahead can be taken comfortably, and all speed limits be met, after comfortable braking, or
@@ -223,7 +309,9 @@ mod tests {
                 let Ok(start) = Start::new(request, true) else { return };
                 let stretch = Stretch::ahead(request, &start);
                 for other in request.others {
-                    let (may_hold, is_leader) = (stretch.may_hold(other), leader(other, request, &start).is_some());
+                    let settings = FrenetSettings::default();
+                    let (may_hold, is_leader) =
+                        (stretch.may_hold(other), ahead(other, request, &start, &settings).is_some());
                     assert!(may_hold || !is_leader, "{other:?}");
                     n_leaders += usize::from(is_leader);
                     n_outside += usize::from(!may_hold);

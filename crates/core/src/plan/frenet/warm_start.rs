@@ -44,9 +44,9 @@ impl WarmStart {
         targets: &Targets,
         weights: &CostWeights,
     ) {
-        self.is_valid = self.convert(request, start, limits).is_some_and(|s| s <= targets.s_max);
+        self.is_valid = self.convert(request, start, limits).is_some_and(|s| s <= targets.s_max.min(targets.gate.0));
         if self.is_valid {
-            self.sum_up(limits, targets.velocity, weights);
+            self.sum_up(limits, targets, weights);
         }
     }
 
@@ -106,7 +106,7 @@ impl WarmStart {
     }
 
     /// Accelerations and jerks are differences of the speeds.
-    fn sum_up(&mut self, limits: &Limits, desired_velocity: f64, weights: &CostWeights) {
+    fn sum_up(&mut self, limits: &Limits, targets: &Targets, weights: &CostWeights) {
         let n = self.points.len();
         for i in 0..n {
             let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
@@ -119,8 +119,8 @@ impl WarmStart {
             let squares: f64 = self.motions.windows(3).map(|w| (second(w) / limits.dt.powi(2)).powi(2)).sum();
             (squares * limits.dt).sqrt()
         };
-        let velocity: f64 = self.points.iter().map(|p| (p.velocity - desired_velocity).powi(2)).sum();
-        let offset: f64 = self.points[n - n / 2..].iter().map(|p| p.d * p.d).sum();
+        let velocity: f64 = self.points.iter().map(|p| (p.velocity - targets.velocity).powi(2)).sum();
+        let offset: f64 = self.points[n - n / 2..].iter().map(|p| (p.d - targets.offset).powi(2)).sum();
         self.terms = [velocity.sqrt(), offset.sqrt(), jerk(|m| m.d_dot), jerk(|m| m.s_dot)];
         let [velocity, offset, lateral, longitudinal] = self.terms;
         self.total = from_tables(weights, velocity, offset, lateral, longitudinal);

@@ -275,7 +275,7 @@ fn what_comes_out_for_a_vehicle_does_not_depend_on_the_batch() {
 }
 
 #[test]
-fn a_thousand_vehicles_and_nobody_at_all_are_predicted() {
+fn a_thousand_vehicles_and_none_at_all_are_predicted() {
     let found = predicted(random_network(), 4, &crowd(1000), &fork(), N_STEPS);
     assert_eq!(found.ids.len(), 1000);
     assert!((0..1000).all(|row| found.valid[found.offset(row, 0)]), "every vehicle has a mode");
@@ -284,7 +284,7 @@ fn a_thousand_vehicles_and_nobody_at_all_are_predicted() {
 }
 
 #[test]
-fn pedestrians_and_who_reverses_go_straight_on_and_static_ones_stay() {
+fn pedestrians_and_reversing_vehicles_go_straight_on_and_static_ones_stay() {
     let at = |kind, velocity| Track(kind, car(50.0, 0.0, 0.5, velocity, 30, 0.1).1);
     let now = scene(
         &[

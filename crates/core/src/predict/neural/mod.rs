@@ -11,7 +11,6 @@ mod forecast_tests;
 mod history;
 mod index;
 mod inputs;
-mod linear;
 mod network;
 mod paths;
 mod profile;
@@ -141,7 +140,7 @@ fn without_network(out: &mut Predictions, i: usize, row: usize, scene: &Scene) {
     if is_static || state.velocity.abs() < STATIONARY_SPEED {
         return stand(out, i, &state);
     }
-    go_straight(out, i, &state, &STRAIGHT, scene.dt);
+    go_straight(out, i, (&state, 0.0), &STRAIGHT, scene.dt);
     if scene.participants.kind[row] == ParticipantKind::Pedestrian {
         let start = out.offset(i, 0);
         for step in 0..out.n_steps {

@@ -6,10 +6,10 @@
 
 use super::feature_table::{N_AGENT, N_NEIGHBOUR, N_NEIGHBOURS, N_PATH};
 use super::inputs::N_KNOTS;
-use super::linear::{Linear, relu};
 use super::motion_smoothness::N_SMOOTHNESS;
 use super::paths::N_PATHS;
 use crate::error::{Error, Result};
+use crate::network::linear::{Linear, relu};
 
 /// Outputs of a mode: its logit, then of every knot the speed [m/s] and the lateral speed [m/s] besides those expected,
 /// and the logarithms of how fast the standard deviations along and across the path grow [m/s].

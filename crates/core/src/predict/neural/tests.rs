@@ -285,7 +285,7 @@ fn standing_is_seen_from_positions_and_from_speed_only_if_there_is_no_past() {
 }
 
 #[test]
-fn only_who_can_move_on_wheels_and_does_not_reverse_has_a_row() {
+fn only_wheeled_participants_that_do_not_reverse_have_a_row() {
     let at = |kind, velocity| Track(kind, car(50.0, 0.0, 0.0, velocity, 30, 0.1).1);
     let tracks = [
         at(ParticipantKind::Pedestrian, 1.0),

@@ -101,19 +101,19 @@ fn who_collides_in_the_step_that_reaches_the_goal_has_collided() {
 #[test]
 fn progress_is_the_way_along_the_reference_path() {
     let mut world = world(vec![agent(1, at(60.0, 0.0, 10.0), vec![far()])], &[]);
-    let start = world.progress(1).expect("an agent").0;
+    let start = world.progress(1).expect("an agent").s;
     for (x, way) in [(61.0, 0.0), (62.0, 1.0), (63.5, 2.5)] {
         move_to(&mut world, &[(1, at(x, 0.2, 10.0))]);
         // The start is that of the centre; from then on it is the rear axle.
         let rear = world.drives[0].agent.vehicle.rear_axle_to_center;
         let expected = start + 1.0 + way - rear;
-        let found = world.progress(1).expect("an agent").0;
+        let found = world.progress(1).expect("an agent").s;
         assert!((found - expected).abs() < 0.01, "{found}, not {expected}");
     }
 }
 
 #[test]
-fn the_largest_number_of_steps_ends_everybody_who_drives_or_is_still_to_come() {
+fn the_largest_number_of_steps_ends_all_that_drive_or_are_still_to_come() {
     let settings =
         WorldSettings { step: StepSettings { max_steps: 3, ..StepSettings::default() }, ..WorldSettings::default() };
     let late = Agent { start_time_step: 8, ..agent(2, at(80.0, 0.0, 10.0), vec![far()]) };

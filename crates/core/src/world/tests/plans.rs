@@ -138,7 +138,7 @@ fn agents_and_recorded_ones_come_and_go_at_their_times() {
 }
 
 #[test]
-fn who_sees_whom_is_recorded_where_it_is_asked_for() {
+fn visibility_is_recorded_where_it_is_asked_for() {
     let others = || [Recorded::standing(7, 60.0, 3.5), Recorded::standing(8, 160.0, 3.5)];
     for record_views in [true, false] {
         let settings = WorldSettings { record_views, ..WorldSettings::default() };

@@ -110,8 +110,8 @@ fn is_follower(ego: &OrientedBox, other: &OrientedBox) -> bool {
     (other.center - ego.center).dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE
 }
 
-/// The other would run with its front into the agent's rear half, although it can still stop before that: who
-/// comes second waits. Without this rule two who meet at walking pace wait for each other.
+/// The other would run with its front into the agent's rear half, although it can still stop before that: the
+/// one that comes second waits. Without this rule two that meet at walking pace wait for each other.
 fn must_yield(ego: &OrientedBox, swept: &SweptInterval, dt: f64, time: f64) -> bool {
     let front = swept.end.center + swept.end.axis * swept.end.half_length;
     let speed = swept.displacement.dot(swept.end.axis) / dt;

@@ -168,6 +168,7 @@ mod tests {
                 let (mut samples, mut warm_start) = (SampleGrid::default(), WarmStart::default());
                 let path = &request.route.path;
                 let inputs = crate::plan::frenet::grid::Inputs {
+                    is_narrow: false,
                     start: &start,
                     targets: &targets,
                     limits: &limits,

@@ -36,7 +36,7 @@ fn for_random_plans(mut look: impl FnMut(&mut SampleGrid, &mut TableCosts, &Limi
             }
             let (mut obstacles, mut warm_start) = (Obstacles::default(), WarmStart::default());
             let tables = (&mut samples, &mut costs, &mut obstacles, &mut warm_start);
-            prepare(request, &settings, (&start, &targets, &limits), tables);
+            prepare(request, &settings, (&start, &targets, &limits, false), tables);
             look(&mut samples, &mut costs, &limits, request);
         });
     }

@@ -155,7 +155,7 @@ fn steering_and_lateral_acceleration_stay_within_the_limits() {
 }
 
 #[test]
-fn nobody_is_planned_for_without_a_state_or_a_path() {
+fn there_is_no_plan_without_a_state_or_a_path() {
     let mut drive = Drive::along(&straight((0.0, 0.0), (100.0, 0.0)), 50.0, 10.0);
     drive.state.x = f64::NAN;
     let result = drive.plan(&FrenetSettings::default());

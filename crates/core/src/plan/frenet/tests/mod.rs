@@ -6,6 +6,7 @@ pub(super) mod choice;
 mod closed_loop;
 mod golden;
 mod kinematics;
+mod passing;
 mod starts;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
@@ -19,7 +20,7 @@ use crate::route::Route;
 use crate::rules::Rules;
 use crate::scenario::{Goal, GoalState};
 use crate::trajectory::{Predictions, State, Trajectory};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{ParticipantKind, Vehicle};
 
 /// Another participant that keeps its speed and heading, and is predicted to.
 #[derive(Debug, Clone)]
@@ -165,6 +166,7 @@ impl Drive {
                 velocity: car.velocity,
                 shape: &car.shape,
                 is_static: car.is_static,
+                kind: ParticipantKind::Car,
             })
             .collect();
         let predictions = self.predictions();
@@ -186,6 +188,7 @@ impl Drive {
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
             rules: Rules::default(),
+            last_time_step: None,
         })
     }
 

@@ -53,3 +53,24 @@ fn from_standstill_the_agent_returns_to_its_path_without_swinging() {
         assert!(d.abs() < 0.2 && furthest < 0.5, "{offset} m, {heading} degrees: {d} m, {furthest} m beyond");
     }
 }
+
+#[test]
+fn recorded_yaw_rates_of_slow_vehicles_do_not_turn_their_wheels() {
+    // 0.07 rad/s at 0.22 m/s would be the curvature of wheels that are turned all the way.
+    let mut drive = standing(-0.4, 0.0);
+    (drive.state.velocity, drive.state.yaw_rate) = (0.22, 0.07);
+    for _ in 0..20 {
+        let result = drive.plan(&FrenetSettings::default());
+        drive.step(result);
+        assert!(drive.place().1.abs() < 0.5, "{:?}", drive.place());
+    }
+    assert!(drive.state.velocity > 4.0, "{} m/s", drive.state.velocity);
+}
+
+#[test]
+fn lateral_end_positions_are_closer_to_each_other_near_the_path() {
+    let mut found = standing(0.0, 0.0).candidates(&FrenetSettings::default()).end_offset;
+    found.sort_by(f64::total_cmp);
+    found.dedup();
+    assert_eq!(found, [-3.0, -1.6875, -0.75, -0.1875, 0.0, 0.1875, 0.75, 1.6875, 3.0]);
+}

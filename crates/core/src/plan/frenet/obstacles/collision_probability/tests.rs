@@ -133,7 +133,7 @@ fn all_in_double((index, source): (usize, &PredictedMode), point: usize, request
 }
 
 #[test]
-fn the_cost_is_that_of_all_who_are_predicted_on_wide_machines_and_others() {
+fn the_cost_is_that_of_all_predicted_participants_with_and_without_avx2() {
     let mut random = Lcg::new(6);
     let (mut expectations, mut poses) = (PredictedFootprints::default(), Poses::default());
     let mut n_positive = 0;

@@ -8,13 +8,13 @@ const PANEL: usize = 16;
 
 /// A right factor: `rows` x `columns`, in panels of 16 columns; columns are filled up with zeros.
 #[derive(Debug, Clone)]
-pub(super) struct Matrix {
+pub(crate) struct Matrix {
     rows: usize,
     panels: Vec<f32>,
 }
 
 impl Matrix {
-    pub(super) fn new(rows: usize, columns: usize, at: impl Fn(usize, usize) -> f32) -> Self {
+    pub(crate) fn new(rows: usize, columns: usize, at: impl Fn(usize, usize) -> f32) -> Self {
         let n_panels = columns.div_ceil(PANEL);
         let mut panels = Vec::with_capacity(n_panels * rows * PANEL);
         for panel in 0..n_panels {
@@ -26,14 +26,14 @@ impl Matrix {
     }
 
     /// Number of columns, a multiple of 16.
-    pub(super) fn columns(&self) -> usize {
+    pub(crate) fn columns(&self) -> usize {
         self.panels.len() / self.rows
     }
 }
 
 multiversion! {
     /// Adds the product of `right` with `n_rows` rows of `left`, which begin `stride` apart, to `out`.
-    pub(super) fn add_product = add_rows, (left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32])
+    pub(crate) fn add_product = add_rows, (left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mut [f32])
 }
 
 #[inline(always)]

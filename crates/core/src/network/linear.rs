@@ -3,15 +3,15 @@
 
 use std::ops::Range;
 
-use crate::predict::product::{Matrix, add_product};
+use super::product::{Matrix, add_product};
 
 /// Weights and bias of a linear layer.
 #[derive(Debug, Clone)]
-pub(super) struct Linear {
+pub(crate) struct Linear {
     /// Number of inputs.
-    pub(super) n_in: usize,
+    pub(crate) n_in: usize,
     /// Number of outputs with padding: distance between rows of a table of outputs.
-    pub(super) width: usize,
+    pub(crate) width: usize,
     weights: Matrix,
     /// (width,).
     bias: Vec<f32>,
@@ -19,7 +19,7 @@ pub(super) struct Linear {
 
 impl Linear {
     /// From some inputs of a layer with `n_in` inputs: weights (outputs, inputs), row-major, and bias (outputs,).
-    pub(super) fn new(weights: &[f32], bias: &[f32], n_in: usize, inputs: Range<usize>) -> Self {
+    pub(crate) fn new(weights: &[f32], bias: &[f32], n_in: usize, inputs: Range<usize>) -> Self {
         let weights = Matrix::new(inputs.len(), bias.len(), |input, j| weights[j * n_in + inputs.start + input]);
         let width = weights.columns();
         let mut padded_bias = bias.to_vec();
@@ -28,13 +28,13 @@ impl Linear {
     }
 
     /// Without bias.
-    pub(super) fn without_bias(mut self) -> Self {
+    pub(crate) fn without_bias(mut self) -> Self {
         self.bias.fill(0.0);
         self
     }
 
     /// Outputs for rows of inputs that are `stride` apart, into a table of `width` columns.
-    pub(super) fn apply(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut Vec<f32>) {
+    pub(crate) fn apply(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut Vec<f32>) {
         out.clear();
         for _ in 0..n_rows {
             out.extend_from_slice(&self.bias);
@@ -43,13 +43,13 @@ impl Linear {
     }
 
     /// The same without bias, added to a table of `width` columns.
-    pub(super) fn add(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut [f32]) {
+    pub(crate) fn add(&self, inputs: &[f32], stride: usize, n_rows: usize, out: &mut [f32]) {
         add_product(inputs, stride, n_rows, &self.weights, out);
     }
 }
 
 /// Negative numbers become zero; what is not a number stays so.
-pub(super) fn relu(values: &mut [f32]) {
+pub(crate) fn relu(values: &mut [f32]) {
     for value in values {
         *value = if *value < 0.0 { 0.0 } else { *value };
     }

@@ -1,0 +1,50 @@
+//! Where a footprint stands among lanelets: within one lane or across several, along a lane or against it.
+
+use std::f64::consts::FRAC_PI_2;
+
+use crate::geometry::shape::Shape;
+use crate::geometry::{Point, Pose};
+use crate::road::RoadNetwork;
+
+/// A lane is followed over this many lanelets in each direction: footprints reach across the ends of lanelets.
+const LANELETS_ON: usize = 2;
+
+/// Corners of the box around a footprint, in the world.
+fn corners(shape: &Shape, pose: Pose) -> Vec<Point> {
+    shape.oriented_box(pose).corners().to_vec()
+}
+
+/// All of the footprint is in the lane of its centre, or in one of them where lanelets overlap.
+pub fn is_within_one_lane(road: &RoadNetwork, shape: &Shape, pose: Pose) -> bool {
+    let center = road.lanelets_at(pose.position);
+    if center.is_empty() {
+        return false;
+    }
+    let below: Vec<Vec<usize>> = corners(shape, pose).into_iter().map(|corner| road.lanelets_at(corner)).collect();
+    center.into_iter().any(|lanelet| {
+        let lane = lane_of(road, lanelet);
+        below.iter().all(|here| here.iter().any(|lanelet| lane.contains(lanelet)))
+    })
+}
+
+/// A lanelet with those before and behind it.
+fn lane_of(road: &RoadNetwork, lanelet: usize) -> Vec<usize> {
+    let (mut lane, mut ends) = (vec![lanelet], vec![(lanelet, true), (lanelet, false)]);
+    for _ in 0..LANELETS_ON {
+        let mut next = Vec::new();
+        for (end, is_ahead) in ends {
+            let here = &road.lanelets()[end];
+            next.extend((if is_ahead { &here.successors } else { &here.predecessors }).iter().map(|l| (*l, is_ahead)));
+        }
+        lane.extend(next.iter().map(|(lanelet, _)| *lanelet));
+        ends = next;
+    }
+    lane
+}
+
+/// A corner of the footprint is on a lanelet, and no lanelet there leads its way within 90 degrees.
+pub fn is_against_the_lane(road: &RoadNetwork, shape: &Shape, pose: Pose) -> bool {
+    let mut points = corners(shape, pose);
+    points.push(pose.position);
+    points.into_iter().any(|position| road.lane_rules(Pose { position, ..pose }).1 > FRAC_PI_2)
+}

@@ -1,0 +1,4 @@
+//! Layers of networks in single precision, summed in a fixed order.
+
+pub(crate) mod linear;
+mod product;

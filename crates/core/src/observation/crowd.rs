@@ -1,0 +1,63 @@
+//! The participants present as bodies, computed once for all observers.
+
+use crate::geometry::{Point, Pose};
+use crate::scene::Scene;
+use crate::trajectory::State;
+use crate::vehicle::ParticipantKind;
+
+/// A participant as an observer sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// Its id.
+    pub id: i64,
+    /// Centre of its footprint, world frame [m].
+    pub position: Point,
+    /// Unit vector along its heading.
+    pub axis: Point,
+    /// Speed along its heading as it can be observed [m/s].
+    pub velocity: f64,
+    /// Length and width of its footprint [m].
+    pub size: (f64, f64),
+    /// Position among the four classes of an observation.
+    pub(super) class: usize,
+}
+
+impl Body {
+    /// The participant in a row of a scene, in a state.
+    pub fn new(scene: &Scene, row: usize, state: &State, velocity: f64) -> Self {
+        let participants = &scene.participants;
+        let what = (participants.shape[row].extent(), participants.kind[row], participants.is_static[row]);
+        Self::of(participants.ids[row], state.pose(), velocity, what)
+    }
+
+    /// From its size [m], its kind, and whether it never moves.
+    pub fn of(
+        id: i64,
+        pose: Pose,
+        velocity: f64,
+        (size, kind, is_static): ((f64, f64), ParticipantKind, bool),
+    ) -> Self {
+        let axis = Point::from_angle(pose.orientation);
+        Self { id, position: pose.position, axis, velocity, size, class: class(kind, is_static) }
+    }
+}
+
+/// Writes the bodies of all participants present, in the order of `Scene::present`.
+pub fn bodies(scene: &Scene, out: &mut Vec<Body>) {
+    out.clear();
+    out.extend(scene.present.iter().map(|row| {
+        let state = scene.state(*row);
+        Body::new(scene, *row, &state, scene.observed_velocity(*row))
+    }));
+}
+
+/// Vehicle, two-wheeler, pedestrian, anything else.
+fn class(kind: ParticipantKind, is_static: bool) -> usize {
+    match kind {
+        _ if is_static => 3,
+        ParticipantKind::Motorcycle | ParticipantKind::Bicycle => 1,
+        ParticipantKind::Pedestrian => 2,
+        kind if kind.is_vehicle() => 0,
+        _ => 3,
+    }
+}

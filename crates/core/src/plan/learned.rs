@@ -1,0 +1,89 @@
+//! Actions of learners: numbers that become plans.
+
+use crate::error::{Error, Result};
+use crate::trajectory::State;
+use crate::vehicle::Vehicle;
+use crate::vehicle::single_track::{Kinematic, Moved};
+
+/// What an action means.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ActionSpace {
+    /// Two numbers from -1 to 1: pedals and steering wheel.
+    Kinematic(Kinematic),
+    /// The same as one of a grid of choices: (numbers of the first, of the second), both odd.
+    KinematicGrid(Kinematic, (usize, usize)),
+}
+
+impl ActionSpace {
+    /// Numbers of an action; `None` for one choice.
+    pub fn size(&self) -> Option<usize> {
+        match self {
+            Self::Kinematic(_) => Some(2),
+            Self::KinematicGrid(..) => None,
+        }
+    }
+
+    /// Number of choices.
+    pub fn n_choices(&self) -> usize {
+        match self {
+            Self::Kinematic(_) => 0,
+            Self::KinematicGrid(_, (pedals, wheels)) => pedals * wheels,
+        }
+    }
+
+    /// The settings are possible.
+    ///
+    /// # Errors
+    /// `InvalidInput`.
+    pub fn check(&self) -> Result<()> {
+        match self {
+            Self::Kinematic(model) => model.validate(),
+            Self::KinematicGrid(model, (pedals, wheels)) => {
+                model.validate()?;
+                let odd = |n: usize| n % 2 == 1 && (3..=1001).contains(&n);
+                if odd(*pedals) && odd(*wheels) {
+                    return Ok(());
+                }
+                Err(Error::invalid(format!("actions: a grid of {pedals} x {wheels} has no middle; both must be odd")))
+            }
+        }
+    }
+}
+
+/// An action as it comes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Action<'a> {
+    /// Numbers.
+    Numbers(&'a [f32]),
+    /// A choice.
+    Choice(i32),
+}
+
+impl ActionSpace {
+    /// The state after `dt` [s]; `None` if the action is not a number. `path_curvature` [1/m] is that of the path at the
+    /// rear axle.
+    pub fn next_state(
+        &self,
+        action: Action<'_>,
+        vehicle: &Vehicle,
+        state: &State,
+        path_curvature: f64,
+        dt: f64,
+    ) -> Option<Moved> {
+        let (model, inputs) = match (self, action) {
+            (Self::Kinematic(model), Action::Numbers(numbers)) => {
+                (model, [f64::from(numbers[0]), f64::from(numbers[1])])
+            }
+            (Self::KinematicGrid(model, (pedals, wheels)), Action::Choice(choice)) => {
+                let choice = usize::try_from(choice).ok()?;
+                let number = |i: usize, n: usize| -1.0 + 2.0 * i as f64 / (n - 1) as f64;
+                (model, [number(choice / wheels, *pedals), number(choice % wheels, *wheels)])
+            }
+            _ => return None,
+        };
+        if !inputs.iter().all(|number| number.is_finite()) {
+            return None;
+        }
+        Some(model.step(vehicle, state, inputs, path_curvature, dt))
+    }
+}

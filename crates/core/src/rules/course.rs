@@ -1,0 +1,193 @@
+//! The areas that an agent drives through on its way, in passages between places where it can stand.
+
+use super::SpeedLimits;
+use crate::geometry::polyline::ReferencePath;
+use crate::junctions::{AreaKind, Junctions};
+use crate::road::RoadNetwork;
+use crate::route::Route;
+
+/// The areas are made for vehicles of this width [m].
+const DESIGN_WIDTH: f64 = 1.8;
+/// Vehicles that meet need this more than their widths [m].
+const MEETING_MARGIN: f64 = 0.4;
+/// Agents ask from this far on: this time at the present speed [s], at least this distance [m].
+const REACH_TIME: f64 = 8.0;
+const REACH: f64 = 60.0;
+/// Vehicles keep this distance from an area [m], on either side.
+pub(super) const MARGIN: f64 = 0.3;
+/// The path runs along a lanelet if it is within this distance of its middle [m].
+const ASIDE_MAX: f64 = 1.5;
+/// A lanelet is found this far around where it is expected [m].
+const WINDOW: f64 = 25.0;
+/// Where no speed limit is known, nobody is expected to be faster in a junction than this, unless it is already [m/s].
+const SPEED_MAX: f64 = 15.0;
+/// Lateral acceleration in bends [m/s²].
+const LATERAL: f64 = 3.0;
+/// More than the usual gaps before areas where a sign says so [s].
+const SIGN_LEAD: f64 = 0.5;
+
+/// Agents ask for passages up to this far ahead [m].
+pub(super) fn reach(velocity: f64) -> f64 {
+    REACH.max(REACH_TIME * velocity)
+}
+
+/// A stretch of the path on a lanelet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Station {
+    /// Index of the lanelet.
+    pub lanelet: usize,
+    /// Arc length of its start on the path [m].
+    pub start: f64,
+    /// ... and of its end [m].
+    pub end: f64,
+}
+
+/// An area on the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Crossed {
+    /// Position in `Junctions::areas`, and the own side.
+    pub(super) area: usize,
+    pub(super) side: usize,
+    /// Arc lengths on the path [m].
+    pub(super) entry: f64,
+    pub(super) exit: f64,
+}
+
+/// Areas between two places where the vehicle can stand without being in any of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Passage {
+    pub(super) areas: Vec<Crossed>,
+    /// Arc length that the front does not pass before the vehicle may go [m].
+    pub mouth: f64,
+    /// Arc length from which on the rear is in none of the areas [m].
+    pub end: f64,
+    /// Speed in the passage [m/s], and before it.
+    pub(super) speed: f64,
+    pub(super) approach: f64,
+    /// Lanelet at its end.
+    pub(super) exit: usize,
+    /// A sign says that it waits: it leaves larger gaps [s].
+    pub(super) extra_lead: f64,
+    pub(super) junctions: Vec<usize>,
+}
+
+/// What arbitration knows about the reference path of an agent.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Course {
+    /// Its lanelets in driving order.
+    pub stations: Vec<Station>,
+    /// Its passages in driving order.
+    pub passages: Vec<Passage>,
+}
+
+impl Course {
+    /// Of a route, for a vehicle of a length and width [m].
+    pub fn along(
+        route: &Route,
+        (road, junctions): (&RoadNetwork, &Junctions),
+        limits: &SpeedLimits,
+        (length, width): (f64, f64),
+    ) -> Self {
+        let path = &route.path;
+        let stations = stations(path, &route.lanelets, road);
+        let wider = 0.5 * (width - DESIGN_WIDTH).max(0.0);
+        let mut areas: Vec<(Crossed, usize)> = Vec::new();
+        for station in &stations {
+            let lanelet = &road.lanelets()[station.lanelet];
+            let scale = (station.end - station.start) / lanelet.length;
+            for &(index, side) in junctions.of_lanelet(station.lanelet) {
+                let area = &junctions.areas[index];
+                let stretch = area.sides[side];
+                let is_narrow = conflict(junctions, index, width + DESIGN_WIDTH);
+                let middle = 0.5 * (stretch.entry + stretch.exit);
+                let foot = path.project_near(lanelet.center.at(middle), station.start + scale * middle, WINDOW);
+                let is_there = foot.is_some_and(|(_, d)| d.abs() <= ASIDE_MAX);
+                let entry = station.start + scale * stretch.entry - wider;
+                // Agents leave the road at their goals; without a place as goal it is not a number.
+                let is_beyond_goal = entry > route.goal_exit_s + length;
+                if is_there && is_narrow && !is_beyond_goal && !area.is_side_by_side {
+                    let exit = station.start + scale * stretch.exit + wider;
+                    areas.push((Crossed { area: index, side, entry, exit }, station.lanelet));
+                }
+            }
+        }
+        areas.sort_by(|a, b| a.0.entry.total_cmp(&b.0.entry).then(a.0.area.cmp(&b.0.area)));
+        let mut groups: Vec<(f64, Vec<Crossed>)> = Vec::new();
+        for (crossed, _) in areas {
+            match groups.last_mut() {
+                Some((end, group)) if crossed.entry - *end < length + 2.0 * MARGIN => {
+                    *end = end.max(crossed.exit);
+                    group.push(crossed);
+                }
+                _ => groups.push((crossed.exit, vec![crossed])),
+            }
+        }
+        let passage = |(end, areas): (f64, Vec<Crossed>)| {
+            let (mouth, end) = (areas[0].entry - MARGIN, end + MARGIN);
+            let at = |s: f64| limits.at(s).min(SPEED_MAX).min((LATERAL / path.curvature_at(s).abs()).sqrt());
+            let n = (end - mouth).ceil().max(1.0) as usize;
+            let speed = (0..=n).map(|i| at(mouth + i as f64 * (end - mouth) / n as f64)).fold(f64::INFINITY, f64::min);
+            let waits = |crossed: &Crossed| junctions.areas[crossed.area].waits_for_a_sign(crossed.side);
+            let mut numbers: Vec<usize> = areas.iter().map(|crossed| junctions.areas[crossed.area].junction).collect();
+            numbers.sort_unstable();
+            numbers.dedup();
+            let station = stations.iter().find(|station| end <= station.end).or(stations.last());
+            Passage {
+                mouth,
+                end,
+                speed,
+                approach: limits.at(mouth).min(SPEED_MAX),
+                exit: station.map_or(usize::MAX, |station| station.lanelet),
+                extra_lead: if areas.iter().any(waits) { SIGN_LEAD } else { 0.0 },
+                junctions: numbers,
+                areas,
+            }
+        };
+        Self { passages: groups.into_iter().map(passage).collect(), stations }
+    }
+
+    /// An agent with its front at an arc length [m] is near or in one of the passages, at its speed [m/s].
+    pub fn is_near(&self, front: f64, velocity: f64, length: f64) -> bool {
+        let reach = reach(velocity);
+        self.passages.iter().any(|passage| passage.end > front - length && passage.mouth - front <= reach)
+    }
+
+    /// Arc length on the path of a place on a lanelet [m], if the path leads over it, the first one from `from` on.
+    pub(super) fn place(&self, lanelet: usize, s: f64, from: f64) -> Option<f64> {
+        let on = self.stations.iter().filter(|station| station.lanelet == lanelet);
+        on.map(|station| station.start + s).find(|place| *place >= from)
+    }
+
+    /// The lanelet at an arc length of the path, and the arc length there [m].
+    pub fn lanelet_at(&self, s: f64) -> Option<(usize, f64)> {
+        let station = self.stations.iter().rev().find(|station| station.start <= s)?;
+        Some((station.lanelet, s - station.start))
+    }
+}
+
+fn stations(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork) -> Vec<Station> {
+    let mut stations: Vec<Station> = Vec::with_capacity(lanelets.len());
+    for (place, &index) in lanelets.iter().enumerate() {
+        let lanelet = &road.lanelets()[index];
+        let first = lanelet.center.at(0.0);
+        let start = match (place.checked_sub(1), stations.last()) {
+            (Some(before), Some(last)) => {
+                let follows = road.lanelets()[lanelets[before]].successors.contains(&index);
+                let expected = if follows { last.end } else { last.start };
+                path.project_near(first, expected, WINDOW).map_or(expected, |foot| foot.0)
+            }
+            _ => path.project(first).map_or(0.0, |foot| foot.0),
+        };
+        let expected = start + lanelet.length;
+        let last = lanelet.center.at(lanelet.length);
+        let end = path.project_near(last, expected, WINDOW).map_or(expected, |foot| foot.0).max(start + 1e-3);
+        stations.push(Station { lanelet: index, start, end });
+    }
+    stations
+}
+
+/// Two vehicles can use the area only one after the other.
+pub(super) fn conflict(junctions: &Junctions, area: usize, widths: f64) -> bool {
+    let area = &junctions.areas[area];
+    area.kind != AreaKind::Opposed || widths + MEETING_MARGIN > area.width
+}

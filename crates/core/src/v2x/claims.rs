@@ -1,0 +1,305 @@
+//! Negotiation by claims: agents whose ways cross claim the road that both need, and one total order, which all compute
+//! alike, decides about the one that goes first. Agents that yield know of a bar across their own path; nothing else is
+//! imposed.
+//!
+//! Claims of agents in conflict without infrastructure: Van Middlesworth, Dresner, Stone, AAMAS 2008. Order of arrival:
+//! Shah et al., arXiv 2304.04958. A pairwise rule could let three wait in a circle; the total order cannot: the least claim
+//! yields to none, so its agent goes, its claim ends, and the next one is the least.
+
+mod zone;
+
+use std::sync::Arc;
+
+use super::V2xSettings;
+use super::inbox::Inbox;
+use super::message::{Body, Claim, Message, PlanPoint};
+use crate::geometry::polyline::ReferencePath;
+use crate::geometry::{Point, Pose};
+use zone::{Own, Zone};
+
+/// An agent claims within this distance of the zone [m], and the way in which it stops.
+const CLAIM_DISTANCE: f64 = 40.0;
+/// Comfortable deceleration [m/s²].
+const DECELERATION: f64 = 3.0;
+/// Slower arrivals count as this fast [m/s].
+const SLOWEST: f64 = 2.0;
+/// One behind another one arrives this much later [s].
+const HEADWAY: f64 = 2.0;
+/// An agent that arrives so much later than the other one leaves [s] need not hold.
+const MARGIN: f64 = 1.0;
+/// An agent this far from its reference path [m] does not claim.
+const OFF_PATH: f64 = 1.5;
+/// A claim ends when there was no zone for this long [s].
+const NO_ZONE: f64 = 1.0;
+/// A slower participant [m/s] blocks a way.
+const BLOCKING: f64 = 1.0;
+/// Room that an agent needs behind a zone besides its length [m].
+const ROOM: f64 = 2.0;
+/// An agent that stands for this long [s] although it yields to none claims anew.
+const PATIENCE: f64 = 8.0;
+/// Below this speed [m/s] it stands.
+const STANDING: f64 = 0.3;
+/// Length of a bar, largest width to each side [m].
+const BAR_LENGTH: f64 = 0.3;
+const BAR_SIDE: f64 = 6.0;
+/// A bar is not wider than this share of the radius of the curve before it.
+const BAR_CURVE: f64 = 0.8;
+/// The stretch of path before a bar whose curvature counts [m].
+const BAR_STRETCH: f64 = 15.0;
+
+/// An obstacle across the path of the agent that holds before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bar {
+    /// Centre, and heading along the path.
+    pub pose: Pose,
+    /// Length and width [m].
+    pub extent: (f64, f64),
+}
+
+/// A stretch of time steps in which an agent holds for another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    /// Id of the agent that holds.
+    pub holding: i64,
+    /// Id of the one that goes; `None`: the way behind the zone is blocked.
+    pub going: Option<i64>,
+    /// First time step.
+    pub first: i64,
+    /// Last time step.
+    pub last: i64,
+    /// Its bar at the first time step.
+    pub bar: Pose,
+    /// Number of its claim.
+    pub claim: i64,
+}
+
+/// Another one on the road, as an agent knows of it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Neighbour {
+    pub(crate) pose: Pose,
+    pub(crate) velocity: f64,
+    pub(crate) half_width: f64,
+    /// Its place among the equipped agents.
+    pub(crate) place: Option<usize>,
+}
+
+/// An equipped agent that drives now.
+#[derive(Debug)]
+pub(crate) struct Negotiator<'a> {
+    pub(crate) place: usize,
+    pub(crate) id: i64,
+    pub(crate) path: &'a ReferencePath,
+    /// Arc lengths of its rear end and front on its path, and its offset [m].
+    pub(crate) rear: f64,
+    pub(crate) front: f64,
+    pub(crate) offset: f64,
+    pub(crate) pose: Pose,
+    pub(crate) velocity: f64,
+    /// Length and width [m].
+    pub(crate) extent: (f64, f64),
+}
+
+/// What an agent has claimed, and why it holds.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Standpoint {
+    /// Number of its last claim.
+    n: i64,
+    /// Time step at which it expects to arrive, while its claim lasts, and where the last zone of it ends [m].
+    claimed: Option<(i64, f64)>,
+    /// What it tells.
+    pub(super) claim: Option<Claim>,
+    pub(super) yields_to: Vec<i64>,
+    pub(super) bar: Option<Bar>,
+    /// Last time step with a zone.
+    last_zone: i64,
+    /// Steps that it has stood without yielding.
+    stood: u32,
+}
+
+/// Order of claims: committed ones first, then by arrival, then by id.
+fn key(claim: Option<&Claim>, id: i64) -> (bool, i64, i64) {
+    claim.map_or((true, i64::MAX, id), |claim| (!claim.is_committed, claim.arrival, id))
+}
+
+/// What an agent needs to know at a time step.
+pub(super) struct Situation<'a> {
+    pub(super) now: i64,
+    pub(super) dt: f64,
+    pub(super) settings: &'a V2xSettings,
+}
+
+/// The newest plan of every other agent whose way may meet that of the agent.
+fn plans(inbox: &Inbox, own: usize) -> impl Iterator<Item = (usize, &Arc<Message>)> {
+    let heard = inbox.heard.iter().enumerate().filter(move |(sender, _)| *sender != own);
+    heard.filter_map(|(sender, heard)| Some((sender, heard.mcm.as_ref()?)))
+}
+
+impl Standpoint {
+    /// Renews the claim, the agents to yield to and the bar. `around` gives the participants that the agent knows of.
+    pub(super) fn renew(
+        &mut self,
+        agent: &Negotiator<'_>,
+        inbox: &Inbox,
+        situation: &Situation<'_>,
+        around: &dyn Fn() -> Vec<Neighbour>,
+        agreements: &mut Vec<Agreement>,
+    ) {
+        let Situation { now, dt, .. } = *situation;
+        let zones = zones(agent, inbox, situation);
+        self.yields_to.clear();
+        self.bar = None;
+        if zones.is_empty() {
+            if self.claimed.is_some() && (now - self.last_zone) as f64 * dt >= NO_ZONE - 1e-9 {
+                self.claimed = None;
+            }
+            self.claim = None;
+            self.stood = 0;
+            return;
+        }
+        self.last_zone = now;
+        if self.claimed.is_some_and(|(_, end)| agent.rear > end) {
+            self.claimed = None;
+        }
+        let begin = zones.iter().map(|zone| zone.begin).fold(f64::INFINITY, f64::min);
+        let end = zones.iter().map(|zone| zone.end).fold(0.0, f64::max);
+        let lane = Lane::of(agent, &around());
+        let ahead = lane.next(agent.front, begin);
+        let stopping = agent.velocity.powi(2) / (2.0 * DECELERATION);
+        let is_committed = agent.front > begin || (begin - agent.front < stopping && ahead.is_none());
+        let arrival_of = |place: usize| match inbox.heard[place].mcm.as_ref().map(|message| &message.body) {
+            Some(Body::Mcm { claim: Some(claim), .. }) => Some(claim.arrival),
+            _ => None,
+        };
+        // One with a claim may be ahead, one without makes claims pointless.
+        let after = match ahead {
+            None => Some(i64::MIN),
+            Some(other) => other.place.and_then(arrival_of).map(|arrival| arrival + (HEADWAY / dt).ceil() as i64),
+        };
+        let is_near = begin - agent.front <= CLAIM_DISTANCE + stopping && agent.offset.abs() < OFF_PATH;
+        if let (None, Some(after), true) = (self.claimed, after, is_near || is_committed) {
+            self.claim_anew(agent, begin, end, (now, dt), after);
+        }
+        if let Some((_, until)) = &mut self.claimed {
+            *until = until.max(end);
+        }
+        let blocked = (begin, end + agent.extent.0 + ROOM);
+        let is_blocked = !is_committed && lane.is_blocked(blocked.0.max(agent.front), blocked.1);
+        self.claim = self.claimed.map(|(arrival, _)| Claim { n: self.n, arrival, is_committed });
+        let mine = key(self.claim.as_ref(), agent.id);
+        let first = zones.iter().filter(|zone| zone.claim.is_some_and(|claim| key(Some(&claim), zone.id) < mine));
+        let mut stop = f64::INFINITY;
+        let mut going = None;
+        for zone in first {
+            self.yields_to.push(zone.id);
+            // Nothing is to be done for another one that has left before the agent arrives.
+            let arrives = (zone.begin - agent.front) / agent.velocity.max(SLOWEST);
+            if zone.begin < stop && arrives < zone.cleared + MARGIN {
+                (stop, going) = (zone.begin, Some(zone.id));
+            }
+        }
+        if is_blocked {
+            self.claim = None;
+            if begin <= stop {
+                (stop, going) = (begin, None);
+            }
+        }
+        let holds = stop.is_finite() && !is_committed;
+        self.stood = if holds || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
+        if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && !is_committed {
+            self.claim_anew(agent, begin, end, (now, dt), now + 1);
+            self.stood = 0;
+        }
+        if holds {
+            let bar = bar(agent, stop, stopping, situation);
+            self.bar = Some(bar);
+            note(
+                agreements,
+                Agreement { holding: agent.id, going, first: now, last: now, bar: bar.pose, claim: self.n },
+            );
+        }
+    }
+
+    fn claim_anew(&mut self, agent: &Negotiator<'_>, begin: f64, end: f64, (now, dt): (i64, f64), after: i64) {
+        let time = (begin - agent.front).max(0.0) / agent.velocity.max(SLOWEST);
+        self.n += 1;
+        self.claimed = Some(((now + (time / dt).ceil() as i64).max(after), end));
+    }
+}
+
+/// Adds a time step to the stretch in which an agent holds for the same other.
+fn note(agreements: &mut Vec<Agreement>, new: Agreement) {
+    let same = |old: &&mut Agreement| {
+        (old.holding, old.going, old.claim) == (new.holding, new.going, new.claim) && old.last == new.first - 1
+    };
+    match agreements.iter_mut().rev().find(same) {
+        Some(old) => old.last = new.last,
+        None => agreements.push(new),
+    }
+}
+
+/// The zones that an agent shares with others whose plans it received, by sender.
+fn zones(agent: &Negotiator<'_>, inbox: &Inbox, situation: &Situation<'_>) -> Vec<Zone> {
+    let mut own: Option<Own> = None;
+    let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * DECELERATION);
+    let mut found = Vec::new();
+    for (_, message) in plans(inbox, agent.place) {
+        let Body::Mcm { status, way, claim, spacing, points, .. } = &message.body else { continue };
+        let age = (situation.now - message.time_step) as f64 * situation.dt;
+        let there = super::trigger::interpolated(points, *spacing, age);
+        let far = reach + situation.settings.way_ahead;
+        if points.is_empty() || way.len() < 2 || agent.pose.position.distance(Point::new(there.x, there.y)) > far {
+            continue;
+        }
+        let own = own.get_or_insert_with(|| Own::along(agent, reach));
+        let theirs = zone::Theirs { way, width: status.width, at: there };
+        if own.only_merges(agent, &theirs) {
+            continue;
+        }
+        if let Some((begin, end, left)) = own.shared(agent, &theirs) {
+            // A way begins at the rear end at the time of sending.
+            let speed = there.velocity;
+            let cleared = if speed < SLOWEST { f64::INFINITY } else { left / speed - age };
+            found.push(Zone { id: message.sender, begin, end, cleared, claim: *claim });
+        }
+    }
+    found
+}
+
+/// What moves or stands on an agent's path ahead.
+struct Lane(Vec<(f64, Neighbour)>);
+
+impl Lane {
+    fn of(agent: &Negotiator<'_>, around: &[Neighbour]) -> Self {
+        let half = 0.5 * agent.extent.1;
+        let on_path = |other: &Neighbour| {
+            let (s, d) = agent.path.project_near(other.pose.position, agent.front + 30.0, 60.0)?;
+            (d.abs() < half + other.half_width && s > agent.front).then_some((s, *other))
+        };
+        Self(around.iter().filter_map(on_path).collect())
+    }
+
+    /// The nearest one up to an arc length [m].
+    fn next(&self, from: f64, to: f64) -> Option<&Neighbour> {
+        let between = self.0.iter().filter(|(s, _)| (from..to).contains(s));
+        between.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)
+    }
+
+    fn is_blocked(&self, from: f64, to: f64) -> bool {
+        self.0.iter().any(|(s, other)| (from..=to).contains(s) && other.velocity.abs() < BLOCKING)
+    }
+}
+
+/// A bar before an arc length [m] at which another one must not be met.
+fn bar(agent: &Negotiator<'_>, stop: f64, stopping: f64, situation: &Situation<'_>) -> Bar {
+    let near = (stop - situation.settings.hold_margin).max(agent.front + stopping + 0.1);
+    let at = agent.path.at(near + 0.5 * BAR_LENGTH);
+    let curve = (0..=BAR_STRETCH as usize).map(|k| agent.path.at(near - k as f64).curvature.abs()).fold(0.0, f64::max);
+    let most = BAR_SIDE.min(BAR_CURVE / curve.max(1e-6));
+    let pose = Pose { position: at.position, orientation: at.theta };
+    Bar { pose, extent: (BAR_LENGTH, 2.0 * most) }
+}
+
+/// A point of a way as a pose.
+fn pose(point: &PlanPoint) -> Pose {
+    Pose::new(point.x, point.y, point.orientation)
+}

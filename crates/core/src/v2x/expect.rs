@@ -1,0 +1,324 @@
+//! What was received as predictions: a row of its own for every message that says more than the predictor knows.
+//!
+//! A predictor answers once for all agents, but every agent has received something else. So rows are added behind those of
+//! the predictor, and every agent knows which of them are its own.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+use super::know::{Known, Via, moved};
+use super::message::{Body, Message, Object, PlanPoint};
+use super::network::Network;
+use super::trigger::interpolated;
+use crate::geometry::shape::Shape;
+use crate::geometry::{Point, Pose};
+use crate::predict::{Each, told, write};
+use crate::road::RoadNetwork;
+use crate::scene::{Scene, ViewLimits};
+use crate::trajectory::{Predictions, State};
+use crate::vehicle::ParticipantKind;
+
+/// Id of the bar before which an agent holds.
+const BAR: i64 = -1;
+/// A plan that ends earlier is not used [s].
+const SHORTEST_PLAN: f64 = 1.0;
+/// An agent this much faster or slower than planned [m/s] does not follow its plan.
+const SPEED_DEVIATION: f64 = 2.0;
+/// The distance between an agent in sight and its plan fades within this time [s].
+const FADING: f64 = 1.0;
+/// Below this speed [m/s] a plan stands.
+const STANDING: f64 = 0.1;
+/// Variance of the position of something that stands [m²].
+const STANDING_VARIANCE: f64 = 0.02;
+
+/// A participant as an additional row describes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extra {
+    /// Its id.
+    pub id: i64,
+    /// Kind.
+    pub kind: ParticipantKind,
+    /// Where it is now, as far as the agent was told.
+    pub state: State,
+    /// Footprint in its body frame: a rectangle; that of a participant in sight is known better.
+    pub shape: Shape,
+    /// Never moves.
+    pub is_static: bool,
+}
+
+/// What all agents expect and know at a time step.
+#[derive(Debug, Clone)]
+pub struct Expectations {
+    /// One row for each participant present, as the predictor says, then one for each of `extras`.
+    pub table: Arc<Predictions>,
+    /// Additional rows.
+    pub extras: Vec<Extra>,
+    /// What every equipped agent knows, by its id, sorted by id; all others know what their sensors see.
+    pub known: BTreeMap<i64, Vec<Known>>,
+}
+
+impl Expectations {
+    /// Number of participants present.
+    pub fn n_present(&self) -> usize {
+        self.table.ids.len() - self.extras.len()
+    }
+
+    /// What describes an additional row; `None` for a participant present.
+    pub fn extra(&self, row: usize) -> Option<&Extra> {
+        self.extras.get(row.checked_sub(self.n_present())?)
+    }
+
+    /// Ages of all received plans that are used instead of a prediction [s].
+    pub fn ages(&self) -> impl Iterator<Item = f64> {
+        let uses = |known: &&Known| known.via != Via::Cpm && known.age > 0.0;
+        self.known.values().flatten().filter(uses).map(|known| known.age)
+    }
+}
+
+/// An equipped agent that drives now.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Observer<'a> {
+    pub(crate) id: i64,
+    /// Its place among the equipped agents, and its row among the participants.
+    pub(crate) place: usize,
+    pub(crate) row: usize,
+    pub(crate) view: &'a ViewLimits,
+}
+
+/// What fills an additional row.
+#[derive(Debug)]
+enum Filling {
+    /// A plan of this age [s]; how far its sender is from it now [m].
+    Plan(Arc<Message>, f64, Point),
+    /// A state of this age [s], of a participant that never moves or may move.
+    Told(f64, bool),
+}
+
+/// The additional rows so far.
+#[derive(Debug, Default)]
+struct Additional {
+    extras: Vec<Extra>,
+    fillings: Vec<Filling>,
+    /// By sender: time step of the plan, whether the sender is in sight, and the row if the plan can be used.
+    plans: Vec<Vec<(i64, bool, Option<usize>)>>,
+    /// By id, and time step and sender of what was told.
+    told: BTreeMap<(i64, i64, i64), usize>,
+}
+
+impl Network {
+    /// What all agents expect: `table` is that of a predictor, with a row for each participant present.
+    pub(crate) fn expect(
+        &self,
+        (scene, road): (&Scene, &RoadNetwork),
+        table: &Predictions,
+        observers: &[Observer<'_>],
+        each: Each<'_>,
+    ) -> Expectations {
+        let positions = scene.positions();
+        let visible: Vec<OnceLock<Vec<usize>>> = observers.iter().map(|_| OnceLock::new()).collect();
+        each(observers.len(), &|i| {
+            let mut seen = Vec::new();
+            scene.see(observers[i].row, observers[i].view, &positions, &mut seen);
+            visible[i].set(seen).expect("every agent looks once");
+        });
+        let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
+        let senders: Vec<Option<usize>> = ids.iter().map(|id| self.place(*id)).collect();
+        let mut more = Additional { plans: vec![Vec::new(); self.ids().len()], ..Additional::default() };
+        let mut known = BTreeMap::new();
+        for (observer, visible) in observers.iter().zip(visible) {
+            let visible = visible.into_inner().expect("every agent has looked");
+            let found = self.knowledge(scene, observer, (&visible, &ids, &senders), &mut more);
+            known.insert(observer.id, found);
+        }
+        let n = ids.len();
+        let mut all = table.extended(more.extras.iter().map(|extra| extra.id));
+        for (i, (filling, extra)) in more.fillings.iter().zip(&more.extras).enumerate() {
+            match filling {
+                Filling::Plan(message, age, off) => self.write_plan(&mut all, n + i, message, *age, *off),
+                Filling::Told(age, is_static) => {
+                    told(&mut all, n + i, (extra.kind, *is_static), &extra.state, *age, (self.dt, road));
+                }
+            }
+        }
+        Expectations { table: Arc::new(all), extras: more.extras, known }
+    }
+
+    /// What an agent knows, sorted by id. `visible` are places among those present, `ids` their ids, `senders` their
+    /// places among the equipped agents.
+    fn knowledge(
+        &self,
+        scene: &Scene,
+        observer: &Observer<'_>,
+        (visible, ids, senders): (&[usize], &[i64], &[Option<usize>]),
+        more: &mut Additional,
+    ) -> Vec<Known> {
+        let inbox = &self.inboxes[observer.place];
+        let age = |message: &Message| (scene.time_step - message.time_step) as f64 * self.dt;
+        let mut known = Vec::with_capacity(visible.len());
+        for place in visible.iter().copied() {
+            let plan = senders[place].and_then(|sender| inbox.heard[sender].mcm.as_ref().map(|plan| (sender, plan)));
+            let row = plan.and_then(|(sender, plan)| self.plan_row(scene, sender, plan, Some(place), more));
+            let age = row.and(plan).map_or(0.0, |(_, plan)| age(plan));
+            let row = row.map_or(place, |extra| ids.len() + extra);
+            known.push(Known { id: ids[place], via: Via::Sensors, age, row, seen: Some(place) });
+        }
+        let is_seen = |known: &[Known], id: i64| known[..visible.len()].binary_search_by_key(&id, |k| k.id).is_ok();
+        for (sender, heard) in inbox.heard.iter().enumerate() {
+            let id = self.ids()[sender];
+            let newest = match (&heard.cam, &heard.mcm) {
+                (Some(cam), Some(mcm)) if cam.time_step > mcm.time_step => cam,
+                (_, Some(message)) | (Some(message), None) => message,
+                (None, None) => continue,
+            };
+            if sender == observer.place || is_seen(&known, id) {
+                continue;
+            }
+            let status = *newest.status().expect("these messages say it");
+            let plan = heard.mcm.as_ref();
+            let planned = plan.and_then(|plan| Some((plan, self.plan_row(scene, sender, plan, None, more)?)));
+            let (row, age) = match planned {
+                Some((plan, extra)) => (extra, age(plan)),
+                None => (
+                    self.told_row(&Object { id, status, is_static: false }, newest.time_step, id, scene, more),
+                    age(newest),
+                ),
+            };
+            if !would_see(scene, observer, &more.extras[row]) {
+                known.push(Known { id, via: Via::Cam, age, row: ids.len() + row, seen: None });
+            }
+        }
+        let n_heard = known.len();
+        let mut reports = inbox.objects.iter().peekable();
+        while let Some((&(id, sender), &(time_step, object))) = reports.next() {
+            let mut newest = (time_step, self.ids()[sender], object);
+            while let Some(((_, sender), (time_step, object))) = reports.next_if(|((other, _), _)| *other == id) {
+                if *time_step > newest.0 {
+                    newest = (*time_step, self.ids()[*sender], *object);
+                }
+            }
+            let is_heard = known[visible.len()..n_heard].binary_search_by_key(&id, |k| k.id).is_ok();
+            if id == observer.id || is_seen(&known, id) || is_heard {
+                continue;
+            }
+            let row = self.told_row(&newest.2, newest.0, newest.1, scene, more);
+            if !would_see(scene, observer, &more.extras[row]) {
+                let age = (scene.time_step - newest.0) as f64 * self.dt;
+                known.push(Known { id, via: Via::Cpm, age, row: ids.len() + row, seen: None });
+            }
+        }
+        if let Some(bar) = &self.standpoints[observer.place].bar {
+            let Pose { position, orientation } = bar.pose;
+            let state = State { x: position.x, y: position.y, orientation, ..State::default() };
+            let shape = Shape::rectangle(bar.extent.0, bar.extent.1);
+            let kind = ParticipantKind::ConstructionZone;
+            more.extras.push(Extra { id: BAR, kind, state, shape, is_static: true });
+            more.fillings.push(Filling::Told(0.0, true));
+            known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
+        }
+        known.sort_by_key(|known| known.id);
+        known
+    }
+
+    /// The additional row of a received plan; `None` if it cannot be used. `seen` is the place of its sender among those
+    /// present if it is in sight.
+    fn plan_row(
+        &self,
+        scene: &Scene,
+        sender: usize,
+        message: &Arc<Message>,
+        seen: Option<usize>,
+        more: &mut Additional,
+    ) -> Option<usize> {
+        let key =
+            |(time_step, in_sight, _): &&(i64, bool, _)| *time_step == message.time_step && *in_sight == seen.is_some();
+        if let Some((.., row)) = more.plans[sender].iter().find(key) {
+            return *row;
+        }
+        let extra = self.planned(scene, message, seen);
+        let row = extra.as_ref().map(|_| more.extras.len());
+        more.plans[sender].push((message.time_step, seen.is_some(), row));
+        if let Some((extra, filling)) = extra {
+            more.extras.push(extra);
+            more.fillings.push(filling);
+        }
+        row
+    }
+
+    fn planned(&self, scene: &Scene, message: &Arc<Message>, seen: Option<usize>) -> Option<(Extra, Filling)> {
+        let Body::Mcm { status, spacing, points, .. } = &message.body else { return None };
+        if ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
+            return None;
+        }
+        let age = (scene.time_step - message.time_step) as f64 * self.dt;
+        let planned = interpolated(points, *spacing, age);
+        let mut state = State {
+            x: planned.x,
+            y: planned.y,
+            orientation: planned.orientation,
+            velocity: planned.velocity,
+            acceleration: 0.0,
+            yaw_rate: 0.0,
+        };
+        let mut off = Point::default();
+        if let Some(place) = seen {
+            let row = scene.present[place];
+            let (now, velocity) = (scene.state(row), scene.observed_velocity(row));
+            off = now.pose().position - state.pose().position;
+            if off.norm() > self.settings.deviation || (velocity - planned.velocity).abs() > SPEED_DEVIATION {
+                return None;
+            }
+            state = now;
+        }
+        let shape = Shape::rectangle(status.length, status.width);
+        let extra = Extra { id: message.sender, kind: status.kind, state, shape, is_static: false };
+        Some((extra, Filling::Plan(Arc::clone(message), age, off)))
+    }
+
+    /// The additional row of a participant whose state was told by a sender.
+    fn told_row(&self, object: &Object, time_step: i64, sender: i64, scene: &Scene, more: &mut Additional) -> usize {
+        *more.told.entry((object.id, time_step, sender)).or_insert_with(|| {
+            let age = (scene.time_step - time_step) as f64 * self.dt;
+            let Object { id, status, is_static } = *object;
+            let state = if is_static { status.state } else { moved(&status, age) };
+            let shape = Shape::rectangle(status.length, status.width);
+            more.extras.push(Extra { id, kind: status.kind, state, shape, is_static });
+            more.fillings.push(Filling::Told(age, is_static));
+            more.extras.len() - 1
+        })
+    }
+
+    fn write_plan(&self, out: &mut Predictions, row: usize, message: &Message, age: f64, off: Point) {
+        let Body::Mcm { spacing, points, .. } = &message.body else { unreachable!("only plans are written") };
+        let settings = &self.settings;
+        out.probability[row * out.n_modes] = 1.0;
+        let start = out.offset(row, 0);
+        let mut has_stood = true;
+        for j in 0..out.n_steps {
+            let ahead = (j + 1) as f64 * self.dt;
+            let t = age + ahead;
+            let PlanPoint { x, y, orientation, velocity } = interpolated(points, *spacing, t);
+            has_stood &= velocity.abs() < STANDING;
+            let left = (1.0 - ahead / FADING).max(0.0);
+            let (along, across) = if has_stood {
+                (STANDING_VARIANCE, STANDING_VARIANCE)
+            } else {
+                let variance = |rate: f64| settings.plan_sigma.powi(2) + (rate * t).powi(2);
+                (variance(settings.plan_along), variance(settings.plan_across))
+            };
+            let (sin, cos) = orientation.sin_cos();
+            let covariance = (
+                along * cos * cos + across * sin * sin,
+                (along - across) * sin * cos,
+                along * sin * sin + across * cos * cos,
+            );
+            let position = Point::new(x, y) + off * left;
+            let pose = Pose { position, orientation };
+            write(out, start + j, pose, velocity, covariance);
+        }
+    }
+}
+
+/// The agent's sensors would see a participant where it was told to be.
+fn would_see(scene: &Scene, observer: &Observer<'_>, extra: &Extra) -> bool {
+    scene.would_see(observer.row, observer.view, &extra.shape, extra.state.pose(), extra.is_static)
+}

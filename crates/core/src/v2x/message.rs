@@ -1,0 +1,205 @@
+//! Messages: values, rounded as ETSI TS 102 894-2 rounds them, and never more than what the sender knows.
+
+use std::f64::consts::PI;
+
+use crate::trajectory::State;
+use crate::vehicle::ParticipantKind;
+
+/// Spacing of the way in a message [m].
+pub(super) const WAY_SPACING: f64 = 4.0;
+
+/// What a message is for; the discriminant is its code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Service {
+    /// State of the sender (ETSI EN 302 637-2).
+    Cam = 0,
+    /// Plan of the sender (ETSI TR 103 578).
+    Mcm = 1,
+    /// What the sender's sensors see (ETSI TS 103 324).
+    Cpm = 2,
+}
+
+impl Service {
+    /// All; the position is the code.
+    pub const ALL: [Self; 3] = [Self::Cam, Self::Mcm, Self::Cpm];
+}
+
+/// A participant and its motion, as stated in a message.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Status {
+    /// Kind.
+    pub kind: ParticipantKind,
+    /// Centre of the footprint and motion.
+    pub state: State,
+    /// Length of the bounding box [m].
+    pub length: f64,
+    /// Width of the bounding box [m].
+    pub width: f64,
+}
+
+/// A point of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlanPoint {
+    /// Centre of the footprint [m].
+    pub x: f64,
+    /// Centre of the footprint [m].
+    pub y: f64,
+    /// Heading [rad].
+    pub orientation: f64,
+    /// Speed [m/s].
+    pub velocity: f64,
+}
+
+/// A participant that the sender sees.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Object {
+    /// Its id.
+    pub id: i64,
+    /// What it is and how it moves.
+    pub status: Status,
+    /// Never moves.
+    pub is_static: bool,
+}
+
+/// The road ahead that an agent needs together with others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Claim {
+    /// Its number.
+    pub n: i64,
+    /// Time step at which the agent expects to arrive.
+    pub arrival: i64,
+    /// The agent can no longer stop before.
+    pub is_committed: bool,
+}
+
+/// What a message says besides its sender.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Body {
+    /// State.
+    Cam(Status),
+    /// State and plan: points `spacing` [s] apart, the first one at the time of sending.
+    Mcm {
+        /// State.
+        status: Status,
+        /// The plan is emergency braking.
+        is_emergency: bool,
+        /// Time between points [s].
+        spacing: f64,
+        /// The plan.
+        points: Vec<PlanPoint>,
+        /// The reference path from the sender's rear end on, one point every 4 m.
+        way: Vec<PlanPoint>,
+        /// What the sender claims.
+        claim: Option<Claim>,
+        /// Ids of the agents that it lets go first.
+        yields_to: Vec<i64>,
+    },
+    /// Objects.
+    Cpm(Vec<Object>),
+}
+
+/// A message as it is sent and received.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Message {
+    /// Time step of sending.
+    pub time_step: i64,
+    /// Id of the sender.
+    pub sender: i64,
+    /// What it says.
+    pub body: Body,
+}
+
+/// Bytes of a CAM.
+const CAM_BYTES: usize = 350;
+/// Bytes of an MCM without points, of a point of the plan and of one of the way.
+const MCM_BYTES: [usize; 3] = [150, 10, 8];
+/// Bytes of a CPM without objects, and of an object.
+const CPM_BYTES: [usize; 2] = [121, 35];
+
+impl Message {
+    /// Its service.
+    pub fn service(&self) -> Service {
+        match self.body {
+            Body::Cam(_) => Service::Cam,
+            Body::Mcm { .. } => Service::Mcm,
+            Body::Cpm(_) => Service::Cpm,
+        }
+    }
+
+    /// Its size [B].
+    pub fn bytes(&self) -> usize {
+        match &self.body {
+            Body::Cam(_) => CAM_BYTES,
+            Body::Mcm { points, way, .. } => MCM_BYTES[0] + MCM_BYTES[1] * points.len() + MCM_BYTES[2] * way.len(),
+            Body::Cpm(objects) => CPM_BYTES[0] + CPM_BYTES[1] * objects.len(),
+        }
+    }
+
+    /// State of the sender; `None` if the message does not say it.
+    pub fn status(&self) -> Option<&Status> {
+        match &self.body {
+            Body::Cam(status) | Body::Mcm { status, .. } => Some(status),
+            Body::Cpm(_) => None,
+        }
+    }
+
+    /// Cuts a plan that is too long: the way first, then the plan, from the far end.
+    pub(super) fn cut(&mut self, max_bytes: usize) {
+        let over = self.bytes().saturating_sub(max_bytes);
+        if let Body::Mcm { points, way, .. } = &mut self.body {
+            let from_way = over.div_ceil(MCM_BYTES[2]).min(way.len());
+            way.truncate(way.len() - from_way);
+            let left = over.saturating_sub(from_way * MCM_BYTES[2]);
+            points.truncate(points.len().saturating_sub(left.div_ceil(MCM_BYTES[1])));
+        }
+    }
+}
+
+/// Largest number of objects in a CPM.
+pub(super) fn objects_max(max_bytes: usize) -> usize {
+    ((max_bytes - CPM_BYTES[0]) / CPM_BYTES[1]).min(255)
+}
+
+fn rounded(value: f64, unit: f64) -> f64 {
+    (value / unit).round() * unit
+}
+
+/// A size [m], rounded up.
+fn size(value: f64) -> f64 {
+    (value / 0.1 - 1e-9).ceil() * 0.1
+}
+
+impl Status {
+    /// As it is sent.
+    pub(super) fn rounded(kind: ParticipantKind, state: &State, (length, width): (f64, f64)) -> Self {
+        let state = State {
+            x: rounded(state.x, 0.01),
+            y: rounded(state.y, 0.01),
+            orientation: rounded(state.orientation, PI / 1800.0),
+            velocity: rounded(state.velocity, 0.01),
+            acceleration: rounded(state.acceleration, 0.1),
+            yaw_rate: rounded(state.yaw_rate, PI / 18_000.0),
+        };
+        Self { kind, state, length: size(length), width: size(width) }
+    }
+}
+
+impl Object {
+    /// As it is sent.
+    pub(crate) fn rounded(id: i64, kind: ParticipantKind, state: &State, extent: (f64, f64), is_static: bool) -> Self {
+        Self { id, status: Status::rounded(kind, state, extent), is_static }
+    }
+}
+
+impl PlanPoint {
+    /// As it is sent.
+    pub(super) fn rounded(state: &State) -> Self {
+        Self {
+            x: rounded(state.x, 0.01),
+            y: rounded(state.y, 0.01),
+            orientation: rounded(state.orientation, PI / 1800.0),
+            velocity: rounded(state.velocity, 0.01),
+        }
+    }
+}

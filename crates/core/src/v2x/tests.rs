@@ -1,0 +1,113 @@
+use super::channel::Way;
+use super::*;
+use crate::trajectory::State;
+use crate::vehicle::ParticipantKind;
+
+#[test]
+fn numbers_depend_on_the_seed_and_the_words_alone() {
+    for (seed, words, expected) in [
+        (0, &[1, 0, 1, 2, 0][..], 0.772_841_427_139_172_8),
+        (0, &[1, 0, 2, 1, 0], 0.425_951_404_100_362_14),
+        (7, &[2, 150, 2001, 1001, 1], 0.933_178_674_073_739_8),
+        (0, &[0, -5], 0.542_739_759_287_064_1),
+    ] {
+        assert_eq!(uniform(seed, words), expected, "{seed} {words:?}");
+    }
+}
+
+#[test]
+fn reception_ends_at_the_range_or_fades() {
+    let disc = V2xSettings::default();
+    let fading = V2xSettings { fading: true, ..disc };
+    let lossy = V2xSettings { loss: 0.25, ..disc };
+    assert_eq!([300.0, 300.1].map(|d| reception(&disc, d)), [1.0, 0.0]);
+    assert_eq!(reception(&lossy, 10.0), 0.75);
+    let [half, full] = [150.0, 300.0].map(|d| reception(&fading, d));
+    assert!((half - 0.9595).abs() < 5e-5 && (full - 0.4232).abs() < 5e-5, "{half} {full}");
+}
+
+#[test]
+fn losses_of_two_receivers_have_nothing_to_do_with_each_other() {
+    let settings = V2xSettings { loss: 0.3, ..V2xSettings::default() };
+    let is_lost = |time_step, receiver| {
+        let way = Way { time_step, sender: 1, receiver, service: 0 };
+        way.arrival(&settings, 0, reception(&settings, 50.0), 0.1).is_none()
+    };
+    let n = 100_000;
+    let share = |lost: &dyn Fn(i64) -> bool| (0..n).filter(|k| lost(*k)).count() as f64 / n as f64;
+    let (one, both) = (share(&|k| is_lost(k, 2)), share(&|k| is_lost(k, 2) && is_lost(k, 3)));
+    assert!((one - 0.3).abs() < 0.005 && (both - 0.09).abs() < 0.004, "{one} {both}");
+}
+
+#[test]
+fn a_message_arrives_with_the_first_step_after_its_delay_and_never_at_once() {
+    for (delay, dt, steps) in [(0.0, 0.1, 1), (0.1, 0.1, 1), (0.25, 0.1, 3), (0.25, 0.2, 2), (0.3, 0.1, 3)] {
+        assert_eq!(steps_to_arrival(delay, dt), steps, "{delay} s, {dt} s");
+    }
+}
+
+#[test]
+fn the_equipped_of_a_smaller_share_are_among_those_of_a_larger_one() {
+    let ids: Vec<i64> = (0..10).map(|i| 7 * i - 20).collect();
+    let of = |penetration| equipped(3, penetration, &ids);
+    let mut before = of(0.0);
+    assert!(before.iter().all(|is| !is));
+    for (penetration, n) in [(0.25, 3), (0.5, 5), (0.75, 8), (1.0, 10)] {
+        let now = of(penetration);
+        assert_eq!(now.iter().filter(|is| **is).count(), n);
+        assert!(before.iter().zip(&now).all(|(before, now)| now | !before), "{penetration}");
+        before = now;
+    }
+}
+
+#[test]
+fn a_state_is_sent_when_it_has_changed_and_otherwise_once_a_second() {
+    let mut sent = trigger::Sent::default();
+    // At 10 m/s 4 m are exceeded after 0.5 s; then it stands.
+    let x = |k: i64| if k < 20 { k as f64 } else { 20.0 };
+    let state = |k: i64| State { x: x(k), velocity: 10.0, ..State::default() };
+    let steps: Vec<i64> = (0..60).filter(|k| sent.cam(*k, &state(*k), 0.1)).collect();
+    // The interval of the last change is kept for three messages.
+    assert_eq!(steps, [0, 5, 10, 15, 20, 25, 30, 35, 45, 55]);
+}
+
+#[test]
+fn an_object_is_reported_when_it_is_new_or_has_changed_or_after_a_second_and_the_longest_unreported_first() {
+    let mut sent = trigger::Sent::default();
+    let at = |id: i64, x: f64| {
+        let state = State { x, ..State::default() };
+        Object::rounded(id, ParticipantKind::Car, &state, (4.0, 2.0), false)
+    };
+    let mut ids = |k: i64, seen: Vec<Object>, n_max| {
+        let sent = sent.objects(k, &State::default(), seen, n_max, 0.1);
+        sent.iter().map(|object| object.id).collect::<Vec<_>>()
+    };
+    assert_eq!(ids(0, vec![at(1, 50.0), at(2, 10.0), at(3, 20.0)], 2), [2, 3]);
+    assert_eq!(ids(1, vec![at(1, 50.0), at(2, 10.0), at(3, 24.5)], 1), [1]);
+    assert_eq!(ids(2, vec![at(1, 50.0), at(2, 10.0), at(3, 24.5)], 9), [3]);
+    assert_eq!(ids(10, vec![at(1, 50.0), at(2, 10.0), at(3, 24.5)], 9), [2]);
+}
+
+#[test]
+fn a_plan_that_is_too_long_loses_its_way_first() {
+    let body = Body::Mcm {
+        status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
+        is_emergency: false,
+        spacing: 0.2,
+        points: vec![PlanPoint::default(); 16],
+        way: vec![PlanPoint::default(); 21],
+        claim: None,
+        yields_to: vec![],
+    };
+    let cut = |max_bytes| {
+        let mut message = Message { time_step: 0, sender: 1, body: body.clone() };
+        message.cut(max_bytes);
+        assert!(message.bytes() <= max_bytes);
+        let Body::Mcm { points, way, .. } = message.body else { unreachable!() };
+        (points.len(), way.len())
+    };
+    assert_eq!(cut(1100), (16, 21));
+    assert_eq!(cut(478), (16, 21));
+    assert_eq!(cut(470), (16, 20));
+    assert_eq!(cut(300), (15, 0));
+}

@@ -1,0 +1,153 @@
+//! When messages are sent: the rules of ETSI for states and objects; plans at intervals and when they change.
+
+use std::collections::BTreeMap;
+
+use super::message::{Claim, Object, PlanPoint};
+use crate::geometry::wrap_angle;
+use crate::trajectory::State;
+
+/// A state that differs by more from the last one sent is sent: heading [rad], position [m], speed [m/s].
+const HEADING_CHANGE: f64 = 4.0 * std::f64::consts::PI / 180.0;
+const POSITION_CHANGE: f64 = 4.0;
+const SPEED_CHANGE: f64 = 0.5;
+/// Shortest and longest time between states [s].
+const SHORTEST: f64 = 0.1;
+const LONGEST: f64 = 1.0;
+/// For so many states the interval of the last change is kept.
+const REPEATS: u32 = 3;
+/// A planned point this far [m] from the one that was sent for the same time is news.
+const PLAN_CHANGE: f64 = 0.5;
+
+fn has_changed(now: &State, then: &State) -> bool {
+    wrap_angle(now.orientation - then.orientation).abs() > HEADING_CHANGE
+        || now.pose().position.distance(then.pose().position) > POSITION_CHANGE
+        || (now.velocity - then.velocity).abs() > SPEED_CHANGE
+}
+
+/// Which time step is at least this long [s] after another.
+fn is_due(now: i64, then: i64, interval: f64, dt: f64) -> bool {
+    (now - then) as f64 * dt >= interval - 1e-9
+}
+
+/// What an agent remembers of the messages that it sent.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sent {
+    cam: Option<(i64, State)>,
+    /// Interval until the next state without a change [s], and how often it was used.
+    interval: f64,
+    repeats: u32,
+    mcm: Option<(i64, f64, Vec<PlanPoint>)>,
+    cpm: Option<i64>,
+    claim: Option<Claim>,
+    objects: BTreeMap<i64, (i64, State)>,
+}
+
+impl Sent {
+    /// A state is to be sent; notes that it is.
+    pub(super) fn cam(&mut self, now: i64, state: &State, dt: f64) -> bool {
+        let Some((then, sent)) = self.cam else {
+            (self.cam, self.interval) = (Some((now, *state)), LONGEST);
+            return true;
+        };
+        let passed = (now - then) as f64 * dt;
+        if passed < SHORTEST - 1e-9 {
+            return false;
+        }
+        if has_changed(state, &sent) {
+            (self.interval, self.repeats) = (passed.clamp(SHORTEST, LONGEST), 0);
+        } else if is_due(now, then, self.interval, dt) {
+            self.repeats += 1;
+            if self.repeats >= REPEATS {
+                self.interval = LONGEST;
+            }
+        } else {
+            return false;
+        }
+        self.cam = Some((now, *state));
+        true
+    }
+
+    /// A plan with these points is to be sent.
+    pub(super) fn is_plan_due(&self, now: i64, points: &[PlanPoint], (interval, spacing, dt): (f64, f64, f64)) -> bool {
+        let Some((then, _, sent)) = &self.mcm else { return true };
+        if is_due(now, *then, interval, dt) {
+            return true;
+        }
+        let age = (now - then) as f64 * dt;
+        points.iter().enumerate().any(|(i, point)| {
+            // Where it was going to be at this time, for as long as the last message says it.
+            let at = age + i as f64 * spacing;
+            at <= (sent.len().max(1) - 1) as f64 * spacing && {
+                let before = interpolated(sent, spacing, at);
+                (before.x - point.x).hypot(before.y - point.y) > PLAN_CHANGE
+            }
+        })
+    }
+
+    /// The claim differs from the one that was sent.
+    pub(super) fn is_claim_news(&self, claim: Option<&Claim>) -> bool {
+        self.claim.as_ref() != claim
+    }
+
+    /// Notes that a plan is sent.
+    pub(super) fn note_plan(&mut self, now: i64, points: &[PlanPoint], spacing: f64, claim: Option<Claim>) {
+        self.claim = claim;
+        let (time_step, old_spacing, kept) = self.mcm.get_or_insert_default();
+        (*time_step, *old_spacing) = (now, spacing);
+        kept.clear();
+        kept.extend_from_slice(points);
+    }
+
+    /// Objects are looked at now.
+    pub(super) fn is_list_due(&self, now: i64, dt: f64) -> bool {
+        self.cpm.is_none_or(|then| is_due(now, then, SHORTEST, dt))
+    }
+
+    /// Which of the objects seen now are to be sent, at most `n_max`: those that were not sent for the longest time, then
+    /// the nearest to the sender, then by id. Notes that they are sent.
+    pub(super) fn objects(&mut self, now: i64, own: &State, seen: Vec<Object>, n_max: usize, dt: f64) -> Vec<Object> {
+        let sent = &self.objects;
+        let is_due = |object: &Object| {
+            sent.get(&object.id)
+                .is_none_or(|(then, state)| has_changed(&object.status.state, state) || is_due(now, *then, LONGEST, dt))
+        };
+        let mut due: Vec<Object> = seen.into_iter().filter(is_due).collect();
+        if due.len() > n_max {
+            let key = |object: &Object| {
+                let then = sent.get(&object.id).map_or(i64::MIN, |(then, _)| *then);
+                (then, object.status.state.pose().position.distance(own.pose().position), object.id)
+            };
+            due.sort_by(|a, b| {
+                let (a, b) = (key(a), key(b));
+                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
+            });
+            due.truncate(n_max);
+            due.sort_by_key(|object| object.id);
+        }
+        if !due.is_empty() {
+            self.cpm = Some(now);
+            due.iter().for_each(|object| _ = self.objects.insert(object.id, (now, object.status.state)));
+        }
+        due
+    }
+}
+
+/// A plan at a time after its first point [s]; behind its end straight on at its last speed.
+pub(super) fn interpolated(points: &[PlanPoint], spacing: f64, time: f64) -> PlanPoint {
+    let last = points.len() - 1;
+    let place = (time / spacing).max(0.0);
+    let i = (place as usize).min(last);
+    let from = points[i];
+    if i == last {
+        let way = from.velocity * (time - last as f64 * spacing);
+        let (sin, cos) = from.orientation.sin_cos();
+        return PlanPoint { x: from.x + way * cos, y: from.y + way * sin, ..from };
+    }
+    let (to, share) = (points[i + 1], place - i as f64);
+    PlanPoint {
+        x: from.x + (to.x - from.x) * share,
+        y: from.y + (to.y - from.y) * share,
+        orientation: from.orientation + wrap_angle(to.orientation - from.orientation) * share,
+        velocity: from.velocity + (to.velocity - from.velocity) * share,
+    }
+}

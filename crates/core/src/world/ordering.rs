@@ -1,0 +1,215 @@
+//! Who may enter a junction now: what the agents are told, and what they remember of it.
+
+use super::{Drive, World};
+use crate::plan::Planner;
+use crate::road::{LaneMatch, RoadNetwork};
+use crate::rules::{Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Way};
+use crate::scenario::Scenario;
+use crate::scene::Scene;
+use crate::world::Agent;
+
+/// A body is on lanelets that lead its way within this angle [rad].
+const ANGLE_MAX: f64 = 1.0;
+/// Vehicles that do not obey are followed along their lanes for this time [s] and in so many ways at most.
+const FOLLOWED: f64 = 8.0;
+const WAYS_MAX: usize = 4;
+/// Slower vehicles than this are not expected to enter an area [m/s]; one that stands in it needs so long to leave [s].
+const STANDING: f64 = 0.5;
+const LEAVING: f64 = 4.0;
+/// They may be slower by this factor on their way out.
+const SLOWER: f64 = 0.7;
+/// One that has to wait is expected to, as long as this deceleration is enough [m/s²].
+const BRAKING: f64 = 1.5;
+/// It is not expected to take a bend that takes more than this lateral acceleration [m/s²] unless it can still slow down.
+const LATERAL: f64 = 4.0;
+const SLOWING: f64 = 3.0;
+const BEND_STEP: f64 = 3.0;
+/// Past steps from which the speed of a recorded vehicle is observed.
+const PAST: usize = 4;
+
+/// The planner of an agent does what the rules say.
+fn obeys(planner: &Planner, rules: &RulesSettings) -> bool {
+    rules.enabled && rules.precedence && !matches!(planner, Planner::Recorded | Planner::VelocityAdjusting(_))
+}
+
+/// What arbitration knows about the way of an agent; empty if it does not obey.
+pub(super) fn course(agent: &Agent, scenario: &Scenario, way: &Way) -> Course {
+    if !obeys(&agent.planner, &agent.rules) {
+        return Course::default();
+    }
+    let map = (&*scenario.road, scenario.junctions());
+    Course::along(&agent.route, map, &way.limits, (agent.vehicle.length, agent.vehicle.width))
+}
+
+impl World {
+    /// Orders of the agents that are near a junction now, by ids; a pure function of the present state.
+    pub fn orders(&self) -> &[Order] {
+        self.orders.get_or_init(|| if self.has_passages { self.arbitrate() } else { Vec::new() })
+    }
+
+    /// What an agent has been told.
+    pub(super) fn hold(&self, drive: &Drive) -> Option<Hold> {
+        let orders = self.orders();
+        let place = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok()?;
+        let order = &orders[place];
+        order.stop.is_finite().then(|| Hold {
+            distance: order.stop - drive.front(),
+            release: order.release,
+            by: order.by,
+        })
+    }
+
+    fn arbitrate(&self) -> Vec<Order> {
+        let driving = || self.drives.iter().filter(|drive| drive.is_driving(self.time_step));
+        let is_near = |drive: &Drive| {
+            let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity);
+            drive.course.is_near(drive.front(), velocity, drive.agent.vehicle.length)
+        };
+        if !driving().any(is_near) {
+            return Vec::new();
+        }
+        let scene = self.scene_with_past(PAST);
+        let is_vehicle = |row: &&usize| self.participants.kind[**row].is_on_the_road();
+        let rows: Vec<usize> = scene.present.iter().filter(is_vehicle).copied().collect();
+        let mut obeying: Vec<Option<&Drive>> = vec![None; rows.len()];
+        for drive in driving().filter(|drive| !drive.course.stations.is_empty()) {
+            if let Ok(place) = rows.binary_search(&drive.row) {
+                obeying[place] = Some(drive);
+            }
+        }
+        let (mut bodies, mut visits) = (Vec::with_capacity(rows.len()), Vec::new());
+        for (place, &row) in rows.iter().enumerate() {
+            let velocity = scene.observed_velocity(row).max(0.0);
+            let (length, _) = self.participants.shape[row].extent();
+            let own = obeying[place].filter(|drive| drive.keeps_to_its_path());
+            let matches = if own.is_some() { Vec::new() } else { self.matching(&scene, row) };
+            let places = own.map_or_else(|| places_of(&matches, length), |drive| drive.places(length));
+            if obeying[place].is_none()
+                && let Some(found) = matches.first()
+                && !self.participants.is_static[row]
+            {
+                self.visit(found, (velocity, length), place, &mut visits);
+            }
+            bodies.push(Body { id: self.participants.ids[row], length, velocity, places });
+        }
+        let travellers: Vec<Traveller<'_>> = obeying
+            .iter()
+            .enumerate()
+            .filter_map(|(place, drive)| {
+                let drive = (*drive)?;
+                Some(Traveller {
+                    body: place,
+                    width: drive.agent.vehicle.width,
+                    front: drive.front(),
+                    course: &drive.course,
+                    settings: &drive.agent.rules,
+                    memory: drive.memory,
+                    line: self.line(drive),
+                })
+            })
+            .collect();
+        let positions = scene.positions();
+        let mut seen = vec![Vec::new(); rows.len()];
+        for traveller in &travellers {
+            let drive = obeying[traveller.body].expect("it obeys");
+            scene.see(drive.row, &drive.agent.view, &positions, &mut seen[traveller.body]);
+        }
+        let junctions = self.scenario.junctions();
+        let meeting = Meeting {
+            time_step: self.time_step,
+            dt: self.scenario.dt,
+            junctions,
+            bodies: &bodies,
+            travellers: &travellers,
+            visits: &visits,
+        };
+        let place_of: Vec<usize> =
+            rows.iter().map(|row| scene.present.binary_search(row).expect("it is present")).collect();
+        meeting.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok())
+    }
+
+    /// Arc length of the stop line that holds an agent [m].
+    fn line(&self, drive: &Drive) -> f64 {
+        let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
+        self.lines(drive).stop(&drive.way, drive.front(), velocity)
+    }
+
+    fn matching(&self, scene: &Scene, row: usize) -> Vec<LaneMatch> {
+        self.scenario.road.matching(scene.state(row).pose(), 0.0, ANGLE_MAX)
+    }
+
+    /// Books what a vehicle that does not obey may use, at its present speed on all ways that it can still take.
+    fn visit(&self, start: &LaneMatch, (velocity, length): (f64, f64), body: usize, visits: &mut Vec<Booking>) {
+        let junctions = self.scenario.junctions();
+        let road = &self.scenario.road;
+        let front = start.s + 0.5 * length;
+        let reach = velocity * FOLLOWED + length;
+        for chain in road.paths_from(start.lanelet, start.s, reach, WAYS_MAX) {
+            if bends_too_much(road, &chain, start.s, (velocity, reach)) {
+                continue;
+            }
+            let mut base = 0.0;
+            for lanelet in &chain {
+                for &(index, side) in junctions.of_lanelet(*lanelet) {
+                    let area = &junctions.areas[index];
+                    let (entry, exit) = (base + area.sides[side].entry - front, base + area.sides[side].exit - front);
+                    let is_inside = entry <= 0.0;
+                    if exit + length <= 0.0 || area.is_side_by_side || (velocity < STANDING && !is_inside) {
+                        continue;
+                    }
+                    let waits = area.first == Some(1 - side) && velocity * velocity <= 2.0 * BRAKING * entry;
+                    if waits || visits.iter().any(|known| (known.body, known.area) == (body, index)) {
+                        continue;
+                    }
+                    let enter = if is_inside { 0.0 } else { entry / velocity };
+                    let leave = if velocity < STANDING { LEAVING } else { (exit + length) / (SLOWER * velocity) };
+                    visits.push(Booking { area: index, side, enter, leave, body });
+                }
+                base += road.lanelets()[*lanelet].length;
+            }
+        }
+    }
+
+    /// Agents remember the orders that they had, and how long they have stood.
+    pub(super) fn remember(&mut self, orders: &[Order]) {
+        const STILL: f64 = 0.1;
+        for drive in &mut self.drives {
+            let order = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok();
+            let Some(state) = self.states[drive.row] else { continue };
+            let kept = order.map_or_else(Memory::default, |place| orders[place].memory);
+            let standing = if state.velocity.abs() < STILL { drive.memory.standing + 1 } else { 0 };
+            drive.memory = Memory { standing, ..kept };
+        }
+    }
+}
+
+impl Drive {
+    /// Its lanelets are those of its route.
+    fn keeps_to_its_path(&self) -> bool {
+        !matches!(self.agent.planner, Planner::IdmMobil(_))
+    }
+
+    /// Where its front and its rear are.
+    fn places(&self, length: f64) -> Vec<Place> {
+        let at = |to_front: f64| {
+            let (lanelet, s) = self.course.lanelet_at(self.front() - to_front)?;
+            Some(Place { lanelet, s, to_front })
+        };
+        [at(0.0), at(length)].into_iter().flatten().collect()
+    }
+}
+
+fn places_of(matches: &[LaneMatch], length: f64) -> Vec<Place> {
+    let place = |found: &LaneMatch| Place { lanelet: found.lanelet, s: found.s, to_front: 0.5 * length };
+    matches.iter().map(place).collect()
+}
+
+/// A vehicle is too fast for a bend of a chain of lanelets, and too near to slow down.
+fn bends_too_much(road: &RoadNetwork, chain: &[usize], s: f64, (velocity, reach): (f64, f64)) -> bool {
+    let n = (reach / BEND_STEP) as usize;
+    (1..=n).any(|i| {
+        let distance = i as f64 * BEND_STEP;
+        let bearable = LATERAL / road.chain_curvature(chain, s, distance).abs().max(1e-6);
+        velocity * velocity > bearable + 2.0 * SLOWING * distance
+    })
+}

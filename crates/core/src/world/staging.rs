@@ -1,0 +1,206 @@
+//! How a world begins: agents with what is worked out for them once, and the participants.
+
+use std::collections::BTreeSet;
+use std::sync::atomic::AtomicUsize;
+use std::sync::{Arc, Mutex, OnceLock};
+
+use super::{Agent, Drive, StepMemory, Threads, World, WorldSettings, ordering};
+use crate::error::{Error, Result};
+use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
+use crate::plan::Prepared;
+use crate::predict;
+use crate::recording::{Outcome, Recording};
+use crate::rules::{Course, Memory, StopSign, Way};
+use crate::scenario::Scenario;
+use crate::scene::Participants;
+
+/// Past time steps that a scene needs so that speeds can be observed.
+const HISTORY_MIN: usize = 3;
+
+/// An agent with what is worked out for it before the first step.
+#[derive(Debug, Clone)]
+pub(crate) struct StagedAgent {
+    pub(crate) agent: Arc<Agent>,
+    prepared: Arc<Prepared>,
+    pub(crate) way: Arc<Way>,
+    course: Arc<Course>,
+    /// Arc length of its rear axle on the reference path when it enters [m].
+    start_s: f64,
+}
+
+impl StagedAgent {
+    /// # Errors
+    /// `InvalidInput` if its planner needs a recording that is not there.
+    pub(crate) fn new(agent: Agent, scenario: &Scenario) -> Result<Self> {
+        let way = Arc::new(Way::along(&agent.route.path, &agent.route.lanelets, scenario, &agent.rules));
+        let start_s = agent.route.start_s;
+        let course = Arc::new(ordering::course(&agent, scenario, &way));
+        Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), way, course, start_s, agent: Arc::new(agent) })
+    }
+
+    /// The same agent, entering elsewhere or at another time; its route stays.
+    ///
+    /// # Errors
+    /// As [`StagedAgent::new`].
+    pub(crate) fn entering(&self, agent: Agent, scenario: &Scenario) -> Result<Self> {
+        let path = &agent.route.path;
+        let axle = agent.vehicle.rear_axle_from_center(agent.initial_state.pose());
+        let start_s = path.project(axle).map_or(self.start_s, |foot| foot.0);
+        let prepared = match &*self.prepared {
+            Prepared::RecordedPath(_) => Arc::new(prepared(&agent, scenario)?),
+            _ => Arc::clone(&self.prepared),
+        };
+        let (way, course) = (Arc::clone(&self.way), Arc::clone(&self.course));
+        Ok(Self { prepared, way, course, start_s, agent: Arc::new(agent) })
+    }
+}
+
+fn prepared(agent: &Agent, scenario: &Scenario) -> Result<Prepared> {
+    let Agent { id, start_time_step, planner, vehicle, route, goal, rules, .. } = agent;
+    Prepared::new(planner, (*id, *start_time_step), vehicle, (route, goal), (scenario, rules))
+}
+
+impl World {
+    /// A world without participants.
+    ///
+    /// # Errors
+    /// `InvalidInput` for impossible settings.
+    pub(crate) fn empty(scenario: Arc<Scenario>, settings: WorldSettings) -> Result<Self> {
+        settings.step.validate()?;
+        settings.v2x.validate()?;
+        check_threads(settings.threads)?;
+        let history_steps = settings.step.history_at(scenario.dt);
+        if history_steps > HISTORY_STEPS_MAX {
+            return Err(Error::invalid(format!(
+                "history_steps must be at most {HISTORY_STEPS_MAX}, not {history_steps}"
+            )));
+        }
+        let first_time_step = scenario.obstacles.states.first_time_step;
+        Ok(Self {
+            states: Vec::new(),
+            recording: Recording::new(Vec::new(), first_time_step),
+            participants: Arc::default(),
+            recorded_row: Vec::new(),
+            drives: Vec::new(),
+            first_time_step,
+            time_step: first_time_step,
+            has_passages: false,
+            orders: OnceLock::new(),
+            entered_in_contact: BTreeSet::new(),
+            scenario,
+            settings,
+            network: None,
+            threads: Threads::new(settings.threads)?,
+            memories: (0..settings.threads).map(|_| Mutex::default()).collect(),
+            prediction_memory: predict::Memory::default(),
+            step_memory: StepMemory::default(),
+        })
+    }
+
+    /// Begins anew in any scenario, at a time step at or before which no agent has started. The agents are sorted by id.
+    /// Memory is reused.
+    pub(crate) fn restart(&mut self, scenario: &Arc<Scenario>, agents: &[StagedAgent], first_time_step: i64) {
+        let (participants, recorded_row) = participants(scenario, agents);
+        self.drives.clear();
+        self.drives.extend(agents.iter().map(|staged| Drive {
+            prepared: Arc::clone(&staged.prepared),
+            way: Arc::clone(&staged.way),
+            course: Arc::clone(&staged.course),
+            memory: Memory::default(),
+            stop_sign: StopSign::default(),
+            row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
+            place: None,
+            outcome: Outcome::running(staged.agent.start_time_step),
+            s: staged.start_s,
+            plan: None,
+            was_on_road: false,
+            contact_fraction: f64::INFINITY,
+            effort: AtomicUsize::new(0),
+            agent: Arc::clone(&staged.agent),
+        }));
+        if !Arc::ptr_eq(&self.scenario, scenario) {
+            self.scenario = Arc::clone(scenario);
+        }
+        let history_steps = self.settings.step.history_at(scenario.dt).max(HISTORY_MIN);
+        let columns_max = if self.settings.keep_recording { usize::MAX } else { history_steps + 1 };
+        self.recording.restart(&participants.ids, first_time_step, columns_max);
+        self.states.clear();
+        self.states.resize(participants.ids.len(), None);
+        (self.participants, self.recorded_row) = (Arc::new(participants), recorded_row);
+        (self.first_time_step, self.time_step) = (first_time_step, first_time_step);
+        self.entered_in_contact.clear();
+        self.has_passages = agents.iter().any(|staged| !staged.course.passages.is_empty());
+        self.orders = OnceLock::new();
+        self.network = None;
+        self.equip();
+        self.enter(first_time_step);
+        self.recording.push(&self.states);
+    }
+}
+
+/// Ids are unique, numbers possible, and no agent starts before the scenario.
+pub(crate) fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
+    for pair in agents.windows(2) {
+        if pair[0].id == pair[1].id {
+            return Err(Error::invalid(format!("agent {} is there twice", pair[0].id)));
+        }
+    }
+    for agent in agents {
+        let id = agent.id;
+        if !agent.initial_state.is_possible() {
+            return Err(Error::invalid(format!(
+                "agent {id} starts with a state that is not a number up to {NUMBER_MAX:e}"
+            )));
+        }
+        agent.shape.check_numbers().map_err(|error| Error::invalid(format!("agent {id}: {error}")))?;
+        check_time_step(&format!("agent {id}: its start"), agent.start_time_step)?;
+        for goal in &agent.goal.states {
+            check_time_step(&format!("agent {id}: the begin of its goal"), goal.time_step.0)?;
+            check_time_step(&format!("agent {id}: the end of its goal"), goal.time_step.1)?;
+        }
+        if agent.start_time_step < first_time_step {
+            let start = agent.start_time_step;
+            return Err(Error::invalid(format!(
+                "agent {id} starts at time step {start}, before the scenario ({first_time_step})"
+            )));
+        }
+        agent.view.validate().map_err(|error| Error::invalid(format!("agent {id}: view.{error}")))?;
+        if agent.goal.states.is_empty() {
+            return Err(Error::invalid(format!("agent {id} has no goal")));
+        }
+    }
+    Ok(())
+}
+
+/// Agents and the recorded obstacles that no agent replaces, sorted by id.
+fn participants(scenario: &Scenario, agents: &[StagedAgent]) -> (Participants, Vec<Option<usize>>) {
+    let obstacles = &scenario.obstacles;
+    let mut rows: Vec<(i64, Option<usize>, Option<&Agent>)> =
+        agents.iter().map(|staged| (staged.agent.id, None, Some(&*staged.agent))).collect();
+    let replaced = |id: &i64| agents.binary_search_by_key(id, |staged| staged.agent.id).is_ok();
+    rows.extend(
+        obstacles.states.ids.iter().enumerate().filter(|(_, id)| !replaced(id)).map(|(row, id)| (*id, Some(row), None)),
+    );
+    rows.sort_by_key(|(id, ..)| *id);
+    let mut participants = Participants::default();
+    let mut recorded = Vec::with_capacity(rows.len());
+    for (id, row, agent) in rows {
+        participants.ids.push(id);
+        participants.is_agent.push(agent.is_some());
+        match (row, agent) {
+            (Some(row), _) => {
+                participants.kind.push(obstacles.kind[row]);
+                participants.shape.push(obstacles.shape[row].clone());
+                participants.is_static.push(obstacles.is_static[row]);
+            }
+            (None, Some(agent)) => {
+                participants.kind.push(agent.kind);
+                participants.shape.push(agent.shape.clone());
+                participants.is_static.push(false);
+            }
+            (None, None) => unreachable!("every row is an obstacle or an agent"),
+        }
+        recorded.push(row);
+    }
+    (participants, recorded)
+}

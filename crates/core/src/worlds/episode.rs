@@ -1,0 +1,422 @@
+//! One world: an episode from its first step to the end of its last learner.
+
+use std::sync::Arc;
+
+use super::rewards::{Amounts, N_TERMS, term, term_of};
+use super::stage::{Cast, Stage};
+use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
+use crate::error::Result;
+use crate::geometry::Point;
+use crate::observation::{self, Body, ObservationMemory, Observer, PathTable};
+use crate::plan::Planner;
+use crate::recording::OutcomeKind;
+use crate::scene::{Participants, Scene};
+use crate::trajectory::{PlanStatus, Plans, State, States};
+use crate::world::{Driver, World, WorldSettings};
+
+/// Past time steps in a scene, so that speeds can be observed.
+const HISTORY: usize = 3;
+/// Shortest way to the goal that progress is measured by [m].
+const WAY_MIN: f64 = 10.0;
+
+/// A learner in its episode.
+#[derive(Debug, Clone)]
+struct Learner {
+    /// Position among the agents of the world.
+    agent: usize,
+    id: i64,
+    table: Arc<PathTable>,
+    /// Row of its recording.
+    recorded: Option<usize>,
+    is_driving: bool,
+    /// It has ended in this call.
+    has_ended: bool,
+    state: State,
+    limited: bool,
+    /// Arc length of its centre at first, and from there to its goal [m].
+    start_q: f64,
+    way: f64,
+    progress: f64,
+    distance: f64,
+    /// Sums over the episode.
+    total: f64,
+    components: Amounts,
+}
+
+/// A world and what it needs to be played.
+#[derive(Debug)]
+pub(super) struct Episode {
+    world: World,
+    stage: Option<Arc<Stage>>,
+    spec: EpisodeSpec,
+    cast: Cast,
+    /// Of the reward, as they were when it began.
+    weights: Amounts,
+    learners: Vec<Learner>,
+    /// Agents with planners take part.
+    has_traffic: bool,
+    /// Steps so far.
+    steps: usize,
+    scene: Scene,
+    plans: Plans,
+    bodies: Vec<Body>,
+    /// Positions of the bodies.
+    positions: Vec<Point>,
+    /// Those that have ended in this step, by row.
+    last_bodies: Vec<Body>,
+    visible: Vec<usize>,
+    memory: ObservationMemory,
+}
+
+impl Episode {
+    /// A world without an episode.
+    pub(super) fn new(stage: &Stage, settings: &WorldsSettings) -> Result<Self> {
+        let world_settings =
+            WorldSettings { step: settings.step, keep_recording: settings.record, ..WorldSettings::default() };
+        Ok(Self {
+            world: World::empty(Arc::clone(&stage.scenario), world_settings)?,
+            stage: None,
+            spec: EpisodeSpec::default(),
+            cast: Cast::default(),
+            weights: [0.0; N_TERMS],
+            learners: Vec::new(),
+            has_traffic: false,
+            steps: 0,
+            scene: Scene {
+                time_step: 0,
+                dt: 0.1,
+                participants: Arc::new(Participants::default()),
+                present: Vec::new(),
+                past: States::default(),
+            },
+            plans: Plans::none(0, Vec::new(), 2),
+            bodies: Vec::new(),
+            positions: Vec::new(),
+            last_bodies: Vec::new(),
+            visible: Vec::new(),
+            memory: ObservationMemory::default(),
+        })
+    }
+
+    /// The world as it is.
+    pub(super) fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// It has an episode of which no learner drives any more, or none.
+    pub(super) fn is_over(&self) -> bool {
+        !self.learners.iter().any(|learner| learner.is_driving)
+    }
+
+    /// It has begun once.
+    pub(super) fn has_begun(&self) -> bool {
+        self.stage.is_some()
+    }
+
+    /// Begins an episode.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a learner does not drive at its first step.
+    pub(super) fn begin(&mut self, stage: &Arc<Stage>, spec: EpisodeSpec, settings: &WorldsSettings) -> Result<()> {
+        stage.cast(&spec.learners, spec.first_time_step, &mut self.cast)?;
+        self.world.restart(&stage.scenario, &self.cast.agents, spec.first_time_step);
+        self.has_traffic = self.cast.agents.iter().any(|staged| staged.agent.planner != Planner::External);
+        self.learners.clear();
+        for ((agent, table), recorded) in self.cast.learners.drain(..).zip(&self.cast.recorded) {
+            let driver = self.world.driver(agent);
+            let route = &driver.agent.route;
+            let start_q = driver.s + driver.agent.vehicle.rear_axle_to_center;
+            let goal = if route.goal_entry_s.is_nan() { route.path.length() } else { route.goal_entry_s };
+            self.learners.push(Learner {
+                agent,
+                id: driver.agent.id,
+                table,
+                recorded: *recorded,
+                is_driving: true,
+                has_ended: false,
+                state: driver.state.unwrap_or_default(),
+                limited: false,
+                start_q,
+                way: (goal - start_q).max(WAY_MIN),
+                progress: 0.0,
+                distance: 0.0,
+                total: 0.0,
+                components: [0.0; N_TERMS],
+            });
+        }
+        (self.steps, self.spec, self.weights) = (0, spec, settings.rewards.as_array());
+        self.stage = Some(Arc::clone(stage));
+        self.look(settings);
+        Ok(())
+    }
+
+    /// Takes one decision of every learner; rewards add up in `rows`. Observations are not written.
+    ///
+    /// # Errors
+    /// Those of prediction.
+    pub(super) fn step(&mut self, actions: &Actions<'_>, settings: &WorldsSettings, rows: &mut Rows<'_>) -> Result<()> {
+        let dt = self.world.scenario().dt;
+        let n = ((settings.decision_seconds / dt).round() as usize).max(1);
+        let weights = self.weights;
+        for learner in &mut self.learners {
+            learner.has_ended = false;
+        }
+        for _ in 0..n {
+            self.plan(actions, settings)?;
+            self.world.step(&self.plans)?;
+            self.steps += 1;
+            self.look(settings);
+            let is_late = self.steps as f64 * dt >= settings.max_seconds - 1e-9;
+            for slot in 0..self.learners.len() {
+                if self.learners[slot].is_driving {
+                    self.judge(slot, &weights, rows, is_late, settings);
+                }
+            }
+            if self.is_over() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the plans of all agents that drive.
+    fn plan(&mut self, actions: &Actions<'_>, settings: &WorldsSettings) -> Result<()> {
+        let dt = self.world.scenario().dt;
+        if self.has_traffic {
+            let horizon = ((settings.horizon / dt).round() as usize).max(1);
+            let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
+            self.plans = self.world.plan(&self.scene, &predictions)?;
+        } else {
+            self.plans.clear(self.world.time_step(), self.world.driving_ids());
+        }
+        for (slot, learner) in self.learners.iter_mut().enumerate().filter(|(_, learner)| learner.is_driving) {
+            let driver = self.world.driver(learner.agent);
+            let curvature = driver.agent.route.path.curvature_at(driver.s);
+            let action = actions.of(slot);
+            match settings.actions.next_state(action, &driver.agent.vehicle, &learner.state, curvature, dt) {
+                Some(moved) => {
+                    learner.limited = moved.limited;
+                    self.plans.set_row(learner.id, &[learner.state, moved.state])?;
+                }
+                None => {
+                    let id = learner.id;
+                    let time_step = self.world.time_step();
+                    let message = format!("agent {id}, time step {time_step}: the action is not a number");
+                    let row = self.plans.row(id).unwrap_or_default();
+                    self.plans.status[row] = PlanStatus::Error;
+                    self.plans.message[row] = message;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks at the world as it is now.
+    fn look(&mut self, settings: &WorldsSettings) {
+        let history = if self.has_traffic { settings.step.history_at(self.world.scenario().dt) } else { HISTORY };
+        self.world.write_scene(history.max(HISTORY), &mut self.scene);
+        observation::bodies(&self.scene, &mut self.bodies);
+        self.positions.clear();
+        self.positions.extend(self.bodies.iter().map(|body| body.position));
+        self.last_bodies.clear();
+        // Those that have just ended are not present any more, but their bodies are what others may have hit.
+        for learner in &self.learners {
+            let driver = self.world.driver(learner.agent);
+            if learner.is_driving
+                && driver.outcome.kind != OutcomeKind::Running
+                && let Some(state) = driver.state
+            {
+                self.last_bodies.push(Body::new(&self.scene, driver.row, &state, state.velocity));
+            }
+        }
+    }
+
+    /// The reward of a learner for the last step, and whether it has ended.
+    fn judge(&mut self, slot: usize, weights: &Amounts, rows: &mut Rows<'_>, is_late: bool, settings: &WorldsSettings) {
+        let learner = &self.learners[slot];
+        let driver = self.world.driver(learner.agent);
+        let (before, dt) = (learner.state, self.scene.dt);
+        // One that ends without moving stays where it was.
+        let state = driver.state.unwrap_or(before);
+        let outcome = driver.outcome;
+        let vehicle = &driver.agent.vehicle;
+        let q = driver.s + vehicle.rear_axle_to_center;
+        let mut amounts = [0.0; N_TERMS];
+        let progress = ((q - learner.start_q) / learner.way).clamp(-1.0, 1.0);
+        amounts[term::PROGRESS] = progress - learner.progress;
+        let lateral = state.velocity * state.yaw_rate;
+        amounts[term::ACCELERATION] = (state.acceleration / 4.0).powi(2) * dt;
+        amounts[term::LATERAL_ACCELERATION] = (lateral / 4.0).powi(2) * dt;
+        amounts[term::JERK] = ((state.acceleration - before.acceleration) / (20.0 * dt)).powi(2) * dt;
+        let at = driver.agent.route.path.at(driver.s);
+        let offset = at.tangent().cross(vehicle.rear_axle_from_center(state.pose()) - at.position);
+        amounts[term::PATH_OFFSET] = (0.5 * offset.abs()).min(1.0) * dt;
+        amounts[term::OVERSPEED] = (state.velocity / driver.limits.at(q) - 1.0).max(0.0) * dt;
+        amounts[term::LIMITED] = f64::from(u8::from(learner.limited));
+        if let Some(term) = term_of(outcome.kind, outcome.off_road) {
+            amounts[term] = 1.0;
+            if outcome.kind == OutcomeKind::Collision {
+                amounts[term::COLLISION_SPEED] = outcome.impact_speed / 10.0;
+            }
+        }
+        if weights[term::HEADWAY] != 0.0 {
+            amounts[term::HEADWAY] = self.headway(&driver, &state) * dt;
+        }
+        if weights[term::RECORDED] != 0.0 {
+            let obstacles = &self.world.scenario().obstacles.states;
+            let recorded = learner.recorded.and_then(|row| obstacles.get(row, self.scene.time_step));
+            amounts[term::RECORDED] = recorded
+                .map_or(0.0, |recorded| (-0.5 * recorded.pose().position.distance(state.pose().position)).exp() * dt);
+        }
+        let is_running = outcome.kind == OutcomeKind::Running;
+        let kind = outcome.kind;
+        let has_ended = !is_running || is_late;
+        let reward: f64 = weights.iter().zip(&amounts).map(|(weight, amount)| weight * amount).sum();
+        rows.rewards[slot] += reward as f32;
+        if !rows.components.is_empty() {
+            let components = &mut rows.components[slot * N_TERMS..(slot + 1) * N_TERMS];
+            components.iter_mut().zip(&amounts).for_each(|(sum, amount)| *sum += *amount as f32);
+        }
+        let learner = &mut self.learners[slot];
+        learner.progress = progress;
+        learner.distance += before.pose().position.distance(state.pose().position);
+        learner.total += reward;
+        learner.components.iter_mut().zip(&amounts).for_each(|(sum, amount)| *sum += amount);
+        learner.state = state;
+        if has_ended {
+            (learner.is_driving, learner.has_ended) = (false, true);
+            let is_time = kind == OutcomeKind::TimeLimit && !settings.time_limit_terminates;
+            let truncated = is_running || is_time;
+            (rows.terminals[slot], rows.truncations[slot]) = (!truncated, truncated);
+        }
+        rows.outcomes[slot] = kind as i8;
+    }
+
+    /// 1 - gap / (1.5 s times speed) to the nearest participant seen ahead whose footprint overlaps the own width along
+    /// the path; 0 where that is negative, or there is none.
+    fn headway(&self, driver: &Driver<'_>, state: &State) -> f64 {
+        const TIME: f64 = 1.5;
+        let (path, vehicle) = (&driver.agent.route.path, &driver.agent.vehicle);
+        let reach = TIME * state.velocity;
+        if reach <= 0.0 {
+            return 0.0;
+        }
+        let eye = state.pose().position;
+        let front = driver.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
+        let radius = driver.agent.view.sensor_radius;
+        let mut gap = f64::INFINITY;
+        for (body, row) in self.bodies.iter().zip(&self.scene.present) {
+            let distance = body.position.distance(eye);
+            let half_length = 0.5 * body.size.0;
+            if *row == driver.row || distance > radius || distance > reach + vehicle.length + half_length + 5.0 {
+                continue;
+            }
+            let Some((s, d)) = path.project_near(body.position, front, reach + half_length + 5.0) else { continue };
+            let turned = path.at(s).tangent().cross(body.axis).abs();
+            let half_width = 0.5 * body.size.1 + (half_length - 0.5 * body.size.1) * turned;
+            let ahead = s - half_length - front;
+            if d.abs() < half_width + 0.5 * vehicle.width && s > front - 0.5 * vehicle.length {
+                gap = gap.min(ahead.max(0.0));
+            }
+        }
+        (1.0 - gap / reach).max(0.0)
+    }
+
+    /// Writes what a learner observes now.
+    fn observe(&mut self, slot: usize, settings: &WorldsSettings, out: &mut [f32]) {
+        let learner = &self.learners[slot];
+        let driver = self.world.driver(learner.agent);
+        let observer = Observer {
+            state: &learner.state,
+            vehicle: &driver.agent.vehicle,
+            route: &driver.agent.route,
+            table: &learner.table,
+            limits: driver.limits,
+            goal: &driver.agent.goal,
+            s: driver.s,
+            time_step: self.scene.time_step,
+            dt: self.scene.dt,
+            last_time_step: driver.last_time_step,
+        };
+        let bodies = &self.bodies;
+        if driver.state.is_some() {
+            self.scene.see(driver.row, &driver.agent.view, &self.positions, &mut self.visible);
+        } else {
+            self.visible.clear();
+        }
+        let seen = self.visible.iter().map(|place| &bodies[*place]);
+        if learner.is_driving {
+            observation::observe(&observer, seen, &settings.observation, &mut self.memory, out);
+        } else {
+            let eye = learner.state.pose().position;
+            let radius = driver.agent.view.sensor_radius;
+            let is_seen = |body: &&Body| body.id != learner.id && body.position.distance(eye) <= radius;
+            let seen = seen.chain(self.last_bodies.iter().filter(is_seen));
+            observation::observe(&observer, seen, &settings.observation, &mut self.memory, out);
+        }
+    }
+
+    /// Writes observations, masks and ids of all rows. Learners that have ended in this call have their last observation
+    /// in `final_observations` if there is room for it, and in `observations` if `keep_last`; all others that do not drive
+    /// are zero.
+    pub(super) fn write(&mut self, settings: &WorldsSettings, rows: &mut Rows<'_>, keep_last: bool) {
+        let n = settings.n_observations();
+        for slot in 0..rows.masks.len() {
+            let Some(learner) = self.learners.get(slot) else {
+                rows.observations[slot * n..(slot + 1) * n].fill(0.0);
+                (rows.masks[slot], rows.agent_ids[slot], rows.outcomes[slot]) = (false, -1, -1);
+                continue;
+            };
+            let (is_driving, has_ended, id) = (learner.is_driving, learner.has_ended, learner.id);
+            (rows.masks[slot], rows.agent_ids[slot]) = (is_driving, id);
+            let out = &mut rows.observations[slot * n..(slot + 1) * n];
+            if is_driving || (has_ended && keep_last) {
+                self.observe(slot, settings, out);
+            } else {
+                out.fill(0.0);
+            }
+        }
+        self.write_last(settings, rows);
+    }
+
+    /// Writes the last observations of learners that have ended in this call, if there is room for them.
+    pub(super) fn write_last(&mut self, settings: &WorldsSettings, rows: &mut Rows<'_>) {
+        let n = settings.n_observations();
+        if rows.final_observations.is_empty() {
+            return;
+        }
+        for slot in 0..self.learners.len() {
+            if self.learners[slot].has_ended {
+                self.observe(slot, settings, &mut rows.final_observations[slot * n..(slot + 1) * n]);
+            }
+        }
+    }
+
+    /// Adds what is to be told about the learners that have ended in this call; `first_row` is that of the world.
+    pub(super) fn tell(&self, first_row: usize, settings: &WorldsSettings, ended: &mut Vec<Ended>) {
+        for (slot, learner) in self.learners.iter().enumerate().filter(|(_, learner)| learner.has_ended) {
+            let outcome = self.world.driver(learner.agent).outcome;
+            let truncated = match outcome.kind {
+                OutcomeKind::Running => true,
+                OutcomeKind::TimeLimit => !settings.time_limit_terminates,
+                _ => false,
+            };
+            ended.push(Ended {
+                row: first_row + slot,
+                agent_id: learner.id,
+                stage: self.spec.stage,
+                outcome: outcome.kind,
+                truncated,
+                partner: outcome.partner,
+                off_road: outcome.off_road,
+                impact_speed: outcome.impact_speed,
+                steps: self.steps,
+                seconds: self.steps as f64 * self.scene.dt,
+                distance: learner.distance,
+                progress: learner.progress,
+                total: learner.total,
+                components: learner.components,
+            });
+        }
+    }
+}

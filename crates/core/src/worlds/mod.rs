@@ -1,0 +1,348 @@
+//! Many worlds at once in which some agents learn: all step in one call, on all cores, into arrays of the caller.
+//!
+//! Worlds are independent, so results do not depend on the number of threads. A world needs an episode to begin with and,
+//! if it is to begin anew by itself, the next one queued; which ones is up to the caller: nothing here is drawn.
+
+mod episode;
+mod rewards;
+mod rows;
+mod stage;
+
+use std::sync::{Arc, Mutex};
+
+use crate::error::{Error, Result};
+use crate::observation::{ObservationSettings, layout};
+use crate::plan::learned::ActionSpace;
+use crate::predict::Predictor;
+use crate::recording::OutcomeKind;
+use crate::world::{StepSettings, Threads, World};
+use episode::Episode;
+pub use rewards::{N_TERMS, RewardWeights};
+use rows::Rows;
+pub use rows::{Actions, Buffers};
+pub use stage::Stage;
+
+/// When a world begins its next episode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Autoreset {
+    /// In the call after that in which its last learner ended; that call takes no action.
+    NextStep,
+    /// In the call in which its last learner ends.
+    SameStep,
+    /// When it is told to.
+    Disabled,
+}
+
+/// All settings of many worlds.
+#[derive(Debug, Clone)]
+pub struct WorldsSettings {
+    /// What actions mean.
+    pub actions: ActionSpace,
+    /// What learners observe.
+    pub observation: ObservationSettings,
+    /// What they are rewarded for.
+    pub rewards: RewardWeights,
+    /// Steps of the worlds.
+    pub step: StepSettings,
+    /// Asked if others plan.
+    pub predictor: Predictor,
+    /// How far ahead it is asked [s].
+    pub horizon: f64,
+    /// An action lasts this long [s].
+    pub decision_seconds: f64,
+    /// An episode lasts at most this long [s].
+    pub max_seconds: f64,
+    /// The end of the grace period terminates; otherwise it truncates.
+    pub time_limit_terminates: bool,
+    /// When worlds begin anew.
+    pub autoreset: Autoreset,
+    /// Keep all states and plans of the episode.
+    pub record: bool,
+    /// Number of threads.
+    pub threads: usize,
+}
+
+impl WorldsSettings {
+    /// Numbers of an observation.
+    pub fn n_observations(&self) -> usize {
+        layout::length(&self.observation, &[])
+    }
+}
+
+/// An episode to be played.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct EpisodeSpec {
+    /// Position of its stage.
+    pub stage: usize,
+    /// Its first time step.
+    pub first_time_step: i64,
+    /// Positions of the learners among the vehicles of the stage, ascending.
+    pub learners: Vec<usize>,
+}
+
+/// A learner that has ended in the last call.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ended {
+    /// Its row.
+    pub row: usize,
+    /// Its id.
+    pub agent_id: i64,
+    /// Position of the stage.
+    pub stage: usize,
+    /// How it ended; running if the episode was cut.
+    pub outcome: OutcomeKind,
+    /// It was cut rather than ended.
+    pub truncated: bool,
+    /// The other participant of a collision.
+    pub partner: Option<i64>,
+    /// It left the road.
+    pub off_road: bool,
+    /// Relative speed of a collision [m/s]; NaN without one.
+    pub impact_speed: f64,
+    /// Steps of the world.
+    pub steps: usize,
+    /// Their time [s].
+    pub seconds: f64,
+    /// Way that it drove [m].
+    pub distance: f64,
+    /// Share of the way to the goal that it drove.
+    pub progress: f64,
+    /// Sum of its rewards.
+    pub total: f64,
+    /// Sums of the amounts of its reward.
+    pub components: [f64; N_TERMS],
+}
+
+/// A place in which episodes are played one after the other.
+#[derive(Debug)]
+struct Place {
+    episode: Episode,
+    next: Option<EpisodeSpec>,
+    /// Learners that have ended in the last call.
+    ended: Vec<Ended>,
+    failure: Option<Error>,
+}
+
+/// Many worlds.
+#[derive(Debug)]
+pub struct Worlds {
+    stages: Vec<Arc<Stage>>,
+    settings: WorldsSettings,
+    slots: usize,
+    places: Vec<Place>,
+    threads: Threads,
+}
+
+impl Worlds {
+    /// So many worlds with so many rows each, without episodes.
+    ///
+    /// # Errors
+    /// `InvalidInput`: no stage, no world, impossible settings.
+    pub fn new(stages: Vec<Arc<Stage>>, settings: WorldsSettings, n_worlds: usize, slots: usize) -> Result<Self> {
+        settings.actions.check()?;
+        settings.observation.validate()?;
+        settings.rewards.validate()?;
+        let Some(first) = stages.first() else { return Err(Error::invalid("worlds need at least one scenario")) };
+        if n_worlds == 0 || slots == 0 {
+            return Err(Error::invalid("worlds: at least one world with one row is needed"));
+        }
+        let place = |_| {
+            let episode = Episode::new(first, &settings)?;
+            Ok(Place { episode, next: None, ended: Vec::new(), failure: None })
+        };
+        let places = (0..n_worlds).map(place).collect::<Result<_>>()?;
+        let threads = Threads::new(settings.threads)?;
+        Ok(Self { stages, settings, slots, places, threads })
+    }
+
+    /// Number of rows: worlds times rows of each.
+    pub fn n_rows(&self) -> usize {
+        self.places.len() * self.slots
+    }
+
+    /// Number of worlds.
+    pub fn n_worlds(&self) -> usize {
+        self.places.len()
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &WorldsSettings {
+        &self.settings
+    }
+
+    /// The scenarios.
+    pub fn stages(&self) -> &[Arc<Stage>] {
+        &self.stages
+    }
+
+    /// A world as it is.
+    pub fn world(&self, world: usize) -> &World {
+        self.places[world].episode.world()
+    }
+
+    /// Other weights from now on.
+    ///
+    /// # Errors
+    /// `Setting` for an impossible one.
+    pub fn set_rewards(&mut self, rewards: RewardWeights) -> Result<()> {
+        rewards.validate()?;
+        self.settings.rewards = rewards;
+        Ok(())
+    }
+
+    /// Other scenarios for the episodes to come.
+    ///
+    /// # Errors
+    /// `InvalidInput` for none.
+    pub fn set_stages(&mut self, stages: Vec<Arc<Stage>>) -> Result<()> {
+        if stages.is_empty() {
+            return Err(Error::invalid("worlds need at least one scenario"));
+        }
+        self.stages = stages;
+        Ok(())
+    }
+
+    /// Worlds without a queued episode, ascending.
+    pub fn hungry(&self) -> Vec<usize> {
+        (0..self.places.len()).filter(|i| self.places[*i].next.is_none()).collect()
+    }
+
+    /// Learners that have ended in the last call, by row.
+    pub fn ended(&self) -> impl Iterator<Item = &Ended> {
+        self.places.iter().flat_map(|place| &place.ended)
+    }
+
+    /// Queues the next episode of a world; the one that was queued is forgotten.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a world, scenario, or learner that does not exist, or more learners than rows.
+    pub fn queue(&mut self, world: usize, spec: EpisodeSpec) -> Result<()> {
+        let Some(stage) = self.stages.get(spec.stage) else {
+            return Err(Error::invalid(format!("there is no scenario {}", spec.stage)));
+        };
+        let n = stage.ids().count();
+        if !spec.learners.is_sorted_by(|a, b| a < b) || spec.learners.iter().any(|learner| *learner >= n) {
+            return Err(Error::invalid("learners must be ascending positions of vehicles that can learn"));
+        }
+        if spec.learners.is_empty() || spec.learners.len() > self.slots {
+            return Err(Error::invalid(format!(
+                "learners: 1 to {} expected, {} given",
+                self.slots,
+                spec.learners.len()
+            )));
+        }
+        let Some(place) = self.places.get_mut(world) else {
+            return Err(Error::invalid(format!("there is no world {world}")));
+        };
+        place.next = Some(spec);
+        Ok(())
+    }
+
+    /// Begins the queued episodes of some worlds and writes their rows; those of others are left alone.
+    ///
+    /// # Errors
+    /// `InvalidInput` if no episode is queued, or its learners do not drive.
+    pub fn reset(&mut self, worlds: &[bool], buffers: Buffers<'_>) -> Result<()> {
+        buffers.check(self, false)?;
+        let (settings, stages) = (&self.settings, &self.stages);
+        for ((place, mut rows), wanted) in self.places.iter_mut().zip(buffers.by_world(self.slots)).zip(worlds) {
+            if *wanted {
+                rows.clear();
+                place.ended.clear();
+                place.begin(stages, settings)?;
+                place.episode.write(settings, &mut rows, false);
+            }
+        }
+        Ok(())
+    }
+
+    /// One decision of every learner in all worlds.
+    ///
+    /// # Errors
+    /// `InvalidInput` before anything has changed: not reset, no episode queued, a choice that does not exist; or the
+    /// error of a predictor.
+    pub fn step(&mut self, buffers: Buffers<'_>) -> Result<()> {
+        buffers.check(self, true)?;
+        let autoreset = self.settings.autoreset;
+        for (i, place) in self.places.iter().enumerate() {
+            if !place.episode.has_begun() {
+                return Err(Error::invalid("step: reset first"));
+            }
+            if autoreset == Autoreset::Disabled && place.episode.is_over() && self.places.len() > 1 {
+                return Err(Error::invalid(format!("step: world {i} has ended; reset it (autoreset is off)")));
+            }
+            if autoreset == Autoreset::Disabled && place.episode.is_over() {
+                return Err(Error::invalid("step: the episode has ended; reset first"));
+            }
+            if autoreset != Autoreset::Disabled && place.next.is_none() {
+                return Err(Error::invalid(format!("step: world {i} has no next episode")));
+            }
+        }
+        let (settings, stages, slots) = (&self.settings, &self.stages, self.slots);
+        if self.settings.threads == 1 {
+            for (i, (place, mut rows)) in self.places.iter_mut().zip(buffers.by_world(slots)).enumerate() {
+                place.play(stages, settings, i * slots, &mut rows);
+            }
+        } else {
+            let work: Vec<Mutex<(&mut Place, Rows<'_>)>> =
+                self.places.iter_mut().zip(buffers.by_world(slots)).map(Mutex::new).collect();
+            self.threads.each(work.len(), |_, i| {
+                if let Ok(mut one) = work[i].lock() {
+                    let (place, rows) = &mut *one;
+                    place.play(stages, settings, i * slots, rows);
+                }
+            });
+        }
+        match self.places.iter_mut().find_map(|place| place.failure.take()) {
+            Some(error) => Err(error),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Place {
+    fn begin(&mut self, stages: &[Arc<Stage>], settings: &WorldsSettings) -> Result<()> {
+        let spec = self.next.take().ok_or_else(|| Error::invalid("reset: no episode is queued"))?;
+        let stage = stages.get(spec.stage).ok_or_else(|| Error::invalid("reset: its scenario is gone"))?;
+        self.episode.begin(stage, spec, settings)
+    }
+
+    /// One decision, or the beginning of the next episode.
+    fn play(&mut self, stages: &[Arc<Stage>], settings: &WorldsSettings, first_row: usize, rows: &mut Rows<'_>) {
+        if let Err(error) = self.try_play(stages, settings, first_row, rows) {
+            self.failure = Some(error);
+        }
+    }
+
+    fn try_play(
+        &mut self,
+        stages: &[Arc<Stage>],
+        settings: &WorldsSettings,
+        first_row: usize,
+        rows: &mut Rows<'_>,
+    ) -> Result<()> {
+        rows.clear();
+        self.ended.clear();
+        if self.episode.is_over() {
+            self.begin(stages, settings)?;
+            self.episode.write(settings, rows, false);
+            return Ok(());
+        }
+        let actions = rows.actions;
+        self.episode.step(&actions, settings, rows)?;
+        self.episode.tell(first_row, settings, &mut self.ended);
+        if settings.autoreset == Autoreset::SameStep && self.episode.is_over() {
+            self.episode.write_last(settings, rows);
+            self.begin(stages, settings)?;
+            let outcomes = std::mem::take(&mut self.ended);
+            self.episode.write(settings, rows, false);
+            for ended in &outcomes {
+                rows.outcomes[ended.row - first_row] = ended.outcome as i8;
+            }
+            self.ended = outcomes;
+        } else {
+            self.episode.write(settings, rows, settings.autoreset != Autoreset::SameStep);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,178 @@
+//! A scenario ready to be played: all that is worked out once and shared by every world in which it is played.
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::geometry::wrap_angle;
+use crate::observation::PathTable;
+use crate::plan::Planner;
+use crate::scenario::Scenario;
+use crate::trajectory::State;
+use crate::vehicle::single_track::Kinematic;
+use crate::world::{Agent, StagedAgent, check_agents};
+
+/// Recorded accelerations are differences of noisy positions; an agent starts with at most this value [m/s²].
+const START_ACCELERATION_MAX: f64 = 3.0;
+/// Of what tyres allow, an agent that enters may use this share.
+const START_RESERVE: f64 = 0.5;
+/// The model does what a recorded driver did if it comes so near the next state: [m] and [rad].
+const MISSED_DISTANCE: f64 = 0.1;
+const MISSED_TURN: f64 = 0.02;
+
+/// A vehicle that can learn.
+#[derive(Debug)]
+struct Player {
+    learner: StagedAgent,
+    table: Arc<PathTable>,
+    /// With a planner; `None` if it replays its recording unless it learns.
+    traffic: Option<StagedAgent>,
+    /// Row of its recording.
+    row: Option<usize>,
+}
+
+/// A scenario with all vehicles that can learn.
+#[derive(Debug)]
+pub struct Stage {
+    pub(super) scenario: Arc<Scenario>,
+    players: Vec<Player>,
+}
+
+/// The agents of an episode.
+#[derive(Debug, Default)]
+pub(super) struct Cast {
+    /// Sorted by id.
+    pub(super) agents: Vec<StagedAgent>,
+    /// The learners: positions among the agents, and what they know of their routes.
+    pub(super) learners: Vec<(usize, Arc<PathTable>)>,
+    /// Rows of the learners' recordings.
+    pub(super) recorded: Vec<Option<usize>>,
+}
+
+impl Stage {
+    /// From all vehicles that can learn, each with the planner that drives it if it does not; without one it replays its
+    /// recording.
+    ///
+    /// # Errors
+    /// `InvalidInput`: an id twice, or a planner that needs a recording that is not there.
+    pub fn new(scenario: Arc<Scenario>, mut agents: Vec<(Agent, Option<Planner>)>) -> Result<Self> {
+        agents.sort_by_key(|(agent, _)| agent.id);
+        let all: Vec<Agent> = agents.iter().map(|(agent, _)| agent.clone()).collect();
+        check_agents(&all, scenario.obstacles.states.first_time_step)?;
+        let player = |(agent, planner): (Agent, Option<Planner>)| {
+            let table = Arc::new(PathTable::new(&agent.route, &agent.goal, &scenario.road));
+            let row = scenario.obstacles.states.row(agent.id);
+            let traffic = match planner {
+                Some(planner) => Some(StagedAgent::new(Agent { planner, ..agent.clone() }, &scenario)?),
+                None => None,
+            };
+            let learner = StagedAgent::new(Agent { planner: Planner::External, ..agent }, &scenario)?;
+            Ok(Player { learner, table, traffic, row })
+        };
+        let players = agents.into_iter().map(player).collect::<Result<_>>()?;
+        Ok(Self { scenario, players })
+    }
+
+    /// Ids of the vehicles that can learn, ascending.
+    pub fn ids(&self) -> impl Iterator<Item = i64> {
+        self.players.iter().map(|player| player.learner.agent.id)
+    }
+
+    /// Positions of the vehicles that drive at a time step; with at least `rest` steps of their recording left, if they
+    /// have started before.
+    pub fn eligible(&self, time_step: i64, rest: i64) -> Vec<usize> {
+        let drives = |player: &Player| {
+            let start = player.learner.agent.start_time_step;
+            let states = &self.scenario.obstacles.states;
+            let has = |time_step: i64| player.row.is_some_and(|row| states.get(row, time_step).is_some());
+            start == time_step && (rest == 0 || player.row.is_none() || has(time_step + rest))
+                || start < time_step && has(time_step) && has(time_step + rest)
+        };
+        (0..self.players.len()).filter(|i| drives(&self.players[*i])).collect()
+    }
+
+    /// What a recorded driver did, as the inputs of a model: two numbers per recorded time step, clipped to -1 to 1, and
+    /// whether they lead from the recorded state to within 0.1 m and 0.02 rad of the next one.
+    pub fn recorded_actions(&self, position: usize, model: &Kinematic) -> (Vec<f32>, Vec<bool>) {
+        let (player, states) = (&self.players[position], &self.scenario.obstacles.states);
+        let agent = &player.learner.agent;
+        let mut found = (vec![0.0; 2 * states.n_steps], vec![false; states.n_steps]);
+        let Some(row) = player.row else { return found };
+        for step in 0..states.n_steps {
+            let time_step = states.first_time_step + step as i64;
+            let (Some(from), Some(to)) = (states.get(row, time_step), states.get(row, time_step + 1)) else { continue };
+            let curvature =
+                agent.route.path.project(from.pose().position).map_or(0.0, |(s, _)| agent.route.path.curvature_at(s));
+            let from = State { yaw_rate: if from.yaw_rate.is_finite() { from.yaw_rate } else { 0.0 }, ..from };
+            let dt = self.scenario.dt;
+            let inputs =
+                model.inverse(&agent.vehicle, &from, &to, curvature, dt).map(|input| input.clamp(-1.0, 1.0) as f32);
+            let reached = model.step(&agent.vehicle, &from, inputs.map(f64::from), curvature, dt).state;
+            let is_near = reached.pose().position.distance(to.pose().position) <= MISSED_DISTANCE
+                && wrap_angle(reached.orientation - to.orientation).abs() <= MISSED_TURN;
+            found.0[2 * step..2 * step + 2].copy_from_slice(&inputs);
+            found.1[step] = is_near;
+        }
+        found
+    }
+
+    /// Writes the agents of an episode that begins at a time step; `learners` are positions, ascending.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming a learner that does not drive then.
+    pub(super) fn cast(&self, learners: &[usize], first_time_step: i64, cast: &mut Cast) -> Result<()> {
+        cast.agents.clear();
+        cast.learners.clear();
+        cast.recorded.clear();
+        for (i, player) in self.players.iter().enumerate() {
+            let learns = learners.binary_search(&i).is_ok();
+            let Some(staged) = (if learns { Some(&player.learner) } else { player.traffic.as_ref() }) else { continue };
+            let entering = self.entering(staged, player.row, first_time_step)?;
+            if learns {
+                let id = staged.agent.id;
+                if entering.as_ref().is_none_or(|staged| staged.agent.start_time_step != first_time_step) {
+                    return Err(Error::invalid(format!(
+                        "learners: {id} does not drive at time step {first_time_step}"
+                    )));
+                }
+                cast.learners.push((cast.agents.len(), Arc::clone(&player.table)));
+                cast.recorded.push(player.row);
+            }
+            cast.agents.extend(entering);
+        }
+        Ok(())
+    }
+
+    /// An agent in an episode that begins at a time step: where its recording is then, if it has started before; `None`
+    /// if it has left.
+    fn entering(&self, staged: &StagedAgent, row: Option<usize>, time_step: i64) -> Result<Option<StagedAgent>> {
+        let agent = &staged.agent;
+        if agent.start_time_step >= time_step {
+            return Ok(Some(staged.clone()));
+        }
+        let states = &self.scenario.obstacles.states;
+        let Some(recorded) = row.and_then(|row| states.get(row, time_step)) else { return Ok(None) };
+        let initial_state = started(&recorded, agent);
+        let agent = Agent { initial_state, start_time_step: time_step, ..Agent::clone(agent) };
+        Ok(Some(staged.entering(agent, &self.scenario)?))
+    }
+}
+
+/// A recorded state as the first one of an agent: within the limits of the vehicle.
+fn started(recorded: &State, agent: &Agent) -> State {
+    let vehicle = &agent.vehicle;
+    let speed = recorded.velocity.abs();
+    let most = (vehicle.curvature_max() * speed).min(START_RESERVE * vehicle.lateral_acceleration_max / speed.max(0.1));
+    let yaw_rate = if recorded.yaw_rate.is_finite() {
+        recorded.yaw_rate
+    } else {
+        let path = &agent.route.path;
+        let foot = path.project(recorded.pose().position);
+        foot.map_or(0.0, |(s, _)| recorded.velocity * path.at(s).curvature)
+    };
+    State {
+        orientation: wrap_angle(recorded.orientation),
+        acceleration: recorded.acceleration.clamp(-START_ACCELERATION_MAX, START_ACCELERATION_MAX),
+        yaw_rate: yaw_rate.clamp(-most, most),
+        ..*recorded
+    }
+}

@@ -1,0 +1,198 @@
+//! What scores are made of: times to contact, blame, positions along paths.
+
+use std::sync::Arc;
+
+use interdrive_core::collision::leaves_road as core_leaves_road;
+use interdrive_core::criticality::blame::{BlameRequest, Reaction, blame};
+use interdrive_core::criticality::straight::{StraightRequest, straight_times};
+use interdrive_core::criticality::{Traffic, crossing_lanelets as core_crossing_lanelets};
+use interdrive_core::error::Error;
+use interdrive_core::geometry::polyline::Polyline;
+use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::road::RoadNetwork;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{self, Row};
+use crate::errors::{InputError, detached, exception};
+use crate::scenario::{PyRoadNetwork, PyShape, read_states};
+use crate::vehicle::PyVehicle;
+
+/// A path is followed from one position to the next within this distance [m].
+const WINDOW: f64 = 20.0;
+/// Farther away from the path than this [m], all of it is searched.
+const LOST: f64 = 5.0;
+
+#[pyclass(frozen, name = "Traffic", module = "interdrive._core")]
+pub struct PyTraffic {
+    traffic: Traffic,
+    road: Arc<RoadNetwork>,
+    crossing: Vec<bool>,
+}
+
+#[pymethods]
+impl PyTraffic {
+    /// Recorded or simulated participants on their road; `crossing` are the lanelets that cross others.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        dt: f64,
+        road: &PyRoadNetwork,
+        crossing: Vec<i64>,
+        ids: Vec<i64>,
+        shapes: Vec<PyRef<'_, PyShape>>,
+        is_static: Vec<bool>,
+        first_time_step: i64,
+        x: PyReadonlyArray2<'_, f64>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        orientation: PyReadonlyArrayDyn<'_, f64>,
+        velocity: PyReadonlyArrayDyn<'_, f64>,
+        acceleration: PyReadonlyArrayDyn<'_, f64>,
+        valid: PyReadonlyArrayDyn<'_, bool>,
+    ) -> PyResult<Self> {
+        let fields = [&y, &orientation, &velocity, &acceleration];
+        let states = read_states(ids, first_time_step, &x, fields, None, &valid)?;
+        let shapes = shapes.iter().map(|shape| shape.0.clone()).collect();
+        let network = Arc::clone(&road.0);
+        let mut crosses = vec![false; network.lanelets().len()];
+        for id in crossing {
+            let lanelet = network.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id }).map_err(exception)?;
+            crosses[lanelet] = true;
+        }
+        let traffic = detached(py, || Traffic::new(dt, network, states, shapes, is_static))?;
+        Ok(Self { traffic, road: Arc::clone(&road.0), crossing: crosses })
+    }
+
+    /// Time until each judged participant touches another one if both keep speed and heading [s], and that one's id:
+    /// arrays of shape (judged, time steps); inf and -1 without a contact within the horizon, nan where absent.
+    fn straight_times<'py>(
+        &self,
+        py: Python<'py>,
+        judged: Vec<i64>,
+        rear_axle_to_center: Vec<f64>,
+        horizon: f64,
+        threads: usize,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        if judged.len() != rear_axle_to_center.len() {
+            return Err(InputError::new_err(format!(
+                "{} distances of rear axles for {} participants",
+                rear_axle_to_center.len(),
+                judged.len()
+            )));
+        }
+        let row = |id: i64| self.traffic.row(id).ok_or(Error::UnknownId { what: "participant", id });
+        let rows: Vec<usize> = judged.iter().map(|id| row(*id)).collect::<Result<_, _>>().map_err(exception)?;
+        let n = rows.len();
+        let judged = rows.into_iter().zip(rear_axle_to_center).collect();
+        let request = StraightRequest { judged, crossing: self.crossing.clone(), horizon, threads };
+        let found = py.detach(|| straight_times(&self.traffic, &request));
+        let shape = [n, found.len() / n.max(1)];
+        Ok((
+            arrays::grid(py, found.iter().map(|one| one.time).collect(), shape)?,
+            arrays::grid(py, found.iter().map(|one| one.partner).collect(), shape)?,
+        ))
+    }
+
+    /// Verdicts on contacts (agent, partner, time step of the first states after it, whether the partner drives on
+    /// lanes), as a dict of arrays in their order. A reaction is a delay [s] and a deceleration [m/s²].
+    fn blame<'py>(
+        &self,
+        py: Python<'py>,
+        contacts: Vec<(i64, i64, i64, bool)>,
+        agent: (f64, f64),
+        others: (f64, f64),
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let reaction = |(delay, deceleration)| Reaction { delay, deceleration };
+        let request = BlameRequest {
+            contacts,
+            agent: reaction(agent),
+            others: reaction(others),
+            crossing: self.crossing.clone(),
+        };
+        let found = detached(py, || blame(&self.traffic, &request))?;
+        let dict = PyDict::new(py);
+        dict.set_item("kind", found.iter().map(|v| v.kind.name()).collect::<Vec<_>>())?;
+        dict.set_item("gap", arrays::row(py, found.iter().map(|v| v.gap).collect()))?;
+        dict.set_item("needed", arrays::row(py, found.iter().map(|v| v.needed).collect()))?;
+        dict.set_item("decided_at", arrays::row(py, found.iter().map(|v| v.decided_at).collect()))?;
+        dict.set_item("instant", arrays::row(py, found.iter().map(|v| v.instant).collect()))?;
+        dict.set_item("angle", arrays::row(py, found.iter().map(|v| v.angle).collect()))?;
+        let sides = ["front", "left", "right", "rear"];
+        dict.set_item("side", found.iter().map(|v| sides[v.side]).collect::<Vec<_>>())?;
+        dict.set_item("collision_type", found.iter().map(|v| v.collision_type.name()).collect::<Vec<_>>())?;
+        dict.set_item("fault_nuplan", arrays::row(py, found.iter().map(|v| v.fault_nuplan).collect()))?;
+        dict.set_item("is_crossing", arrays::row(py, found.iter().map(|v| v.is_crossing).collect()))?;
+        Ok(dict)
+    }
+
+    /// Whether points are on a lanelet that crosses others.
+    fn is_on_crossing<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'_, f64>,
+        y: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Row<'py, bool>> {
+        let n = x.as_array().len();
+        let (x, y) = (arrays::read_row("x", &x, n)?, arrays::read_row("y", &y, n)?);
+        let crosses =
+            |i: usize| self.road.lanelets_at(Point::new(x[i], y[i])).iter().any(|lanelet| self.crossing[*lanelet]);
+        Ok(arrays::row(py, (0..n).map(crosses).collect()))
+    }
+}
+
+/// Ids of the lanelets that cross or join others that do not come from the same one.
+#[pyfunction]
+pub fn crossing_lanelets(py: Python<'_>, road: &PyRoadNetwork, erosion: f64, overlap_min: f64) -> Vec<i64> {
+    let road = Arc::clone(&road.0);
+    let found = py.detach(|| core_crossing_lanelets(&road, erosion, overlap_min));
+    road.lanelets().iter().zip(found).filter_map(|(lanelet, crosses)| crosses.then_some(lanelet.id)).collect()
+}
+
+/// Arc length [m] and signed lateral distance [m] of consecutive positions on a path of shape (points, 2).
+#[pyfunction]
+pub fn follow_path<'py>(
+    py: Python<'py>,
+    path: PyReadonlyArray2<'_, f64>,
+    x: PyReadonlyArray1<'_, f64>,
+    y: PyReadonlyArray1<'_, f64>,
+) -> PyResult<(Row<'py, f64>, Row<'py, f64>)> {
+    let path = Polyline::new(&arrays::read_points("path", &path)?).map_err(exception)?;
+    let n = x.as_array().len();
+    let (x, y) = (arrays::read_row("x", &x, n)?, arrays::read_row("y", &y, n)?);
+    let mut last: Option<f64> = None;
+    let mut foot = |i: usize| {
+        let point = Point::new(x[i], y[i]);
+        let near = last.map(|s| path.project_between(point, s - WINDOW, s + WINDOW));
+        let found = near.filter(|near| near.distance <= LOST).unwrap_or_else(|| path.project(point));
+        last = Some(found.s);
+        (found.s, found.d)
+    };
+    let (s, d) = (0..n).map(&mut foot).unzip();
+    Ok((arrays::row(py, s), arrays::row(py, d)))
+}
+
+/// Whether a vehicle that follows poses leaves the road after having been on it.
+#[pyfunction]
+pub fn leaves_road(
+    road: &PyRoadNetwork,
+    shape: &PyShape,
+    vehicle: &PyVehicle,
+    x: PyReadonlyArray1<'_, f64>,
+    y: PyReadonlyArray1<'_, f64>,
+    orientation: PyReadonlyArray1<'_, f64>,
+) -> PyResult<bool> {
+    let n = x.as_array().len();
+    let (x, y) = (arrays::read_row("x", &x, n)?, arrays::read_row("y", &y, n)?);
+    let theta = arrays::read_row("orientation", &orientation, n)?;
+    let poses: Vec<Pose> = (0..n).map(|i| Pose::new(x[i], y[i], theta[i])).collect();
+    Ok(core_leaves_road(&road.0, &shape.0, &vehicle.0, &poses))
+}
+
+/// Adds what is here to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyTraffic>()?;
+    module.add_function(wrap_pyfunction!(crossing_lanelets, module)?)?;
+    module.add_function(wrap_pyfunction!(follow_path, module)?)?;
+    module.add_function(wrap_pyfunction!(leaves_road, module)?)
+}
