@@ -1,9 +1,8 @@
-"""A predictor of one's own: turning vehicles keep turning. It is checked, compared on recordings, and used in a run."""
+"""A custom predictor: turning vehicles keep turning. It is checked, compared on recordings, and used in a run."""
 
 import numpy as np
 
 import interdrive as idr
-from interdrive.prediction_evaluation.tables import measures_table
 from interdrive.testing import check_predictor
 
 
@@ -11,7 +10,7 @@ class Turning:
     """Constant speed and constant yaw rate, taken from the last half second; two modes: it goes on so, or straight."""
 
     def predict(self, scene: idr.Scene) -> idr.Predictions:
-        """Expectations for everybody present, 3 s ahead."""
+        """Predictions for all participants present, 3 s ahead."""
         n, steps = len(scene.ids), round(3.0 / scene.dt)
         time = scene.dt * np.arange(1, steps + 1)
         heading = scene.orientation[:, -1]
@@ -51,7 +50,7 @@ class Turning:
 def main() -> None:
     check_predictor(Turning)
     found = idr.evaluate_predictors("t_junction", ["constant_velocity", Turning], with_timing=False)
-    for row in measures_table(found).to_pylist():
+    for row in found.table.to_pylist():
         if (row["category"], row["traffic"]) == ("junction", "all"):
             print(f"{row['predictor']}: {row['fde_3']:.2f} m after 3 s, best mode {row['fde_best_3']:.2f} m")
     run = idr.simulate("t_junction", predictor=Turning)

@@ -18,7 +18,7 @@ OFFSETS = (1.75, 5.25, 8.75)
 #: Headings of those that come from the south, east, north and west.
 ARMS = (0.5 * np.pi, np.pi, -0.5 * np.pi, 0.0)
 #: Traffic: arms, movement, number of vehicles on each arm, how far from the intersection they start [m], and their
-#: speeds before, in and after it [m/s]. First those turn left who come from north and south, then these go straight on,
+#: speeds before, in and after it [m/s]. First vehicles from north and south turn left, then others go straight on,
 #: at last east and west. Those with the least choice come first.
 MOVEMENTS = (
     ((0, 2), "left", 1, (1.0, 10.0), (9.0, 6.8, 12.5)),
@@ -32,7 +32,7 @@ MOVEMENTS = (
 )
 #: The kind of the first vehicle of a movement, where it is no car.
 KINDS = {(1, "straight 1"): "bus", (2, "straight 1"): "truck", (3, "right"): "motorcycle"}
-#: The planning problem: who comes from the south and turns left.
+#: The planning problem: the vehicle that comes from the south and turns left.
 EGO = (0, "left")
 
 

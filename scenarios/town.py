@@ -26,7 +26,7 @@ ARM = 560.0
 LANES = 3
 #: Speed of the green wave [m/s], and deviations from it at the start.
 SPEED, SPEED_SPREAD = 12.0, 0.4
-#: Who goes straight on drives for so long [s].
+#: Vehicles that go straight on drive for this long [s].
 DURATION = 30.0
 #: Middle of the platoons of rows and columns, seen from their crossing [m].
 PLATOON = (-0.25 * BLOCK, 0.25 * BLOCK)
@@ -34,7 +34,7 @@ PLATOON = (-0.25 * BLOCK, 0.25 * BLOCK)
 PER_LANE, SPACING, SPACING_OF_FIVE = 4, 22.0, 17.5
 #: Random displacement along the lane [m].
 DISPLACEMENT = 1.5
-#: Chance of the last vehicle of a lane to turn, and where those who turned end beyond the crossing [m].
+#: Chance of the last vehicle of a lane to turn, and where those that turned end beyond the crossing [m].
 TURNS, TURNED = 0.5, 75.0
 #: Goals are so long [m]; they open and close so many time steps before and after the due one.
 GOAL_LENGTH, EARLY, LATE = 40.0, 10, 30
@@ -125,7 +125,7 @@ def _add_street(roads: Network, street: Street) -> None:
 
 
 def _connect(roads: Network, street: Street, other: Street) -> Incoming:
-    """Adds the lane that turns from a street into another, and says who may go where."""
+    """Adds the lane that turns from a street into another, with its turn in the intersection."""
     index, lane = position(street, other), turning_lane(street, other)
     here, number = section(street, index, lane), inside(street, index, 3)
     there = section(other, position(other, street) + 1, lane)

@@ -41,8 +41,8 @@ class Augmentation:
         forgetful: Share of neighbours that are left out.
         speed_noise: Standard deviation of the speed of moving vehicles, relative.
         jittery: Share of rows whose past is measured badly, as cameras do.
-        human: Share of rows of simulated drivers, who keep to the middle of lanes and accelerate evenly, that are made
-            to drive and be measured more like people.
+        human: Share of rows of simulated drivers (they keep to the middle of lanes and accelerate evenly) that are
+            made to drive and be measured more like people.
         blind: Share of rows that lose each of: all neighbours, the second leader, the follower, crossing traffic.
         blurred: Share of rows whose paths are a little different, so that no place is known by its shape.
     """

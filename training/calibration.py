@@ -70,7 +70,7 @@ def _of_vehicle(agent: Tensor, weights: Tensor) -> Tensor:
 
 
 def calibrated(answer: Answer, calibration: Calibration, agent: Tensor, standing: Tensor) -> Answer:
-    """The answer with factors applied; the temperature is for those who do not stand, shape (b,)."""
+    """The answer with factors applied; the temperature is for those that do not stand, shape (b,)."""
     temperature = torch.where(standing, 1.0, calibration.temperature)[:, None, None]
     tempered = torch.log_softmax((answer.log_probability / temperature).flatten(1), dim=1)
     of_s, of_d = (

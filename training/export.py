@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from interdrive import _core
-from interdrive.predictors.weights import digest
+from interdrive.storage.weights import digest
 from training.evaluate import MERGING
 from training.network import DEAD_ZONE, tensors_of
 

@@ -31,13 +31,10 @@ export interface Participant {
   planner?: string;
   outcome?: string;
   end?: number;
-  partner?: number | null;
-  off_road?: boolean;
-  impact_speed?: number | null;
   harm?: number | null;
   reason?: string;
-  origin?: string;
-  goal_time_step?: [number, number];
+  score?: number | null;
+  why?: string;
   goal?: number[][][];
   sensor_radius?: number | null;
   occlusion?: boolean;

@@ -1,4 +1,4 @@
-// The selected participant: who it is, what of it is shown, and its profiles.
+// The selected participant: its name, its layers, and its profiles.
 
 import { agentColor, costColor } from "./colors";
 import { button, element, text, toggle } from "./elements";
@@ -35,9 +35,9 @@ export class Detail {
     const kinds: [keyof Layers, string, string, boolean][] = [
       ["plan", "plan", "The chosen plan (P)", !run.header.missing.some((m) => m.what === "plans")],
       ["candidates", "candidates", "Sampled candidates, coloured by cost (C)", run.has("candidate_x")],
-      ["predictions", "predictions", "What it planned against, with 95 % ellipses of at most 8 m (R)", run.has("prediction_x")],
-      ["everybody", "of all", "Predictions of all it sees, not only of its conflict partners (E)", run.has("prediction_x")],
-      ["sight", "view", "How far it sees; who is not seen is pale (V)", true],
+      ["predictions", "predictions", "The predictions used for its plan, with 95 % ellipses of at most 8 m (R)", run.has("prediction_x")],
+      ["all", "of all", "Predictions of all it sees, not only of its conflict partners (E)", run.has("prediction_x")],
+      ["sight", "view", "Its sensor radius; participants that it does not see are pale (V)", true],
     ];
     for (const [layer, label, title, there] of kinds) {
       const box = toggle(label, there ? title : `${title}: not recorded`, state.layers[layer], (on) => {
@@ -50,7 +50,7 @@ export class Detail {
       layers.append(box);
     }
     const head = element("div", { class: "detail-head" }, this.name, layers, this.legend);
-    head.append(button("✕", "Select nobody (Esc)", () => state.select(-1), { class: "close" }));
+    head.append(button("✕", "Clear the selection (Esc)", () => state.select(-1), { class: "close" }));
     this.root.append(head, this.now, this.profiles.root);
   }
 

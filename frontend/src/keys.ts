@@ -21,12 +21,12 @@ const KEYS: [string, string][] = [
   [", .", "slower, faster"],
   ["N, B", "next event, event before"],
   ["[ ]", "agent before, next agent"],
-  ["Esc", "select nobody"],
+  ["Esc", "clear the selection"],
   ["F", "follow the selected vehicle"],
   ["+ − 0", "nearer, further away, show everything"],
   ["W A S D", "move the map"],
   ["P C R V L", "show plan, candidates, predictions, view, ids"],
-  ["E", "predictions of everybody or of conflict partners"],
+  ["E", "predictions of all participants or of conflict partners"],
   ["T", "light or dark"],
   ["Shift+A", "larger text"],
 ];
@@ -40,7 +40,7 @@ export function helpDialog(): HTMLDialogElement {
   return dialog;
 }
 
-const LAYERS: Record<string, keyof Layers> = { p: "plan", c: "candidates", r: "predictions", e: "everybody", v: "sight", l: "labels" };
+const LAYERS: Record<string, keyof Layers> = { p: "plan", c: "candidates", r: "predictions", e: "all", v: "sight", l: "labels" };
 
 export function listenToKeys(parts: Parts): void {
   document.addEventListener("keydown", (event) => {
@@ -55,7 +55,7 @@ export function listenToKeys(parts: Parts): void {
   });
 }
 
-/** Who clicks with the mouse means the page with the next key, not the button or box again. */
+/** After a click with the mouse, the next key is meant for the page, not for the button or box again. */
 export function focusAfterClicks(root: HTMLElement, map: RoadMap): void {
   let pointed = false;
   document.addEventListener("keydown", () => (pointed = false), true);

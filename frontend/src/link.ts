@@ -7,7 +7,7 @@ import type { State } from "./state";
 interface Said {
   /** Time since the start of the scenario [s]. */
   seconds: number;
-  /** Id of the selected participant; null: nobody. */
+  /** Id of the selected participant; null: none. */
   selected: number | null;
   follow: boolean;
   /** Centre of the map in the world [m], and pixels per metre. */

@@ -66,7 +66,6 @@ async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Pr
     detail.draw();
     mirror(root, state);
   };
-  // A browser that takes one picture and leaves may never ask for a frame.
   map.resize();
   draw();
   const frame = (now: number) => {
@@ -77,7 +76,7 @@ async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Pr
   requestAnimationFrame(frame);
 }
 
-/** For tests and for whoever reads the page by machine. */
+/** For tests and other programs that read the page. */
 function mirror(root: HTMLElement, state: State): void {
   const said: Record<string, string> = {
     ready: "true",

@@ -61,7 +61,7 @@ export class RoadMap {
     const { camera, state } = this;
     const ratio = this.ratio;
     const follows = state.follow && state.selected >= 0;
-    // Who begins to follow a vehicle wants to see what it does.
+    // At the beginning of following the map zooms in.
     if (follows && !this.followed) camera.scale = Math.max(camera.scale, camera.width / FOLLOWED_WIDTH);
     this.followed = follows;
     if (follows) {
@@ -86,14 +86,16 @@ export class RoadMap {
     const { clientWidth, clientHeight } = this.root;
     if (clientWidth === 0 || clientHeight === 0) return;
     const first = this.camera.width <= 1;
-    for (const canvas of [this.ground, this.moving]) {
-      canvas.width = Math.round(clientWidth * this.ratio);
-      canvas.height = Math.round(clientHeight * this.ratio);
-    }
+    const [width, height] = [Math.round(clientWidth * this.ratio), Math.round(clientHeight * this.ratio)];
+    // Setting the size of a canvas clears it, even to the same size.
+    if (this.ground.width === width && this.ground.height === height && !first) return;
+    for (const canvas of [this.ground, this.moving]) [canvas.width, canvas.height] = [width, height];
     [this.camera.width, this.camera.height] = [clientWidth, clientHeight];
     this.groundKey = "";
     if (first) this.fit();
     else this.state.changed();
+    // A browser that takes one picture and leaves may never ask for a frame.
+    this.draw();
   }
 
   private drawScale(): void {

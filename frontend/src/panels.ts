@@ -77,31 +77,30 @@ export class Panels {
     const several = new Set(rows.map(({ p }) => p.planner)).size > 1;
     const ttc = this.run.header.measures.findIndex((m) => m.name === "ttc");
     const least = (p: Participant) => this.least(ttc, p.agent);
-    const body = element("tbody");
+    const scored = rows.some(({ p }) => p.score != null);
+    const head = element("tr");
+    const table = element("table", {}, element("thead", {}, head));
     const columns: [string, string, (p: Participant) => number | string][] = [
       ["agent", "id of the agent", (p) => p.id],
       ["outcome", "how it ended", (p) => p.outcome ?? ""],
       ["time [s]", "when it ended", (p) => p.end ?? 0],
       ["TTC [s]", "least time to collision", least],
-      ...(several ? [["planner", "who planned", (p: Participant) => p.planner ?? ""] as [string, string, (p: Participant) => string]] : []),
+      ...(scored
+        ? [["score", "score from 0 to 100", (p: Participant) => p.score ?? -1] as [string, string, (p: Participant) => number]]
+        : []),
+      ...(several ? [["planner", "its planner", (p: Participant) => p.planner ?? ""] as [string, string, (p: Participant) => string]] : []),
     ];
-    const head = element("tr");
     columns.forEach(([name, title, key]) => {
       let up = false;
       const sort = () => {
         up = !up;
         rows.sort((a, b) => (key(a.p) < key(b.p) ? -1 : key(a.p) > key(b.p) ? 1 : a.p.id - b.p.id) * (up ? 1 : -1));
-        body.replaceChildren(...rows.map(({ row }) => this.agentRows.get(row)!));
+        table.append(...rows.map(({ row }) => this.agentRows.get(row)!));
       };
       head.append(element("th", {}, button(name, `${title}; click to sort`, sort)));
     });
     for (const { p, row } of rows) {
       const line = element("tr", { "data-agent": String(p.id) });
-      const what = [p.partner !== null && p.partner !== undefined ? `with ${p.partner}` : p.off_road ? "road edge" : ""];
-      what.push(text(p.impact_speed, 1, "m/s"), p.harm == null ? "" : `harm ${text(p.harm, 3)}`, p.reason ?? "");
-      const more = what.filter(Boolean).join(", ");
-      const outcome = element("td", {}, markIcon(p.outcome ?? ""), mark(p.outcome ?? "").text);
-      if (more) outcome.append(element("small", {}, more));
       const swatch = element("span", { class: "swatch" });
       this.swatches.push([swatch, p.color]);
       line.append(
@@ -111,19 +110,24 @@ export class Panels {
           button(String(p.id), `Select agent ${p.id}`, () => this.choose(row)),
           swatch,
         ),
-        outcome,
+        element("td", {}, markIcon(p.outcome ?? ""), mark(p.outcome ?? "").text),
         element("td", { class: "number" }, this.run.seconds(p.end ?? 0).toFixed(this.run.decimals)),
         element("td", { class: "number" }, Number.isFinite(least(p)) ? least(p).toFixed(2) : ""),
       );
+      if (scored) line.append(element("td", { class: "number" }, p.score == null ? "" : (100 * p.score).toFixed(0)));
       if (several) line.append(element("td", {}, p.planner ?? ""));
-      line.addEventListener("click", (event) => {
+      const agent = element("tbody", { class: "agent" }, line);
+      const why = [p.reason ?? "", p.harm == null ? "" : `harm ${text(p.harm, 3)}`].filter(Boolean).join("; ");
+      for (const said of [why, p.why && `score: ${p.why}`])
+        if (said) agent.append(element("tr", { class: "why" }, element("td", { colspan: String(columns.length) }, said)));
+      agent.addEventListener("click", (event) => {
         if (!(event.target instanceof HTMLButtonElement)) this.choose(row);
       });
-      this.agentRows.set(row, line);
-      body.append(line);
+      this.agentRows.set(row, agent);
+      table.append(agent);
     }
-    if (!rows.length) return element("div", { class: "page" }, element("p", { class: "hint" }, "Nobody plans in this run."));
-    return element("div", { class: "page" }, this.counts(), element("table", {}, element("thead", {}, head), body));
+    if (!rows.length) return element("div", { class: "page" }, element("p", { class: "hint" }, "This run has no agents."));
+    return element("div", { class: "page" }, this.counts(), table);
   }
 
   /** How many ended how; a click shows only those. */

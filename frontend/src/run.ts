@@ -1,4 +1,4 @@
-// A run as the page knows it: header, arrays, and who did what at which time step.
+// A run as the page knows it: header, arrays, and the rows of its tables by agent and time step.
 
 import { inflate, unpack, type Values } from "./arrays";
 import type { Entry, RunHeader } from "./contract";
@@ -144,12 +144,12 @@ export class Run {
     return plan < 0 ? step : this.table("plan_made")[plan];
   }
 
-  /** Everybody's predictions of a time step. */
+  /** The predictions of a time step for all participants. */
   predictions(step: number): Rows {
     return this.predictionsAt.get(step) ?? NONE;
   }
 
-  /** Rows of those with whom an agent is in conflict by any measure; undefined without measures. */
+  /** Rows of the participants with which an agent is in conflict by any measure; undefined without measures. */
   partners(row: number, step: number): Set<number> | undefined {
     const { agent } = this.header.participants[row];
     if (agent < 0 || !this.header.measures.length) return undefined;
@@ -158,7 +158,7 @@ export class Run {
     return found;
   }
 
-  /** Rows of those whom an agent sees; undefined if that was not recorded, as at its end, where it plans no more. */
+  /** Rows of the participants that an agent sees; undefined if that was not recorded, as at its end, where it plans no more. */
   seen(row: number, step: number): Set<number> | undefined {
     if (!this.has("view_observer") || step >= (this.header.participants[row].end ?? Infinity)) return undefined;
     const found = new Set<number>();

@@ -1,4 +1,4 @@
-// What the reader has chosen. Whoever changes it tells the others; drawing follows in the next frame.
+// What the reader has chosen. Every change is announced to the listeners; the next frame draws it.
 
 import type { Theme } from "./colors";
 import type { Run } from "./run";
@@ -8,8 +8,8 @@ export interface Layers {
   plan: boolean;
   candidates: boolean;
   predictions: boolean;
-  /** Predictions of everybody in view, not only of conflict partners. */
-  everybody: boolean;
+  /** Predictions of all participants in view, not only of conflict partners. */
+  all: boolean;
   sight: boolean;
 }
 
@@ -18,7 +18,7 @@ export class State {
   time = 0;
   playing = false;
   speed = 1;
-  /** Row of the selected participant; -1: nobody. */
+  /** Row of the selected participant; -1: none. */
   selected = -1;
   /** Index of the event that was jumped to last; -1: none. */
   event = -1;
@@ -26,7 +26,7 @@ export class State {
   theme: Theme = "light";
   /** Size of text and lines. */
   zoom = 1;
-  layers: Layers = { labels: true, plan: true, candidates: true, predictions: true, everybody: false, sight: true };
+  layers: Layers = { labels: true, plan: true, candidates: true, predictions: true, all: false, sight: true };
   private readonly listeners: (() => void)[] = [];
 
   constructor(readonly run: Run) {}

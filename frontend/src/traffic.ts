@@ -1,4 +1,4 @@
-// Everybody at one time, and what the selected agent had before its eyes.
+// All participants at one time, with the plan, candidates and predictions of the selected agent.
 
 import type { Camera } from "./camera";
 import { agentColor, costColor, PALETTES } from "./colors";
@@ -82,7 +82,7 @@ export class Traffic {
     return best;
   }
 
-  /** Where somebody is drawn: agents that are done stay where they ended. */
+  /** Where a participant is drawn: agents that are done stay where they ended. */
   private shown(row: number, state: State): Pose | undefined {
     const { agent, end } = this.run.header.participants[row];
     const pose = this.run.pose(row, state.time);
@@ -208,7 +208,7 @@ export class Traffic {
     const [first, last] = this.run.predictions(made);
     if (first === last || this.run.pose(state.selected, state.step) === undefined) return;
     const seen = this.run.seen(state.selected, made);
-    const partners = state.layers.everybody ? undefined : this.run.partners(state.selected, made);
+    const partners = state.layers.all ? undefined : this.run.partners(state.selected, made);
     const color = PALETTES[state.theme].prediction;
     const [who, probability] = [this.run.table("prediction_participant"), this.run.table("prediction_probability")];
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);

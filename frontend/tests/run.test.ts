@@ -86,7 +86,7 @@ test("conflict partners are those of any measure", async () => {
   assert.equal(run.partners(1, 1), undefined);
 });
 
-test("who is seen is known by time until the agent plans no more", async () => {
+test("visible participants are known per time step until the agent ends", async () => {
   const run = await driven();
   assert.deepEqual(
     [0, 1, 2, 3].map((step) => run.seen(0, step)?.size),

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from interdrive import criticality, plots, report
     from interdrive._core import Predictions, Scene, View, __version__
     from interdrive.batches import batch, read_batch
+    from interdrive.benchmarks import Benchmark, benchmark
     from interdrive.config.agent_config import PlannersSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec, SimulationSettings
     from interdrive.config.specs import PlannerSpec, PredictorSpec
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         shipped_scenario,
         shipped_scenarios,
     )
+    from interdrive.files.solution import write_solution
     from interdrive.native_settings import ViewSettings
     from interdrive.planners import (
         Frenet,
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from interdrive.results import Run, RunInterrupted, load, save
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import AgentSettings, GoalSettings
+    from interdrive.scoring import Score, ScoringSettings, score
     from interdrive.simulation import Simulation, simulate
     from interdrive.studies import CaseStudy, case_study
 
@@ -68,6 +71,8 @@ _HOME = {
     "GoalSettings": "scenario.agents",
     "batch": "batches",
     "read_batch": "batches",
+    "Benchmark": "benchmarks",
+    "benchmark": "benchmarks",
     "InputError": "errors",
     "InterdriveError": "errors",
     "NoRouteError": "errors",
@@ -100,6 +105,9 @@ _HOME = {
     "Run": "results",
     "RunInterrupted": "results",
     "Scenario": "scenario",
+    "Score": "scoring",
+    "ScoringSettings": "scoring",
+    "score": "scoring",
     "Simulation": "simulation",
     "SimulationSettings": "config.schema",
     "ViewSettings": "native_settings",
@@ -109,12 +117,14 @@ _HOME = {
     "PlannersSpec": "config.agent_config",
     "ViewsSpec": "config.agent_config",
     "simulate": "simulation",
+    "write_solution": "files.solution",
     "CaseStudy": "studies",
     "case_study": "studies",
 }
 
 __all__ = [
     "AgentSettings",
+    "Benchmark",
     "CaseStudy",
     "ConstantVelocity",
     "Frenet",
@@ -144,6 +154,8 @@ __all__ = [
     "Scenario",
     "ScenarioSpec",
     "Scene",
+    "Score",
+    "ScoringSettings",
     "SettingsSpec",
     "Simulation",
     "SimulationSettings",
@@ -155,6 +167,7 @@ __all__ = [
     "Walenet",
     "__version__",
     "batch",
+    "benchmark",
     "case_study",
     "criticality",
     "evaluate_predictors",
@@ -165,9 +178,11 @@ __all__ = [
     "report",
     "save",
     "scenario_from_commonroad",
+    "score",
     "shipped_scenario",
     "shipped_scenarios",
     "simulate",
+    "write_solution",
 ]
 
 

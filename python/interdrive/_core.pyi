@@ -9,10 +9,14 @@ from numpy.typing import NDArray
 from interdrive.native_settings import (
     ConstantVelocity,
     CoreStepSettings,
+    Kinematic,
     LaneFollowing,
     MeasureSettings,
+    ObservationSettings,
+    RewardWeights,
     RoadSettings,
     RulesSettings,
+    V2xSettings,
     ViewSettings,
 )
 
@@ -24,7 +28,10 @@ _Interval = tuple[float, float]
 
 __all__ = [
     "CODES",
+    "LIGHT_DECELERATION",
     "NEURAL",
+    "REWARDS",
+    "STOP_REACH",
     "Agent",
     "Ego",
     "Goal",
@@ -39,16 +46,24 @@ __all__ = [
     "Scenario",
     "Scene",
     "Shape",
+    "Stage",
+    "Traffic",
     "Vehicle",
     "View",
     "World",
+    "Worlds",
     "__version__",
     "boundary_harm",
     "check_settings",
     "collision_harm",
+    "crossing_lanelets",
     "evaluate_criticality",
     "exposure",
+    "follow_path",
+    "leaves_road",
     "minimal_stopping_distance",
+    "observation_blocks",
+    "observation_layout",
     "overlapping_lanelets",
     "participant_mass",
     "proportion_of_stopping_distance",
@@ -62,11 +77,15 @@ __all__ = [
 __version__: str
 #: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status", "impact_area", "measure".
 CODES: dict[str, list[str]]
+#: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
+LIGHT_DECELERATION: float
+STOP_REACH: float
 
 #: The input of the neural predictor: `version`; `knots` [s]; `agent`, `neighbours`, `paths`: name, scale and sign in a
 #: mirrored world of every feature; `slots`: names of the paths; `path_mirror_columns`, `mirror_slots`: their order in a
 #: mirrored world.
 NEURAL: dict[str, Any]
+REWARDS: list[str]
 
 @final
 class Shape:
@@ -134,9 +153,14 @@ class Scenario:
         valid: _Bools,
         lights: Sequence[tuple[int, int, Sequence[tuple[int, int]]]] = ...,
         lines: Sequence[tuple[int, tuple[_Interval, _Interval], bool, Sequence[tuple[int, Sequence[int]]]]] = ...,
+        priorities: tuple[
+            Sequence[tuple[int, int]], Sequence[tuple[int, tuple[int, int, int]]], Sequence[int], bool, int, bool
+        ]
+        | None = ...,
     ) -> Scenario: ...
     @property
     def dt(self) -> float: ...
+    def junctions(self) -> dict[str, Any]: ...
     def scene(self, time_step: int, history_steps: int = 30) -> Scene: ...
 
 @final
@@ -218,6 +242,13 @@ class Planner:
     """
 
     def __new__(cls, name: str, record: object) -> Planner: ...
+    @staticmethod
+    def policy(
+        layers: Sequence[tuple[str, _Singles, _Singles]],
+        activation: str,
+        actions: tuple[str, object, tuple[int, int]],
+        observation: ObservationSettings,
+    ) -> Planner: ...
 
 @final
 class Scene:
@@ -389,6 +420,10 @@ class View:
     def yaw_rate(self) -> _Floats: ...
     @property
     def valid(self) -> _Bools: ...
+    @property
+    def via(self) -> _Ints: ...
+    @property
+    def age(self) -> _Floats: ...
 
 @final
 class Ego:
@@ -421,6 +456,10 @@ class Ego:
     @property
     def stop_s(self) -> float: ...
     @property
+    def stop_release(self) -> float: ...
+    @property
+    def stop_by(self) -> int | None: ...
+    @property
     def speed_limit(self) -> _Floats: ...
     @property
     def road_edges(self) -> _Floats: ...
@@ -440,6 +479,7 @@ class Agent:
         planner: Planner | None,
         view: ViewSettings,
         rules: RulesSettings,
+        v2x: bool | None = None,
     ) -> Agent: ...
 
 @final
@@ -469,6 +509,8 @@ class Predictions:
     ) -> Predictions: ...
     def of(self, ids: _Ints) -> Predictions: ...
     def seen_by(self, view: View) -> Predictions: ...
+    def known(self, id: int) -> list[tuple[Any, ...]] | None: ...
+    def plan_ages(self) -> tuple[_Floats, int]: ...
     def completed(self, scene: Scene) -> Predictions: ...
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
     @property
@@ -524,6 +566,9 @@ class World:
         *,
         threads: int,
         record_views: bool = False,
+        v2x: V2xSettings | None = None,
+        seed: int = 0,
+        messages: str = "none",
     ) -> World: ...
     @property
     def time_step(self) -> int: ...
@@ -538,16 +583,103 @@ class World:
     @property
     def native_seconds(self) -> float: ...
     def scene(self) -> Scene: ...
-    def view(self, scene: Scene, id: int, told: tuple[float, float] | None = None) -> View: ...
+    def view(
+        self,
+        scene: Scene,
+        id: int,
+        told: tuple[float, float, float, int | None] | None = None,
+        known: Sequence[tuple[Any, ...]] | None = None,
+    ) -> View: ...
     def scene_from(self, parts: tuple[Any, ...]) -> Scene: ...
     def predict(self, predictor: Predictor, scene: Scene, n_steps: int) -> Predictions: ...
     def plan(self, scene: Scene, predictions: Predictions) -> Plans: ...
+    @property
+    def equipped(self) -> list[int]: ...
+    def expect(self, scene: Scene, predictions: Predictions) -> Predictions: ...
+    def messages(self) -> dict[str, Any] | None: ...
+    def agreements(self) -> dict[str, Any]: ...
     def step(self, plans: Plans) -> float: ...
     def candidates(self, id: int, scene: Scene, predictions: Predictions) -> dict[str, Any] | None: ...
     def outcomes(self) -> dict[str, Any]: ...
     def states(self) -> dict[str, Any]: ...
     def sightings(self) -> dict[str, Any]: ...
+    def waits(self) -> dict[str, Any]: ...
     def plans(self) -> dict[str, Any]: ...
+
+@final
+class Stage:
+    """A scenario with the vehicles that can learn, each with the planner that drives it if it does not.
+
+    Raises:
+        InputError: An id is there twice, or a planner needs a recording that is not there.
+    """
+
+    def __new__(cls, scenario: Scenario, agents: Sequence[Agent], planners: Sequence[Planner | None]) -> Stage: ...
+    @property
+    def ids(self) -> list[int]: ...
+    def eligible(self, time_step: int, rest: int) -> list[int]: ...
+    def recorded_actions(self, position: int, model: Kinematic) -> tuple[_Singles, _Bools]: ...
+
+@final
+class Worlds:
+    """Many worlds in which agents learn; they write into the arrays that are bound.
+
+    Raises:
+        InputError: Impossible settings.
+    """
+
+    def __new__(
+        cls,
+        stages: Sequence[Stage],
+        *,
+        actions: tuple[str, object, tuple[int, int]],
+        observation: ObservationSettings,
+        reward: RewardWeights,
+        step: CoreStepSettings,
+        predictor: Predictor,
+        horizon: float,
+        decision_seconds: float,
+        max_seconds: float,
+        time_limit_terminates: bool,
+        autoreset: str,
+        record: bool,
+        threads: int,
+        num_worlds: int,
+        slots: int,
+    ) -> Worlds: ...
+    @property
+    def num_rows(self) -> int: ...
+    @property
+    def num_observations(self) -> int: ...
+    @property
+    def hungry(self) -> list[int]: ...
+    def bind(
+        self,
+        *,
+        actions: NDArray[Any],
+        observations: _Singles,
+        rewards: _Singles,
+        terminals: _Bools,
+        truncations: _Bools,
+        masks: _Bools,
+        outcomes: NDArray[np.int8],
+        agent_ids: _Ints,
+        components: _Singles | None = None,
+        final_observations: _Singles | None = None,
+    ) -> None: ...
+    def queue(self, world: int, stage: int, first_time_step: int, learners: Sequence[int]) -> None: ...
+    def reset(self, worlds: Sequence[bool]) -> None: ...
+    def step(self) -> None: ...
+    def set_rewards(self, reward: RewardWeights) -> None: ...
+    def set_stages(self, stages: Sequence[Stage]) -> None: ...
+    def ended(
+        self,
+    ) -> list[
+        tuple[tuple[int, int, int, int, bool, int, bool, float], tuple[int, float, float, float, float, list[float]]]
+    ]: ...
+    def outcomes(self, world: int) -> dict[str, Any]: ...
+    def states(self, world: int) -> dict[str, Any]: ...
+    def plans(self, world: int) -> dict[str, Any]: ...
 
 def check_settings(name: str, given: object) -> None:
     """Checks the fields of a record by the core's table of this name.
@@ -561,6 +693,14 @@ def settings_tables() -> list[dict[str, Any]]:
 
 def steps_at_most(step: CoreStepSettings, n_recorded: int) -> int:
     """Number of time steps after which a run with these settings ends, for so many recorded time steps."""
+
+def observation_layout(
+    settings: ObservationSettings, planner: Sequence[str] = ...
+) -> list[tuple[str, int, str, str, str]]:
+    """Every number of an observation in its order: block, row within it, name, unit, and what it is divided by."""
+
+def observation_blocks(settings: ObservationSettings, planner: Sequence[str] = ...) -> list[tuple[str, int, int]]:
+    """Name, rows (0: one vector) and columns of the blocks of an observation in their order."""
 
 def time_headway(headway: _Floats, velocity: _Floats) -> _Floats: ...
 def time_to_collision(headway: _Floats, velocity: _Floats, acceleration: _Floats) -> _Floats: ...
@@ -603,3 +743,37 @@ def evaluate_criticality(
     threads: int,
     settings: MeasureSettings,
 ) -> dict[str, Any]: ...
+def crossing_lanelets(road: RoadNetwork, erosion: float, overlap_min: float) -> list[int]: ...
+def follow_path(path: _Floats, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]: ...
+def leaves_road(
+    road: RoadNetwork, shape: Shape, vehicle: Vehicle, x: _Floats, y: _Floats, orientation: _Floats
+) -> bool: ...
+
+@final
+class Traffic:
+    def __new__(
+        cls,
+        dt: float,
+        road: RoadNetwork,
+        crossing: Sequence[int],
+        ids: Sequence[int],
+        shapes: Sequence[Shape],
+        is_static: Sequence[bool],
+        first_time_step: int,
+        x: _Floats,
+        y: _Floats,
+        orientation: _Floats,
+        velocity: _Floats,
+        acceleration: _Floats,
+        valid: _Bools,
+    ) -> Traffic: ...
+    def straight_times(
+        self, judged: Sequence[int], rear_axle_to_center: Sequence[float], horizon: float, threads: int
+    ) -> tuple[_Floats, _Ints]: ...
+    def blame(
+        self,
+        contacts: Sequence[tuple[int, int, int, bool]],
+        agent: tuple[float, float],
+        others: tuple[float, float],
+    ) -> dict[str, Any]: ...
+    def is_on_crossing(self, x: _Floats, y: _Floats) -> _Bools: ...

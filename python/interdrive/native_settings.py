@@ -352,20 +352,90 @@ class RulesSettings:
         speed: It keeps to speed limits.
         lights: It stops for traffic lights.
         stop_signs: It stops at stop signs.
+        precedence: It gives way at junctions: it enters one only if nobody else uses its way across, as long as
+            others keep to the same order.
+        keep_clear: It does not enter a junction without room behind it.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
         stop_duration: It stands this long at a stop sign. Between 0 and 60.
+        lead: It has left an area of a junction so long before another one comes. Between 0 and 60.
+        lag: It enters an area of a junction so long after another one has left. Between 0 and 60.
+        impatience: After standing for so long it is content with half of `lead`. Positive.
+        circle_after: Agents that stand for so long and wait for each other in a circle let one of them enter a
+            junction without room behind it. Positive.
     """
 
     enabled: bool = True
     speed: bool = True
     lights: bool = True
     stop_signs: bool = True
+    precedence: bool = False
+    keep_clear: bool = True
     speed_factor: float = 1.0
     stop_duration: Annotated[float, "s"] = 1.0
+    lead: Annotated[float, "s"] = 1.0
+    lag: Annotated[float, "s"] = 0.3
+    impatience: Annotated[float, "s"] = 10.0
+    circle_after: Annotated[float, "s"] = 5.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""
         _core.check_settings("RulesSettings", self)
+
+
+@dataclass(frozen=True)
+class V2xSettings:
+    """Cooperation of agents by V2X messages.
+
+    Attributes:
+        penetration: Share of the agents that have V2X; 0: cooperation is off. Between 0 and 1.
+        cam: Equipped agents send their state (cooperative awareness).
+        mcm: Equipped agents send their plan (maneuver coordination).
+        cpm: Equipped agents send what their sensors see (collective perception).
+        delay: Constant part of the delay. Between 0 and 10.
+        jitter: Largest part of the delay that is drawn, uniformly from 0 on. Between 0 and 10.
+        loss: Probability that a receiver within range loses a message. Between 0 and 1.
+        range: Range of the radio. Positive and at most 1000000.
+        fading: Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
+        negotiate: Agents whose ways cross agree about the one that goes first.
+        hold_margin: Distance that an agent that yields keeps to the road that both need. Between 0.3 and 5.
+        mcm_interval: Time between two messages with the plan, unless the plan changes. Positive and at most 10.
+        max_bytes: Largest message; plans and lists of objects are cut to fit. Between 300 and 65535.
+        age_max: Older messages are forgotten. Positive and at most 60.
+        plan_spacing: Time between the points of a plan that is sent. Between 0.01 and 10.
+        plan_horizon: How much of a plan is sent. Between 1 and 60.
+        way_ahead: How much of its reference path an agent sends. Between 10 and 1000.
+        deviation: An agent that is this far from where its plan was is no longer expected to follow it. Positive
+            and at most 100.
+        plan_sigma: Standard deviation of a position that a plan states. Positive and at most 10.
+        plan_along: Growth of that standard deviation along the heading. Between 0 and 10.
+        plan_across: Growth of that standard deviation across the heading. Between 0 and 10.
+    """
+
+    penetration: float = 0.0
+    cam: bool = True
+    mcm: bool = True
+    cpm: bool = False
+    delay: Annotated[float, "s"] = 0.0
+    jitter: Annotated[float, "s"] = 0.0
+    loss: float = 0.0
+    range: Annotated[float, "m"] = 300.0
+    fading: bool = False
+    negotiate: bool = False
+    hold_margin: Annotated[float, "m"] = 1.0
+    mcm_interval: Annotated[float, "s"] = 0.1
+    max_bytes: Annotated[int, "B"] = 1100
+    age_max: Annotated[float, "s"] = 1.5
+    plan_spacing: Annotated[float, "s"] = 0.2
+    plan_horizon: Annotated[float, "s"] = 3.0
+    way_ahead: Annotated[float, "m"] = 80.0
+    deviation: Annotated[float, "m"] = 1.0
+    plan_sigma: Annotated[float, "m"] = 0.1
+    plan_along: Annotated[float, "m/s"] = 0.3
+    plan_across: Annotated[float, "m/s"] = 0.05
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("V2xSettings", self)
 
 
 @dataclass(frozen=True)
@@ -405,3 +475,103 @@ class MeasureSettings:
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""
         _core.check_settings("MeasureSettings", self)
+
+
+@dataclass(frozen=True)
+class Kinematic:
+    """Pedals and steering wheel of a single-track model: two numbers from -1 to 1.
+
+    Attributes:
+        accelerate: Acceleration for a first number of 1, as far as the engine gets. Positive and at most 100.
+        brake: Deceleration for a first number of -1. Positive and at most 100.
+        steering: What the second number is. "curvature": that of the path, relative to the largest one. "rate":
+            that of the steering angle, relative to the vehicle's largest one.
+        curvature: Largest curvature for "curvature". Positive and at most 10.
+        lateral: Largest lateral acceleration that "curvature" asks for. Positive and at most 100.
+    """
+
+    accelerate: Annotated[float, "m/s²"] = 4.0
+    brake: Annotated[float, "m/s²"] = 8.0
+    steering: Literal["curvature", "rate"] = "curvature"
+    curvature: Annotated[float, "1/m"] = 0.2
+    lateral: Annotated[float, "m/s²"] = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Kinematic", self)
+
+
+@dataclass(frozen=True)
+class ObservationSettings:
+    """What learners and learned planners observe.
+
+    An observer knows its own state, path and goal, and the participants that it sees.
+
+    Attributes:
+        form: "flat": one vector. "dict": blocks by name.
+        route: Number of places on the path ahead. Between 0 and 16.
+        partners: Number of other participants, the nearest that are seen. Between 0 and 256.
+    """
+
+    form: Literal["flat", "dict"] = "flat"
+    route: int = 16
+    partners: int = 12
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("ObservationSettings", self)
+
+
+@dataclass(frozen=True)
+class RewardWeights:
+    """Weights of the reward.
+
+    The reward of a step is the sum of weight times amount.
+
+    Attributes:
+        progress: Change of the share of the way to the goal that is behind it (of at least 10 m).
+        goal_reached: Reached the goal in time.
+        goal_reached_late: Reached the goal late.
+        goal_missed: Drove past the goal.
+        collision: Hit another participant.
+        off_road: Left the road.
+        infeasible: No plan, not even braking.
+        planner_error: The action was not a number.
+        time_limit: The grace period ended.
+        collision_speed: Speed of the impact / 10 m/s.
+        acceleration: Acceleration / 4 m/s², squared, by time.
+        lateral_acceleration: Lateral acceleration / 4 m/s², squared, by time.
+        jerk: Jerk / 20 m/s³, squared, by time.
+        path_offset: Offset from the path / 2 m, at most 1, by time.
+        overspeed: Speed above the limit / limit, by time.
+        headway: 1 - gap / (1.5 s times speed) if that is positive, to the nearest one seen ahead, by time; 0 unless
+            weighted.
+        recorded: exp(-distance to the own recording now / 2 m), by time; 0 where there is none, and unless
+            weighted.
+        limited: 1 in a step in which the vehicle could not do what was asked for.
+        weight_change: Mean change of the decimal logarithm of the planner's weights.
+    """
+
+    progress: float = 1.0
+    goal_reached: float = 1.0
+    goal_reached_late: float = 0.5
+    goal_missed: float = -0.5
+    collision: float = -1.0
+    off_road: float = -1.0
+    infeasible: float = -1.0
+    planner_error: float = -1.0
+    time_limit: float = 0.0
+    collision_speed: float = 0.0
+    acceleration: float = -0.02
+    lateral_acceleration: float = -0.02
+    jerk: float = -0.01
+    path_offset: float = -0.05
+    overspeed: float = 0.0
+    headway: float = 0.0
+    recorded: float = 0.0
+    limited: float = 0.0
+    weight_change: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("RewardWeights", self)

@@ -19,10 +19,11 @@ from interdrive.files import open_scenario
 from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import Failure, ask, planned
-from interdrive.planners.workers import Workers, can_be_sent
+from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
+from interdrive.run.cooperation import PlanAges, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.reasons import reasons
 from interdrive.run.violations import violations
@@ -33,7 +34,7 @@ from interdrive.scenario.native import core_road, core_scenario, core_shape, thr
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.config.agent_config import PlannersSpec, RulesSpec, ViewsSpec
+    from interdrive.config.agent_config import PlannersSpec, RulesSpec, V2xSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
@@ -61,6 +62,7 @@ class Simulation:
         predictor: PredictorSpec = "neural",
         views: ViewsSpec | None = None,
         rules: RulesSpec | None = None,
+        v2x: V2xSpec | None = None,
         settings: SettingsSpec | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -70,13 +72,15 @@ class Simulation:
 
         Args:
             scenario: See `interdrive.ScenarioSpec`.
-            agents: "all", "reachable" (see `reachable_agents`), a number, or ids; see
+            agents: "all", "reachable" (see `reachable_agents`), "problems", a number, or ids; see
                 `interdrive.scenario.agents.select`.
             planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
             predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
             views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
             rules: Mapping from agent ids (and "default") to the rules of the road that they obey; all other agents obey
                 those of `settings.rules`.
+            v2x: Mapping from agent ids (and "default") to whether they have V2X; `settings.v2x.penetration` decides
+                about all other agents.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             seed: Seed for the choice of agents.
             threads: Threads that plan; None: the number of cores. Results do not depend on it.
@@ -112,7 +116,7 @@ class Simulation:
         )
         self._notes = [*self.scenario.notes, *notes]
         recorded = set(self.scenario.obstacles.ids.tolist())
-        self._configs, notes = agent_configs(config, views or {}, rules or {}, self.agents, recorded)
+        self._configs, notes = agent_configs(config, views or {}, rules or {}, v2x or {}, self.agents, recorded)
         self._notes += notes
         self._workers: Workers | None = None
         self.reset()
@@ -132,8 +136,10 @@ class Simulation:
             config, state = self._configs[agent.id], agent.initial_state
             planner = config.planner.make()
             native_settings = native_planner(planner)
+            rules = config.rules
             if native_settings is None:
                 self._python_planners[agent.id] = planner
+                rules = replace(rules, precedence=rules.precedence and bool(getattr(planner, "obeys_rules", False)))
             handles.append(
                 _core.Agent(
                     agent.id,
@@ -146,13 +152,22 @@ class Simulation:
                     agent.route,
                     native_settings,
                     config.view,
-                    config.rules,
+                    rules,
+                    config.v2x,
                 )
             )
         record = self.settings.record
         self.world = _core.World(
-            self._core_scenario, handles, self.settings.step, threads=self.threads, record_views=record.views
+            self._core_scenario,
+            handles,
+            self.settings.step,
+            threads=self.threads,
+            record_views=record.views,
+            v2x=self.settings.v2x,
+            seed=self.seed,
+            messages=record.messages,
         )
+        self._plan_ages = PlanAges() if self.world.equipped else None
         self._start_workers()
         self._touching = self.world.entered_in_contact
         self._timings: list[tuple[int, tuple[float, ...]]] = []
@@ -192,7 +207,9 @@ class Simulation:
         time_step = world.time_step
         scene = world.scene()
         marks.append(clock())
-        predictions = self._predict(scene)
+        predictions = world.expect(scene, self._predict(scene))
+        if self._plan_ages is not None:
+            self._plan_ages.add(*predictions.plan_ages())
         marks.append(clock())
         plans = world.plan(scene, predictions)
         marks.append(clock())
@@ -241,10 +258,19 @@ class Simulation:
         self._workers = None
 
     def _plan_python(self, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
-        views = {i: self.world.view(scene, i) for i in plans.missing}
+        views = {i: self.world.view(scene, i, known=predictions.known(i)) for i in plans.missing}
         answers: dict[int, Answer] = {}
         if self._workers is not None:
-            wanted = {i: (view.ego.s, view.ego.stop_s) for i, view in views.items() if i not in self._python_planners}
+            away = {i: view for i, view in views.items() if i not in self._python_planners}
+            told = {i: predictions.known(i) for i in away}
+            wanted = {
+                i: Wanted(
+                    (view.ego.s, view.ego.stop_s, view.ego.stop_release, view.ego.stop_by),
+                    told[i],
+                    predictions.seen_by(view) if told[i] else None,
+                )
+                for i, view in away.items()
+            }
             answers = self._workers.ask(scene, predictions, wanted)
         timeout_s = self.settings.step.planner_timeout_s
         if self._raises:
@@ -318,6 +344,8 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
+            messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
+            cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
@@ -382,6 +410,7 @@ def simulate(
     predictor: PredictorSpec = "neural",
     views: ViewsSpec | None = None,
     rules: RulesSpec | None = None,
+    v2x: V2xSpec | None = None,
     settings: SettingsSpec | None = None,
     seed: int = 0,
     threads: int | None = None,
@@ -404,6 +433,7 @@ def simulate(
         predictor=predictor,
         views=views,
         rules=rules,
+        v2x=v2x,
         settings=settings,
         seed=seed,
         threads=threads,

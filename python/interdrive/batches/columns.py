@@ -11,6 +11,7 @@ from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES, agent_harm
 from interdrive.planners import NATIVE
 from interdrive.run import OUTCOMES, PHASES, VIOLATIONS
+from interdrive.scoring import SCORE_COLUMNS, score_columns
 from interdrive.storage import Column, arrow_table, labels
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from interdrive.batches.plan import RunSpec
     from interdrive.criticality import Criticality
     from interdrive.results import Run
+    from interdrive.scoring import Score
     from interdrive.storage import ArrowTable
 
 #: How a run can end. Agents exist only in finished ones.
@@ -54,7 +56,7 @@ RUN_COLUMNS = (
     Column("dt", "number", "length of a time step [s]", nullable=True),
     Column("n_steps", "integer", "number of simulated time steps", nullable=True),
     Column("read_seconds", "number", "wall time for reading the scenario, 0 if it was at hand [s]", nullable=True),
-    Column("run_seconds", "number", "wall time for simulation and criticality [s]", nullable=True),
+    Column("run_seconds", "number", "wall time for simulation, criticality and scores [s]", nullable=True),
     Column("kept", "truth", "whether its run folder is kept in recordings/"),
     Column("path", "label", "path of the scenario file"),
     Column("scenario_sha256", "label", "content of the scenario file"),
@@ -122,6 +124,7 @@ AGENT_COLUMNS = (
     Column("violations", "integer", "violations of rules of the road by the agent", nullable=True),
     *(Column(f"n_{rule}", "integer", f"those of the rule {rule}", nullable=True) for rule in VIOLATIONS),
     Column("plan_seconds", "number", "wall time per plan, mean over its time steps [s]", nullable=True),
+    *SCORE_COLUMNS,
 )
 
 COLUMNS = (*RUN_COLUMNS, *AGENT_COLUMNS)
@@ -131,6 +134,7 @@ def finished_rows(
     spec: RunSpec,
     run: Run,
     criticality: Criticality,
+    scores: Score,
     under_test: Set[int],
     *,
     attempts: int,
@@ -144,10 +148,11 @@ def finished_rows(
         spec: What was asked for.
         run: What came of it.
         criticality: Its measures for all its agents.
+        scores: Of its agents under test.
         under_test: Ids of the agents that count.
         attempts: How often the run was started.
         read_seconds: Wall time for reading the scenario [s].
-        run_seconds: Wall time for simulation and criticality [s].
+        run_seconds: Wall time for simulation, criticality and scores [s].
         kept: The run folder is kept.
     """
     ended, harm = run.outcomes, agent_harm(run)
@@ -196,8 +201,18 @@ def finished_rows(
             for measure in MEASURES
         },
         **comfort(run),
+        **_scores(scores, ids),
     }
     return arrow_table(COLUMNS, {**_of_run(spec, about, len(ids)), **values})
+
+
+def _scores(scores: Score, ids: list[int]) -> dict[str, list[Any]]:
+    """The columns of scores for all agents; None for those that were not scored."""
+    place = {number: row for row, number in enumerate(scores.ids.tolist())}
+    return {
+        name: [None if number not in place else values[place[number]] for number in ids]
+        for name, values in score_columns(scores).items()
+    }
 
 
 def _violations(run: Run, ids: list[int]) -> dict[str, list[int | None]]:

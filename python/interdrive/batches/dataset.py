@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from interdrive.batches.columns import COLUMNS, STATUS
@@ -16,10 +15,13 @@ from interdrive.batches.plan import TRAFFIC
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.run import OUTCOMES
+from interdrive.scoring import SCORE_LABELS
 from interdrive.storage import arrow_table, check_values, replacing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    import pyarrow.dataset as ds
 
 #: Rows are read and written in portions of about this many.
 _PORTION = 32_768
@@ -30,6 +32,7 @@ _LABELS = {
     "traffic": TRAFFIC,
     "outcome": (*OUTCOMES, "running"),
     "impact_area": IMPACT_AREAS,
+    **SCORE_LABELS,
 }
 
 #: So many files of single runs are held in memory at once.
@@ -140,6 +143,8 @@ def streamed(path: Path) -> ds.Dataset:
     Raises:
         ResultsError: It is damaged or has other columns.
     """
+    import pyarrow.dataset as ds  # noqa: PLC0415 - imports pandas where there is one, which takes a second
+
     _opened(path)
     form = ds.ParquetFileFormat()
     fragment = form.make_fragment(pa.OSFile(str(path)))

@@ -21,6 +21,7 @@ from interdrive.foreign import failure
 from interdrive.results import save
 from interdrive.scenario.agents import select
 from interdrive.scenario.native import core_road
+from interdrive.scoring import save_score, score
 from interdrive.simulation import reachable_agents, simulate
 from interdrive.storage import arrow_table
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from interdrive.results import Run
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
+    from interdrive.scoring import Score
 
 #: Which run folders are kept: none, those in which an agent under test did not arrive, or all.
 KEEP = ("none", "failed", "all")
@@ -125,6 +127,7 @@ def _finished(job: Job, attempts: int) -> Finished:
     start = time.perf_counter()
     run, under_test = _simulated(spec, scenario)
     criticality = run.criticality(threads=1)
+    scores = score(run, sorted(under_test))
     run_seconds = time.perf_counter() - start
     ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
     outcomes = tuple(outcome for number, outcome in ended if number in under_test)
@@ -133,13 +136,14 @@ def _finished(job: Job, attempts: int) -> Finished:
         spec,
         run,
         criticality,
+        scores,
         under_test,
         attempts=attempts,
         read_seconds=read_seconds,
         run_seconds=run_seconds,
         kept=kept,
     )
-    return Finished("finished", "", encoded(rows), _archive(run) if kept else b"", outcomes)
+    return Finished("finished", "", encoded(rows), _archive(run, scores) if kept else b"", outcomes)
 
 
 def _read(job: Job) -> tuple[Scenario, float]:
@@ -223,11 +227,12 @@ def _able(spec: RunSpec, scenario: Scenario, wanted: str | int) -> list[Agent]:
         return found
 
 
-def _archive(run: Run) -> bytes:
-    """The run folder as a tar archive."""
+def _archive(run: Run, scores: Score) -> bytes:
+    """The run folder as a tar archive, with the scores of the agents under test."""
     archive = io.BytesIO()
     with tempfile.TemporaryDirectory() as folder, tarfile.open(fileobj=archive, mode="w") as tar:
         saved = save(run, Path(folder) / "run")
+        save_score(scores, saved)
         for path in sorted(saved.iterdir()):
             tar.add(path, arcname=path.name)
     return archive.getvalue()

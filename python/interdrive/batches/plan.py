@@ -18,7 +18,7 @@ from interdrive.config.plugins import read_choice, versions
 from interdrive.config.schema import SimulationSettings
 from interdrive.config.specs import Resolved, spec_label
 from interdrive.errors import InputError
-from interdrive.files import content_of_input, scenario_parts, shipped_scenario, shipped_scenarios
+from interdrive.files import content_of_input, scenario_file, scenario_parts, shipped_scenarios
 from interdrive.planners.workers import can_be_sent
 from interdrive.predictors.neural import SHIPPED
 from interdrive.storage.names import readable
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from interdrive.config.specs import PlannerSpec, PlannerSpecs, PredictorSpec, PredictorSpecs
 
 #: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
-FORMAT = 3
+FORMAT = 4
 
 #: What vehicles do that could be agents but are not under test.
 TRAFFIC = ("recorded", "velocity_adjusting", "same")
@@ -226,9 +226,7 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
     notes: list[str] = []
     for given in paths:
         path = Path(given)
-        if str(given) in shipped_scenarios() and not path.exists():
-            found.append(_file(shipped_scenario(str(given)), "shipped"))
-        elif path.is_dir():
+        if path.is_dir():
             inside = list(_inside(path))
             if not inside:
                 raise InputError(f"{given}: this folder holds no scenario files ({', '.join(_ENDINGS)})")
@@ -236,10 +234,10 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
                 _file(file, str(file.parent.relative_to(path)) if file.parent != path else path.resolve().name)
                 for file in inside
             ]
-        elif path.exists():
-            found.append(_file(path, path.resolve().parent.name))
         else:
-            raise InputError(f"{given}: no such file or folder, and no shipped scenario has that name")
+            is_shipped = not path.exists() and str(given) in shipped_scenarios()
+            path = scenario_file(given)
+            found.append(_file(path, "shipped" if is_shipped else path.resolve().parent.name))
     if not found:
         raise InputError("batch: no scenarios; give CommonRoad files, folders or names of shipped scenarios")
     first: dict[str, ScenarioFile] = {}
@@ -361,9 +359,8 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
     own, chosen, expected = config.settings, config.planner, config.predictor
     if not isinstance(chosen, Resolved):
         raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
-    for part, usual in ((chosen, own.planner), (expected, own.predictor)):
-        if not part.plain(usual)[1]:
-            raise InputError(f"{part.what} {part.name}", _unknown_to_others(part))
+    chosen.check_found_elsewhere(own.planner)
+    expected.check_found_elsewhere(own.predictor)
     found = stored({0: AgentConfig(chosen, own.view, own.rules)}, expected, own)
     modules = {name.partition(":")[0] for name in (chosen.name, expected.name) if ":" in name}
     plain = {
@@ -383,16 +380,6 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
     if libraries:
         plain["libraries"] = libraries
     return plain
-
-
-def _unknown_to_others(part: Resolved) -> str:
-    """Why other processes cannot make a planner or predictor, and what to do."""
-    module, _, name = part.name.partition(":")
-    if module == "__main__" or "<" in name:
-        own = name.rpartition(".")[2] if "<lambda>" not in name else "CLASS"
-        where = "it is defined in a notebook or script" if module == "__main__" else "it is defined in a function"
-        return f"{where}, where other processes do not find it; save it in a file mine.py, write {part.what} mine:{own}"
-    return "other processes cannot make an equal object; give its class, or a dataclass with plain fields"
 
 
 def _source(module: str) -> str:

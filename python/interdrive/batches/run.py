@@ -204,7 +204,7 @@ def _is_missing(known: Done | None, keep: str, *, retry: bool) -> bool:
 
 
 def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: bool) -> tuple[RunSpec, ...]:
-    """A run per agent. Who the agents are is the same for all planners, and is found out by the workers."""
+    """A run per agent. The agents are the same for all planners; workers find them."""
     asked: dict[tuple[str, str, int], list[RunSpec]] = {}
     for spec in plan.specs:
         asked.setdefault((spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed), []).append(spec)

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import click
 
 from interdrive.cli.batch import batch
+from interdrive.cli.benchmark import benchmark
 from interdrive.cli.check import check
 from interdrive.cli.compare import compare
 from interdrive.cli.criticality import criticality
@@ -26,7 +27,9 @@ from interdrive.cli.plot import plot
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.run import run
+from interdrive.cli.score import score
 from interdrive.cli.settings import settings
+from interdrive.cli.solution import solution
 from interdrive.cli.sql import sql
 from interdrive.cli.study import study
 from interdrive.cli.terminal import say
@@ -92,7 +95,7 @@ def main() -> None:
 
 
 for _command in (
-    *(run, explain, batch, compare, sql, report, plot, study, criticality, predict_eval),
+    *(run, explain, score, batch, compare, benchmark, solution, sql, report, plot, study, criticality, predict_eval),
     *(check, verify, settings, planners, predictors, models),
 ):
     main.add_command(_command)

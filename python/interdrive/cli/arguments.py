@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,18 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from interdrive.config.plugins import Choice
-
-
-def scenario_named(name: str) -> str:
-    """Returns a path or the name of a shipped scenario; refuses anything else and suggests the nearest name."""
-    from interdrive.files import shipped_scenarios  # noqa: PLC0415 - commonroad-io takes a second to load
-
-    shipped = shipped_scenarios()
-    if name in shipped or Path(name).exists():
-        return name
-    near = difflib.get_close_matches(name, shipped, n=1)
-    hint = f"did you mean the shipped scenario {near[0]}?" if near else "and no shipped scenario has that name"
-    raise InputError(f"{name}: no such file, {hint}")
 
 
 def assigned(assignments: Sequence[str]) -> dict[str, str]:
@@ -56,6 +43,14 @@ def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
         except InputError as error:
             raise error.within(f"--agent {number}") from None
     return found
+
+
+def id_list(option: str, text: str) -> list[int]:
+    """Ids as written behind an option: 12,34."""
+    try:
+        return [int(number) for number in text.split(",")]
+    except ValueError:
+        raise InputError(f"{option} {text}: write them as 12,34") from None
 
 
 def new_folder(name: str) -> Path:

@@ -17,19 +17,19 @@ def check(files: tuple[str, ...]) -> int:
     """
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
-    from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios  # noqa: PLC0415
+    from interdrive.files import read_scenario, scenario_file  # noqa: PLC0415
     from interdrive.scenario.agents import possible_agents  # noqa: PLC0415
-    from interdrive.scenario.inspection import inspect  # noqa: PLC0415
+    from interdrive.scenario.inspection import inspect, junctions  # noqa: PLC0415
     from interdrive.scenario.native import core_road, core_scenario  # noqa: PLC0415
 
     refused = False
     settings = SimulationSettings()
     for name in files:
         try:
-            path = shipped_scenario(name) if name in shipped_scenarios() else name
+            path = scenario_file(name)
             scenario = read_scenario(path)
             road = core_road(scenario, settings.road)
-            core_scenario(scenario, road)
+            handle = core_scenario(scenario, road)
             able, refused_by_id = possible_agents(
                 scenario,
                 road,
@@ -37,7 +37,7 @@ def check(files: tuple[str, ...]) -> int:
                 goal_settings=settings.goal,
                 max_steps=settings.step.steps_at_most(scenario),
             )
-            print_inspection(inspect(scenario), refused_by_id)
+            print_inspection(inspect(scenario), junctions(handle.junctions()), refused_by_id)
             if not able:
                 raise InputError(f"{path}: no vehicle can become an agent, so there is nothing to run")
         except InterdriveError as error:

@@ -24,10 +24,11 @@ class RunChoices:
 
     Attributes:
         scenario: Path of a CommonRoad file, or name of a shipped scenario.
-        agents: "all", "reachable", a number, or ids.
+        agents: "all", "reachable", "problems", a number, or ids.
         planner: Name of the planner of all agents without a choice of their own, optionally with settings.
         predictor: Name of the predictor, optionally with settings.
-        seed: Seed for the choice of agents.
+        v2x: Share of the agents that cooperate by V2X; None: as the settings say.
+        seed: Seed for the choice of agents, and of what cooperation draws.
         threads: Threads that plan; None: all cores.
         out: Run folder; None: a new one under out/.
         overwrite: Replace the run in that folder.
@@ -42,6 +43,7 @@ class RunChoices:
     agents: int | tuple[int, ...] | str = "all"
     planner: str = "frenet"
     predictor: str = "neural"
+    v2x: float | None = None
     seed: int = 0
     threads: int | None = None
     out: str | None = None

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
+from interdrive.cli.arguments import assigned, id_list, new_folder, shown
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
-from interdrive.errors import InputError, InterdriveError
+from interdrive.errors import InterdriveError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,7 +77,7 @@ def criticality(
     from interdrive.criticality.tables import save_criticality  # noqa: PLC0415
 
     settings = bind(CriticalitySettings(), assigned(assignments))
-    judged, rank = _numbers(participants), measure_named(measure)
+    judged, rank = None if participants is None else id_list("--participants", participants), measure_named(measure)
     sources, folder = _sources(what, out)
     is_one = len(sources) == 1
     ranked: list[tuple[str, float, CriticalMoment]] = []
@@ -113,19 +113,10 @@ def criticality(
     return 2 if n_refused else 0
 
 
-def _numbers(ids: str | None) -> list[int] | None:
-    if ids is None:
-        return None
-    try:
-        return [int(number) for number in ids.split(",")]
-    except ValueError:
-        raise InputError(f"--participants {ids}: write them as 12,34") from None
-
-
 def _sources(what: tuple[str, ...], out: str | None) -> tuple[list[_Source], Path]:
     """What the arguments name (runs, files, all files in folders), and the folder that holds all tables."""
     from interdrive.batches.plan import scenario_files  # noqa: PLC0415
-    from interdrive.files import open_scenario  # noqa: PLC0415
+    from interdrive.files import open_scenario, scenario_file  # noqa: PLC0415
     from interdrive.results import recorded_run, reopen  # noqa: PLC0415 - pyarrow
     from interdrive.storage import not_a_link, resolved  # noqa: PLC0415
 
@@ -135,7 +126,7 @@ def _sources(what: tuple[str, ...], out: str | None) -> tuple[list[_Source], Pat
     target = not_a_link(out) if out else None
     runs = [one for one in what if (Path(one) / "run.json").exists()]
     if len(what) == 1 and (runs or not Path(what[0]).is_dir()):
-        name = what[0] if runs else scenario_named(what[0])
+        name = what[0] if runs else str(scenario_file(what[0]))
         folder = target or resolved(name if runs else new_folder(f"{Path(name).stem}-criticality"))
         return [_Source(name, partial(reopen if runs else recorded, name), folder)], folder
     above = target or resolved(new_folder("criticality"))

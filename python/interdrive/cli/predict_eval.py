@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 import click
@@ -30,6 +31,7 @@ from interdrive.errors import InputError
 )
 @click.option("--out", metavar="DIR", help="Folder of the evaluation (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the evaluation in that folder.")
+@click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes that share the files (all cores).")
 @click.option("--samples", is_flag=True, help="Also write every sample: samples.parquet.")
 @click.option("--no-figures", is_flag=True, help="Draw nothing.")
 @click.option("--no-timing", is_flag=True, help="Do not measure the time per call.")
@@ -43,6 +45,7 @@ def predict_eval(
     assignments: tuple[str, ...],
     out: str | None,
     overwrite: bool,
+    workers: int | None,
     samples: bool,
     no_figures: bool,
     no_timing: bool,
@@ -80,6 +83,7 @@ def predict_eval(
             split=split,
             part=part,
             with_timing=not no_timing,
+            workers=workers or os.cpu_count() or 1,
             on_step=report.counted,
         )
         report.say("writing")

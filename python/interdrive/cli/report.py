@@ -27,12 +27,15 @@ if TYPE_CHECKING:
     from interdrive.config.plugins import Listed
     from interdrive.criticality import Criticality, CriticalMoment
     from interdrive.results import Run
-    from interdrive.scenario.inspection import Inspection
+    from interdrive.scenario.inspection import Inspection, Junction
     from interdrive.studies import CaseStudy
+    from interdrive.studies.cooperation import CooperationStudy
     from interdrive.studies.runtime import RuntimeStudy
 
 #: If there are more rows than this, only those of agents that did not reach their goal are shown.
 _ROWS_MAX, NOTES_MAX = 40, 12
+#: No more junctions than this are listed.
+_JUNCTIONS_MAX = 12
 
 STYLES = {
     "goal_reached": "green",
@@ -241,8 +244,8 @@ def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equ
                 console.print(f"{name}: now {now}, then {then}", soft_wrap=True, markup=False)
 
 
-def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
-    """Prints the contents of a scenario, and the reasons why vehicles cannot be agents (by id)."""
+def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals: Mapping[int, str]) -> None:
+    """Prints the contents of a scenario, its junctions, and the reasons why vehicles cannot be agents (by id)."""
     console = output()
     limits = "none stated" if np.isnan(found.speed_limits[0]) else "{:.1f} to {:.1f} m/s".format(*found.speed_limits)
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in found.kinds) or "none"
@@ -262,6 +265,12 @@ def print_inspection(found: Inspection, refusals: Mapping[int, str]) -> None:
         (found.n_stop_signs, "stop sign"),
     )
     table.add_row("control", ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n) or "none")
+    for number, junction in enumerate(junctions[:_JUNCTIONS_MAX], start=1):
+        parts = [f"{n} {name}" for counts in (junction.kinds, junction.reasons) for name, n in counts]
+        place = f"{junction.n_lanelets} lanelets about ({junction.x:.0f}, {junction.y:.0f})"
+        table.add_row(f"junction {number}", f"{place}; areas: {', '.join(parts)}")
+    if len(junctions) > _JUNCTIONS_MAX:
+        table.add_row("", f"and {len(junctions) - _JUNCTIONS_MAX} more junctions")
     table.add_row("traffic", kinds + static)
     for problem in found.planning_problems:
         start = f"({problem.x:.1f}, {problem.y:.1f}), {problem.velocity:.1f} m/s"
@@ -366,6 +375,22 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
         console.print(escape(reading(study)), style="dim")
         console.print()
     print_notes(console, notes, "")
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+
+
+def print_cooperation(study: CooperationStudy, folder: Path) -> None:
+    """Prints the summary by variant, notes, and the path of the tables."""
+    from interdrive.studies.cooperation import summary_table  # noqa: PLC0415
+
+    console = output()
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+    for name in ("variant", "in time", "change", "time lost [s]", "collisions", "deadlocks"):
+        table.add_column(name, justify="left" if name == "variant" else "right", no_wrap=True)
+    for row in summary_table(study).to_pylist():
+        numbers = (f"{100 * row['reached']:.1f} %", f"{100 * row['reached_change']:+.1f}", f"{row['time_lost']:+.2f}")
+        table.add_row(row["variant"], *numbers, f"{row['collisions']:g}", f"{row['deadlocks']:g}")
+    console.print(table)
+    print_notes(console, study.notes, "cooperation.json")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, scenario_named, shown
+from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, shown
 from interdrive.cli.config import RunChoices, read_config
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
@@ -28,15 +28,16 @@ if TYPE_CHECKING:
 
 
 #: Additional recordings for a report or the film of an agent; each can be switched off again.
-_RECORDED = {"record.views": True, "record.predictions": True, "record.candidates": 30}
+_RECORDED = {"record.views": True, "record.predictions": True, "record.candidates": 30, "record.messages": "links"}
 
 
 @click.command()
 @click.argument("file", required=False)
 @click.option(
     "--agents",
-    metavar="all|reachable|N|ID,ID",
-    help="Agents: all, reachable (their recording is in time), a number chosen with the seed, or ids ('7,' is id 7).",
+    metavar="all|reachable|problems|N|ID,ID",
+    help="Agents: all, reachable (their recording is in time), problems (planning problems alone), a number chosen "
+    "with the seed, or ids ('7,' is id 7).",
 )
 @click.option(
     "--planner",
@@ -61,7 +62,8 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
-@click.option("--seed", metavar="N", help="Seed for the choice of agents (0).")
+@click.option("--v2x", metavar="P", help="Share of the agents that cooperate by V2X, 0 to 1 (v2x.penetration).")
+@click.option("--seed", metavar="N", help="Seed for the choice of agents, and of what cooperation draws (0).")
 @click.option("--threads", metavar="N", help="Threads that plan (all cores); results do not depend on it.")
 @click.option("--out", metavar="DIR", help="Run folder (a new one under out/).")
 @click.option("--overwrite", is_flag=True, default=None, help="Replace the run in that folder.")
@@ -104,10 +106,11 @@ def run(
         choices = replace(choices, gif=True)
 
     from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
+    from interdrive.files import scenario_file  # noqa: PLC0415
     from interdrive.results import RunInterrupted, save  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
 
-    source = scenario_named(choices.scenario)
+    scenario_file(choices.scenario)  # before anything else is done
     planner: PlannersSpec = choices.planner
     if own:
         planners: dict[int | str, PlannerSpec] = {"default": choices.planner}
@@ -116,7 +119,7 @@ def run(
     with progress(quiet=quiet) as report:
         report.say(f"reading {choices.scenario}")
         simulation = Simulation(
-            source,
+            choices.scenario,
             agents=choices.agents,
             planner=planner,
             predictor=choices.predictor,
@@ -182,6 +185,8 @@ def _configured(
         raise error.within(str(config)) from None
     for text, what in ((choices.planner, "planner"), (choices.predictor, "predictor")):
         read_choice(text, what)  # refused before the scenario is read
+    if choices.v2x is not None:
+        values_given = {"v2x.penetration": str(choices.v2x), **values_given}
     return choices, own | choices_by_agent(by_agent), bind(settings, values_given)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from interdrive.cli.arguments import assigned, new_folder, scenario_named, shown
+from interdrive.cli.arguments import assigned, new_folder, shown
 from interdrive.config.binding import bind
 from interdrive.errors import InputError
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("what", metavar="merge|t_junction|runtime|FILE")
+@click.argument("what", metavar="merge|t_junction|runtime|cooperation|FILE")
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
 @click.option(
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 @click.option("--town", metavar="N,N,...", help="runtime: numbers of agents in the town (24,100,300,1000; 0: none).")
 @click.option("--steps", metavar="N", type=click.IntRange(min=1), help="runtime: time steps per run (50).")
 @click.option("--repetitions", metavar="N", type=click.IntRange(min=1), help="runtime: runs of each kind (3).")
-@click.option("--quick", is_flag=True, help="runtime: a short version as a test (a minute).")
+@click.option("--seeds", metavar="N", type=click.IntRange(min=1), help="cooperation: number of seeds (2).")
+@click.option("--quick", is_flag=True, help="runtime, cooperation: a short version as a test (a minute).")
 @click.option("--out", metavar="DIR", help="Folder of the study (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the study in that folder.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -52,6 +53,7 @@ def study(
     town: str | None,
     steps: int | None,
     repetitions: int | None,
+    seeds: int | None,
     quick: bool,
     out: str | None,
     overwrite: bool,
@@ -67,7 +69,18 @@ def study(
 
     runtime measures the time per step over the number of agents, with one thread and with all of them, in four
     scenarios and in the shipped town with up to 1000 agents, with tables and figures.
+
+    cooperation compares shares of agents with V2X, delays and losses of messages, over scenarios and seeds.
     """
+    if what == "cooperation":
+        for_others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps}
+        refused = [name for name, value in {**for_others, "repetitions": repetitions}.items() if value is not None]
+        if refused:
+            raise InputError(f"study cooperation: it has no option --{refused[0]}")
+        target = (out or new_folder("study_cooperation"), overwrite and out is not None)
+        return _cooperation(seeds or 2, planner, predictor, assignments, threads, target, quick=quick, quiet=quiet)
+    if seeds is not None:
+        raise InputError(f"study {what}: --seeds belongs to `interdrive study cooperation`")
     for_runtime = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions, "quick": quick or None}
     given = [f"--{name}" for name, value in for_runtime.items() if value is not None]
     if what == "runtime" and (agent is not None or other is not None):
@@ -108,6 +121,50 @@ def study(
         print_study(done, notes, shown(folder))
     ended = [outcome for one in done for run in one.runs.values() for outcome in run.outcomes.outcome]
     return 1 if "planner_error" in ended else 0
+
+
+def _cooperation(
+    seeds: int,
+    planner: str,
+    predictor: str | None,
+    assignments: tuple[str, ...],
+    threads: int | None,
+    target: tuple[str | Path, bool],
+    *,
+    quick: bool,
+    quiet: bool,
+) -> int:
+    from interdrive.cli.report import print_cooperation, progress  # noqa: PLC0415 - rich
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+    from interdrive.studies.cooperation import (  # noqa: PLC0415
+        check_cooperation_target,
+        cooperation_files,
+        cooperation_study,
+        cooperation_variants,
+        save_cooperation,
+    )
+
+    settings = bind(SimulationSettings(), assigned(assignments))
+    folder = check_cooperation_target(target[0], overwrite=target[1])
+    files, notes = cooperation_files(quick=quick)
+    with progress(quiet=quiet) as report:
+        report.say("reading")
+        done = cooperation_study(
+            files,
+            cooperation_variants(quick=quick),
+            seeds=1 if quick else seeds,
+            planner=planner,
+            predictor=predictor or "neural",
+            settings=settings,
+            threads=threads,
+            notes=notes,
+            on_run=report.counted,
+        )
+        report.say("drawing")
+        save_cooperation(done, folder, overwrite=target[1])
+    if not quiet:
+        print_cooperation(done, shown(folder))
+    return 0
 
 
 class _Asked(NamedTuple):
@@ -184,10 +241,11 @@ def _numbers(option: str, text: str | None) -> tuple[int, ...]:
 
 def _cases(what: str, agent: int | None, other: int | None) -> tuple[tuple[Case, ...], tuple[str, ...]]:
     """Cases to simulate, and notes for the user; with a pair, `t_junction` is the shipped scenario."""
+    from interdrive.files import scenario_file  # noqa: PLC0415 - commonroad-io takes a second to load
     from interdrive.studies import STUDIES, Case, known_cases  # noqa: PLC0415
 
     if agent is None and other is None and what in STUDIES:
         return known_cases(what)
     if agent is None or other is None:
         raise InputError(f"study {what}: no encounter; give --agent and --other; studies by name: {', '.join(STUDIES)}")
-    return (Case(scenario_named(what), agent, other),), ()
+    return (Case(str(scenario_file(what)), agent, other),), ()

@@ -50,6 +50,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
             "predictor": wanted["predictor"],
             "views": wanted.get("views", {}),
             "rules": wanted.get("rules", {}),
+            "v2x": wanted.get("v2x", {}),
             "seed": wanted["seed"],
             "settings": bind(SimulationSettings(), wanted["settings"]),
         }

@@ -65,6 +65,8 @@ ON_LANELETS = 0.1
 
 #: In the order of tables. Shares and rates are per agent under test.
 METRICS = (
+    Metric("score", "score", "score", scale=100.0, better=1),
+    Metric("at_fault", "at fault per 100", "fault", scale=100.0, digits=2),
     Metric("goal_reached", "reached %", "goal_reached", outcome=True, scale=100.0, better=1),
     Metric(
         "goal_reached_on_lanelets",

@@ -35,6 +35,9 @@ PlannersSpec: TypeAlias = PlannerSpec | _ByAgent[PlannerSpec]
 #: Views by agent id ("default": of all others), as `ViewSettings` or as a mapping of the fields that differ.
 ViewsSpec: TypeAlias = _ByAgent[ViewSettings | Mapping[str, Setting]]
 
+#: Whether agents have V2X, by agent id ("default": all others); others as drawn by `v2x.penetration`.
+V2xSpec: TypeAlias = _ByAgent[bool]
+
 #: Rules of the road by agent id ("default": of all others), as `RulesSettings` or the fields that differ.
 RulesSpec: TypeAlias = _ByAgent[RulesSettings | Mapping[str, Setting]]
 
@@ -47,11 +50,13 @@ class AgentConfig:
         planner: Its planner.
         view: Its view settings.
         rules: The rules of the road that it obeys.
+        v2x: Whether it has V2X; None: as drawn by `v2x.penetration`.
     """
 
     planner: Resolved
     view: ViewSettings
     rules: RulesSettings
+    v2x: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,9 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec, predictor: P
     if isinstance(planner, Mapping) and _is_per_agent(planner):
         for_all = planner
     else:
-        choice, view, rules = _parts(read_choice(planner, "planner"))
+        choice, view, rules, equipped = _parts(read_choice(planner, "planner"))
+        if equipped is not None:
+            raise InputError("v2x", "is a choice of one agent; for all agents set v2x.penetration")
         settings = replace(
             settings, view=_record("view", settings.view, view), rules=_record("rules", settings.rules, rules)
         )
@@ -96,7 +103,12 @@ def _with(settings: Any, resolved: Resolved) -> Any:  # noqa: ANN401 - PlannerSe
 
 
 def agent_configs(
-    config: RunConfig, views: ViewsSpec, rules: RulesSpec, agents: Sequence[Agent], recorded: Container[int]
+    config: RunConfig,
+    views: ViewsSpec,
+    rules: RulesSpec,
+    v2x: V2xSpec,
+    agents: Sequence[Agent],
+    recorded: Container[int],
 ) -> tuple[dict[int, AgentConfig], list[str]]:
     """Planner, view and rules of every agent.
 
@@ -108,6 +120,7 @@ def agent_configs(
         config: Planners and predictor of the run.
         views: Views by agent id.
         rules: Rules of the road by agent id, or of "default".
+        v2x: Whether agents have V2X, by agent id, or of "default".
         agents: The agents.
         recorded: Ids of the participants that have a recording.
 
@@ -118,8 +131,9 @@ def agent_configs(
         InputError: An id is not that of an agent, a choice cannot be used, or a setting does not exist.
     """
     settings, looks, obeyed = config.settings, _by_id(views, agents, "a view"), _by_id(rules, agents, "rules")
+    equipped = _by_id(v2x, agents, "V2X")
     wanted = {} if isinstance(config.planner, Resolved) else _by_id(config.planner, agents, "a planner")
-    default, default_view, default_rules = _parts(read_choice(wanted.get(_DEFAULT, "frenet"), "planner"))
+    default, default_view, default_rules, default_v2x = _parts(read_choice(wanted.get(_DEFAULT, "frenet"), "planner"))
     for_default = (
         config.planner if isinstance(config.planner, Resolved) else resolved_planner(default, settings.planner)
     )
@@ -127,21 +141,25 @@ def agent_configs(
     notes = []
     for agent in agents:
         try:
-            planner, own_view, own_rules = for_default, default_view, default_rules
+            planner, own_view, own_rules, own_v2x = for_default, default_view, default_rules, default_v2x
             if agent.id in wanted:
                 own = read_choice(wanted[agent.id], "planner")
                 is_default = own.chosen is None
-                own, own_view, own_rules = _parts(own)
+                own, own_view, own_rules, own_v2x = _parts(own)
                 if is_default:
                     own = Choice(default.chosen, {**default.settings, **own.settings})
                     own_view, own_rules = {**default_view, **own_view}, {**default_rules, **own_rules}
+                    own_v2x = default_v2x if own_v2x is None else own_v2x
                 planner = resolved_planner(own, settings.planner)
             elif planner.native in RECORDED_PATH and agent.id not in recorded:
                 notes.append(f"agent {agent.id} has no recording for planner {planner.name}: frenet drives it")
                 planner = resolved_planner("frenet", settings.planner)
             view = _record("view", settings.view, looks.get(agent.id, looks.get(_DEFAULT, {})))
             kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(_DEFAULT, {})))
-            found[agent.id] = AgentConfig(planner, _record("view", view, own_view), _record("rules", kept, own_rules))
+            has_v2x = equipped.get(agent.id, equipped.get(_DEFAULT)) if own_v2x is None else own_v2x
+            found[agent.id] = AgentConfig(
+                planner, _record("view", view, own_view), _record("rules", kept, own_rules), _truth(has_v2x)
+            )
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found, notes
@@ -152,6 +170,7 @@ def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: Sim
     plain = {agent: config.planner.plain(settings.planner) for agent, config in agents.items()}
     values = [value for value, _ in plain.values()]
     expected, repeatable = predictor.plain(settings.predictor)
+    equipped = {str(agent): config.v2x for agent, config in agents.items() if config.v2x is not None}
     return {
         "planner": values[0]
         if all(value == values[0] for value in values)
@@ -160,6 +179,7 @@ def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: Sim
         "rules": {
             str(agent): flatten(config.rules) for agent, config in agents.items() if config.rules != settings.rules
         },
+        **({"v2x": equipped} if equipped else {}),
         "predictor": expected,
         "repeatable": repeatable and all(known for _, known in plain.values()),
     }
@@ -202,15 +222,26 @@ def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, ob
     return found
 
 
-def _parts(choice: Choice) -> tuple[Choice, dict[str, object], dict[str, object]]:
-    """The choice alone (`frenet` if it names no planner), its settings of the view, and its rules, without prefixes."""
+def _parts(choice: Choice) -> tuple[Choice, dict[str, object], dict[str, object], object]:
+    """The choice alone (`frenet` if it names no planner), settings of its view, its rules, and whether it has V2X."""
     settings = choice.settings
     view, rules = (
         {name.removeprefix(prefix): value for name, value in settings.items() if name.startswith(prefix)}
         for prefix in ("view.", "rules.")
     )
-    own = {name: value for name, value in settings.items() if not name.startswith(("view.", "rules."))}
-    return Choice("frenet" if choice.chosen is None else choice.chosen, own), view, rules
+    own = {
+        name: value for name, value in settings.items() if not name.startswith(("view.", "rules.")) and name != "v2x"
+    }
+    return Choice("frenet" if choice.chosen is None else choice.chosen, own), view, rules, settings.get("v2x")
+
+
+def _truth(given: object) -> bool | None:
+    """Whether an agent has V2X, as text or as a value."""
+    known: dict[object, bool | None] = {None: None, True: True, False: False, "true": True, "false": False}
+    text = given.strip().lower() if isinstance(given, str) else given
+    if not isinstance(text, bool | str | None) or text not in known:
+        raise InputError("v2x", f"expected true or false, not {given!r}")
+    return known[text]
 
 
 def _record(name: str, base: Record, given: object) -> Record:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from interdrive import _core
 from interdrive.config.binding import Setting, bind
 from interdrive.errors import InputError, check_between
-from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, ViewSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, V2xSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario.agents import AgentSettings, GoalSettings
@@ -53,6 +53,8 @@ class RecordSettings:
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
         candidate_spacing: Time between plans of an agent whose candidates are kept.
         violations: Keep violations of rules of the road (`Run.violations`, violations.parquet).
+        messages: Messages of agents with V2X to keep (`Run.messages`, messages.parquet): none, those that were sent,
+            or besides them the links to receivers in range.
     """
 
     views: bool = False
@@ -60,6 +62,7 @@ class RecordSettings:
     candidates: int = 0
     candidate_spacing: Annotated[float, "s"] = 0.5
     violations: bool = True
+    messages: Literal["none", "sent", "links"] = "none"
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -78,6 +81,7 @@ class SimulationSettings:
     predictor: PredictorSettings = field(default_factory=PredictorSettings)
     view: ViewSettings = field(default_factory=ViewSettings)
     rules: RulesSettings = field(default_factory=RulesSettings)
+    v2x: V2xSettings = field(default_factory=V2xSettings)
     step: StepSettings = field(default_factory=StepSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
     record: RecordSettings = field(default_factory=RecordSettings)

@@ -125,6 +125,26 @@ class Resolved:
             values, known = {}, False
         return ({self.what: self.name, **values} if values else self.name), known
 
+    def check_found_elsewhere(self, usual: PlannerSettings | PredictorSettings) -> None:
+        """Whether other processes can make an equal object from its name and settings.
+
+        Args:
+            usual: As for `plain`.
+
+        Raises:
+            InputError: They cannot; the text says why, and what to do.
+        """
+        if self.plain(usual)[1]:
+            return
+        module, _, name = self.name.partition(":")
+        why = "other processes cannot make an equal object; give its class, or a dataclass with plain fields"
+        if module == "__main__" or "<" in name:
+            own = name.rpartition(".")[2] if "<lambda>" not in name else "CLASS"
+            where = "it is defined in a " + ("notebook or script" if module == "__main__" else "function")
+            what_to_do = f"save it in a file mine.py, write {self.what} mine:{own}"
+            why = f"{where}, where other processes do not find it; {what_to_do}"
+        raise InputError(f"{self.what} {self.name}", why)
+
     def _is_found(self, kind: object) -> bool:
         """Whether another process can find the object by its name."""
         if self.name.startswith("__main__:") or "<" in self.name:

@@ -82,7 +82,7 @@ class Criticality:
     """All measures of some participants.
 
     Attributes:
-        participant_id: Who was judged, ascending, shape (judged,).
+        participant_id: Judged participants, ascending, shape (judged,).
         first_time_step: Time step of column 0.
         dt: Time between steps [s].
         present: Whether each was there, shape (judged, time_steps).

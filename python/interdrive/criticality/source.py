@@ -167,7 +167,7 @@ def traffic_of(source: Scenario | RecordedRun) -> Traffic:
 
 
 def footprints(run: RecordedRun) -> tuple[Shape, ...]:
-    """Footprints of all participants of a run; who was never recorded has a rectangle."""
+    """Footprints of all participants of a run; those that were never recorded are rectangles."""
     obstacles, states = run.scenario.obstacles, run.states
     recorded = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
     sizes = zip(states.participant_id.tolist(), states.length.tolist(), states.width.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Reads traffic lights, stop lines and stop signs, and derives what the file leaves out."""
+"""Reads traffic lights, stop lines and priority signs, and derives what the file leaves out."""
 
 from __future__ import annotations
 
@@ -7,20 +7,39 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.scenario.control import SIGNALS, Signal, StopLine, TrafficLight
+from interdrive.scenario.control import SIGNALS, WAYS, Priorities, Signal, StopLine, TrafficLight, Way
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
+    from interdrive.files.document import Facts
     from interdrive.files.shapes import Foreign
     from interdrive.scenario import Lanelets
 
-#: Ways across an intersection; a light without a direction counts for all.
-_WAYS = ("left", "straight", "right")
 #: A lanelet that turns by more than this leads to the left or right [rad].
 _TURN = math.radians(25.0)
-#: A stop sign counts where its lanelet ends, or this far beyond along single successors [m].
+#: A sign counts where its lanelet ends, or this far beyond along single successors [m].
 _SIGN_REACH = 50.0
+#: What a sign is worth for a turn to the left, straight on and to the right, by its name in commonroad-io or its id.
+_RANKS = {
+    "STOP": (1, 1, 1),
+    "YIELD": (2, 2, 2),
+    "ROUNDABOUT": (2, 2, 2),
+    "PRIORITY": (4, 5, 4),
+    "RIGHT_OF_WAY": (4, 5, 4),
+}
+_NAMES = {
+    **dict.fromkeys(("206", "R1-1", "r2", "2.5"), "STOP"),
+    **dict.fromkeys(("205", "R1-2", "r1", "2.4"), "YIELD"),
+    "215": "ROUNDABOUT",
+    **dict.fromkeys(("306", "2.1"), "PRIORITY"),
+    "301": "RIGHT_OF_WAY",
+}
+#: Who comes from such a lanelet waits.
+_MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))
+#: Countries by their codes in benchmark ids.
+_LEFT_HAND = frozenset(("AUS", "GBR", "HKG", "IND", "IRL", "JPN", "NZL", "SGP", "THA", "ZAF"))
+_MAIN_ROAD = frozenset(("USA", "PRI"))
 
 
 def control(network: Foreign, lanelets: Lanelets) -> tuple[tuple[TrafficLight, ...], tuple[StopLine, ...]]:
@@ -34,7 +53,7 @@ def control(network: Foreign, lanelets: Lanelets) -> tuple[tuple[TrafficLight, .
     known = {light.id: light for light in lights}
     rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
     sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
-    stopping = _with_stop_sign(network, sources, lanelets, rows)
+    stopping = _leading_from(network, lanelets, lambda sign: is_sign(sign, ("STOP",)))
     turns = _stated_turns(network)
     lines = []
     for number in sorted(sources):
@@ -61,7 +80,7 @@ def _light(light: Foreign) -> TrafficLight:
     elements = (getattr(cycle, "cycle_elements", None) or ()) if light.active else ()
     phases = tuple((_signal(element.state), int(element.duration)) for element in elements if element.duration > 0)
     stated = str(getattr(light.direction, "value", "all"))
-    directions = frozenset(way for way in _WAYS if way in stated.lower()) or frozenset(_WAYS)
+    directions = frozenset(way for way in WAYS if way in stated.lower()) or frozenset(WAYS)
     place = light.position
     return TrafficLight(
         id=int(light.traffic_light_id),
@@ -77,19 +96,19 @@ def _signal(state: Foreign) -> Signal:
     return SIGNALS[SIGNALS.index(name)] if name in SIGNALS else "dark"
 
 
-def _stated_turns(network: Foreign) -> dict[int, str]:
+def _stated_turns(network: Foreign) -> dict[int, Way]:
     """Lanelet -> way across its intersection; commonroad-io 2024 and 2026 use different names."""
     return {
         int(number): way
         for intersection in network.intersections
         for incoming in intersection.incomings
-        for way in _WAYS
+        for way in WAYS
         for group in ("outgoing", "successors")
         for number in getattr(incoming, f"{group}_{way}", None) or ()
     }
 
 
-def _turn(lanelets: Lanelets, row: int) -> str:
+def _turn(lanelets: Lanelets, row: int) -> Way:
     """The way that a lanelet takes by its change of heading."""
     middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
     steps = np.diff(middle, axis=0)
@@ -103,11 +122,11 @@ def is_sign(sign: Foreign, names: Iterable[str]) -> bool:
     return any(element.traffic_sign_element_id.name in names for element in sign.traffic_sign_elements)
 
 
-def _with_stop_sign(
-    network: Foreign, sources: dict[int, Foreign], lanelets: Lanelets, rows: dict[int, int]
-) -> set[int]:
-    """Lanelets before whose end vehicles stop for a sign: the next one from the sign on that ends at a junction."""
-    signs = {int(sign.traffic_sign_id) for sign in network.traffic_signs if is_sign(sign, ("STOP",))}
+def _leading_from(network: Foreign, lanelets: Lanelets, wanted: Callable[[Foreign], bool]) -> set[int]:
+    """Lanelets at whose end signs count: the next one from the sign on that ends at a junction."""
+    signs = {int(sign.traffic_sign_id) for sign in network.traffic_signs if wanted(sign)}
+    sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets} if signs else {}
+    rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
     found = set()
     for number, source in sources.items():
         line = source.stop_line
@@ -126,3 +145,44 @@ def _with_stop_sign(
                 at = nexts[0]
             found.add(at)
     return found
+
+
+def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: Facts) -> Priorities:
+    """What signs, lanelet types and intersections say about who goes first, and what follows from the country.
+
+    Args:
+        network: The lanelet network of commonroad-io.
+        lanelets: The same as arrays.
+        benchmark_id: It begins with the country.
+        facts: What commonroad-io does not pass on.
+    """
+    country = benchmark_id.removeprefix("C-")[:3]
+    ranks: dict[int, tuple[int, int, int]] = {}
+    # Of several signs at a lanelet the one that is worth least counts.
+    for name in sorted(_RANKS, key=lambda name: -_RANKS[name][1]):
+        here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign, facts))  # type: ignore[misc]
+        ranks |= dict.fromkeys(here, _RANKS[name])
+    opposite = [
+        int(np.count_nonzero((neighbour >= 0) & ~same))
+        for neighbour, same in (
+            (lanelets.adjacent_left, lanelets.adjacent_left_same_direction),
+            (lanelets.adjacent_right, lanelets.adjacent_right_same_direction),
+        )
+    ]
+    minor = [int(i) for i, kinds in zip(lanelets.ids, lanelets.types, strict=True) if _MINOR.intersection(kinds)]
+    turns: list[tuple[int, Way]] = sorted(_stated_turns(network).items())
+    return Priorities(
+        turns=tuple((number, way) for number, way in turns if number in lanelets.ids),
+        ranks=tuple(sorted(ranks.items())),
+        minor=tuple(minor),
+        left_hand=opposite[1] > opposite[0] if opposite[0] != opposite[1] else country in _LEFT_HAND,
+        priority_side={"JPN": "left", "GBR": "none"}.get(country, "right"),  # type: ignore[arg-type]
+        derives_main_road=country in _MAIN_ROAD or facts.version == "2018b",
+    )
+
+
+def _names(sign: Foreign, facts: Facts) -> set[str]:
+    """Names of the elements of a sign, also of those that commonroad-io does not know in its country."""
+    elements = [element.traffic_sign_element_id for element in sign.traffic_sign_elements]
+    raw = facts.signs.get(int(sign.traffic_sign_id), tuple(str(element.value) for element in elements))
+    return {str(element.name) for element in elements} | {_NAMES[text] for text in raw if text in _NAMES}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files.control import control, is_sign
+from interdrive.files.control import control, is_sign, priorities
 from interdrive.files.document import Facts
 from interdrive.files.motion import Track, completed, track, wrapped
 from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
@@ -109,6 +109,7 @@ def converted(
         incomings=_incomings(scenario.lanelet_network),
         traffic_lights=lights,
         stop_lines=lines,
+        priorities=priorities(scenario.lanelet_network, lanelets, benchmark_id, facts),
     )
     limits.require_scenario(found, file)
     return found
@@ -130,7 +131,9 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
     def neighbours(side: str) -> tuple[Any, Any]:
         numbers = [getattr(lanelet, f"adj_{side}") for lanelet in lanelets]
         same = [bool(getattr(lanelet, f"adj_{side}_same_direction")) for lanelet in lanelets]
-        return np.array([-1 if number is None else number for number in numbers], dtype=np.int64), np.array(same)
+        return np.array([-1 if number is None else number for number in numbers], dtype=np.int64), np.array(
+            same, dtype=bool
+        )
 
     adjacent_left, left_same = neighbours("left")
     adjacent_right, right_same = neighbours("right")

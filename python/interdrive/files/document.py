@@ -43,6 +43,8 @@ class Facts:
         footprints: Footprints by obstacle id.
         trajectories: By obstacle id the states of those trajectories that are certain: time step and columns as in
             `STATE_FIELDS`, nan where not stated. commonroad-io takes twenty times as long for them.
+        version: Version of the format; empty if unknown.
+        signs: Ids of the elements of each traffic sign, by its id; commonroad-io forgets those that it does not know.
     """
 
     benchmark_id: str = ""
@@ -50,6 +52,8 @@ class Facts:
     stated_by_problem: dict[int, frozenset[str]] = field(default_factory=dict)
     footprints: dict[int, Shape] = field(default_factory=dict)
     trajectories: dict[int, list[tuple[int, tuple[float, ...]]]] = field(default_factory=dict)
+    version: str = ""
+    signs: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
 
 def parse(data: bytes, file: str) -> Element:
@@ -237,7 +241,12 @@ def facts(root: Element, file: str) -> Facts:
         integer_id(element, file): frozenset(child.tag for child in element.iterfind("initialState/*"))
         for element in root.iterfind("planningProblem")
     }
-    return Facts(root.get("benchmarkID", ""), stated, by_problem, footprints, trajectories)
+    signs = {
+        integer_id(sign, file): tuple(found.text or "" for found in sign.iterfind("trafficSignElement/trafficSignID"))
+        for sign in root.iterfind("trafficSign")
+    }
+    version = root.get("commonRoadVersion", "")
+    return Facts(root.get("benchmarkID", ""), stated, by_problem, footprints, trajectories, version, signs)
 
 
 def _certain_states(trajectory: Element) -> list[tuple[int, tuple[float, ...]]] | None:

@@ -21,7 +21,7 @@ from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.convert import converted
 from interdrive.files.numbers import check_message
 from interdrive.files.shapes import Foreign
-from interdrive.files.shipped import shipped_scenario, shipped_scenarios
+from interdrive.files.shipped import scenario_file
 from interdrive.scenario import Scenario
 from interdrive.scenario.limits import require_scenario
 
@@ -275,10 +275,7 @@ def open_scenario(spec: ScenarioSpec) -> Scenario:
         require_scenario(spec, spec.name)
         return spec
     if isinstance(spec, str | os.PathLike):
-        path = Path(spec)
-        if str(spec) in shipped_scenarios() and not path.is_file():  # a run folder may have this name
-            path = shipped_scenario(str(spec))
-        return read_scenario(path)
+        return read_scenario(scenario_file(spec))
     if isinstance(spec, tuple):
         return scenario_from_commonroad(*spec)
     return scenario_from_commonroad(spec)

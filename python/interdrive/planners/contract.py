@@ -48,7 +48,8 @@ class Planner(Protocol):
     exception or returns an invalid trajectory, only its own agent ends, with outcome `planner_error`.
 
     Set `parallel = True` in a class if its objects are independent of each other: they run in separate processes when a
-    run has more than one thread, with the same results.
+    run has more than one thread, with the same results. Set `obeys_rules = True` if your planner stops where
+    `view.ego.stop_s` says: with `rules.precedence` its agents then get orders at junctions, and others count on it.
     """
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:

@@ -6,11 +6,23 @@ from dataclasses import dataclass, field
 
 from interdrive import _core
 from interdrive.native_settings import Frenet, Idm, IdmMobil, VelocityAdjusting
+from interdrive.planners.policy import policy_planner
 
 
 @dataclass(frozen=True)
 class Recorded:
     """Replays the recording state by state; beyond its end it follows the lane with the last speed."""
+
+
+@dataclass(frozen=True)
+class Policy:
+    """Drives by a policy that was learned.
+
+    Attributes:
+        file: The policy, as `interdrive.envs.export_policy` writes it.
+    """
+
+    file: str = ""
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,7 @@ NATIVE = {
     "recorded": "replays the recording",
     "velocity_adjusting": "keeps the recorded path, and the recorded speed where the way is free",
     "idm": "drives its reference path with the Intelligent Driver Model",
+    "policy": "drives by a policy that was learned, `policy,file=FILE`",
     "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
 }
 
@@ -49,10 +62,17 @@ RECORDS: dict[str, type] = {
     "velocity_adjusting": VelocityAdjusting,
     "idm": Idm,
     "idm_mobil": IdmMobil,
+    "policy": Policy,
 }
 
 
 def native_planner(record: object) -> _core.Planner | None:
-    """The core's planner for a native record; None for a planner written in Python."""
+    """The core's planner for a native record; None for a planner written in Python.
+
+    Raises:
+        InputError: The file of a policy is missing or damaged.
+    """
     name = next((name for name, kind in RECORDS.items() if type(record) is kind), None)
+    if isinstance(record, Policy):
+        return policy_planner(record.file)
     return None if name is None else _core.Planner(name, record)

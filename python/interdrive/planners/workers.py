@@ -37,6 +37,21 @@ _START_MAX = 120.0
 _GRACE = 1.0
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """What one agent needs besides the scene.
+
+    Attributes:
+        progress: `s`, `stop_s`, `stop_release` and `stop_by` of its `Ego`.
+        known: What it knows, for an agent with V2X.
+        predictions: Predictions for those, for an agent with V2X.
+    """
+
+    progress: tuple[float, float, float, int | None]
+    known: list[tuple[Any, ...]] | None = None
+    predictions: _core.Predictions | None = None
+
+
 @dataclass
 class _Worker:
     process: BaseProcess
@@ -97,15 +112,13 @@ class Workers:
                 f"planners of agents {', '.join(map(str, worker.agents))} in a separate process: {problem}"
             )
 
-    def ask(
-        self, scene: _core.Scene, predictions: _core.Predictions, wanted: dict[int, tuple[float, float]]
-    ) -> dict[int, Answer]:
+    def ask(self, scene: _core.Scene, predictions: _core.Predictions, wanted: dict[int, Wanted]) -> dict[int, Answer]:
         """Calls all requested planners and returns their results.
 
         Args:
             scene: The present scene.
             predictions: Predictions for all participants.
-            wanted: Agent id -> arc length of its rear axle on its reference path, and `Ego.stop_s` [m].
+            wanted: Agent id -> what it needs besides.
         """
         parts = pickle.dumps((scene.parts(), predictions), protocol=pickle.HIGHEST_PROTOCOL)
         asked = []
@@ -198,9 +211,10 @@ def _work(
         scene_parts, predictions = pickle.loads(parts)
         scene = world.scene_from(scene_parts)
         for i, told in wanted:
-            view = world.view(scene, i, told)
+            view = world.view(scene, i, told.progress, told.known)
+            seen = predictions.seen_by(view) if told.predictions is None else told.predictions
             try:
-                answer = ask(planners[i], view, predictions.seen_by(view), timeout_s)
+                answer = ask(planners[i], view, seen, timeout_s)
             except KeyboardInterrupt as error:  # Ctrl-C of the terminal is ignored here
                 answer = Failure(failure(error))
             connection.send(answer)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 #: The last frame stays for this long [s].
 _HOLD = 2.0
 
-#: Who begins to drive within this distance of an agent is in the picture that follows it [m].
+#: Participants that enter within this distance of an agent are in the picture that follows it [m].
 _NEAR = 40.0
 
 
@@ -92,7 +92,7 @@ def draw_agent_view(run: Run, path: str | Path, agent_id: int, time_step: int | 
     Args:
         run: Finished or interrupted, with recorded candidates or predictions.
         path: Ends in .png.
-        agent_id: Whose.
+        agent_id: The agent.
         time_step: When; when it sees the most modes of others near it otherwise.
 
     Raises:

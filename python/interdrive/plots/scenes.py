@@ -71,7 +71,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class _Stamp:
-    """A footprint to draw: whose, in which column, and what is written beside it."""
+    """A footprint to draw: participant, column of the states, and the text beside it."""
 
     place: int
     row: int

@@ -11,14 +11,14 @@ from interdrive.prediction_evaluation.tables import groups, mean_of, share_of, t
 from interdrive.storage import Column
 
 if TYPE_CHECKING:
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
     from interdrive.prediction_evaluation.samples import Samples
+    from interdrive.prediction_evaluation.tables import PredictionEvaluation
     from interdrive.storage import ArrowTable
 
 #: Nominal shares of the calibration curve [%].
 NOMINAL = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 99)
 #: Vehicles that calibration is told apart for: all; those that do not stay; those that stand and stay for 3 s.
-EVERYBODY, MOVING, STAYING = "all", "moving", "staying"
+ALL_VEHICLES, MOVING, STAYING = "all", "moving", "staying"
 
 CALIBRATION_COLUMNS = (
     Column("predictor", "label", ""),
@@ -43,7 +43,7 @@ ERROR_COLUMNS = (
 
 
 def _by_vehicles(samples: Samples, mask: Any) -> dict[str, Any]:  # noqa: ANN401 - array
-    return {EVERYBODY: mask, MOVING: mask & ~samples.stays, STAYING: mask & samples.stays}
+    return {ALL_VEHICLES: mask, MOVING: mask & ~samples.stays, STAYING: mask & samples.stays}
 
 
 def calibration_table(found: PredictionEvaluation) -> ArrowTable:

@@ -2,61 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import Choice, read_choice
 from interdrive.config.schema import SimulationSettings, settings_of
-from interdrive.config.specs import bound_predictor, spec_label
+from interdrive.config.specs import bound_predictor, resolved_predictor, spec_label
 from interdrive.errors import InputError, InterdriveError
+from interdrive.files import read_scenario, shipped_scenario
 from interdrive.prediction_evaluation.measures import HORIZONS
-from interdrive.prediction_evaluation.recordings import category_of, found_files, opened
-from interdrive.prediction_evaluation.samples import Gathered, Samples
+from interdrive.prediction_evaluation.recordings import Recording, category_of, found_files
+from interdrive.prediction_evaluation.samples import Gathered
 from interdrive.prediction_evaluation.split import UNKNOWN, read_split
-from interdrive.prediction_evaluation.timing import Timing, measured_timings
+from interdrive.prediction_evaluation.tables import PredictionEvaluation
+from interdrive.prediction_evaluation.timing import measured_timings
+from interdrive.prediction_evaluation.workers import FileTask, samples_of_files
 from interdrive.predictors import NATIVE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PredictorSpec
-    from interdrive.prediction_evaluation.recordings import Recording
     from interdrive.prediction_evaluation.split import Split
-    from interdrive.run import Json
 
 #: Predictors that "all" leaves out: no planner in a car could have them.
 _FOR_STUDIES = ("ground_truth",)
-
-
-@dataclass(frozen=True)
-class PredictionEvaluation:
-    """What `evaluate_predictors` found.
-
-    Attributes:
-        files: The files with samples, in order.
-        predictors: Names, in order.
-        samples: Every sample.
-        timings: Milliseconds per call.
-        notes: What was left out, and why.
-        settings: What was asked for, as plain values.
-        choices: The predictors, for asking them again.
-        simulation: Settings of predictors, road and steps.
-    """
-
-    files: tuple[Path, ...]
-    predictors: tuple[str, ...]
-    samples: Samples
-    timings: tuple[Timing, ...] = ()
-    notes: tuple[str, ...] = ()
-    settings: Mapping[str, Json] = field(default_factory=dict)
-    choices: tuple[Choice, ...] = ()
-    simulation: SimulationSettings = field(default_factory=SimulationSettings)
-
-    def __repr__(self) -> str:
-        return f"<PredictionEvaluation of {', '.join(self.predictors)} on {len(self.files)} files>"
 
 
 def chosen_predictors(
@@ -109,6 +82,7 @@ def evaluate_predictors(
     split: str | Path | None = None,
     part: str = "validation",
     with_timing: bool = True,
+    workers: int = 1,
     on_step: Callable[[str, int, int], None] | None = None,
 ) -> PredictionEvaluation:
     """Compares predictions with what recorded vehicles did next.
@@ -126,10 +100,12 @@ def evaluate_predictors(
             category and traffic they have. None: all are taken, with the category of their folder and unknown traffic.
         part: The part of the split that is judged; the other files are left out.
         with_timing: Measure how long a call takes, too.
+        workers: Processes that share the files; results do not depend on it. With more than one, scripts need
+            `if __name__ == "__main__":`.
         on_step: Called with what is going on, how much is done, and how much there is.
 
     Returns:
-        Samples with all measures; `interdrive.prediction_evaluation.tables` sums them up.
+        Samples with all measures; `table` sums them up.
 
     Raises:
         InputError: A file that was named itself, or a predictor, cannot be used; no vehicle can be judged.
@@ -137,29 +113,29 @@ def evaluate_predictors(
     """
     if every < 1:
         raise InputError(f"every must be at least 1, not {every}")
+    if workers < 1:
+        raise InputError(f"workers: expected at least 1, not {workers}")
     simulation = settings_of(settings)
     simulation = replace(simulation, predictor=replace(simulation.predictor, horizon=float(HORIZONS[-1])))
-    choices: list[Choice] = []
-    notes: list[str] = []
+    probe = Recording(read_scenario(shipped_scenario("lane_merge")), simulation)
+    choices, notes = chosen_predictors(predictors, simulation, probe)
+    if workers > 1:
+        for choice in choices:
+            resolved_predictor(choice, simulation.predictor).check_found_elsewhere(simulation.predictor)
     gathered = Gathered()
     paths = found_files([files] if isinstance(files, str | Path) else files)
     labels = {path: (category_of(path), UNKNOWN) for path, _ in paths}
     if split is not None:
         labels, line = _of_part(read_split(split), part, list(labels))
         notes.append(line)
-    paths = [(path, is_needed) for path, is_needed in paths if path in labels]
-    for number, (path, is_needed) in enumerate(paths):
-        if on_step is not None:
-            on_step(path.name, number, len(paths))
-        recording = opened(path, simulation, is_needed=is_needed)
-        if isinstance(recording, str):
-            notes.append(recording if path.name in recording else f"{path.name}: {recording}")
-            continue
-        if not choices:
-            choices, lines = chosen_predictors(predictors, simulation, recording)
-            notes += lines
-        asked = [bound_predictor(choice, simulation.predictor, recording.core_scenario) for choice in choices]
-        gathered.add(path, labels[path], recording, asked, every)
+    tasks = [
+        FileTask(path, is_needed, tuple(choices), simulation, every) for path, is_needed in paths if path in labels
+    ]
+    for path, found in samples_of_files(tasks, workers, on_step):
+        if isinstance(found, str):
+            notes.append(found if path.name in found else f"{path.name}: {found}")
+        elif found is not None:
+            gathered.add(path, labels[path], found)
     notes += gathered.note()
     if not gathered.files:
         raise InputError("no vehicle can be judged: none in these files is recorded for a second")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
+    from interdrive.prediction_evaluation.tables import PredictionEvaluation
 
 _PANEL, _LEGEND, _TITLE, _AXIS = 46.0 * MM, 5.0 * MM, 6.0 * MM, 9.0 * MM
 _COLUMNS = 3

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
+    from interdrive.prediction_evaluation.tables import PredictionEvaluation
 
 _MARK = "evaluation.json"
 _TABLES = {

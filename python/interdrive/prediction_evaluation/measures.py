@@ -161,7 +161,7 @@ def _over_time(
 
 
 def _modes(predicted: Predicted, last: int) -> tuple[Floats, Ints, Bools]:
-    """Probabilities of the modes that count until a step, the most probable of them (the first of equals), and who."""
+    """Probabilities of the modes that count until a step, the first most probable one, and which modes count."""
     counts = (predicted.probability > 0) & predicted.valid[:, :, : last + 1].all(axis=2)
     weights = np.where(counts, predicted.probability, 0.0)
     total = weights.sum(axis=1, keepdims=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError, InterdriveError
-from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios
+from interdrive.files import read_scenario, scenario_file
 from interdrive.prediction_evaluation.measures import HORIZONS, step_of
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.native import core_road, core_scenario
@@ -61,11 +61,6 @@ class Moment:
     stands: Bools
     stays: Bools
 
-    def of(self, which: Bools) -> Moment:
-        """The same with only some of the judged vehicles; shape of the mask (n,)."""
-        kept = {name: getattr(self, name)[which] for name in ("row", "known", "truth", "stands", "stays")}
-        return replace(self, **kept)
-
 
 class Recording:
     """A scenario whose recorded traffic is replayed without planning."""
@@ -89,7 +84,7 @@ class Recording:
     def advance(self) -> None:
         """One time step."""
         scene = self.world.scene()
-        self.world.step(self.world.plan(scene, _nobody(scene.time_step)))
+        self.world.step(self.world.plan(scene, _no_predictions(scene.time_step)))
 
     def moments(self, every: int) -> Iterator[Moment]:
         """Moments at regular time steps, as long as a vehicle has a recorded future of a second."""
@@ -138,7 +133,7 @@ class Recording:
         return Moment(scene, row, known, truth, stands, stays)
 
 
-def _nobody(time_step: int) -> _core.Predictions:
+def _no_predictions(time_step: int) -> _core.Predictions:
     """Empty predictions: a world without agents needs none."""
     none = np.empty((0, 1, 1))
     return _core.Predictions(
@@ -178,12 +173,8 @@ def found_files(sources: Sequence[str | Path]) -> list[tuple[Path, bool]]:
                 raise InputError(f"{source}: this folder has no CommonRoad file (.xml, .pb)")
             for file in inside:
                 found.setdefault(file, False)
-        elif path.exists():
-            found[path] = True
-        elif str(source) in shipped_scenarios():
-            found[shipped_scenario(str(source))] = True
         else:
-            raise InputError(f"{source}: no such file or folder, and no shipped scenario has that name")
+            found[scenario_file(source)] = True
     return list(found.items())
 
 

@@ -12,11 +12,12 @@ from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, joine
 from interdrive.prediction_evaluation.repeats import KnownTracks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from interdrive.prediction_evaluation.recordings import Moment, Recording
     from interdrive.predictors.calls import BoundPredictor
+    from interdrive.scenario import Obstacles
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Samples:
         category: Category of the file.
         traffic: Where its traffic comes from, one of `split.TRAFFIC`.
         time_step: When.
-        participant_id: Who.
+        participant_id: The predicted participant.
         kind: Code of `interdrive.scenario.KINDS`.
         speed: Distance covered in the last time step over its length [m/s]; the stated speed without a past.
         known: How long the vehicle has been recorded [s].
@@ -56,6 +57,55 @@ class Samples:
         return len(self.time_step)
 
 
+@dataclass(frozen=True)
+class FileSamples:
+    """All samples of a file, also of recordings that other files show.
+
+    Attributes:
+        columns: Those of `Samples` that the file alone determines.
+        values: Predictor -> measure -> array.
+        obstacles: The recording, by which repeated ones are found.
+        dt: Time between its steps [s].
+    """
+
+    columns: dict[str, Any]
+    values: dict[str, dict[str, Any]]
+    obstacles: Obstacles
+    dt: float
+
+
+def file_samples(recording: Recording, asked: Sequence[BoundPredictor], every: int) -> FileSamples | None:
+    """Asks predictors at every `every`-th time step; None if no vehicle can be judged.
+
+    Raises:
+        PredictorError: A predictor raised or returned garbage.
+    """
+    moments: list[Moment] = []
+    answers: list[list[Predicted]] = [[] for _ in asked]
+    for moment in recording.moments(every):
+        moments.append(moment)
+        for predictor, answer in zip(asked, answers, strict=True):
+            answer.append(answered(predictor, recording, moment))
+    if not moments:
+        return None
+    truth = np.concatenate([moment.truth for moment in moments])
+    now = np.concatenate([_now(moment) for moment in moments])
+    dt = recording.scenario.dt
+    columns = {
+        "time_step": np.repeat([m.scene.time_step for m in moments], [len(m.row) for m in moments]),
+        "participant_id": np.concatenate([m.scene.ids[m.row] for m in moments]),
+        "kind": np.concatenate([m.scene.kinds[m.row] for m in moments]),
+        "speed": np.concatenate([_speed(m) for m in moments]),
+        "departure": np.concatenate([_departure(m) for m in moments]),
+        **{name: np.concatenate([getattr(m, name) for m in moments]) for name in ("known", "stands", "stays")},
+    }
+    values = {
+        predictor.name: judged(joined(answer), truth, now, dt, recording.road)
+        for predictor, answer in zip(asked, answers, strict=True)
+    }
+    return FileSamples(columns, values, recording.scenario.obstacles, dt)
+
+
 class Gathered:
     """Samples of one file after the other; of recordings that several files show, those of the first."""
 
@@ -68,55 +118,28 @@ class Gathered:
         self._columns: list[dict[str, Any]] = []
         self._values: dict[str, list[dict[str, Any]]] = {}
 
-    def add(
-        self, path: Path, labels: tuple[str, str], recording: Recording, asked: Sequence[BoundPredictor], every: int
-    ) -> None:
-        """All samples of a file, which has these labels: category and traffic.
-
-        Raises:
-            PredictorError: A predictor raised or returned garbage.
-        """
-        moments: list[Moment] = []
-        answers: list[list[Predicted]] = [[] for _ in asked]
-        for moment in self._new(recording, every):
-            moments.append(moment)
-            for predictor, answer in zip(asked, answers, strict=True):
-                answer.append(answered(predictor, recording, moment))
-        if not moments:
+    def add(self, path: Path, labels: tuple[str, str], found: FileSamples) -> None:
+        """Adds the samples of a file that no earlier file has; the labels are its category and traffic."""
+        repeated = self._tracks.repeated(found.obstacles, found.dt)
+        ids = found.columns["participant_id"]
+        is_new = ~repeated[np.searchsorted(found.obstacles.ids, ids), found.columns["time_step"]]
+        gone = ids[~is_new]
+        self.left_out += np.array([len(gone), len(np.unique(gone)), bool(len(gone))])
+        if not is_new.any():
             return
-        truth = np.concatenate([moment.truth for moment in moments])
-        now = np.concatenate([_now(moment) for moment in moments])
-        for predictor, answer in zip(asked, answers, strict=True):
-            values = judged(joined(answer), truth, now, recording.scenario.dt, recording.road)
-            self._values.setdefault(predictor.name, []).append(values)
+        n = int(is_new.sum())
+        for name, values in found.values.items():
+            kept = {measure: array[is_new] for measure, array in values.items()}
+            self._values.setdefault(name, []).append(kept)
         self._columns.append(
             {
-                "file": np.full(len(truth), len(self.files)),
-                "category": np.full(len(truth), labels[0], dtype=object),
-                "traffic": np.full(len(truth), labels[1], dtype=object),
-                "time_step": np.repeat([m.scene.time_step for m in moments], [len(m.row) for m in moments]),
-                "participant_id": np.concatenate([m.scene.ids[m.row] for m in moments]),
-                "kind": np.concatenate([m.scene.kinds[m.row] for m in moments]),
-                "speed": np.concatenate([_speed(m) for m in moments]),
-                "departure": np.concatenate([_departure(m) for m in moments]),
-                **{name: np.concatenate([getattr(m, name) for m in moments]) for name in ("known", "stands", "stays")},
+                "file": np.full(n, len(self.files)),
+                "category": np.full(n, labels[0], dtype=object),
+                "traffic": np.full(n, labels[1], dtype=object),
+                **{name: array[is_new] for name, array in found.columns.items()},
             }
         )
         self.files.append(path)
-
-    def _new(self, recording: Recording, every: int) -> Iterator[Moment]:
-        """Moments with those vehicles that no earlier file has shown at them."""
-        obstacles = recording.scenario.obstacles
-        repeated = self._tracks.repeated(obstacles, recording.scenario.dt)
-        gone: list[Any] = []
-        for moment in recording.moments(every):
-            ids = moment.scene.ids[moment.row]
-            is_new = ~repeated[np.searchsorted(obstacles.ids, ids), moment.scene.time_step]
-            gone.append(ids[~is_new])
-            if is_new.any():
-                yield moment.of(is_new)
-        left = [int(number) for ids in gone for number in ids]
-        self.left_out += np.array([len(left), len(set(left)), bool(left)])
 
     def note(self) -> tuple[str, ...]:
         """A line about what was left out, if anything was."""

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
     from interdrive.prediction_evaluation.recordings import Moment
     from interdrive.prediction_evaluation.samples import Samples
+    from interdrive.prediction_evaluation.tables import PredictionEvaluation
 
 _GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
 _OTHERS = "#d2d2d2"

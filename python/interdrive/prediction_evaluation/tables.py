@@ -1,20 +1,29 @@
-"""The evaluation summed up as Arrow tables: measures, time per call, samples; `curves` has calibration and error."""
+"""The evaluation and its tables: measures, time per call, samples; `curves` has calibration and error."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.config.schema import SimulationSettings
 from interdrive.prediction_evaluation.measures import HORIZONS, MISS
 from interdrive.prediction_evaluation.recordings import CATEGORIES
 from interdrive.prediction_evaluation.split import TRAFFIC, UNKNOWN
 from interdrive.scenario import KINDS
 from interdrive.storage import Column, arrow_table, labels
+from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
-    from interdrive.prediction_evaluation.evaluation import PredictionEvaluation
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from interdrive.config.plugins import Choice
     from interdrive.prediction_evaluation.samples import Samples
+    from interdrive.prediction_evaluation.timing import Timing
+    from interdrive.run import Json
     from interdrive.storage import ArrowTable
 
 #: Names of the two rows for everything: every sample weighs the same, or every category of `CATEGORIES` does.
@@ -90,6 +99,9 @@ TIMING_COLUMNS = (
     Column("calls", "integer", "calls that were timed"),
 )
 
+#: Columns that a notebook shows.
+_SHOWN = ("predictor", "category", "traffic", "samples", "ade_3", "fde_3", "fde_best_3", "miss_rate", "nll")
+
 _SAMPLE_VALUES = (
     *(f"{name}_{h}" for h in HORIZONS for name in ("ade", "fde", "ade_best", "fde_best", "nll", "region", "ellipse")),
     "nll",
@@ -102,7 +114,7 @@ SAMPLE_COLUMNS = (
     Column("category", "label", ""),
     Column("traffic", "label", "recorded, simulated, invented or unknown"),
     Column("time_step", "integer", "when"),
-    Column("participant_id", "integer", "who"),
+    Column("participant_id", "integer", "predicted participant"),
     Column("kind", "label", "car, truck, ..."),
     Column("speed", "number", "[m/s]"),
     Column("known", "number", "recorded for so long [s]"),
@@ -111,6 +123,43 @@ SAMPLE_COLUMNS = (
     Column("departure", "number", "distance after 3 s from a drive with the present velocity [m]", nullable=True),
     *(Column(name, "number", "see interdrive.prediction_evaluation.measures.judged", True) for name in _SAMPLE_VALUES),
 )
+
+
+@dataclass(frozen=True)
+class PredictionEvaluation:
+    """What `evaluate_predictors` found.
+
+    Attributes:
+        files: The files with samples, in order.
+        predictors: Names, in order.
+        samples: Every sample.
+        timings: Milliseconds per call.
+        notes: What was left out, and why.
+        settings: What was asked for, as plain values.
+        choices: The predictors, for asking them again.
+        simulation: Settings of predictors, road and steps.
+    """
+
+    files: tuple[Path, ...]
+    predictors: tuple[str, ...]
+    samples: Samples
+    timings: tuple[Timing, ...] = ()
+    notes: tuple[str, ...] = ()
+    settings: Mapping[str, Json] = field(default_factory=dict)
+    choices: tuple[Choice, ...] = ()
+    simulation: SimulationSettings = field(default_factory=SimulationSettings)
+
+    def __repr__(self) -> str:
+        return f"<PredictionEvaluation of {', '.join(self.predictors)} on {len(self.files)} files>"
+
+    @property
+    def table(self) -> ArrowTable:
+        """The measures, as `measures_table` has them."""
+        return measures_table(self)
+
+    def _repr_html_(self) -> str:
+        """The line of `repr` and the most important measures, for notebooks."""
+        return f"<p>{escape(repr(self))}</p>{html_table(_SHOWN, self.table.to_pylist())}"
 
 
 def groups(samples: Samples) -> dict[tuple[str, str], Any]:

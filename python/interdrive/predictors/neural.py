@@ -32,7 +32,7 @@ def network(weights: str = "") -> _core.NeuralNetwork:
 
 @lru_cache(maxsize=4)
 def _network(path: Path, _changed: int, _size: int) -> _core.NeuralNetwork:
-    from interdrive.predictors.weights import digest, read_weights  # noqa: PLC0415 - loaded for networks only
+    from interdrive.storage.weights import digest, read_weights  # noqa: PLC0415 - loaded for networks only
 
     found = read_weights(path)
     version, known = found.metadata.get("feature_version", "none"), str(_core.NEURAL["version"])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 #: Columns of the data set whose distributions are drawn, the factor to their unit, and beyond what no value matters.
 _DRAWN = (
+    ("score", "score", "", 100.0, None),
     ("ttc_min", "min TTC", "s", 1.0, CAPS["ttc"]),
     ("jerk_rms", "jerk (rms)", "m/s³", 1.0, None),
     ("lateral_acceleration_rms", "lateral acceleration (rms)", "m/s²", 1.0, None),

@@ -27,9 +27,10 @@ from interdrive.report.tables import (
     pack_stop_lines,
     pack_views,
 )
-from interdrive.results import read_results, reopen
+from interdrive.results import read_results, reopen, with_routes
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
+from interdrive.scoring import score, score_table, stored_score
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -95,7 +96,7 @@ def run_contents(folder: str | Path) -> Contents:
         "n_steps": run.states.n_steps,
         "view": {"angle": view.angle, "width": view.width, "height": view.height},
         "origin": (float(origin[0]), float(origin[1])),
-        "participants": _participants(run, results, origin),
+        "participants": _participants(run, results, origin, _scores(Path(folder), run, results, lacking)),
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(measure) for measure in MEASURES],
@@ -142,7 +143,19 @@ def _origin(view: View) -> Floats:
     return origin
 
 
-def _participants(run: Run, results: Results, origin: Floats) -> list[Participant]:
+def _scores(folder: Path, run: Run, results: Results, lacking: list[Missing]) -> dict[int, tuple[float | None, str]]:
+    """Score of every agent and why it is not 1: as stored, or evaluated with the defaults."""
+    try:
+        found = stored_score(folder) or score_table(score(with_routes(run, results)))
+    except InterdriveError as cause:
+        lacking.append({"what": "score", "text": f"Scores cannot be evaluated: {cause}"})
+        return {}
+    return {row["agent_id"]: (row["score"], row["why"] or "") for row in found.to_pylist()}
+
+
+def _participants(
+    run: Run, results: Results, origin: Floats, scores: Mapping[int, tuple[float | None, str]]
+) -> list[Participant]:
     """One entry per row of the states: what does not change."""
     states, colors = run.states, agent_colors(run)
     order = {number: index for index, number in enumerate(run.outcomes.agent_id.tolist())}
@@ -171,17 +184,14 @@ def _participants(run: Run, results: Results, origin: Floats) -> list[Participan
                 "planner": outcome["planner"],
                 "outcome": outcome["outcome"],
                 "end": outcome["time_step"] - states.first_time_step,
-                "partner": outcome["partner_id"],
-                "off_road": outcome["off_road"],
-                "impact_speed": outcome["impact_speed"],
                 "harm": outcome["harm"],
                 "reason": ", ".join(filter(None, (outcome["reason"], _swung_out(outcome["off_lanelets"])))),
-                "origin": agent.origin,
-                "goal_time_step": agent.goal_time_step,
                 "goal": [np.round(line - origin, 2).tolist() for line in goal],
                 "sensor_radius": sensor_radius,
                 "occlusion": occlusion,
             }
+            if number in scores:
+                entry["score"], entry["why"] = scores[number]
         made.append(entry)
     return made
 

@@ -76,7 +76,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     ),
     "predictions": (
         Column("time_step", "integer", "time step of the prediction"),
-        Column("participant_id", "integer", "whose future"),
+        Column("participant_id", "integer", "predicted participant"),
         Column("mode", "integer", "number of the mode"),
         Column("probability", "number", "of the mode"),
         Column("point", "integer", "the point is point * dt after time_step"),
@@ -99,7 +99,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     ),
     "violations": (
         Column("source", "label", "agent, replayed (another vehicle), or recording (of an agent's vehicle)"),
-        Column("participant_id", "integer", "whose violation"),
+        Column("participant_id", "integer", "participant that broke the rule"),
         Column("rule", "label", "one of interdrive.run.VIOLATIONS"),
         Column("first_time_step", "integer", "first time step of the violation"),
         Column("last_time_step", "integer", "last time step of the violation"),
@@ -112,8 +112,21 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
             "largest excess of a speed limit [m/s], time since red [s], least speed at a stop sign [m/s], way [m]",
         ),
     ),
+    "messages": (
+        Column("time_step", "integer", "time step of sending"),
+        Column("sender_id", "integer", "its sender"),
+        Column("service", "label", "one of interdrive.run.SERVICES"),
+        Column("bytes", "integer", "size [B]"),
+        Column("objects", "integer", "number of objects in it"),
+        Column("points", "integer", "number of points of its plan"),
+        Column("in_range", "integer", "number of receivers in range"),
+        Column("received", "integer", "number of receivers that it reaches"),
+        Column("receiver_id", "integer", "a receiver in range; null in the row of the message itself", nullable=True),
+        Column("arrived", "integer", "time step of arrival there; null where it is lost", nullable=True),
+        Column("distance", "number", "distance of the receiver [m]", nullable=True),
+    ),
     "routes": (
-        Column("agent_id", "integer", "whose reference path it is"),
+        Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
         Column("x", "number", "[m]"),
         Column("y", "number", "[m]"),
@@ -127,4 +140,4 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates", "violations")
+ON_DEMAND = ("views", "predictions", "candidates", "violations", "messages")

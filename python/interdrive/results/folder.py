@@ -10,6 +10,7 @@ from interdrive.results.columns import COLUMNS, ON_DEMAND
 from interdrive.results.information import information, read_information
 from interdrive.results.tables import (
     candidates_table,
+    messages_table,
     outcome_table,
     plans_table,
     predictions_table,
@@ -44,6 +45,8 @@ _OTHER_FILES = (
         "report.html",
     ),
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
+    "score.parquet",
+    "solution.xml",
 )
 
 
@@ -69,6 +72,7 @@ class Results:
     predictions: pa.Table | None = None
     candidates: pa.Table | None = None
     violations: pa.Table | None = None
+    messages: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -106,6 +110,7 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
             ("predictions", predictions_table(run)),
             ("candidates", candidates_table(run)),
             ("violations", violations_table(run)),
+            ("messages", messages_table(run)),
         ):
             if table is None:
                 continue

@@ -79,6 +79,8 @@ class RunInformation(SoftwareInformation):
         views: Name of the table of visibility intervals, None if there is none.
         predictions: Name of the table of predictions, None if there is none.
         candidates: Name of the table of candidates, None if there is none.
+        violations: The same for violations. messages: The same for V2X messages.
+        cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
     """
@@ -93,6 +95,8 @@ class RunInformation(SoftwareInformation):
     predictions: str | None
     candidates: str | None
     violations: str | None
+    messages: str | None
+    cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
     notes: list[str]
 
@@ -118,6 +122,8 @@ def information(run: RunRecord) -> RunInformation:
         "predictions": None if run.predictions is None else "predictions.parquet",
         "candidates": None if run.candidates is None else "candidates.parquet",
         "violations": None if run.violations is None else "violations.parquet",
+        "messages": None if run.messages is None else "messages.parquet",
+        "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),
         **software(),

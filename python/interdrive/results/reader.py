@@ -13,7 +13,9 @@ from interdrive.files import content_of_file, read_scenario
 from interdrive.results.folder import read_results
 from interdrive.run import (
     PLAN_STATUS,
+    SERVICES,
     AgentRecord,
+    Messages,
     Outcomes,
     Plans,
     RecordedCandidates,
@@ -70,17 +72,26 @@ def read_run(folder: str | Path) -> RunRecord:
         InputError: if the scenario cannot be read.
     """
     results = read_results(folder)
-    part, info, routes = read_part(folder, results), results.info, _columns(results.routes)
-    paths = np.stack([routes["x"], routes["y"]], axis=1)
     return replace(
-        part,
-        settings=info["settings"],
-        agents=tuple(replace(agent, reference_path=paths[routes["agent_id"] == agent.id]) for agent in part.agents),
+        with_routes(read_part(folder, results), results),
         plans=stored_plans(results),
         timings=_timings(results),
         views=None if results.views is None else Views(**_columns(results.views)),
         predictions=None if results.predictions is None else _predictions(_columns(results.predictions)),
         candidates=None if results.candidates is None else _candidates(_columns(results.candidates)),
+        messages=None if results.messages is None else _messages(_columns(results.messages)),
+        cooperation=results.info.get("cooperation"),
+    )
+
+
+def with_routes(part: RunRecord, results: Results) -> RunRecord:
+    """What `read_part` gave with settings, routes and violations: all that scores need."""
+    routes = _columns(results.routes)
+    paths = np.stack([routes["x"], routes["y"]], axis=1)
+    return replace(
+        part,
+        settings=results.info["settings"],
+        agents=tuple(replace(agent, reference_path=paths[routes["agent_id"] == agent.id]) for agent in part.agents),
         violations=None if results.violations is None else _violations(_columns(results.violations)),
     )
 
@@ -93,6 +104,15 @@ def _violations(column: dict[str, Any]) -> Violations:
     lanelet = np.nan_to_num(column["lanelet_id"].astype(np.float64), nan=-1.0).astype(np.int64)
     texts = {name: tuple(column[name].tolist()) for name in ("source", "rule")}
     return Violations(**{**column, **texts, "lanelet_id": lanelet})
+
+
+def _messages(column: dict[str, Any]) -> Messages:
+    nulls = {
+        name: np.nan_to_num(column[name].astype(np.float64), nan=-1.0).astype(np.int64)
+        for name in ("receiver_id", "arrived")
+    }
+    service = np.array([SERVICES.index(name) for name in column["service"]], dtype=np.int64)
+    return Messages(**{**column, **nulls, "service": service})
 
 
 def _timings(results: Results) -> Timings:

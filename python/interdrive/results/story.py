@@ -95,6 +95,8 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
     text = f"{said_time(run, first):>5} to {said_time(run, last):>5} s  {phase.kind}"
     if phase.leader_id >= 0:
         text += f" behind {said_name(run, phase.leader_id)}"
+    elif phase.red_lanelet_id >= 0:
+        text += f" at a red light (stop line of lanelet {phase.red_lanelet_id})"
     elif phase.crossing_ids:
         text += f" while {said_list(phase.crossing_ids)} crossed its path"
     if phase.kind == "standing":

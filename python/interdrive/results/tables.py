@@ -8,7 +8,7 @@ import numpy as np
 
 from interdrive.criticality import IMPACT_AREAS, agent_harm
 from interdrive.results.columns import COLUMNS
-from interdrive.run import PHASES, PLAN_STATUS
+from interdrive.run import PHASES, PLAN_STATUS, SERVICES
 from interdrive.scenario import STATE_FIELDS
 from interdrive.storage.tables import arrow_table, labels
 
@@ -173,6 +173,16 @@ def violations_table(run: RunRecord) -> pa.Table | None:
     return _table(
         "violations", **columns | {"source": labels(found.source), "rule": labels(found.rule), "lanelet_id": lanelet}
     )
+
+
+def messages_table(run: RunRecord) -> pa.Table | None:
+    """V2X messages and their links, one row each, as an Arrow table; None if they were not recorded."""
+    found = run.messages
+    if found is None:
+        return None
+    columns = {column.name: getattr(found, column.name) for column in COLUMNS["messages"]}
+    nulls = {name: np.ma.masked_equal(columns[name], -1) for name in ("receiver_id", "arrived")}
+    return _table("messages", **columns | nulls | {"service": labels(SERVICES, found.service)})
 
 
 def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike

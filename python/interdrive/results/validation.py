@@ -9,7 +9,7 @@ import numpy as np
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.results.columns import COLUMNS
-from interdrive.run import OUTCOMES, PLAN_STATUS, VIOLATIONS, Violations
+from interdrive.run import OUTCOMES, PLAN_STATUS, SERVICES, VIOLATIONS, Violations
 from interdrive.scenario import KINDS, limits
 from interdrive.storage import check_order, check_table
 from interdrive.storage.checks import Damage, refuse
@@ -32,6 +32,7 @@ LABELS: Mapping[tuple[str, str], Sequence[str]] = {
     ("plans", "status"): PLAN_STATUS,
     ("violations", "source"): Violations.SOURCES,
     ("violations", "rule"): VIOLATIONS,
+    ("messages", "service"): SERVICES,
 }
 
 #: Columns by which rows are sorted; no two rows have the same values in them.

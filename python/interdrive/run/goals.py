@@ -147,7 +147,7 @@ def _like(value: float, other: float) -> str:
 def _distance_left(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> Approach:
     """Distance to the goal area along the reference path if it is ahead; otherwise how far off the agent passed it."""
     states, end = run.states, int(columns[-1])
-    ahead = _along_path(agent, float(states.x[row, end]), float(states.y[row, end]))
+    ahead = way_to_goal(agent, float(states.x[row, end]), float(states.y[row, end]))
     if math.isfinite(ahead):
         return Approach(f"{ahead:.1f} m before the goal area", at_end=True)
     areas = [core_shape(area) for area in agent.goal_areas]
@@ -165,7 +165,7 @@ def _distance_left(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) 
     return Approach(f"passed the goal area at a distance of {distances[nearest]:.1f} m at {when} s", at_end=False)
 
 
-def _along_path(agent: AgentRecord, x: float, y: float) -> float:
+def way_to_goal(agent: AgentRecord, x: float, y: float) -> float:
     """Way along the reference path to the first point in a goal area [m]; inf if there is none ahead."""
     path = agent.reference_path
     if len(path) < 2:

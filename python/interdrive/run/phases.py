@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from interdrive.run.record import PLAN_STATUS
+from interdrive.scenario import SIGNALS
+from interdrive.scenario.control import shown_together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +37,9 @@ _AHEAD_STANDING, _AHEAD_DRIVING, _AHEAD_S = 10.0, 20.0, 3.0
 #: Participants cross the path of a waiting agent within this distance [m], faster than this [m/s].
 _CROSSING_AHEAD, _CROSSING_SPEED = 20.0, 1.0
 
+#: An agent stands at a stop line if its front is at most this far before it, or beyond it [m].
+_BEFORE_LINE, _BEYOND_LINE = 3.0, 0.5
+
 #: Distance between the points of a path [m].
 _PATH_SPACING = 1.0
 
@@ -50,7 +55,10 @@ class Phase:
         kind: What it did.
         first_time_step: Its first time step. last_time_step: Its last one, included.
         leader_id: The vehicle ahead in most of this time, -1 for none.
-        crossing_ids: While it stood without a vehicle ahead: participants that crossed its path, in their order.
+        crossing_ids: While it stood without a vehicle ahead or a red light: participants that crossed its path, in
+            their order.
+        red_lanelet_id: While it stood without a vehicle ahead: the lanelet of the stop line before it, if its light was
+            red or yellow most of the time; -1 otherwise.
     """
 
     kind: PhaseKind
@@ -58,6 +66,7 @@ class Phase:
     last_time_step: int
     leader_id: int = -1
     crossing_ids: tuple[int, ...] = ()
+    red_lanelet_id: int = -1
 
     @property
     def n_steps(self) -> int:
@@ -83,9 +92,11 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
     for kind, length in _merged(kinds, shortest):
         inside = columns[at : at + length]
         leader = _leader_in(run, path, row, inside, standing=kind == "standing")
-        crossing = _crossing(run, path, row, inside) if kind == "standing" and leader < 0 else ()
+        is_first = kind == "standing" and leader < 0
+        red = _red_line(run, agent, row, inside) if is_first else -1
+        crossing = _crossing(run, path, row, inside) if is_first and red < 0 else ()
         first, last = (int(column) + states.first_time_step for column in (inside[0], inside[-1]))
-        found.append(Phase(kind, first, last, leader, crossing))
+        found.append(Phase(kind, first, last, leader, crossing, red))
         at += length
     return tuple(found)
 
@@ -172,6 +183,30 @@ def _crossing(run: RunRecord, path: Floats, row: int, columns: Ints) -> tuple[in
         passing = (beside < half) & (near - own_front <= _CROSSING_AHEAD) & (near > own_front - 0.5)
         found += [number for number in states.participant_id[rows[passing]].tolist() if number not in found]
     return tuple(found)
+
+
+def _red_line(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> int:
+    """Lanelet of the stop line before which an agent stands while its light is mostly red or yellow; -1 for none."""
+    states, scenario = run.states, run.scenario
+    lights = {light.id: light for light in scenario.traffic_lights}
+    last = int(columns[-1])
+    heading = float(states.orientation[row, last])
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    front = np.array([states.x[row, last], states.y[row, last]]) + 0.5 * float(states.length[row]) * ahead
+    for line in scenario.stop_lines:
+        left, right = line.ends
+        along = float((line.ends.mean(axis=0) - front) @ ahead)
+        across = float(np.hypot(*(right - left)))
+        beside = float((front - left) @ (right - left)) / max(across, 1e-9)
+        if line.lanelet_id not in agent.route_lanelet_ids or not 0.0 <= beside <= across:
+            continue
+        taken = [ids for following, ids in line.light_ids if following in agent.route_lanelet_ids]
+        ways = taken or [ids for _, ids in line.light_ids]  # a route may end at the line
+        shown = shown_together([lights[i] for ids in ways for i in ids], states.first_time_step + last + 1)
+        red = np.isin(shown[states.first_time_step + columns], [SIGNALS.index("red"), SIGNALS.index("yellow")])
+        if -_BEYOND_LINE <= along <= _BEFORE_LINE and 2 * np.count_nonzero(red) > len(columns):
+            return line.lanelet_id
+    return -1
 
 
 def _near(run: RunRecord, row: int, column: int, reach: float) -> Ints:

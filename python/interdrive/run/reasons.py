@@ -142,11 +142,13 @@ def _causes(run: RunRecord, agent: AgentRecord) -> tuple[str, ...]:
 
 
 def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
-    """A stop: how long, behind which vehicle, for which crossing participants, or without any admissible sample."""
+    """A stop: how long, behind which vehicle, at which light, for which crossing participants, or without a sample."""
     seconds = said_time(run, stop.n_steps)
     lasted = f"stood for {seconds} s"
     if stop.leader_id >= 0:
         return f"stood behind {said_name(run, stop.leader_id)} for {seconds} s"
+    if stop.red_lanelet_id >= 0:
+        return f"{lasted} at a red light (stop line of lanelet {stop.red_lanelet_id})"
     none = no_sample(run, agent_id, stop.first_time_step, stop.last_time_step)
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"

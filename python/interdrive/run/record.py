@@ -50,6 +50,13 @@ class Tabular:
 
     _as_table: Callable[[], ArrowTable] | None = None
 
+    #: A field with an entry per row, and what the rows are.
+    _rows: ClassVar[tuple[str, str]]
+
+    def __repr__(self) -> str:
+        name, rows = self._rows
+        return f"<{type(self).__name__}: {len(getattr(self, name))} {rows}>"
+
     def to_arrow(self) -> ArrowTable:
         """The table that the run folder stores, as an Arrow table.
 
@@ -86,7 +93,7 @@ class Tabular:
         return frame
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Outcomes(Tabular):
     """Outcomes of agents; one row per agent, sorted by id.
 
@@ -106,6 +113,8 @@ class Outcomes(Tabular):
         traceback: Of the exception that its planner raised; "" for none.
     """
 
+    _rows = ("agent_id", "agents")
+
     agent_id: Ints
     planner: tuple[str, ...]
     outcome: tuple[str, ...]
@@ -120,7 +129,7 @@ class Outcomes(Tabular):
     traceback: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class States(Tabular):
     """States of all participants at all time steps; rows sorted by participant id, nan and `valid` False where absent.
 
@@ -156,8 +165,11 @@ class States(Tabular):
         """Number of recorded time steps."""
         return int(self.x.shape[1])
 
+    def __repr__(self) -> str:
+        return f"<States: {len(self.participant_id)} participants over {self.n_steps} time steps>"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Plans(Tabular):
     """All plans: one row per agent and time step, sorted by time step, then id.
 
@@ -175,6 +187,8 @@ class Plans(Tabular):
         rejection_overhang: How far the cheapest sample off the road reaches beyond the lanelets [m]; nan for none.
     """
 
+    _rows = ("time_step", "plans")
+
     time_step: Ints
     agent_id: Ints
     status: Ints
@@ -190,7 +204,7 @@ class Plans(Tabular):
     rejection_overhang: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Views(Tabular):
     """Visibility intervals per observer and participant, sorted by observer, participant and time.
 
@@ -200,6 +214,8 @@ class Views(Tabular):
         first_time_step: First time step of the interval.
         last_time_step: Last time step of the interval, included.
     """
+
+    _rows = ("observer_id", "intervals")
 
     observer_id: Ints
     seen_id: Ints
@@ -213,7 +229,7 @@ class Views(Tabular):
         return seen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RecordedPredictions(Tabular):
     """Predictions available to agents: one row per time step, participant and mode with a probability above 0.
 
@@ -227,6 +243,8 @@ class RecordedPredictions(Tabular):
         covariance: Of the position in world axes [m²], shape (rows, points, 2, 2).
     """
 
+    _rows = ("time_step", "modes")
+
     point: Ints
     time_step: Ints
     participant_id: Ints
@@ -237,7 +255,7 @@ class RecordedPredictions(Tabular):
     covariance: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RecordedCandidates(Tabular):
     """Some of the candidates of sampling planners, sorted by time step, agent, then in the order of `CandidateLog`.
 
@@ -250,6 +268,8 @@ class RecordedCandidates(Tabular):
         x: Centre of the footprint [m], shape (rows, points); nan beyond the end. y: The same.
     """
 
+    _rows = ("time_step", "candidates")
+
     point: Ints
     time_step: Ints
     agent_id: Ints
@@ -260,7 +280,7 @@ class RecordedCandidates(Tabular):
     y: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Timings(Tabular):
     """Wall time in long form: one row per time step and phase.
 
@@ -269,6 +289,8 @@ class Timings(Tabular):
         phase: One of `PHASES` per row.
         seconds: Shape (rows,). The phases of a time step add up to the step.
     """
+
+    _rows = ("time_step", "phases of steps")
 
     time_step: Ints
     phase: tuple[str, ...]
@@ -279,13 +301,13 @@ class Timings(Tabular):
 VIOLATIONS = ("speeding", "red_light", "stop_sign", "wrong_way")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Violations(Tabular):
     """Violations of rules of the road, one row each; sorted by source, participant, rule and time.
 
     Attributes:
         source: One of `SOURCES`: an agent, a replayed vehicle, or the recording of a vehicle that became an agent.
-        participant_id: Whose violation, shape (violations,).
+        participant_id: Participant that broke the rule, shape (violations,).
         rule: One of `VIOLATIONS`.
         first_time_step: First time step of the violation. last_time_step: Last one.
         lanelet_id: Lanelet below the vehicle, or that of the line; -1 for none.
@@ -294,8 +316,9 @@ class Violations(Tabular):
             line of a stop sign [m/s], distance driven the wrong way [m].
     """
 
-    SOURCES: ClassVar[tuple[str, ...]] = ("agent", "replayed", "recording")
+    _rows = ("source", "violations")
 
+    SOURCES: ClassVar[tuple[str, ...]] = ("agent", "replayed", "recording")
     source: tuple[str, ...]
     participant_id: Ints
     rule: tuple[str, ...]
@@ -309,6 +332,40 @@ class Violations(Tabular):
     def count(self, rule: str, source: str = "agent") -> int:
         """Number of violations of a rule by one source."""
         return sum(pair == (rule, source) for pair in zip(self.rule, self.source, strict=True))
+
+
+#: Services of V2X messages; the position is the code in `Messages.service`.
+SERVICES = ("cam", "mcm", "cpm")
+
+#: How an agent knows of another participant; the position is the code in `View.via`.
+VIA = ("sensors", "cam", "cpm", "hold")
+
+
+@dataclass(frozen=True)
+class Messages(Tabular):
+    """V2X messages, sorted by time step, sender and service; a message's own row, then one per receiver in range.
+
+    Attributes:
+        time_step: Time step of sending, shape (rows,). sender_id: Its sender.
+        service: Index into `SERVICES`.
+        bytes: Size [B]. objects: Number of objects in it. points: Number of points of its plan.
+        in_range: Number of receivers in range. received: Number of those that it reaches.
+        receiver_id: A receiver in range; -1 in the row of the message itself.
+        arrived: Time step of arrival there; -1: lost, or the row of the message itself.
+        distance: Distance of the receiver [m]; nan in the row of the message itself.
+    """
+
+    time_step: Ints
+    sender_id: Ints
+    service: Ints
+    bytes: Ints
+    objects: Ints
+    points: Ints
+    in_range: Ints
+    received: Ints
+    receiver_id: Ints
+    arrived: Ints
+    distance: Floats
 
 
 @dataclass(frozen=True)
@@ -325,6 +382,9 @@ class AgentRecord:
     goal: tuple[GoalState, ...]
     route_lanelet_ids: tuple[int, ...]
     reference_path: Floats
+
+    def __repr__(self) -> str:
+        return f"<AgentRecord {self.id}: {self.planner}, {self.origin}, from time step {self.start_time_step}>"
 
     @property
     def goal_time_step(self) -> tuple[int, int]:
@@ -346,6 +406,7 @@ class RunSettings(TypedDict, total=False):
         planner: One choice for all agents, or one per agent id: a name, or a table with its settings.
         views: Settings of views that differ from those of all, per agent id.
         rules: The same for the rules of the road.
+        v2x: Whether agents have V2X where that was not drawn, per agent id.
         predictor: A name, or a table with its settings.
         repeatable: Whether the names above suffice; objects made in Python have none.
         seed: Seed of what is drawn.
@@ -357,6 +418,7 @@ class RunSettings(TypedDict, total=False):
     planner: Json
     views: Mapping[str, Mapping[str, Json]]
     rules: Mapping[str, Mapping[str, Json]]
+    v2x: Mapping[str, bool]
     predictor: Json
     repeatable: bool
     seed: int | None
@@ -383,6 +445,8 @@ class RunRecord:
         predictions: Predictions available to agents; None unless `record.predictions` is set.
         candidates: Candidates of agents; None unless `record.candidates` is set.
         violations: Violations of rules of the road; None if `record.violations` is not set.
+        messages: V2X messages; None unless `record.messages` is set.
+        cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
 
     scenario: Scenario
@@ -399,3 +463,5 @@ class RunRecord:
     predictions: RecordedPredictions | None = None
     candidates: RecordedCandidates | None = None
     violations: Violations | None = None
+    messages: Messages | None = None
+    cooperation: Mapping[str, Json] | None = None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.record import VIOLATIONS, Violations
 from interdrive.scenario import SIGNALS
 from interdrive.scenario.control import shown_together
@@ -14,7 +15,6 @@ from interdrive.scenario.control import shown_together
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive import _core
     from interdrive.run.record import RunRecord
     from interdrive.scenario import Scenario, StopLine
 
@@ -28,10 +28,8 @@ SPEED_MARGIN, SPEEDING_TIME = 0.5, 0.3
 BRAKING = 1.0
 #: It drives the wrong way if no lanelet below it leads within this angle of its heading [rad], for so long [s].
 WRONG_WAY, WRONG_WAY_TIME = np.radians(120.0), 1.0
-#: Nothing is held against a driver who would have had to brake harder than this for a light [m/s²].
-LIGHT_DECELERATION = 3.0
-#: A stop counts if the vehicle is at most this fast [m/s] for so long [s], the front so far before the line [m].
-STOP_SPEED, STOP_TIME, STOP_REACH = 0.2, 0.3, 2.0
+#: A stop counts if the vehicle is at most this fast [m/s] for so long [s].
+STOP_SPEED, STOP_TIME = 0.2, 0.3
 
 _RED, _GREEN, _DARK = SIGNALS.index("red"), SIGNALS.index("green"), SIGNALS.index("dark")
 _VEHICLES = ("car", "truck", "bus", "motorcycle", "priority_vehicle", "taxi")
@@ -231,16 +229,16 @@ def _was_too_near(drives: _Drives, k: int, since: int, step: int, dt: float) -> 
     """Stopping took too much when the light changed, or when the vehicle entered."""
     since = max(since, int(np.argmax(drives.valid[k])))
     way = float(np.abs(drives.velocity[k, since:step]).sum() * dt)
-    return bool(drives.velocity[k, since] ** 2 > 2.0 * LIGHT_DECELERATION * way)
+    return bool(drives.velocity[k, since] ** 2 > 2.0 * _core.LIGHT_DECELERATION * way)
 
 
 def _least_speed(drives: _Drives, line: StopLine, k: int, step: int, dt: float) -> float:
-    """The least speed that the vehicle kept for `STOP_TIME` within `STOP_REACH` before the line."""
+    """The least speed that the vehicle kept for `STOP_TIME` within `_core.STOP_REACH` before the line."""
     needed = max(1, round(STOP_TIME / dt))
     middle = line.ends.mean(axis=0)
     near = np.hypot(drives.front_x[k, :step] - middle[0], drives.front_y[k, :step] - middle[1])
     wide = 0.5 * float(np.hypot(*(line.ends[1] - line.ends[0])))
-    places = np.flatnonzero(drives.valid[k, :step] & (near <= np.hypot(STOP_REACH, wide)))
+    places = np.flatnonzero(drives.valid[k, :step] & (near <= np.hypot(_core.STOP_REACH, wide)))
     if len(places) < needed:
         return float(np.abs(drives.velocity[k, step]))
     speeds = np.abs(drives.velocity[k, places])

@@ -116,8 +116,12 @@ class _Proposal:
     velocity_max: float
 
 
+#: What chooses agents, for messages.
+_CHOICES = "'all', 'reachable', 'problems', a number or ids"
+
+
 def normalized(agents: object) -> str | int | list[int]:
-    """The choice of agents as "all", "reachable", a number, or a list of ids.
+    """The choice of agents as "all", "reachable", "problems", a number, or a list of ids.
 
     Raises:
         InputError: The choice is none of these.
@@ -131,7 +135,7 @@ def normalized(agents: object) -> str | int | list[int]:
     try:
         return [operator.index(agent) for agent in agents]  # type: ignore[attr-defined]
     except TypeError:
-        raise InputError(f"agents must be 'all', 'reachable', a number or ids, not {agents!r}") from None
+        raise InputError(f"agents must be {_CHOICES}, not {agents!r}") from None
 
 
 def select(
@@ -149,8 +153,8 @@ def select(
     Args:
         scenario: The scenario.
         road: Its road network.
-        agents: "all" (planning problems and every recorded vehicle that can be one), a number (planning problems
-            first, then recorded vehicles chosen with the seed), or ids.
+        agents: "all" (planning problems and every recorded vehicle that can be one), "problems" (planning problems
+            alone), a number (planning problems first, then recorded vehicles chosen with the seed), or ids.
         agent_settings: Which vehicles can be agents.
         goal_settings: How goals are derived.
         max_steps: Number of time steps after which the run ends; vehicles that start later cannot be agents.
@@ -227,8 +231,10 @@ def _choose(
     proposals: list[_Proposal], reasons: dict[int, str], agents: str | int | Sequence[int], seed: int
 ) -> list[_Proposal]:
     if isinstance(agents, str):
+        if agents == "problems":
+            return [proposal for proposal in proposals if proposal.origin == "planning problem"]
         if agents != "all":
-            raise InputError(f"agents must be 'all', 'reachable', a number or ids, not {agents!r}")
+            raise InputError(f"agents must be {_CHOICES}, not {agents!r}")
         return list(proposals)
     if not isinstance(agents, int) and not agents:
         raise InputError("agents: the list of ids is empty")
@@ -236,7 +242,10 @@ def _choose(
         if agents < 1:
             raise InputError(f"the number of agents must be at least 1, not {agents}")
         if agents > len(proposals):
-            raise InputError(f"{agents} agents requested, but only {len(proposals)} vehicles can be agents")
+            hint = (
+                f"; for the agent with id {agents} write '{agents},'" if agents in {one.id for one in proposals} else ""
+            )
+            raise InputError(f"{agents} agents requested, but only {len(proposals)} vehicles can be agents{hint}")
         return _order(proposals, seed)[:agents]
     chosen: list[_Proposal] = []
     for wanted in agents:

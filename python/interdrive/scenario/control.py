@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 #: What a traffic light shows; red and yellow together count as red.
 Signal: TypeAlias = Literal["dark", "green", "yellow", "red"]
 
+#: A way across a junction.
+Way: TypeAlias = Literal["left", "straight", "right"]
+
+#: All ways; the position is the code that crosses the boundary to the core.
+WAYS: tuple[Way, ...] = ("left", "straight", "right")
+
 #: All signals; the position is the code that crosses the boundary to the core.
 SIGNALS: tuple[Signal, ...] = ("dark", "green", "yellow", "red")
 
@@ -69,6 +75,28 @@ class StopLine:
     def __post_init__(self) -> None:
         """The array is read-only from here on."""
         self.ends.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class Priorities:
+    """What a file says about who goes first at junctions.
+
+    Attributes:
+        turns: Lanelets that lead across a junction, and "left", "straight" or "right", where the file states it.
+        ranks: Lanelets that lead to a junction and have a sign, and what it is worth for a turn to the left, straight
+            on and to the right: 1 (stop), 2 (give way), 4 or 5 (priority); without a sign it would be 3.
+        minor: Lanelets from which others are entered with care: driveways, ramps, bus stops, shoulders.
+        left_hand: Vehicles drive on the left.
+        priority_side: Without any sign, who comes from there goes first.
+        derives_main_road: At a T without signs the road that goes on is the main road.
+    """
+
+    turns: tuple[tuple[int, Way], ...] = ()
+    ranks: tuple[tuple[int, tuple[int, int, int]], ...] = ()
+    minor: tuple[int, ...] = ()
+    left_hand: bool = False
+    priority_side: Literal["right", "left", "none"] = "right"
+    derives_main_road: bool = False
 
 
 def shown_at_lines(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from interdrive.scenario.model import GoalState, Lanelets, PlanningProblem, Scenario
@@ -19,6 +21,19 @@ if TYPE_CHECKING:
 
 #: Kinds of recorded obstacles that a planner can drive.
 DRIVABLE_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "taxi", "priority_vehicle")
+
+#: How two ways share an area, and why one of them goes first; the positions are the codes of the core.
+AREA_KINDS = ("crossing", "merge", "opposed")
+PRECEDENCE = (
+    "by arrival",
+    "by signs",
+    "left turns wait",
+    "minor roads wait",
+    "main road first",
+    "by side",
+    "lane that goes on first",
+    "smaller turn first",
+)
 
 
 @dataclass(frozen=True)
@@ -89,6 +104,39 @@ class Inspection:
     planning_problems: tuple[ProblemSummary, ...]
     candidates: Candidates
     notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Junction:
+    """Areas that vehicles on different ways share, connected by common lanelets.
+
+    Attributes:
+        x: Centre [m].
+        y: Centre [m].
+        n_lanelets: Number of lanelets that lead across.
+        kinds: Number of areas per kind, one of `AREA_KINDS`.
+        reasons: Number of areas per reason why one way goes first, one of `PRECEDENCE`.
+    """
+
+    x: float
+    y: float
+    n_lanelets: int
+    kinds: tuple[tuple[str, int], ...]
+    reasons: tuple[tuple[str, int], ...]
+
+
+def junctions(areas: Mapping[str, NDArray[np.generic]]) -> tuple[Junction, ...]:
+    """Summary of what `_core.Scenario.junctions` found, in its order."""
+    found = []
+    for number in np.unique(areas["junction"]):
+        here = areas["junction"] == number
+        counts = [
+            tuple((name, n) for code, name in enumerate(names) if (n := int(np.sum(areas[field][here] == code))))
+            for field, names in (("kind", AREA_KINDS), ("reason", PRECEDENCE))
+        ]
+        x, y = (float(np.mean(areas[axis][here].astype(np.float64))) for axis in ("x", "y"))
+        found.append(Junction(x, y, len(np.unique(areas["lanelet"][here])), *counts))
+    return tuple(found)
 
 
 def candidates(scenario: Scenario, min_displacement: float = 10.0) -> Candidates:

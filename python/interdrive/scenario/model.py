@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from interdrive.scenario.control import Priorities
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -206,6 +208,11 @@ class PlanningProblem:
     initial_state: InitialState
     goal: tuple[GoalState, ...]
 
+    def __repr__(self) -> str:
+        start = self.initial_state
+        at = f"({start.x:.2f}, {start.y:.2f}) m at time step {start.time_step}, {start.velocity:.2f} m/s"
+        return f"<PlanningProblem {self.id}: from {at}>"
+
 
 @dataclass(frozen=True)
 class Incoming:
@@ -241,6 +248,7 @@ class Scenario:
         incomings: Incoming elements of intersections, sorted by intersection and id; empty if the file has none.
         traffic_lights: Sorted by id.
         stop_lines: Where vehicles stop for lights and stop signs, sorted by lanelet.
+        priorities: Who goes first at junctions, as far as the file says.
     """
 
     name: str
@@ -255,6 +263,7 @@ class Scenario:
     incomings: tuple[Incoming, ...] = ()
     traffic_lights: tuple[TrafficLight, ...] = ()
     stop_lines: tuple[StopLine, ...] = ()
+    priorities: Priorities = field(default_factory=Priorities)
 
     def __repr__(self) -> str:
         still = int(self.obstacles.is_static.sum())

@@ -10,7 +10,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.scenario.control import SIGNALS
+from interdrive.scenario.control import SIGNALS, WAYS
 from interdrive.scenario.model import KINDS
 
 if TYPE_CHECKING:
@@ -108,7 +108,22 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
                 for light in scenario.traffic_lights
             ],
             _lines(scenario),
+            _priorities(scenario),
         )
+
+
+def _priorities(
+    scenario: Scenario,
+) -> tuple[list[tuple[int, int]], list[tuple[int, tuple[int, int, int]]], list[int], bool, int, bool]:
+    found = scenario.priorities
+    return (
+        [(number, WAYS.index(way)) for number, way in found.turns],
+        list(found.ranks),
+        list(found.minor),
+        found.left_hand,
+        {"right": 1, "left": -1, "none": 0}[found.priority_side],
+        found.derives_main_road,
+    )
 
 
 def _lines(scenario: Scenario) -> list[tuple[int, tuple[_Point, _Point], bool, list[tuple[int, list[int]]]]]:

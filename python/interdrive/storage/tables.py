@@ -100,7 +100,8 @@ def read_table(path: Path, columns: Sequence[Column]) -> pa.Table:
     if path.exists() and not path.is_file():
         raise ResultsError(f"{path}: not a file")
     try:
-        table = pq.read_table(path, partitioning=None)
+        with pq.ParquetFile(path) as file:  # pq.read_table would import pandas, where there is one
+            table = file.read()
     except FileNotFoundError:
         raise ResultsError(f"{path}: this file of the run is missing") from None
     except (OSError, pa.ArrowException) as cause:

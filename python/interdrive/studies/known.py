@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from interdrive.errors import InputError
-from interdrive.files import shipped_scenario
-
-#: Names the folder of recorded scenarios.
-FOLDER_VARIABLE = "INTERDRIVE_SCENARIOS"
+from interdrive.files import FOLDER_VARIABLE, shipped_scenario
 
 
 @dataclass(frozen=True)

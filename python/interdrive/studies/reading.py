@@ -27,7 +27,7 @@ def reading(study: CaseStudy) -> str:
 
 
 def _encounter(study: CaseStudy, run: Run) -> str:
-    """How near they came to each other, when, and who was ahead on the way there."""
+    """How near they came to each other, when, and which was ahead on the way there."""
     dt, first = run.scenario.dt, run.states.first_time_step
     if collided(run, study.agent, study.other):
         row = run.outcomes.agent_id.tolist().index(study.agent)

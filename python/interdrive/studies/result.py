@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from interdrive.storage import Column, arrow_table
+from interdrive.storage.html import html_table
 from interdrive.studies.measures import MEASURES, collided
 
 if TYPE_CHECKING:
@@ -37,6 +38,13 @@ class CaseStudy:
     other: int
     planner: str
     runs: Mapping[str, Run]
+
+    def __repr__(self) -> str:
+        return f"<CaseStudy of {self.scenario.name}: agent {self.agent}, other {self.other}, planner {self.planner}>"
+
+    def _repr_html_(self) -> str:
+        """The table, for notebooks."""
+        return html_table(self.table.column_names, self.table.to_pylist())
 
     @property
     def name(self) -> str:

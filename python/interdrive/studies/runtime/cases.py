@@ -6,8 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from interdrive.files import shipped_scenario
-from interdrive.studies.known import FOLDER_VARIABLE
+from interdrive.files import FOLDER_VARIABLE, shipped_scenario
 
 #: Numbers of agents in the four scenarios; all of them come on top.
 COUNTS = (1, 2, 4, 8, 16, 24)
@@ -25,7 +24,7 @@ class RuntimeCase:
         kind: What it shows, for people.
         path: CommonRoad file.
         counts: Numbers of agents, ascending; None stands for all of them.
-        predictor: Who predicts.
+        predictor: Name of the predictor.
     """
 
     kind: str

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 STEP_COLUMNS = (
     Column("kind", "label", "what the scenario shows"),
     Column("scenario", "label", "name of the scenario"),
-    Column("predictor", "label", "who predicts"),
+    Column("predictor", "label", "name of the predictor"),
     Column("agents", "integer", "number of agents"),
     Column("participants", "integer", "agents and recorded vehicles present"),
     Column("threads", "integer", "threads that plan"),

@@ -26,7 +26,7 @@ _KEYS = ("kind", "scenario", "predictor", "agents", "threads")
 SUMMARY_COLUMNS = (
     Column("kind", "label", "what the scenario shows"),
     Column("scenario", "label", "name of the scenario"),
-    Column("predictor", "label", "who predicts"),
+    Column("predictor", "label", "name of the predictor"),
     Column("agents", "integer", "number of agents"),
     Column("threads", "integer", "threads that plan"),
     Column("participants", "number", "agents and recorded vehicles present, mean"),

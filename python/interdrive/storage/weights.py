@@ -41,6 +41,13 @@ def digest(tensors: Mapping[str, NDArray[np.float32]]) -> str:
     return found.hexdigest()
 
 
+def write_weights(path: Path, tensors: Mapping[str, NDArray[np.float32]], metadata: Mapping[str, str]) -> None:
+    """Writes a safetensors file."""
+    from safetensors.numpy import save_file  # noqa: PLC0415 - for those that write
+
+    save_file(dict(tensors), path, metadata=dict(metadata))
+
+
 def read_weights(path: Path) -> Weights:
     """The tensors of a safetensors file.
 

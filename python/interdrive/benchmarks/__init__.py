@@ -1,0 +1,12 @@
+"""Planners compared by one number on versioned sets of scenarios.
+
+found = interdrive.benchmark("mypackage.mymodule:Mine", set="public-1", split="dev", scenarios="scenarios/")
+print(found.score, found.low, found.high)
+
+Sets, runs and what the number does not tell: docs/scoring.md.
+"""
+
+from interdrive.benchmarks.run import Benchmark, Row, benchmark
+from interdrive.benchmarks.sets import SPLITS, BenchmarkSet, SetFile, read_set, set_names
+
+__all__ = ["SPLITS", "Benchmark", "BenchmarkSet", "Row", "SetFile", "benchmark", "read_set", "set_names"]

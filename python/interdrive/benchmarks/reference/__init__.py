@@ -1,0 +1,1 @@
+"""Rows of known planners, one file per set."""

@@ -1,0 +1,150 @@
+"""Versioned sets of scenarios: what they consist of, and their files, found by content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from interdrive.errors import InputError
+from interdrive.files import content_of_file, shipped_scenario, shipped_scenarios
+
+#: Splits: what claims are made on, what planners are tuned on, both.
+SPLITS = ("test", "dev", "all")
+
+#: Where files are looked for if no folder is given.
+VARIABLE = "INTERDRIVE_SCENARIOS"
+
+_ENDINGS = (".xml", ".pb")
+
+
+@dataclass(frozen=True)
+class SetFile:
+    """One scenario of a set.
+
+    Attributes:
+        name: Of the file, without ending.
+        sha256: Of its content, by which it is found.
+        source: Repository, path and commit from which it comes; empty for shipped scenarios.
+        category: Of its roads. place: One stretch of road; places are drawn together in intervals.
+        traffic: recorded, simulated or invented.
+        split: "test" or "dev".
+        agents: Ids; each is driven alone.
+    """
+
+    name: str
+    sha256: str
+    source: tuple[str, ...]
+    category: str
+    place: str
+    traffic: str
+    split: str
+    agents: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class BenchmarkSet:
+    """A set of scenarios; a released one never changes, corrections make a new version.
+
+    Attributes:
+        name: With its version, such as "public-1".
+        text: What it is.
+        files: Its scenarios.
+        sha256: Of what it states.
+    """
+
+    name: str
+    text: str
+    files: tuple[SetFile, ...]
+    sha256: str
+
+    def of_split(self, split: str) -> tuple[SetFile, ...]:
+        """The scenarios of a split.
+
+        Raises:
+            InputError: There is no such split, or it is empty.
+        """
+        if split not in SPLITS:
+            raise InputError(f"split {split!r}: expected one of {', '.join(SPLITS)}")
+        found = tuple(file for file in self.files if split in ("all", file.split))
+        if not found:
+            raise InputError(f"split {split}: {self.name} has no scenarios in it; take all")
+        return found
+
+
+def set_names() -> tuple[str, ...]:
+    """The sets that come with the package."""
+    return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
+
+
+def read_set(name: str) -> BenchmarkSet:
+    """A set by its name.
+
+    Raises:
+        InputError: There is none; the message lists the names.
+    """
+    if name not in set_names():
+        raise InputError(f"set {name!r}: there is no such benchmark set; there are {', '.join(set_names())}")
+    content = (_folder() / f"{name}.toml").read_bytes()
+    table: dict[str, Any] = tomllib.loads(content.decode())
+    entries = tuple(
+        SetFile(
+            name=entry["name"],
+            sha256=entry["sha256"],
+            source=tuple(entry.get("source", ())),
+            category=entry["category"],
+            place=entry["place"],
+            traffic=entry["traffic"],
+            split=entry["split"],
+            agents=tuple(entry["agents"]),
+        )
+        for entry in table["file"]
+    )
+    return BenchmarkSet(name, table["text"], entries, hashlib.sha256(content).hexdigest())
+
+
+def find_files(wanted: tuple[SetFile, ...], folder: str | Path | None) -> tuple[dict[str, Path], list[str]]:
+    """The files of a set by the hash of their content, and what is missing and why, one line each.
+
+    Args:
+        wanted: What is looked for.
+        folder: Searched with all folders below; by default that of the variable `INTERDRIVE_SCENARIOS`. Shipped
+            scenarios are always found.
+
+    Raises:
+        InputError: The folder does not exist.
+    """
+    given = folder or os.environ.get(VARIABLE)
+    paths = [shipped_scenario(name) for name in shipped_scenarios()]
+    if given:
+        if not Path(given).is_dir():
+            raise InputError(f"{given}: no such folder; benchmark files are looked for below it")
+        paths += sorted(path for path in Path(given).rglob("*") if path.suffix in _ENDINGS)
+    names = {file.name for file in wanted}
+    found: dict[str, Path] = {}
+    others: dict[str, Path] = {}
+    hashes = {file.sha256 for file in wanted}
+    for path in paths:
+        if path.stem not in names or not path.is_file():
+            continue
+        sha256 = hashlib.sha256(content_of_file(path)).hexdigest()
+        if sha256 in hashes:
+            found.setdefault(sha256, path)
+        else:
+            others.setdefault(path.stem, path)
+    missing = [
+        f"{file.name}: {others[file.name]} has other content"
+        if file.name in others
+        else f"{file.name}: not found ({' '.join(file.source) or 'shipped'})"
+        for file in wanted
+        if file.sha256 not in found
+    ]
+    return found, missing
+
+
+def _folder() -> Path:
+    return Path(str(files("interdrive"))) / "benchmarks" / "sets"

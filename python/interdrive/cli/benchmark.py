@@ -1,0 +1,67 @@
+"""`interdrive benchmark`: planners compared by one number on a versioned set of scenarios."""
+
+from __future__ import annotations
+
+import click
+
+from interdrive.errors import InputError
+
+
+@click.command()
+@click.argument("planner", metavar="PLANNER[,NAME=VALUE...][,PLANNER...]", required=False)
+@click.option("--set", "name", metavar="SET", default="shipped-1", help="Set of scenarios (shipped-1).")
+@click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev); claims are made on test.")
+@click.option("--scenarios", metavar="DIR", help="Folder below which the files of the set are (INTERDRIVE_SCENARIOS).")
+@click.option("--list", "listed", metavar="SET", help="List the files of a set, and do nothing else.")
+@click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (all cores).")
+@click.option(
+    "--ray",
+    metavar="[=ADDRESS]",
+    is_flag=False,
+    flag_value="auto",
+    help="Run on a Ray cluster: that of this machine, or the one at an address.",
+)
+@click.option("--out", metavar="DIR", help="Folder of the results (out/benchmark-SET); runs in it are not repeated.")
+@click.option("--quiet", is_flag=True, help="Print only errors.")
+def benchmark(
+    planner: str | None,
+    name: str,
+    split: str,
+    scenarios: str | None,
+    listed: str | None,
+    workers: int | None,
+    ray: str | None,
+    out: str | None,
+    quiet: bool,
+) -> None:
+    """Drive every agent of a set alone, among replayed and among reacting traffic, and compare the scores.
+
+    The number of a planner is 100 times its score among reacting traffic, the mean of scenarios, with an interval over
+    places. Files of a set are found by their content; if some are missing, the number is partial and has no rank. See
+    docs/scoring.md.
+    """
+    from interdrive.cli.batch_report import batch_progress  # noqa: PLC0415 - rich
+    from interdrive.cli.score_report import print_benchmark, print_set  # noqa: PLC0415
+
+    if listed is not None:
+        from interdrive.benchmarks import read_set  # noqa: PLC0415
+
+        print_set(read_set(listed))
+        return
+    if planner is None:
+        raise InputError("benchmark: name a planner, or list a set with --list SET")
+    from interdrive.benchmarks import benchmark as run_benchmark  # noqa: PLC0415
+
+    with batch_progress(quiet=quiet) as on_progress:
+        found = run_benchmark(
+            planner,
+            set=name,
+            split=split,
+            scenarios=scenarios,
+            out=out or f"out/benchmark-{name}",
+            workers=workers,
+            ray=ray,
+            on_progress=on_progress,
+        )
+    if not quiet:
+        print_benchmark(found)

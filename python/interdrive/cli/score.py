@@ -1,0 +1,57 @@
+"""`interdrive score`: one number per agent, its terms, and why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from interdrive.cli.arguments import assigned, id_list, shown
+from interdrive.cli.terminal import say
+from interdrive.config.binding import bind
+from interdrive.errors import InputError
+
+
+@click.command()
+@click.argument("folder", metavar="RUN|BATCH")
+@click.option("--agents", metavar="ID,ID", help="Agents to score (all).")
+@click.option(
+    "--set",
+    "assignments",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A bound, weight or reaction, such as scoring.comfort.jerk=6; docs/scoring.md lists them.",
+)
+@click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
+def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv: bool) -> None:
+    """Score the agents of a run from 0 to 100, and say why they do not have more.
+
+    RUN is a run folder, which gets score.parquet unless --agents or --set is given. Of the batch in folder BATCH the
+    scores of its planners are printed, and all zeros by reason. Definitions: docs/scoring.md.
+    """
+    from interdrive.cli.score_report import print_batch_scores, print_csv, print_scores  # noqa: PLC0415 - rich
+
+    if (Path(folder) / "batch.json").exists():
+        if agents or assignments:
+            raise InputError(f"{folder}: a batch is scored while it runs; --agents and --set are for run folders")
+        from interdrive.comparison.scores import batch_scores  # noqa: PLC0415 - needs the simulation
+
+        print_batch_scores(batch_scores(folder), as_csv=as_csv)
+        return
+    from interdrive.results import load  # noqa: PLC0415 - pyarrow
+    from interdrive.scoring import ScoringSettings, save_score, score_table  # noqa: PLC0415
+    from interdrive.scoring import score as scored  # noqa: PLC0415
+
+    given = {name.removeprefix("scoring."): value for name, value in assigned(assignments).items()}
+    settings = bind(ScoringSettings(), given)
+    ids = None if agents is None else id_list("--agents", agents)
+    run = load(folder)
+    found = scored(run, ids, settings)
+    if as_csv:
+        print_csv(score_table(found).to_pylist())
+    else:
+        print_scores(found, run.scenario.name)
+    if ids is None and not given:
+        path = save_score(found, folder)
+        if not as_csv:
+            say(f"table in {shown(path)}")

@@ -1,0 +1,164 @@
+"""Output of `interdrive score`: tables of scores. Loads rich."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import sys
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+from rich.table import Table
+
+from interdrive.cli.report import output
+from interdrive.cli.terminal import visible
+from interdrive.comparison.scores import ZEROS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from interdrive.benchmarks import Benchmark, BenchmarkSet
+    from interdrive.comparison.scores import PlannerScore
+    from interdrive.scoring import Score
+
+#: Missing files of a benchmark that are listed.
+_MISSING_MAX = 12
+
+#: Terms in the table, and their headings.
+_TERMS = {
+    "progress": "progress",
+    "ttc_term": "TTC",
+    "speed_term": "speed",
+    "comfort_term": "comfort",
+    "direction": "direction",
+}
+
+
+def print_scores(found: Score, name: str) -> None:
+    """Prints the scores of a run, each with its terms and why it is not 100."""
+    console = output()
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for heading in ("agent", "score", *_TERMS.values()):
+        table.add_column(heading, justify="right")
+    table.add_column("why")
+    for row, number in enumerate(found.ids.tolist()):
+        value = found.score[row]
+        cells = [_number(found.terms[term][row], 2) for term in _TERMS]
+        words = escape("; ".join(found.reasons[row]))
+        style = "red" if value == 0.0 else None
+        table.add_row(str(number), _number(100.0 * value, 1), *cells, words, style=style)
+    if len(found.ids):
+        console.print(table)
+    mean = f", mean score {100.0 * float(found.score.mean()):.1f}" if len(found.ids) else ""
+    zeros = int((found.score == 0.0).sum())
+    console.print(
+        f"{escape(name)}, {len(found.ids)} agent{'s' * (len(found.ids) != 1)}{mean}, {zeros} at 0, "
+        f"{int(found.fault.sum())} at fault"
+    )
+    for note in found.notes:
+        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
+
+
+def print_batch_scores(found: Sequence[PlannerScore], *, as_csv: bool) -> None:
+    """Prints the scores of planners by traffic, and how many agents got 0 for what."""
+    if as_csv:
+        print_csv([_planner_row(one) for one in found])
+        return
+    console = output()
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    several = len({(one.traffic, one.agents) for one in found}) > 1
+    for heading in ("planner", *(("traffic", "agents") if several else ())):
+        table.add_column(heading)
+    for heading in ("score", "95 %", "strict", "reached %", "at fault per 100", "nuPlan", "scenarios", "agents"):
+        table.add_column(heading, justify="right")
+    table.add_column("zeros")
+    for one in found:
+        about = (escape(one.variant), *((one.traffic, one.agents) if several else ()))
+        span = "" if math.isnan(one.low) else f"{one.low:.1f} to {one.high:.1f}"
+        table.add_row(
+            *about,
+            _number(one.score, 1),
+            span,
+            _number(one.strict, 1),
+            _number(one.reached, 1),
+            _number(one.at_fault, 2),
+            _number(one.at_fault_nuplan, 2),
+            str(one.n_scenarios),
+            str(one.n_agents),
+            ", ".join(f"{count} {name}" for name, count in one.zeros.items()),
+        )
+    console.print(table)
+    console.print("scores are means over scenarios of the means of their agents; interdrive compare averages agents")
+
+
+def print_benchmark(found: Benchmark) -> None:
+    """Prints the number of each planner with its table, rows of known planners, and what is missing."""
+    console = output()
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("planner", no_wrap=True)
+    table.add_column("category", no_wrap=True)
+    headings = ("R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "plan ms", "scen.", "agents")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    table.add_column("zeros")
+    for row in (*found.table, *(row for row in found.reference if row.category == "all")):
+        is_reference = row in found.reference
+        span = "" if math.isnan(row.low) else f"{row.low:.1f} to {row.high:.1f}"
+        table.add_row(
+            escape(row.planner) + (f" ({row.version})" if is_reference else ""),
+            row.category,
+            _number(row.score, 1),
+            span,
+            _number(row.non_reactive, 1),
+            _number(row.reached, 1),
+            _number(row.at_fault, 2),
+            _number(row.ttc_critical, 1),
+            _number(row.jerk, 2),
+            _number(row.plan_ms, 2),
+            str(row.n_scenarios),
+            str(row.n_agents),
+            ", ".join(f"{count} {name}" for name, count in row.zeros.items()),
+            style="dim" if is_reference else None,
+        )
+    console.print(table)
+    console.print(f"set {found.set}, split {found.split}; R: among reacting traffic, NR: among replayed traffic")
+    if found.missing:
+        console.print(f"partial, without rank: {len(found.missing)} files are missing", style="yellow")
+        for line in found.missing[:_MISSING_MAX]:
+            console.print(f"- {escape(line)}", soft_wrap=True)
+    console.print(f"again: {escape(found.command)}", soft_wrap=True)
+    console.print(f"results in {escape(str(found.folder))}", soft_wrap=True)
+
+
+def print_set(found: BenchmarkSet) -> None:
+    """Prints every file of a set: hash, name, split, where it comes from."""
+    console = output()
+    console.print(escape(found.text), soft_wrap=True)
+    for file in found.files:
+        about = " ".join(file.source) or "shipped"
+        console.print(
+            f"{file.sha256} {file.name} {file.split} {file.category} {len(file.agents)} agents {escape(about)}",
+            soft_wrap=True,
+        )
+    console.print(f"{found.name}: {len(found.files)} files, sha256 of the set {found.sha256}", soft_wrap=True)
+
+
+def _planner_row(one: PlannerScore) -> dict[str, object]:
+    """All about a planner but its scenarios."""
+    row = {item.name: getattr(one, item.name) for item in fields(one) if item.name not in ("zeros", "by_scenario")}
+    return {**row, **{f"zero_{name}": one.zeros.get(name, 0) for name in ZEROS}}
+
+
+def print_csv(rows: Sequence[Mapping[str, object]]) -> None:
+    """Prints rows as CSV, with visible escapes on a terminal."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]) if rows else ["agent_id"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    sys.stdout.write(visible(text.getvalue()) if sys.stdout.isatty() else text.getvalue())
+
+
+def _number(value: float, digits: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{digits}f}"

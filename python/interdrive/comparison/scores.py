@@ -1,0 +1,187 @@
+"""Scores of the planners of a batch: means of scenarios with intervals, and all zeros by reason."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.batches.plan import ALONE, TRAFFIC
+from interdrive.batches.store import BatchFolder
+from interdrive.comparison.variants import arrays, variants_of
+from interdrive.errors import ResultsError
+from interdrive.scoring import FAULT_KINDS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+#: Why a score is 0, in the order in which it is looked for.
+ZEROS = ("lost", "planner_error", "infeasible", *FAULT_KINDS, "off_road", "direction", "progress")
+
+#: Samples of the bootstrap, their seed, and the coverage of intervals.
+SAMPLES, SEED, LEVEL = 2000, 0, 0.95
+
+
+@dataclass(frozen=True)
+class PlannerScore:
+    """The score of one planner in one kind of traffic.
+
+    Attributes:
+        variant: The planner, with whatever else distinguishes it.
+        traffic: What the others do. agents: Agents under test.
+        score: From 0 to 100: mean of the agents of each scenario, mean of the scenarios. low: End of its interval.
+        high: Other end.
+        strict: The same without excuses.
+        n_scenarios: Scenarios. n_agents: Agents, lost ones included.
+        at_fault: Collisions at fault per 100 agents. at_fault_nuplan: By nuPlan's verdict.
+        reached: Agents that reached their goal in time [%].
+        zeros: Agents with a score of 0 by reason (`ZEROS`).
+        by_scenario: Score of each scenario (SHA-256 of its content), from 0 to 1.
+    """
+
+    variant: str
+    traffic: str
+    agents: str
+    score: float
+    low: float
+    high: float
+    strict: float
+    n_scenarios: int
+    n_agents: int
+    at_fault: float
+    at_fault_nuplan: float
+    reached: float
+    zeros: Mapping[str, int]
+    by_scenario: Mapping[str, float] = field(repr=False)
+
+
+def batch_scores(folder: str | Path) -> list[PlannerScore]:
+    """The scores of all planners of a batch, by traffic and choice of agents.
+
+    An agent that another planner drove and that was lost here (its run crashed, or took too long) counts as 0.
+
+    Raises:
+        ResultsError: The folder is no batch, or holds no finished run.
+    """
+    rows = arrays(BatchFolder.open(folder).table())
+    if not len(rows["key"]) or not (rows["status"] == "finished").any():
+        raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to score")
+    rows["variant"] = variants_of(rows)
+    settings = sorted(set(zip(rows["traffic"], rows["agents"], strict=True)), key=lambda s: (TRAFFIC.index(s[0]), s[1]))
+    found = []
+    for traffic, agents in settings:
+        here = (rows["traffic"] == traffic) & (rows["agents"] == agents)
+        expected = expected_agents(rows, here)
+        found += [
+            planner_score(rows, here & (rows["variant"] == variant), expected)
+            for variant in sorted(set(rows["variant"][here].tolist()))
+        ]
+    return found
+
+
+def expected_agents(rows: Mapping[str, Any], here: Any) -> dict[str, set[tuple[int, int]]]:  # noqa: ANN401 - truths
+    """Agents (seed, id) that any planner drove, by scenario."""
+    found: dict[str, set[tuple[int, int]]] = {}
+    for row in np.flatnonzero(here & (rows["under_test"] == 1)).tolist():
+        agent = int(rows["seed"][row]), int(rows["agent_id"][row])
+        found.setdefault(str(rows["scenario_sha256"][row]), set()).add(agent)
+    return found
+
+
+def planner_score(
+    rows: Mapping[str, Any],
+    mine: Any,  # noqa: ANN401 - array of truths
+    expected: Mapping[str, set[tuple[int, int]]],
+    groups: Mapping[str, str] | None = None,
+) -> PlannerScore:
+    """The score over the rows of one planner.
+
+    Args:
+        rows: Columns of the data set as arrays, with `variant`.
+        mine: Which rows count.
+        expected: Agents (seed, id) by scenario; those without a row count as 0.
+        groups: What scenarios are drawn together in the bootstrap, by scenario; each alone by default.
+    """
+    tested = np.flatnonzero(mine & (rows["under_test"] == 1))
+    score, strict = (np.nan_to_num(rows[name][tested].astype(np.float64)) for name in ("score", "score_strict"))
+    scenario = rows["scenario_sha256"][tested].astype(str)
+    driven: dict[str, set[tuple[int, int]]] = {}
+    for row, name in zip(tested.tolist(), scenario.tolist(), strict=True):
+        driven.setdefault(name, set()).add((int(rows["seed"][row]), int(rows["agent_id"][row])))
+    failures = _failures(rows, mine)
+    names = sorted({name for name in expected if expected[name]} | set(driven))
+    n_lost = {
+        name: max(len(expected.get(name, set()) - driven.get(name, set())), failures.get(name, 0)) for name in names
+    }
+    means, strict_means = [], []
+    for name in names:
+        here = scenario == name
+        n = int(here.sum()) + n_lost[name]
+        means.append(float(score[here].sum()) / n)
+        strict_means.append(float(strict[here].sum()) / n)
+    n_agents = len(tested) + sum(n_lost.values())
+    low, high = interval(np.array(means), [groups[name] if groups else name for name in names])
+    first = int(np.flatnonzero(mine)[0])
+
+    def per_hundred(values: Any) -> float:  # noqa: ANN401 - array
+        return 100.0 * float(np.nansum(values[tested].astype(np.float64))) / max(n_agents, 1)
+
+    return PlannerScore(
+        variant=str(rows["variant"][first]),
+        traffic=str(rows["traffic"][first]),
+        agents=str(rows["agents"][first]),
+        score=100.0 * float(np.mean(means)) if means else float("nan"),
+        low=low,
+        high=high,
+        strict=100.0 * float(np.mean(strict_means)) if means else float("nan"),
+        n_scenarios=len(names),
+        n_agents=n_agents,
+        at_fault=per_hundred(rows["fault"]),
+        at_fault_nuplan=per_hundred(rows["fault_nuplan"]),
+        reached=per_hundred(rows["outcome"] == "goal_reached"),
+        zeros=_zeros(rows, tested[score == 0.0], sum(n_lost.values())),
+        by_scenario=dict(zip(names, means, strict=True)),
+    )
+
+
+def interval(means: Floats, groups: Sequence[str]) -> tuple[float, float]:
+    """Ends of the interval of the mean of scenarios, from samples of groups with replacement; nan with one group."""
+    names, group = np.unique(np.array(groups, dtype=str), return_inverse=True)
+    n = len(names)
+    if n < 2:
+        return float("nan"), float("nan")
+    drawn = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), size=SAMPLES).astype(np.float64)
+    sums, counts = np.bincount(group, weights=means, minlength=n), np.bincount(group, minlength=n)
+    spread = 100.0 * (drawn @ sums) / (drawn @ counts)
+    low, high = np.quantile(spread, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL], method="nearest").tolist()
+    return low, high
+
+
+def _failures(rows: Mapping[str, Any], mine: Any) -> Counter[str]:  # noqa: ANN401 - array of truths
+    """Runs of single agents that were lost, by scenario; runs of several agents do not say how many these were."""
+    lost = mine & (rows["agents"] == ALONE) & ~np.isin(rows["status"].astype(str), ["finished", "refused"])
+    return Counter(rows["scenario_sha256"][lost].astype(str).tolist())
+
+
+def _zeros(rows: Mapping[str, Any], zero: Any, lost: int) -> dict[str, int]:  # noqa: ANN401 - array of places
+    found = Counter(_reason(rows, row) for row in zero.tolist())
+    found["lost"] = lost
+    return {name: found[name] for name in ZEROS if found[name]}
+
+
+def _reason(rows: Mapping[str, Any], row: int) -> str:
+    outcome = str(rows["outcome"][row])
+    if outcome in ("planner_error", "infeasible"):
+        return outcome
+    if kind := rows["fault_kind"][row]:
+        return str(kind)
+    if outcome == "collision" and rows["off_road"][row] == 1:
+        return "off_road"
+    return "direction" if rows["direction"][row] == 0.0 else "progress"

@@ -1,0 +1,167 @@
+"""Any subset of the agents learns together: a `pettingzoo.ParallelEnv`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.envs.engine import Engine, public
+from interdrive.envs.recording import recorded_actions, run_of
+from interdrive.envs.settings import setup_of
+from interdrive.envs.single import no_rendering
+from interdrive.envs.spaces import Views, observation_space
+from interdrive.errors import InputError, MissingExtraError
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    raise MissingExtraError('interdrive.envs needs pettingzoo: pip install "interdrive[rl]"') from error
+
+if TYPE_CHECKING:
+    import gymnasium
+    from numpy.typing import NDArray
+
+    from interdrive.results import Run
+
+
+class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
+    """Several vehicles learn together; `possible_agents` are agent_0, agent_1, ... by ascending CommonRoad id.
+
+    Args:
+        render_mode: None.
+        sampler: Draws the scenarios.
+        **settings: As for `DriveEnv`; `learners` may be any number, "all" (the default) or ids of one scenario.
+
+    Raises:
+        InputError: The input cannot be used; one line states why.
+    """
+
+    metadata = {"name": "interdrive", "is_parallelizable": True, "render_modes": []}  # noqa: RUF012
+
+    def __init__(self, render_mode: str | None = None, sampler: Any = None, **settings: Any) -> None:  # noqa: ANN401
+        no_rendering(render_mode)
+        setup = setup_of(settings, learners="all")
+        self.render_mode = None
+        self._engine = Engine(setup, num_worlds=1, autoreset="disabled", sampler=sampler)
+        self._views = Views(setup.settings.observation)
+        self._copy = setup.settings.copy
+        self.possible_agents = [f"agent_{i}" for i in range(self._engine.slots)]
+        self._row = {name: row for row, name in enumerate(self.possible_agents)}
+        self.agents: list[str] = []
+        self._observation_space = observation_space(setup.settings.observation)
+        space = self._engine.kind.space
+        # One object per agent: sampling from one does not change the samples of another.
+        self._action_spaces = {name: type(space)(**_arguments(space)) for name in self.possible_agents}
+        self._observation_spaces = {
+            name: observation_space(setup.settings.observation) for name in self.possible_agents
+        }
+
+    @property
+    def observation_spaces(self) -> dict[str, gymnasium.Space[Any]]:
+        """Spaces of observations by agent."""
+        return self._observation_spaces
+
+    @property
+    def action_spaces(self) -> dict[str, gymnasium.Space[Any]]:
+        """Spaces of actions by agent."""
+        return self._action_spaces
+
+    def observation_space(self, agent: str) -> gymnasium.Space[Any]:
+        """Space of the observations of an agent, the same object at each call."""
+        return self._observation_spaces[agent]
+
+    def action_space(self, agent: str) -> gymnasium.Space[Any]:
+        """Space of the actions of an agent, the same object at each call."""
+        return self._action_spaces[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """Begins an episode.
+
+        Returns:
+            Observations, and infos with the CommonRoad id, by agent.
+        """
+        self._engine.seed(0, seed)
+        self._engine.reset()
+        buffers = self._engine.buffers
+        self.agents = [name for name, row in self._row.items() if buffers.masks[row]]
+        ids = buffers.agent_ids
+        return self._observed(self.agents), {name: {"agent_id": int(ids[self._row[name]])} for name in self.agents}
+
+    def step(
+        self, actions: dict[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """One decision of all agents; actions of those that have ended are ignored.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos by agent. Agents that end in this step are in
+            them, then they leave `agents`.
+        """
+        buffers = self._engine.buffers
+        if not self.agents:
+            raise InputError("step: reset first")
+        for name in actions:
+            if name not in self._row:
+                raise InputError("actions", f'"{name}" is not one of the {len(self._row)} possible agents')
+        shape = buffers.actions.shape[1:]
+        for name in self.agents:
+            if name not in actions:
+                raise InputError("actions", f'there is none for "{name}"')
+            if np.shape(actions[name]) != shape:
+                raise InputError("actions", f"shape {np.shape(actions[name])} given, {shape} expected")
+            buffers.actions[self._row[name]] = actions[name]
+        self._engine.step()
+        drove = self.agents
+        infos: dict[str, dict[str, Any]] = {name: {} for name in drove}
+        for info in self._engine.infos():
+            infos[self.possible_agents[info["row"]]] = public(info)
+        rows = [(name, self._row[name]) for name in drove]
+        self.agents = [name for name, row in rows if buffers.masks[row]]
+        return (
+            self._observed(drove),
+            {name: float(buffers.rewards[row]) for name, row in rows},
+            {name: bool(buffers.terminals[row]) for name, row in rows},
+            {name: bool(buffers.truncations[row]) for name, row in rows},
+            infos,
+        )
+
+    def state(self) -> NDArray[np.float32]:
+        """All observations in the order of `possible_agents`; zeros for those that have ended."""
+        masks = self._engine.buffers.masks
+        whole: NDArray[np.float32] = np.where(masks[:, None], self._engine.buffers.observations, 0.0).ravel()
+        return whole
+
+    def update(self, **changes: Any) -> None:  # noqa: ANN401
+        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
+        self._engine.update(changes)
+
+    def run(self) -> Run:
+        """The episode so far; needs `record=True`."""
+        return run_of(self._engine)
+
+    def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What a recorded driver did: actions (time steps, 2), and where they lead to its next state (time steps,)."""
+        return recorded_actions(self._engine, agent_id)
+
+    def render(self) -> None:
+        """Does nothing; pictures come from `run()`."""
+
+    def close(self) -> None:
+        """Has nothing to close."""
+
+    def _observed(self, names: list[str]) -> dict[str, Any]:
+        observations = self._engine.buffers.observations
+        return {name: self._views.of(observations[self._row[name]], copy=self._copy) for name in names}
+
+
+def _arguments(space: Any) -> dict[str, Any]:  # noqa: ANN401 - a box or a discrete space
+    if hasattr(space, "n"):
+        return {"n": int(space.n)}
+    return {"low": space.low, "high": space.high, "dtype": space.dtype}
+
+
+def parallel_env(**settings: Any) -> ParallelDriveEnv:  # noqa: ANN401 - settings of many types
+    """A `ParallelDriveEnv`, as PettingZoo names it."""
+    return ParallelDriveEnv(**settings)

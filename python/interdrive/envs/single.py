@@ -1,0 +1,120 @@
+"""One learner: a `gymnasium.Env`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+
+from interdrive.envs.engine import Engine, public
+from interdrive.envs.recording import recorded_actions, run_of
+from interdrive.envs.settings import setup_of
+from interdrive.envs.spaces import Views, observation_space
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive.results import Run
+
+
+def only_one(learners: object, name: str) -> None:
+    """Refuses more than one learner.
+
+    Raises:
+        InputError: There are more.
+    """
+    n = learners if isinstance(learners, int | str) else len(learners) if isinstance(learners, list | tuple) else 1
+    if n != 1:
+        raise InputError("learners", f"{name} has one, {n} given; use parallel_env")
+
+
+def no_rendering(render_mode: str | None) -> None:
+    """Refuses to render.
+
+    Raises:
+        InputError: A mode is given.
+    """
+    if render_mode is not None:
+        raise InputError("render_mode", f'"{render_mode}" is not offered; use run()')
+
+
+class DriveEnv(gymnasium.Env[Any, Any]):
+    """One vehicle learns; all others replay their recording or plan.
+
+    Args:
+        render_mode: None; pictures come from `run()`.
+        **settings: `scenarios`, `learners` (1 or an id), `traffic`, `predictor`, `actions`, and the fields of
+            `EnvSettings`; nested ones by dotted names, such as `**{"reward.collision": -2.0}`.
+
+    Raises:
+        InputError: The input cannot be used; one line states why.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - as gymnasium declares it
+
+    def __init__(self, render_mode: str | None = None, **settings: Any) -> None:  # noqa: ANN401 - settings of many types
+        no_rendering(render_mode)
+        setup = setup_of(settings, learners=1)
+        only_one(setup.learners, "DriveEnv")
+        self.render_mode = None
+        self._engine = Engine(setup, num_worlds=1, autoreset="disabled")
+        self._views = Views(setup.settings.observation)
+        self._copy = setup.settings.copy
+        self.observation_space = observation_space(setup.settings.observation)
+        self.action_space = self._engine.kind.space
+        buffers = self._engine.buffers
+        self._actions, self._observation = buffers.actions, buffers.observations[0]
+        self._rewards, self._ends, self._cuts = buffers.rewards, buffers.terminals, buffers.truncations
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begins an episode.
+
+        Args:
+            seed: Of scenario, first step and learner; None: goes on with the numbers of the last seed.
+            options: Not used.
+
+        Returns:
+            Observation and an empty info.
+        """
+        if seed is not None and seed < 0:
+            raise InputError("seed", f"must not be negative, is {seed}")
+        super().reset(seed=seed)
+        self._engine.rngs[0] = self.np_random
+        self._engine.reset()
+        return self._views.of(self._observation, copy=self._copy), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:  # noqa: ANN401 - an array or a number
+        """Takes a decision.
+
+        Returns:
+            Observation, reward, whether the episode has ended, whether it was cut, and the info, empty until then.
+        """
+        given = np.shape(action)
+        if given != self._actions.shape[1:]:
+            raise InputError("actions", f"shape {given} given, {self._actions.shape[1:]} expected")
+        self._actions[0] = action
+        self._engine.step()
+        observation = self._views.of(self._observation, copy=self._copy)
+        ended, cut = bool(self._ends[0]), bool(self._cuts[0])
+        info = public(self._engine.infos()[0]) if ended or cut else {}
+        return observation, float(self._rewards[0]), ended, cut, info
+
+    def update(self, **changes: Any) -> None:  # noqa: ANN401 - settings of many types
+        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
+        self._engine.update(changes)
+
+    def run(self) -> Run:
+        """The episode so far; needs `record=True`."""
+        return run_of(self._engine)
+
+    def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What a recorded driver did: actions (time steps, 2), and where they lead to its next state (time steps,)."""
+        return recorded_actions(self._engine, agent_id)
+
+    def render(self) -> None:
+        """Does nothing; pictures come from `run()`."""
+
+    def close(self) -> None:
+        """Has nothing to close."""

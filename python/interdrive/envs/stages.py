@@ -1,0 +1,240 @@
+"""Scenarios ready to be played: read once, shared by all worlds."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from interdrive import _core
+from interdrive.batches.plan import scenario_files
+from interdrive.config.agent_config import agent_configs, run_config
+from interdrive.errors import InputError
+from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
+from interdrive.planners import native_planner
+from interdrive.prediction_evaluation.split import read_split
+from interdrive.scenario import KINDS, Scenario
+from interdrive.scenario.agents import select
+from interdrive.scenario.native import core_road, core_scenario, core_shape
+
+if TYPE_CHECKING:
+    from interdrive.config.agent_config import AgentConfig, PlannersSpec
+    from interdrive.envs.settings import EnvSettings, Setup
+    from interdrive.scenario.agents import Agent
+
+#: So much of the recording is left where an episode may begin [s].
+REST = 3.0
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where episodes of a scenario may begin.
+
+    Attributes:
+        time_step: First time step.
+        eligible: Positions of the vehicles that can learn then.
+    """
+
+    time_step: int
+    eligible: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A scenario with everything that is worked out once.
+
+    Attributes:
+        scenario: The scenario.
+        road: Its roads.
+        agents: Vehicles that can learn, sorted by id.
+        configs: Planner, view and rules by id, for those that do not learn.
+        core: The core's handle.
+        recorded: The core's handle of the scenario.
+        starts: Where episodes may begin.
+    """
+
+    scenario: Scenario
+    road: _core.RoadNetwork
+    agents: tuple[Agent, ...]
+    configs: Mapping[int, AgentConfig]
+    core: _core.Stage
+    recorded: _core.Scenario
+    starts: tuple[Start, ...]
+
+
+def stages_of(setup: Setup) -> list[Stage]:
+    """The scenarios of an environment in which enough agents can learn.
+
+    Raises:
+        InputError: No scenario, no part, or no learners; one line that says why.
+    """
+    scenarios = _scenarios(setup)
+    wanted = setup.learners
+    if not isinstance(wanted, str | int) and len(scenarios) != 1:
+        raise InputError("learners", f"ids need exactly one scenario, {len(scenarios)} given")
+    found = [_stage(scenario, setup) for scenario in scenarios]
+    if not isinstance(wanted, str | int):
+        return [_with_ids(found[0], list(wanted))]
+    least = wanted if isinstance(wanted, int) else 1
+    most = max(found, key=_largest)
+    if _largest(most) < least:
+        what = f"{least} vehicles" if least > 1 else "a vehicle"
+        raise InputError(
+            "learners", f"no scenario has {what} that can learn; the most is {_largest(most)} ({most.scenario.name})"
+        )
+    fit = [_with_at_least(stage, least) for stage in found if _largest(stage) >= least]
+    if len(fit) < len(found):
+        warnings.warn(
+            f"{len(found) - len(fit)} of {len(found)} scenarios have fewer than {least} learners", stacklevel=4
+        )
+    return fit
+
+
+def most_learners(stages: Iterable[Stage]) -> int:
+    """Largest number of vehicles that can learn at once."""
+    return max(_largest(stage) for stage in stages)
+
+
+def _largest(stage: Stage) -> int:
+    return max((len(start.eligible) for start in stage.starts), default=0)
+
+
+def _with_at_least(stage: Stage, least: int) -> Stage:
+    return _with_starts(stage, [start for start in stage.starts if len(start.eligible) >= least])
+
+
+def _with_starts(stage: Stage, starts: Sequence[Start]) -> Stage:
+    return Stage(
+        stage.scenario, stage.road, stage.agents, stage.configs, stage.core, stage.recorded, starts=tuple(starts)
+    )
+
+
+def _with_ids(stage: Stage, ids: list[int]) -> Stage:
+    """The stage with episodes in which exactly these learn."""
+    own = {name: position for position, agent in enumerate(stage.agents) for name in (*agent.names, agent.id)}
+    for agent in ids:
+        if agent not in own:
+            raise InputError("learners", f"{agent} cannot be an agent of {stage.scenario.name}")
+    places = tuple(sorted({own[agent] for agent in ids}))
+    starts = [Start(start.time_step, places) for start in stage.starts if set(places) <= set(start.eligible)]
+    if not starts:
+        first = stage.starts[0] if stage.starts else Start(0, ())
+        missing = next((a for a in ids if own[a] not in first.eligible), ids[0])
+        raise InputError("learners", f"{missing} does not drive at the first step of {stage.scenario.name}")
+    return _with_starts(stage, starts)
+
+
+def _scenarios(setup: Setup) -> list[Scenario]:
+    given = setup.scenarios
+    listed = [given] if isinstance(given, str | Path | Scenario) else list(given)
+    ready = [one for one in listed if isinstance(one, Scenario)]
+    named: list[str | Path] = [one for one in listed if not isinstance(one, Scenario)]
+    paths: list[Path] = []
+    for one in named:
+        if str(one) in shipped_scenarios() and not Path(one).exists():
+            paths.append(shipped_scenario(str(one)))
+            continue
+        try:
+            paths += [Path(file.path) for file in scenario_files([one])[0]]
+        except InputError as error:
+            raise InputError("scenarios", f"none found in {one} ({error.message})") from None
+    if not ready and not paths:
+        raise InputError("scenarios", "none given")
+    n = len(ready) + len(paths)
+    settings = setup.settings
+    paths = [path for path in paths if _belongs(path, settings)]
+    ready = [one for one in ready if _belongs(Path(one.name), settings)]
+    if not ready and not paths:
+        raise InputError("part", f'none of {n} scenarios belongs to "{settings.part}"')
+    return [*ready, *(open_scenario(path) for path in paths)]
+
+
+def _belongs(path: Path, settings: EnvSettings) -> bool:
+    """Whether a scenario is of the wanted part: by the file of places, or by the name up to its last "-"."""
+    if settings.part == "all":
+        return True
+    if settings.split is not None:
+        place = read_split(settings.split).place_of(path)
+        part = "none" if place is None else place.part
+        return part == "validation" if settings.part == "test" else part not in ("validation", "none")
+    name = path.stem.rpartition("-")[0] or path.stem
+    number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    return (number < settings.test_share * 2**64) == (settings.part == "test")
+
+
+def _stage(scenario: Scenario, setup: Setup) -> Stage:
+    simulation = setup.settings.simulation
+    steps = setup.settings.decision_seconds / scenario.dt
+    if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
+        raise InputError(
+            "decision_seconds",
+            f"{setup.settings.decision_seconds:g} is no multiple of dt = {scenario.dt:g} ({scenario.name})",
+        )
+    road = core_road(scenario, simulation.road)
+    recorded = core_scenario(scenario, road)
+    try:
+        agents, _ = select(
+            scenario,
+            road,
+            "all",
+            agent_settings=simulation.agents,
+            goal_settings=simulation.goal,
+            max_steps=simulation.step.steps_at_most(scenario),
+            seed=0,
+        )
+    except InputError:
+        agents = []
+    configs = _configs(scenario, setup, agents)
+    handles, planners = [], []
+    for agent in agents:
+        config, state = configs[agent.id], agent.initial_state
+        record = config.planner.make()
+        native = native_planner(record)
+        if native is None:
+            raise InputError("traffic", f"{config.planner.name} is not a native planner")
+        planners.append(None if config.planner.native == "recorded" else native)
+        handles.append(
+            _core.Agent(
+                agent.id,
+                KINDS.index(agent.kind),
+                core_shape(agent.shape),
+                agent.vehicle,
+                (state.x, state.y, state.orientation, state.velocity, state.acceleration, state.yaw_rate),
+                state.time_step,
+                agent.native_goal,
+                agent.route,
+                None,
+                config.view,
+                config.rules,
+            )
+        )
+    core = _core.Stage(recorded, handles, planners)
+    starts = tuple(_starts(core, scenario, setup.settings))
+    return Stage(scenario, road, tuple(agents), configs, core, recorded, starts)
+
+
+def _configs(scenario: Scenario, setup: Setup, agents: list[Agent]) -> dict[int, AgentConfig]:
+    given: Any = setup.traffic
+    is_by_id = isinstance(given, Mapping) and "planner" not in given
+    traffic: PlannersSpec = {"default": "recorded", **given} if is_by_id else given
+    try:
+        config = run_config(setup.settings.simulation, traffic, setup.predictor)
+        chosen = agent_configs(config, {}, {}, {}, agents, {agent.id for agent in agents})[0]
+        driven = agent_configs(config, {}, {}, {}, agents, set(scenario.obstacles.ids.tolist()))[0]
+        # What has no recording to replay is there only if it learns.
+        return {i: chosen[i] if chosen[i].planner.native == "recorded" else driven[i] for i in chosen}
+    except InputError as error:
+        raise error.within("traffic") from None
+
+
+def _starts(core: _core.Stage, scenario: Scenario, settings: EnvSettings) -> Iterable[Start]:
+    yield_first = settings.start == "first"
+    rest = 0 if yield_first else round(REST / scenario.dt)
+    last = 0 if yield_first else max(0, scenario.obstacles.n_steps - 1 - rest)
+    for time_step in range(last + 1):
+        eligible = core.eligible(time_step, rest)
+        if eligible:
+            yield Start(time_step, tuple(eligible))

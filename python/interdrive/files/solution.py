@@ -1,0 +1,211 @@
+"""CommonRoad solutions: drives of planning problems as a document for the official checker and site."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.files.content import content_of_file
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive.run import AgentRecord, RunRecord
+    from interdrive.scenario import PlanningProblem
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+
+#: Vehicle models, with the names of their trajectories and states.
+MODELS = {"KS": ("ksTrajectory", "ksState"), "ST": ("stTrajectory", "stState"), "PM": ("pmTrajectory", "pmState")}
+
+#: Cost functions of the benchmark site.
+COSTS = ("JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1")
+
+#: Those that the site computes for a point mass.
+_POINT_MASS_COSTS = ("JB1", "WX1", "MW1")
+
+#: Below this speed the steering angle is interpolated [m/s].
+_SLOW = 0.1
+
+#: Footprints and starts that differ by less are the same [m].
+_SAME = 1e-3
+
+_BENCHMARK_ID = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+(_\d+)*(_[TSPI](-\d+)+)?")
+
+
+@dataclass(frozen=True)
+class VehicleType:
+    """A vehicle type of CommonRoad: footprint, and the distances of the axles from its centre of gravity [m]."""
+
+    number: int
+    name: str
+    length: float
+    width: float
+    front: float
+    rear: float
+
+    @property
+    def wheelbase(self) -> float:
+        """Distance of the axles [m]."""
+        return self.front + self.rear
+
+
+#: Vehicle types by number (commonroad-vehicle-models 3.0.2).
+VEHICLES = {
+    vehicle.number: vehicle
+    for vehicle in (
+        VehicleType(1, "Ford Escort", 4.298, 1.674, 0.883_891_8, 1.508_776_4),
+        VehicleType(2, "BMW 320i", 4.508, 1.610, 1.156_195_67, 1.422_717_09),
+        VehicleType(3, "VW Vanagon", 4.569, 1.844, 1.150_80, 1.321_10),
+        VehicleType(4, "truck", 5.100, 2.550, 1.800, 1.800),
+    )
+}
+
+
+def write_solution(run: RunRecord, cost: str = "SM1", model: str = "KS", vehicle: int = 2) -> bytes:
+    """The drives of all planning problems of a scenario as a CommonRoad solution.
+
+    Every drive ends with the first state that meets its goal in its time. Positions are centres of footprints.
+
+    Args:
+        run: A run whose agents are all planning problems of its scenario (`agents="problems"`), all solved.
+        cost: Cost function, one of `COSTS`.
+        model: Vehicle model: "KS" (kinematic single-track), "ST" (single-track) or "PM" (point mass).
+        vehicle: Vehicle type, 1 to 4; the one that was driven.
+
+    Returns:
+        The document. Equal runs give equal bytes.
+
+    Raises:
+        InputError: An unknown cost function, model or vehicle type; agents that are no planning problems or drove
+            another vehicle; a problem without agent or not solved; a benchmark id that solutions cannot name.
+    """
+    if cost not in COSTS:
+        raise InputError(f"cost {cost!r}: expected one of {', '.join(COSTS)}")
+    if model not in MODELS:
+        raise InputError(f"model {model!r}: expected one of {', '.join(MODELS)}")
+    if model == "PM" and cost not in _POINT_MASS_COSTS:
+        raise InputError(f"cost {cost}: a point mass can have {', '.join(_POINT_MASS_COSTS)}")
+    if vehicle not in VEHICLES:
+        raise InputError(f"vehicle {vehicle}: expected a number from 1 to 4")
+    scenario = run.scenario
+    if not _BENCHMARK_ID.fullmatch(scenario.benchmark_id):
+        raise InputError(f"{scenario.name}: benchmark id {scenario.benchmark_id!r} is none that a solution can name")
+    drives = _drives(run, VEHICLES[vehicle])
+    names = [f"{model}{vehicle}"] * len(drives), [cost] * len(drives)
+    listed = [one[0] if len(one) == 1 else f"[{','.join(one)}]" for one in names]
+    benchmark_id = ":".join((*listed, scenario.benchmark_id, _version(run)))
+    seconds = float(
+        np.sum([s for s, phase in zip(run.timings.seconds, run.timings.phase, strict=True) if "plan" in phase])
+    )
+    lines = ["<?xml version='1.0' encoding='utf-8'?>"]
+    lines.append(
+        f"<CommonRoadSolution benchmark_id={quoteattr(benchmark_id)} computation_time={quoteattr(repr(seconds))}>"
+    )
+    for problem, agent in drives:
+        lines += _trajectory(run, problem, agent, model, VEHICLES[vehicle])
+    lines.append("</CommonRoadSolution>")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _drives(run: RunRecord, vehicle: VehicleType) -> list[tuple[PlanningProblem, AgentRecord]]:
+    """Every planning problem with its agent.
+
+    Raises:
+        InputError: One has none, or did not reach its goal, or there are other agents.
+    """
+    name, states = run.scenario.name, run.states
+    others = [agent.id for agent in run.agents if agent.origin != "planning problem"]
+    if others:
+        raise InputError(
+            f"{name}: agent {others[0]} is no planning problem; drive the problems alone: --agents problems"
+        )
+    found = []
+    for problem in run.scenario.planning_problems:
+        agent = next((agent for agent in run.agents if _starts_at(run, agent, problem)), None)
+        if agent is None:
+            raise InputError(f"{name}: planning problem {problem.id} was not driven; a solution needs all of them")
+        place = int(np.searchsorted(run.outcomes.agent_id, agent.id))
+        if run.outcomes.outcome[place] != "goal_reached":
+            outcome, reason = run.outcomes.outcome[place], run.outcomes.reason[place]
+            raise InputError(f"{name}: planning problem {problem.id} is not solved: {outcome}, {reason}")
+        row = int(np.searchsorted(states.participant_id, agent.id))
+        size = float(states.length[row]), float(states.width[row])
+        if abs(size[0] - vehicle.length) > _SAME or abs(size[1] - vehicle.width) > _SAME:
+            raise InputError(
+                f"{name}: agent {agent.id} drove a vehicle of {size[0]:g} m by {size[1]:g} m, "
+                f"not of type {vehicle.number} ({vehicle.name}, {vehicle.length:g} m by {vehicle.width:g} m)"
+            )
+        found.append((problem, agent))
+    if not found:
+        raise InputError(f"{name}: the scenario has no planning problem")
+    return found
+
+
+def _starts_at(run: RunRecord, agent: AgentRecord, problem: PlanningProblem) -> bool:
+    states, start = run.states, problem.initial_state
+    row, column = int(np.searchsorted(states.participant_id, agent.id)), start.time_step - states.first_time_step
+    if agent.start_time_step != start.time_step or not 0 <= column < states.n_steps:
+        return False
+    return bool(np.hypot(states.x[row, column] - start.x, states.y[row, column] - start.y) < _SAME)
+
+
+def _version(run: RunRecord) -> str:
+    """The version of the format of the scenario's file."""
+    path = run.scenario.path
+    if path is None or path.suffix != ".xml":
+        return "2020a"
+    found = re.search(rb"commonRoadVersion\s*=\s*[\"'](\w+)[\"']", content_of_file(path)[:4096])
+    return found[1].decode() if found else "2020a"
+
+
+def _trajectory(
+    run: RunRecord, problem: PlanningProblem, agent: AgentRecord, model: str, vehicle: VehicleType
+) -> list[str]:
+    states = run.states
+    row = int(np.searchsorted(states.participant_id, agent.id))
+    columns = np.flatnonzero(states.valid[row])
+    x, y, velocity, yaw_rate = (getattr(states, n)[row, columns] for n in ("x", "y", "velocity", "yaw_rate"))
+    stated = problem.initial_state.orientation
+    heading = np.unwrap(states.orientation[row, columns])
+    heading = heading + 2.0 * np.pi * np.round((stated - heading[0]) / (2.0 * np.pi))
+    time = columns + states.first_time_step
+    steering = steering_angles(velocity, yaw_rate, vehicle.wheelbase)
+    if model == "PM":
+        fields = {"xVelocity": velocity * np.cos(heading), "yVelocity": velocity * np.sin(heading)}
+    else:
+        fields = {"steeringAngle": steering, "velocity": velocity, "orientation": heading}
+    if model == "ST":
+        slip = np.arctan(vehicle.rear * np.tan(steering) / vehicle.wheelbase)
+        fields |= {"yawRate": velocity * np.cos(slip) * np.tan(steering) / vehicle.wheelbase, "slipAngle": slip}
+    outer, inner = MODELS[model]
+    lines = [f'  <{outer} planningProblem="{problem.id}">']
+    for k, step in enumerate(time.tolist()):
+        lines.append(f"    <{inner}>")
+        lines += [f"      <{n}>{float(v[k])!r}</{n}>" for n, v in {"x": x, "y": y, **fields}.items()]
+        lines += [f"      <time>{step}</time>", f"    </{inner}>"]
+    lines.append(f"  </{outer}>")
+    return lines
+
+
+def steering_angles(velocity: Floats, yaw_rate: Floats, wheelbase: float) -> Floats:
+    """Steering angles of a kinematic single-track model [rad]; interpolated where it hardly moves.
+
+    Args:
+        velocity: Of the rear axle [m/s], shape (states,).
+        yaw_rate: [rad/s]; nan where it is not known.
+        wheelbase: [m].
+    """
+    known = (np.abs(velocity) >= _SLOW) & np.isfinite(yaw_rate)
+    if not known.any():
+        return np.zeros(len(velocity))
+    steps = np.arange(len(velocity))
+    angles = np.arctan(yaw_rate[known] * wheelbase / velocity[known])
+    found: Floats = np.interp(steps, steps[known], angles)
+    return found

@@ -1,0 +1,58 @@
+"""Messages of a run and what they were good for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.run.record import SERVICES, Messages
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from interdrive import _core
+    from interdrive.run.record import Json
+
+#: Bit rate of the radio [bit/s]: ITS-G5 with its default modulation.
+_BIT_RATE = 6e6
+
+
+def messages_of(parts: Mapping[str, Any] | None) -> Messages:
+    """The record of messages; without any if no agent has V2X."""
+    if parts is None:
+        whole = np.empty(0, dtype=np.int64)
+        return Messages(*(whole,) * 10, np.empty(0))
+    return Messages(**{name: parts[name] for name in Messages.__dataclass_fields__})
+
+
+class PlanAges:
+    """Collects how old the received plans are with which agents plan."""
+
+    def __init__(self) -> None:
+        """Starts empty."""
+        self._ages: list[NDArray[np.float64]] = []
+        self._pairs = 0
+
+    def add(self, ages: NDArray[np.float64], pairs: int) -> None:
+        """Adds those of a time step, and the number of pairs of an agent with V2X and another that it knows of."""
+        self._ages.append(ages)
+        self._pairs += pairs
+
+    def summary(self, world: _core.World, dt: float) -> dict[str, Json]:
+        """Totals of a run: for run.json."""
+        log = world.messages() or {}
+        ages = np.concatenate([np.empty(0), *self._ages])
+        near = log["total_in_range"]
+        return {
+            "equipped": world.equipped,
+            "messages": dict(zip(SERVICES, log["messages"], strict=True)),
+            "bytes": dict(zip(SERVICES, log["total_bytes"], strict=True)),
+            "received_share": log["total_received"] / near if near else None,
+            "plan_age_mean": float(np.round(ages.mean(), 9)) if len(ages) else None,
+            "plan_age_95": float(np.round(np.quantile(ages, 0.95), 9)) if len(ages) else None,
+            "planned_with_plan": len(ages) / self._pairs if self._pairs else None,
+            "peak_load": log["peak_bytes"] * 8 / (_BIT_RATE * dt),
+        }

@@ -1,0 +1,31 @@
+"""Scores: one number per agent, its terms, whose fault collisions are, and why.
+
+found = interdrive.score(run)
+found.score                 # from 0 to 1, shape (agents,)
+found.terms["ttc_term"]     # one of the terms
+found.why(305)              # "at fault: cut off 12 at 3.2 s with 6.8 m left, 6.9 m needed"
+
+Definitions, sources and limits: docs/scoring.md.
+"""
+
+from interdrive.scoring.evaluation import Score, score
+from interdrive.scoring.faults import COLLISION_TYPES, FAULT_KINDS
+from interdrive.scoring.settings import ComfortBounds, ReactionSettings, ScoreWeights, ScoringSettings
+from interdrive.scoring.tables import SCORE_COLUMNS, SCORE_LABELS, save_score, score_columns, score_table, stored_score
+
+__all__ = [
+    "COLLISION_TYPES",
+    "FAULT_KINDS",
+    "SCORE_COLUMNS",
+    "SCORE_LABELS",
+    "ComfortBounds",
+    "ReactionSettings",
+    "Score",
+    "ScoreWeights",
+    "ScoringSettings",
+    "save_score",
+    "score",
+    "score_columns",
+    "score_table",
+    "stored_score",
+]

@@ -1,0 +1,115 @@
+"""What scores are made of: bounds, weights, reactions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Annotated
+
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def _check(owner: DataclassInstance, *, may_be_zero: bool) -> None:
+    """Raises InputError unless all numbers of a record are positive (or 0)."""
+    for item in fields(owner):
+        value = getattr(owner, item.name)
+        if isinstance(value, float) and not (math.isfinite(value) and (value > 0.0 or (may_be_zero and value == 0.0))):
+            kind = "must not be negative" if may_be_zero else "must be positive"
+            raise InputError(item.name, f"{kind}, is {value}")
+
+
+@dataclass(frozen=True)
+class ComfortBounds:
+    """Largest values of a comfortable drive; the defaults are those of nuPlan.
+
+    Attributes:
+        acceleration: Longitudinal acceleration.
+        deceleration: Longitudinal deceleration.
+        lateral_acceleration: Speed times yaw rate, either way.
+        yaw_rate: Either way.
+        yaw_acceleration: Either way.
+        longitudinal_jerk: Either way.
+        jerk: Of the size of the acceleration, either way.
+    """
+
+    acceleration: Annotated[float, "m/s²"] = 2.40
+    deceleration: Annotated[float, "m/s²"] = 4.05
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.89
+    yaw_rate: Annotated[float, "rad/s"] = 0.95
+    yaw_acceleration: Annotated[float, "rad/s²"] = 1.93
+    longitudinal_jerk: Annotated[float, "m/s³"] = 4.13
+    jerk: Annotated[float, "m/s³"] = 8.37
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _check(self, may_be_zero=False)
+
+
+@dataclass(frozen=True)
+class ScoreWeights:
+    """Weights of the terms in the mean."""
+
+    progress: float = 5.0
+    ttc: float = 5.0
+    speed: float = 4.0
+    comfort: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _check(self, may_be_zero=True)
+        if not self.progress + self.ttc > 0.0:
+            raise InputError("progress", "progress and ttc must not both be 0: the other terms may be absent")
+
+
+@dataclass(frozen=True)
+class ReactionSettings:
+    """In how much room a driver reacts: a delay, then a deceleration.
+
+    Attributes:
+        delay: Of the agent. deceleration: Of the agent.
+        others_delay: Of the others. others_deceleration: Of the others.
+    """
+
+    delay: Annotated[float, "s"] = 0.25
+    deceleration: Annotated[float, "m/s²"] = 6.0
+    others_delay: Annotated[float, "s"] = 0.75
+    others_deceleration: Annotated[float, "m/s²"] = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _check(self, may_be_zero=False)
+
+
+@dataclass(frozen=True)
+class ScoringSettings:
+    """What can be chosen; the defaults are those of docs/scoring.md.
+
+    Attributes:
+        comfort: Bounds of comfort.
+        weights: Weights of the terms.
+        reaction: What drivers are asked to do before a contact.
+        ttc_bound: The time to contact has to stay above this.
+        ttc_horizon: Contacts later than this are none.
+        overspeed: So much too fast all the time makes the speed term 0.
+        progress_min: Less progress makes the score 0.
+        yield_time: A light, stop sign or right of way disregarded so long before a contact at a crossing decides whose
+            fault it is.
+    """
+
+    comfort: ComfortBounds = field(default_factory=ComfortBounds)
+    weights: ScoreWeights = field(default_factory=ScoreWeights)
+    reaction: ReactionSettings = field(default_factory=ReactionSettings)
+    ttc_bound: Annotated[float, "s"] = 0.95
+    ttc_horizon: Annotated[float, "s"] = 3.0
+    overspeed: Annotated[float, "m/s"] = 2.23
+    progress_min: float = 0.2
+    yield_time: Annotated[float, "s"] = 10.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _check(self, may_be_zero=False)
+        if self.ttc_bound >= self.ttc_horizon:
+            raise InputError("ttc_bound", f"must be less than ttc_horizon ({self.ttc_horizon}), is {self.ttc_bound}")

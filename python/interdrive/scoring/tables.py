@@ -1,0 +1,96 @@
+"""Scores as a table, stored in the folder of their run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from interdrive.scoring.faults import COLLISION_TYPES, FAULT_KINDS
+from interdrive.storage import Column, arrow_table, check_order, check_table, labels, read_table, replacing, write_table
+
+if TYPE_CHECKING:
+    from interdrive.scoring.evaluation import Score
+    from interdrive.storage import ArrowTable
+
+#: Columns of scores; batches have them, too.
+SCORE_COLUMNS = (
+    Column("score", "number", "from 0 to 1, docs/scoring.md", nullable=True),
+    Column("score_strict", "number", "the same without excuses for what the recording does itself", nullable=True),
+    Column("progress", "number", "along the reference path, as a share of the recording's", nullable=True),
+    Column("ttc_term", "number", "1 if the time to contact stayed above its bound, else 0", nullable=True),
+    Column("speed_term", "number", "1 without speeding, less with it", nullable=True),
+    Column("comfort_term", "number", "1 if all bounds of comfort held, else 0", nullable=True),
+    Column("direction", "number", "1, 1/2 or 0 by the metres driven against the lane", nullable=True),
+    Column("fault", "truth", "a collision with another participant was its fault", nullable=True),
+    Column("fault_kind", "label", "why it was its fault; empty: it was not", nullable=True),
+    Column("fault_nuplan", "truth", "nuPlan's verdict on the collision", nullable=True),
+    Column("collision_type", "label", "nuPlan's type of the collision; empty: none", nullable=True),
+    Column("room", "number", "distance left minus distance needed by the rule that decided [m]", nullable=True),
+    Column(
+        "straight_ttc_min",
+        "number",
+        "smallest time to contact if all went straight on [s]; inf: none",
+        nullable=True,
+        infinite=True,
+    ),
+    Column("lane_keeping", "number", "share of time within 0.5 m of the reference path", nullable=True),
+    Column("excused", "label", "factors and terms that count as 1 because the recording's are 0", nullable=True),
+    Column("why", "text", "what made the score less than 1, in words", nullable=True),
+)
+
+#: What the columns with a short list of values may hold.
+SCORE_LABELS = {"fault_kind": ("", *FAULT_KINDS), "collision_type": ("", *COLLISION_TYPES)}
+
+#: Columns of texts from a short list.
+_TEXTS = {column.name for column in SCORE_COLUMNS if column.kind == "label"}
+
+COLUMNS = (Column("agent_id", "integer", "participant id of the agent"), *SCORE_COLUMNS)
+
+_TABLE = "score.parquet"
+
+
+def score_columns(found: Score) -> dict[str, Any]:
+    """The columns of all agents as sequences, in the order of `found.ids`."""
+    return {
+        "score": found.score,
+        "score_strict": found.score_strict,
+        **found.terms,
+        "fault": found.fault,
+        "fault_kind": found.fault_kind,
+        "fault_nuplan": found.fault_nuplan,
+        "collision_type": found.collision_type,
+        "excused": [", ".join(names) for names in found.excused],
+        "why": ["; ".join(reasons) for reasons in found.reasons],
+    }
+
+
+def score_table(found: Score) -> ArrowTable:
+    """One row per agent, sorted by id, as an Arrow table."""
+    texts = {name: labels(tuple(values)) for name, values in score_columns(found).items() if name in _TEXTS}
+    return arrow_table(COLUMNS, {"agent_id": found.ids, **score_columns(found), **texts})
+
+
+def save_score(found: Score, folder: str | Path) -> Path:
+    """Writes score.parquet into a folder; an older one is replaced.
+
+    Raises:
+        ResultsError: The file cannot be written; one line with path and cause.
+    """
+    path = Path(folder) / _TABLE
+    with replacing(path) as partial:
+        write_table(score_table(found), partial)
+    return path
+
+
+def stored_score(folder: str | Path) -> ArrowTable | None:
+    """What `save_score` wrote; None if nothing was written.
+
+    Raises:
+        ResultsError: The file is damaged or has other columns.
+    """
+    path = Path(folder) / _TABLE
+    if not path.exists():
+        return None
+    table = read_table(path, COLUMNS)
+    check_order(check_table(table, path, COLUMNS, SCORE_LABELS), path, ("agent_id",))
+    return table

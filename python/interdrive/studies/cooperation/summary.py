@@ -1,0 +1,92 @@
+"""The table of the study of cooperation by variant."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.storage import Column, arrow_table
+
+if TYPE_CHECKING:
+    from interdrive.storage import ArrowTable
+    from interdrive.studies.cooperation.measure import CooperationStudy
+
+_COLUMNS = (
+    Column("variant", "label", "name of the variant"),
+    Column("penetration", "number", "share of equipped agents"),
+    Column("negotiate", "truth", "agents agree about the one that goes first"),
+    Column("delay", "number", "delay of messages [s]"),
+    Column("loss", "number", "probability that a message is lost"),
+    Column("runs", "integer", "number of runs"),
+    Column("reached", "number", "share of agents that reached their goal in time"),
+    Column("reached_change", "number", "its difference to no V2X, mean over scenarios"),
+    Column("reached_low", "number", "95 % interval of that over scenarios"),
+    Column("reached_high", "number", "95 % interval of that over scenarios"),
+    Column("time_lost", "number", "mean time of an agent until its outcome, more than without V2X [s]"),
+    Column("time_low", "number", "95 % interval of that over scenarios [s]"),
+    Column("time_high", "number", "95 % interval of that over scenarios [s]"),
+    Column("collisions", "number", "agents that collided or left the road, per seed"),
+    Column("min_ttc", "number", "median over scenarios of the least time to collision [s]", nullable=True),
+    Column("deadlocks", "number", "circles of waiting agents, per seed"),
+    Column("used_share", "number", "share of known participants planned with a received plan", nullable=True),
+    Column("plan_age", "number", "mean age of these plans [s]", nullable=True),
+)
+
+#: Number of bootstrap samples.
+_SAMPLES = 2000
+
+
+def summary_table(study: CooperationStudy) -> ArrowTable:
+    """One row per variant, as an Arrow table; intervals by bootstrap over scenarios."""
+    rows: list[dict[str, Any]] = study.table.to_pylist()
+    names = list(dict.fromkeys(row["variant"] for row in rows))
+    base = {row["scenario"]: row for row in rows if row["penetration"] == 0}
+    found = [_summary([row for row in rows if row["variant"] == name], base) for name in names]
+    return arrow_table(_COLUMNS, {column.name: [row[column.name] for row in found] for column in _COLUMNS})
+
+
+def _summary(rows: list[dict[str, Any]], base: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    scenarios = list(dict.fromkeys(row["scenario"] for row in rows))
+    of = {name: [row for row in rows if row["scenario"] == name] for name in scenarios}
+    share = {name: np.mean([row["reached"] / max(1, row["agents"]) for row in mine]) for name, mine in of.items()}
+    time = {name: np.mean([row["time"] for row in mine]) for name, mine in of.items()}
+    reached = [share[name] - base[name]["reached"] / max(1, base[name]["agents"]) for name in scenarios if name in base]
+    lost = [time[name] - base[name]["time"] for name in scenarios if name in base]
+    seeds = len({row["seed"] for row in rows})
+    (reached_low, reached_high), (time_low, time_high) = _interval(reached), _interval(lost)
+    return {
+        **{name: rows[0][name] for name in ("variant", "penetration", "negotiate", "delay", "loss")},
+        "runs": len(rows),
+        "reached": sum(row["reached"] for row in rows) / max(1, sum(row["agents"] for row in rows)),
+        "reached_change": float(np.mean(reached)) if reached else 0.0,
+        "reached_low": reached_low,
+        "reached_high": reached_high,
+        "time_lost": float(np.mean(lost)) if lost else 0.0,
+        "time_low": time_low,
+        "time_high": time_high,
+        "collisions": sum(row["collisions"] for row in rows) / seeds,
+        "min_ttc": _middle([row["min_ttc"] for row in rows]),
+        "deadlocks": sum(row["deadlocks"] for row in rows) / seeds,
+        "used_share": _mean([row["used_share"] for row in rows]),
+        "plan_age": _mean([row["plan_age"] for row in rows]),
+    }
+
+
+def _interval(values: list[Any]) -> tuple[float, float]:
+    """95 % interval of the mean by bootstrap, with a fixed seed."""
+    if not values:
+        return 0.0, 0.0
+    picked = np.random.default_rng(0).integers(0, len(values), (_SAMPLES, len(values)))
+    low, high = np.quantile(np.array(values)[picked].mean(axis=1), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _middle(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None

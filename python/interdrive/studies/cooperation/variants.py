@@ -1,0 +1,94 @@
+"""What the study of cooperation drives: scenarios and variants of cooperation."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from interdrive.files import FOLDER_VARIABLE, shipped_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interdrive.config.binding import Setting
+
+#: Shipped scenarios, and files below the folder of recorded scenarios: junctions, merges, narrow streets.
+SHIPPED = ("t_junction", "lane_merge", "intersection")
+RECORDED = (
+    "t_junction/ZAM_Tjunction-1_42_T-1.xml",
+    "t_junction/ZAM_Tjunction-1_27_T-1.xml",
+    "merge/ZAM_Zip-1_56_T-1.xml",
+    "merge/ZAM_Merge-1_1_T-1.xml",
+    "urban/CHN_Sha-4_3_T-1.xml",
+    "urban/DEU_Muc-28_1_T-1.xml",
+    "urban/DEU_Muc-2_1_T-1.xml",
+    "urban/DEU_Ffb-1_3_T-1.xml",
+    "intersection/USA_Lanker-1_1_T-1.xml",
+    "intersection/USA_Peach-4_8_T-1.xml",
+)
+
+_SHARES, _DELAYS, _LOSSES = (0.25, 0.5, 0.75), (0.1, 0.2, 0.3, 0.5, 1.0), (0.1, 0.2, 0.3, 0.4, 0.5)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to cooperate.
+
+    Attributes:
+        penetration: Share of equipped agents.
+        negotiate: Agents agree about the one that goes first.
+        delay: Delay of messages [s].
+        loss: Probability that a message is lost.
+    """
+
+    penetration: float
+    negotiate: bool = False
+    delay: float = 0.0
+    loss: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """As one word, for tables."""
+        parts = [f"{100 * self.penetration:.0f}%", *(["negotiate"] if self.negotiate else [])]
+        parts += [f"delay={self.delay:g}"] if self.delay else []
+        return "_".join([*parts, *([f"loss={self.loss:g}"] if self.loss else [])])
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the seed matters."""
+        return 0 < self.penetration < 1 or self.loss > 0
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """Settings of its runs."""
+        values = {name: getattr(self, name) for name in ("penetration", "negotiate", "delay", "loss")}
+        return {f"v2x.{name}": value for name, value in values.items()}
+
+
+def cooperation_variants(*, quick: bool = False) -> tuple[Variant, ...]:
+    """Penetration with plans alone and with negotiation; delay and loss where all agents negotiate."""
+    if quick:
+        return (Variant(0.0), Variant(1.0), Variant(1.0, negotiate=True))
+    shares = [Variant(share, negotiate) for share in (*_SHARES, 1.0) for negotiate in (False, True)]
+    delays = [Variant(1.0, negotiate=True, delay=delay) for delay in _DELAYS]
+    losses = [Variant(1.0, negotiate=True, loss=loss) for loss in _LOSSES]
+    return (Variant(0.0), *shares, *delays, *losses)
+
+
+def cooperation_files(*, quick: bool = False) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """The scenarios of the study, and what the user should know about them.
+
+    Recorded scenarios are looked for below the folder that the environment variable INTERDRIVE_SCENARIOS names.
+    """
+    shipped: Sequence[str] = SHIPPED[:1] if quick else SHIPPED
+    files = [shipped_scenario(name) for name in shipped]
+    folder = os.environ.get(FOLDER_VARIABLE)
+    if quick:
+        return tuple(files), ()
+    if not folder:
+        return tuple(files), (f"{FOLDER_VARIABLE} names no folder: shipped scenarios only",)
+    recorded = [Path(folder) / name for name in RECORDED]
+    missing = [f"{path.name}: not in {folder}, left out" for path in recorded if not path.is_file()]
+    return (*files, *(path for path in recorded if path.is_file())), tuple(missing)
