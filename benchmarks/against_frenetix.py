@@ -1,4 +1,4 @@
-"""Our `frenet` and the published FRENETIX in one run: time per plan on the same scenes, and who arrives.
+"""Our `frenet` and the published FRENETIX in one run: time per plan on the same scenes, and outcomes.
 
 Needs the extra `frenetix` and the recorded scenarios (INTERDRIVE_SCENARIOS, default ../shared/scenarios); in the
 environment of `make third_party`:

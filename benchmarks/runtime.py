@@ -94,7 +94,7 @@ def measured_targets(study: RuntimeStudy) -> dict[str, float]:
 
 
 def target_rows(found: Mapping[str, float]) -> list[tuple[str, str, str, str]]:
-    """Per target: what, the target, what was measured, and whether it is reached (or who measures it)."""
+    """Per target: what, the target, what was measured, and whether it is reached (or the command that measures it)."""
     rows = []
     for target in TARGETS:
         sign = "≤" if target.at_most else "≥"

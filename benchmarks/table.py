@@ -86,8 +86,8 @@ def measure_kind(scenario: str, kind: str) -> dict[str, float]:
     from interdrive.run import PHASES
     from interdrive.simulation import Simulation
 
-    everybody = Simulation(scenario, agents="all", threads=2)
-    recorded = [agent.id for agent in everybody.agents if agent.origin == "recorded"][:24]
+    all_agents = Simulation(scenario, agents="all", threads=2)
+    recorded = [agent.id for agent in all_agents.agents if agent.origin == "recorded"][:24]
     planner = KeepsSpeed if kind == "python" else kind
     run = Simulation(scenario, agents=recorded, planner=planner, threads=2).run()
     seconds = run.timings.seconds.reshape(-1, len(PHASES))

@@ -1,7 +1,7 @@
 """Drives all scenarios of a folder with every vehicle an agent and says how well.
 
     python benchmarks/driving                                      # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
-    python benchmarks/driving --csv new.csv --against old.csv      # who changed between two builds
+    python benchmarks/driving --csv new.csv --against old.csv      # agents that changed between two builds
     python benchmarks/driving --places A --set planner.frenet.level=1
 
 Prints Markdown. Results do not depend on the number of workers.

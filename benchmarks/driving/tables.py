@@ -62,7 +62,7 @@ def by_category(drives: Iterable[Drive]) -> dict[str, list[Drive]]:
 
 
 def shares(drives: Sequence[Drive]) -> str:
-    """Who arrives in time, by category."""
+    """Agents in time, by category."""
     lines = [
         f"| {' | '.join(_HEADINGS)} |",
         "|---|" + "--:|" * (len(_HEADINGS) - 1),
@@ -149,7 +149,7 @@ def _number(value: float) -> str:
 
 
 def changes(old: Sequence[Drive], new: Sequence[Drive]) -> str:
-    """Agents whose outcome differs between two builds; reachable is who was so in the old one."""
+    """Agents whose outcome differs between two builds; `reachable` is that of the old one."""
     before = {(one.scenario, one.agent_id): one for one in old}
     pairs = [(before[key], one) for one in new if (key := (one.scenario, one.agent_id)) in before]
     lines = [

@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """A run: who, and seconds per step, seconds to the first step, memory [bytes], outcomes."""
+    """A run: program, seconds per step, seconds to the first step, memory [bytes], outcomes."""
 
     name: str
     found: dict[str, Any]
