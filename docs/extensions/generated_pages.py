@@ -1,0 +1,140 @@
+"""Reference pages that are written from the program before every build: commands, run folder, data set, messages."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+import interdrive
+from interdrive.batches import COLUMNS as DATA_SET
+from interdrive.cli import main
+from interdrive.results.columns import COLUMNS
+from interdrive.storage import arrow_table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from sphinx.application import Sphinx
+
+    from interdrive.storage import Column
+
+PACKAGE = Path(interdrive.__file__).parent
+FOLDER = Path(__file__).parents[1] / "reference" / "generated"
+#: Errors of input and results; all others are bugs or those of planners.
+ERRORS = ("InputError", "NoRouteError", "PredictorError", "ResultsError", "MissingExtraError")
+
+
+def cell(text: str) -> str:
+    """Text for a cell of a table."""
+    return " ".join(text.split()).replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*")
+
+
+def commands() -> str:
+    """Every command as `--help` prints it."""
+    parts = ["# Commands\n\nWhat `interdrive COMMAND --help` prints, for every command.\n"]
+    for name, command in main.commands.items():
+        context = click.Context(command, info_name=f"interdrive {name}", terminal_width=100, max_content_width=100)
+        parts.append(f"## interdrive {name}\n\n```text\n{command.get_help(context)}\n```\n")
+        for below, one in getattr(command, "commands", {}).items():
+            context = click.Context(one, info_name=f"interdrive {name} {below}", terminal_width=100)
+            parts.append(f"### interdrive {name} {below}\n\n```text\n{one.get_help(context)}\n```\n")
+    return "\n".join(parts)
+
+
+def columns(found: Sequence[Column]) -> str:
+    """A table of columns with the types that the file has."""
+    types = {field.name: field.type for field in arrow_table(found, {column.name: [] for column in found}).schema}
+    rows = (
+        f"| `{one.name}` | {cell(str(types[one.name]))} | {'yes' if one.nullable else ''} | {cell(one.text)} |"
+        for one in found
+    )
+    return "\n".join(("| column | type | may be null | meaning |", "|---|---|---|---|", *rows))
+
+
+def run_folder() -> str:
+    """The tables of a run folder."""
+    head = (
+        "# Tables of a run folder\n\nEvery table is a Parquet file; its columns carry these descriptions as metadata. "
+        "[The tour](../../tour.md) says which files a run folder has.\n"
+    )
+    tables = (f"## {name}.parquet\n\n{columns(found)}\n" for name, found in COLUMNS.items())
+    return "\n".join((head, *tables))
+
+
+def data_set() -> str:
+    """The data set of a batch."""
+    head = (
+        "# Data set of a batch\n\n`interdrive batch` collects these columns in `results.parquet`, one row per agent "
+        "of a finished run and one row for a run that did not finish. [Many runs](../../batch.md) says how to query "
+        "them.\n"
+    )
+    return f"{head}\n{columns(DATA_SET)}\n"
+
+
+def words_of(node: ast.expr) -> str:
+    """The text of an argument of an error, with `...` for what is known only then."""
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(words_of(part) for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return words_of(node.left) + words_of(node.right)
+    return "…"
+
+
+def raised(path: Path) -> Iterable[tuple[str, str]]:
+    """Class and text of every error that a module makes."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ERRORS and node.args:
+            text = ": ".join(words_of(argument) for argument in node.args)
+            if any(letter.isalpha() for letter in text):
+                yield node.func.id, text
+
+
+def messages() -> str:
+    """Every message of an error, by package."""
+    head = (
+        "# Error messages\n\nEvery error names the file, field or agent and says what to do. The command line prints "
+        "it as one line and ends with exit code 2 ([exit codes](../../command_line.md)); in Python it is one of the "
+        "exceptions below, all of them `InterdriveError`. `…` stands for what the message fills in.\n"
+    )
+    parts = [head]
+    for place in sorted(PACKAGE.iterdir()):
+        files = sorted(place.rglob("*.py")) if place.is_dir() else [place] * (place.suffix == ".py")
+        rows = sorted({f"| {cell(text)} | `{name}` |" for path in files for name, text in raised(path)})
+        if rows:
+            parts.append(f"## {place.stem}\n\n| message | exception |\n|---|---|\n" + "\n".join(rows) + "\n")
+    return "\n".join(parts)
+
+
+def other_names() -> str:
+    """Names of the package that docs/reference/python.md does not have yet."""
+    page = (FOLDER.parent / "python.md").read_text(encoding="utf-8")
+    named = {*re.findall(r"^\.\. auto\w+:: interdrive\.(?:\w+\.)*(\w+)$", page, re.MULTILINE), "__version__"}
+    lines = []
+    for name in sorted(set(interdrive.__all__) - named):
+        thing = getattr(interdrive, name)
+        kind = "autoclass" if inspect.isclass(thing) else "autofunction" if inspect.isfunction(thing) else "autodata"
+        lines += [f".. {kind}:: interdrive.{name}", *(["   :members:"] if kind == "autoclass" else [])]
+    return "\n".join(("## Other names", "", "```{eval-rst}", *lines, "```", "")) if lines else ""
+
+
+def write(_app: Sphinx) -> None:
+    """Writes pages that changed, so that Sphinx reads only those again."""
+    FOLDER.mkdir(exist_ok=True)
+    pages = {"commands": commands, "run_folder": run_folder, "data_set": data_set, "messages": messages}
+    for name, made in {**pages, "other_names": other_names}.items():
+        path, text = FOLDER / f"{name}.md", made()
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """For Sphinx."""
+    app.connect("builder-inited", write)
+    return {"parallel_read_safe": True}
