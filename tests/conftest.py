@@ -38,6 +38,11 @@ def pytest_make_collect_report(collector):
     return report
 
 
+def pytest_collection_modifyitems(items):
+    """Tests of all recorded scenarios come first, so that one worker reads the files for all of them."""
+    items.sort(key=lambda item: "recorded_scenarios" not in getattr(item, "fixturenames", ()))
+
+
 @pytest.fixture(scope="session")
 def scenarios_folder() -> Path:
     """Folder of recorded scenarios, which are too many to ship; `INTERDRIVE_SCENARIOS` says where it is."""

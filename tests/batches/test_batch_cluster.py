@@ -134,7 +134,7 @@ def does_two_and_is_ended(connection, words, *_):
     os._exit(1)
 
 
-def meets_what_nobody_thought_of(connection, words, *_):
+def meets_an_unknown_error(connection, words, *_):
     """The real process, with a Ray that knows nothing."""
     ray_driver._connected = lambda _: types.SimpleNamespace()
     ray_driver.drive(connection, words, "nowhere:1", None, (1.0, 1.0))
@@ -147,7 +147,7 @@ def is_ended_before_it_is_connected(connection, words, *_):
     os._exit(1)
 
 
-def finds_nobody(connection, *_):
+def finds_no_cluster(connection, *_):
     """Says so."""
     connection.send(("begun", None))
     connection.send(("error", InputError("ray nowhere: no cluster answers there")))
@@ -184,8 +184,8 @@ def test_a_cluster_that_is_lost_is_one_line_in_rays_words(driven):
     )
 
 
-def test_an_error_that_nobody_thought_of_is_named(driven):
-    backend = driven(meets_what_nobody_thought_of)
+def test_an_unknown_error_is_named(driven):
+    backend = driven(meets_an_unknown_error)
     with pytest.raises(
         InterdriveError, match=r"^ray nowhere:1: AttributeError: .* has no attribute 'remote'; finished runs"
     ):
@@ -197,7 +197,7 @@ def test_a_process_that_does_not_get_as_far_as_that_is_one_line(driven):
     with pytest.raises(InputError, match=r"^ray nowhere:1: no cluster answers there \(It is no cluster\); start one"):
         driven(is_ended_before_it_is_connected)
     with pytest.raises(InputError, match=r"^ray nowhere: no cluster answers there$"):
-        driven(finds_nobody)
+        driven(finds_no_cluster)
     with pytest.raises(
         InterdriveError, match=r"ends before it begins \(exit code 1\); does the script guard its calls"
     ):

@@ -1,4 +1,4 @@
-"""The folder of a batch: what reaches the disk, who may do what at once, what it costs. Its runs are not driven."""
+"""The folder of a batch: what reaches the disk, what may happen at once, what it costs. Its runs are not driven."""
 
 import hashlib
 import os

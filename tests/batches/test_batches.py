@@ -117,7 +117,7 @@ def test_comfort_does_not_count_the_state_that_the_scenario_gave():
     assert last["seconds"] == pytest.approx(0.3)
 
 
-def test_who_drove_no_planned_state_has_no_comfort():
+def test_agents_without_a_planned_state_have_no_comfort():
     run = invented_run()
     valid = run.states.valid.copy()
     valid[int(np.searchsorted(run.states.participant_id, 4)), 6:] = False
@@ -193,12 +193,12 @@ def test_a_planning_problem_without_recording_is_no_adjusting_traffic(tmp_path):
 def test_alone_every_agent_has_a_run_of_its_own(tmp_path):
     done = idr.batch("lane_merge", tmp_path, planner=FAST, alone=True, workers=2)
     rows = done.table.to_pylist()
-    everybody = idr.simulate("lane_merge", planner=FAST).outcomes.agent_id.tolist()
-    assert sorted(row["agent_id"] for row in rows) == everybody
-    assert len(done.keys) == len(everybody)
+    all_ids = idr.simulate("lane_merge", planner=FAST).outcomes.agent_id.tolist()
+    assert sorted(row["agent_id"] for row in rows) == all_ids
+    assert len(done.keys) == len(all_ids)
     assert {row["traffic"] for row in rows} == {"recorded"}
-    one = idr.simulate("lane_merge", agents=[everybody[0]], planner=FAST)
-    assert next(row["digest"] for row in rows if row["agent_id"] == everybody[0]) == one.digest
+    one = idr.simulate("lane_merge", agents=[all_ids[0]], planner=FAST)
+    assert next(row["digest"] for row in rows if row["agent_id"] == all_ids[0]) == one.digest
 
 
 def test_alone_an_agent_that_several_seeds_chose_is_driven_once(tmp_path):
@@ -428,7 +428,7 @@ def test_a_folder_that_is_no_batch_or_of_another_format_is_refused(tmp_path):
     with pytest.raises(idr.ResultsError, match="not a batch folder"):
         idr.read_batch(tmp_path / "nowhere")
     (tmp_path / "batch.json").write_text(json.dumps({"format": 1}))
-    with pytest.raises(idr.ResultsError, match="format 1, this version of interdrive reads and writes format 3"):
+    with pytest.raises(idr.ResultsError, match="format 1, this version of interdrive reads and writes format 4"):
         idr.read_batch(tmp_path)
     with pytest.raises(idr.ResultsError, match="format 1"):
         idr.batch("t_junction", tmp_path, planner=FAST)

@@ -41,7 +41,7 @@ def test_a_car_standing_in_the_lane_is_not_hit_whatever_predictor_is_used(predic
     assert 105.0 < x[-1] < 115.5  # bumper to bumper 0 to 10 m behind it
 
 
-def test_an_agent_overtakes_nobody_through_the_car_ahead_but_follows_it():
+def test_an_agent_follows_the_car_ahead_and_does_not_drive_through_it():
     scenario = world(
         straight_road(400.0),
         cars=[Car(7, 60.0, velocity=8.0)],
@@ -97,7 +97,7 @@ def test_an_agent_starts_exactly_at_its_recorded_state():
     assert run.outcomes.outcome == ("goal_reached",)
 
 
-def test_an_agent_that_reached_its_goal_is_in_nobodys_way():
+def test_an_agent_that_reached_its_goal_is_out_of_the_way():
     problems = [
         problem(100, 60.0, velocity=10.0, goal=(80.0, 0.0), time_step=(0, 60)),
         problem(200, 20.0, velocity=10.0, goal=(80.0, 0.0), time_step=(0, 90)),

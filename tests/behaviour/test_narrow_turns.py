@@ -1,4 +1,4 @@
-"""Turns that are as narrow as those of maps made for traffic simulation: who fits, who leaves the road."""
+"""Turns that are as narrow as those of maps made for traffic simulation: which vehicles fit, which leave the road."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ def test_it_does_not_fit_with_its_whole_body():
 
 
 @pytest.mark.parametrize("judge", ["wheels", "body"])
-def test_in_a_wide_turn_nobody_leaves_the_lanelets(judge):
+def test_in_a_wide_turn_no_vehicle_leaves_the_lanelets(judge):
     outcome, overhang, run = drive(bend(3.5, 10.0), road__judge=judge)
     assert outcome == "goal_reached"
     assert overhang <= 0.1

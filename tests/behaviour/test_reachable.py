@@ -1,4 +1,4 @@
-"""Agents whose own recording reaches their goal: who they are, and runs of them alone."""
+"""Agents whose own recording reaches their goal: which they are, and runs of them alone."""
 
 import pytest
 

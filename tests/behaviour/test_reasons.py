@@ -145,7 +145,7 @@ def test_a_run_that_ends_by_its_length_says_so():
         ),
     ],
 )
-def test_a_collision_says_who_ran_into_whom(car, words):
+def test_a_collision_names_the_parts_that_touched(car, words):
     outcome, reason = ended(on_a_road(car, goal=150.0))
     assert (outcome, reason) == ("collision", words)
 

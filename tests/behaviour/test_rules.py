@@ -60,6 +60,12 @@ def test_without_the_rule_the_red_light_is_run_and_the_violation_is_recorded(tmp
     assert run.violations.value[0] == pytest.approx(0.1 * passed), "red since the first time step [s]"
 
 
+@pytest.mark.parametrize("agents_see_lights", [True, False])
+def test_an_agent_whose_time_is_over_at_a_red_light_says_so(tmp_path, agents_see_lights):
+    run = idr.simulate(road(tmp_path, goal=(0, 60)), settings={"rules.lights": agents_see_lights}, threads=1)
+    assert (" at a red light (stop line of lanelet 1)" in run.outcomes.reason[0]) == agents_see_lights
+
+
 @pytest.mark.parametrize(("x", "passes"), [(84.0, True), (75.0, False)])
 def test_an_agent_stops_for_yellow_if_it_is_not_too_near(tmp_path, x, passes):
     # After the first step its front is 12.75 m before the line, so that stopping takes 3.9 m/s²; or 21.75 m, 2.3 m/s².
@@ -95,7 +101,7 @@ def test_one_agent_may_break_rules_that_the_others_obey(tmp_path):
     run = idr.simulate(scenario, agents="all", planner=choice, threads=1)
     assert broken(run) == ["red_light"]
     own = run.settings["rules"]
-    assert [table["enabled"] for table in own.values()] == [False], "run.json says who obeys what"
+    assert [table["enabled"] for table in own.values()] == [False], "run.json says which agent obeys which rules"
     again = idr.simulate(scenario, planner=run.settings["planner"], rules=own, threads=1)
     assert again.digest == run.digest
 
@@ -178,7 +184,7 @@ def test_driving_against_the_lane_for_a_second_is_a_violation(tmp_path):
 
 
 @pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
-def test_at_the_shipped_junction_with_lights_nobody_passes_on_red_and_all_arrive(planner):
+def test_at_the_shipped_junction_with_lights_none_pass_on_red_and_all_arrive(planner):
     run = idr.simulate("signals", planner=planner)
     assert broken(run) == []
     assert all(outcome.startswith("goal_reached") for outcome in run.outcomes.outcome)
@@ -186,7 +192,7 @@ def test_at_the_shipped_junction_with_lights_nobody_passes_on_red_and_all_arrive
 
 
 def test_at_the_shipped_junction_recorded_drivers_obey_and_agents_without_rules_do_not():
-    run = idr.simulate("signals", settings={"rules.enabled": False})
+    run = idr.simulate("signals", predictor="constant_velocity", settings={"rules.enabled": False})
     rows = set(zip(run.violations.source, run.violations.rule, strict=True))
     assert ("agent", "red_light") in rows
     assert {source for source, _ in rows} == {"agent"}

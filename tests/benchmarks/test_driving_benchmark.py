@@ -40,7 +40,7 @@ def benchmark(*arguments):
     )
 
 
-def test_every_agent_has_a_row_and_a_second_run_differs_in_nobody(tmp_path):
+def test_every_agent_has_a_row_and_a_second_run_differs_in_none(tmp_path):
     (tmp_path / "junction").mkdir()
     shutil.copy(shipped_scenario("t_junction"), tmp_path / "junction")
     files = [tmp_path / "one.csv", tmp_path / "other.csv"]

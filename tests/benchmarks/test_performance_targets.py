@@ -24,7 +24,7 @@ def invented(seconds, *, kind="town", scenario="town", predictor="lane_following
     return RuntimeStudy(arrow_table(STEP_COLUMNS, columns), 2, machine, settings, ())
 
 
-def test_targets_are_compared_with_what_is_measured_and_the_others_say_who_measures_them():
+def test_targets_are_compared_with_what_is_measured_and_the_others_name_their_command():
     name = "USA_US101-23_1_T-1"
     study = invented({(24, 1): [0.0038], (24, 2): [0.0019]}, kind="six-lane highway", scenario=name)
     found = measured_targets(study) | {"memory": 3e9}

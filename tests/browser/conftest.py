@@ -22,15 +22,21 @@ def interdrive(*arguments: object) -> None:
 
 
 @pytest.fixture(scope="session")
-def browser():
+def chromium() -> str:
+    """Path of the browser."""
     found = next(filter(None, map(shutil.which, NAMES)), None)
     if found is None:
         message = "no Chromium on the PATH: install it (apt-get install chromium) to test reports in a browser"
         if os.environ.get("CI") == "true":
             pytest.fail(message)
         pytest.skip(message)
+    return found
+
+
+@pytest.fixture(scope="session")
+def browser(chromium):
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-dev-shm-usage"])
+        started = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-dev-shm-usage"])
         yield started
         started.close()
 

@@ -6,6 +6,7 @@ import io
 import json
 import re
 import shutil
+import subprocess
 import time
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from PIL import Image, ImageChops
 from conftest import interdrive, opened
 
 #: Last time step of the demo.
-LAST = 159
+LAST = 160
 #: Frame times [ms] of so many frames while the slider is moved by one step per frame.
 SCRUB = """async (frames) => {
   const slider = document.querySelector(".scrub");
@@ -101,6 +102,30 @@ def test_a_page_opens_from_its_file_without_network_or_complaints(page, demo):
     assert page.locator(".facts").first.inner_text().count("digest") == 1
 
 
+def test_one_picture_without_waiting_shows_the_map(chromium, demo, tmp_path):
+    picture = tmp_path / "page.png"
+    options = ["--headless", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1366,768"]
+    subprocess.run(
+        [chromium, *options, f"--screenshot={picture}", demo.as_uri()], check=True, timeout=60, capture_output=True
+    )
+    road = Image.open(picture).convert("RGB").crop((0, 100, 900, 600))
+    _, most = max(road.getcolors(maxcolors=road.width * road.height))
+    assert most != (255, 255, 255), "a blank map has the colour of an empty canvas"
+    assert len(road.getcolors(maxcolors=road.width * road.height)) > 50
+
+
+def test_reasons_of_agents_use_the_width_of_the_panel(page, demo, tmp_path):
+    reason = "stood for 9.3 s while 603 crossed its path; 5.0 m before the goal area when the time was over"
+
+    def late(header):
+        header["participants"][0]["reason"] = reason
+
+    opened(page, changed(demo, tmp_path / "late.html", late))
+    cell = page.locator("tr.why td").first
+    assert cell.inner_text() == reason
+    assert cell.bounding_box()["height"] < 60, "two or three lines"
+
+
 def test_space_plays_and_pauses(page, demo):
     root = opened(page, demo)
     page.keyboard.press(" ")
@@ -175,7 +200,7 @@ def test_every_layer_can_be_switched_off_and_on(page, demo, key):
     assert becomes(page, lambda map_: is_same(map_, shown))
 
 
-def test_an_event_jumps_to_its_time_and_selects_whom_it_is_about(page, demo):
+def test_an_event_jumps_to_its_time_and_selects_its_participant(page, demo):
     root = opened(page, demo)
     page.get_by_role("tab", name="Events").click()
     event = page.get_by_role("button", name="1004 reaches its goal").last
@@ -277,8 +302,11 @@ def test_n_leaves_out_no_event_and_the_list_follows(page, demo):
     assert said(root, "step") != "0"
 
 
-def test_marks_of_the_timeline_differ_in_shape(page, demo):
-    opened(page, demo)
+def test_marks_of_the_timeline_differ_in_shape(page, demo, tmp_path):
+    def braked(header):
+        header["events"].append(header["events"][0] | {"kind": "emergency_braking"})
+
+    opened(page, changed(demo, tmp_path / "page.html", braked))
     shapes = {
         kind: page.locator(f".tick.{kind} polygon").first.get_attribute("points")
         for kind in ("critical", "goal_reached", "emergency_braking")

@@ -1,4 +1,4 @@
-"""What a scenario holds, and who can become an agent."""
+"""What a scenario holds, and which vehicles can become agents."""
 
 import csv
 import math
@@ -6,8 +6,10 @@ import math
 import commonroad_documents as cr
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from commonroad_documents import car, document, goal, initial, lanelet, planning_problem, state
 
+from interdrive.cli import main
 from interdrive.scenario.inspection import candidates, inspect, lanelets_at
 
 
@@ -128,3 +130,8 @@ def test_recorded_scenarios_have_as_many_candidates_as_were_counted_with_commonr
         if found != number:
             different[path] = (found, number)
     assert different == {"format_edge_cases/DEU_A9-3_1_T-1.xml": (8, 0)}
+
+
+def test_the_junctions_of_a_map_are_printed_with_what_decides_who_goes_first():
+    printed = " ".join(CliRunner().invoke(main, ["check", "t_junction"]).output.split())
+    assert "junction 1 6 lanelets about (-0, -3); areas: 3 crossing, 3 merge, 2 left turns wait, 4 by side" in printed

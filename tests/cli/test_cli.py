@@ -253,7 +253,7 @@ def test_what_cannot_be_used_is_refused_in_one_line_before_the_simulation(
 
 
 def test_the_name_of_a_shipped_scenario_may_be_misspelt(simulated, here, monkeypatch):
-    monkeypatch.setattr(files, "shipped_scenarios", lambda: ("highway", "t_junction"))
+    monkeypatch.setattr(files.shipped, "shipped_scenarios", lambda: ("highway", "t_junction"))
     assert invoke("run", "t_junction").exit_code == 0
     assert simulated.arguments["scenario"] == "t_junction"
     assert "did you mean the shipped scenario t_junction?" in refused(invoke("run", "t_juntcion"))
@@ -337,7 +337,8 @@ def test_verify_refuses_another_scenario_file_and_takes_a_moved_one(simulated, h
 
 
 def test_check_prints_what_a_scenario_holds_and_goes_on_after_a_bad_one(here, monkeypatch):
-    monkeypatch.setattr(files, "read_scenario", lambda path: RUN.scenario if path == "bend.xml" else _refuse(path))
+    (here / "bad.xml").touch()
+    monkeypatch.setattr(files, "read_scenario", lambda path: RUN.scenario if path.name == "bend.xml" else _refuse(path))
     done = invoke("check", "bad.xml", "bend.xml")
     assert done.exit_code == 2
     assert done.stderr == "error: bad.xml: no lanelets\n"
@@ -359,6 +360,13 @@ def test_settings_lists_names_defaults_and_meaning():
     done = invoke("settings", "view")
     assert done.exit_code == 0
     assert done.stdout.splitlines()[1].split()[:2] == ["view.sensor_radius", "80"]
+
+
+def test_settings_are_found_by_words_of_their_meaning():
+    done = invoke("settings", "leaders")
+    names = [line.split()[0] for line in done.stdout.splitlines() if line.startswith(("planner.", "view.", "step."))]
+    assert "planner.frenet.comfort.deceleration" in names, "Deceleration before leaders, curves and the goal."
+    assert not any(name.startswith("view.") for name in names)
 
 
 @pytest.fixture
@@ -455,7 +463,7 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
         (["--agents", "3,99"], "agent 99: no such vehicle"),
         (["--agents", "23,"], "agent 23: static obstacle"),
         (["--agents", "1000"], "1000 agents requested, but only 5"),
-        (["--agents", "some"], "agents must be 'all', 'reachable', a number or ids, not 'some'"),
+        (["--agents", "some"], "agents must be 'all', 'reachable', 'problems', a number or ids, not 'some'"),
         (["--agents", "3,", "--agent", "4=frenet"], "agent 4: a planner is given for it, but it is not an agent"),
         (
             ["--agent", "3=frenet,levl=1"],

@@ -6,6 +6,8 @@ from click.testing import CliRunner
 
 from interdrive.cli import main
 from interdrive.cli.predict_eval import named_predictors
+from interdrive.errors import InputError
+from interdrive.prediction_evaluation import evaluate_predictors
 
 
 def run(*arguments):
@@ -69,7 +71,7 @@ def test_settings_belong_to_the_predictor_in_front():
         (("lane_merge", "--predictors", "all,modes_max=1"), "modes_max=1 belongs to no predictor"),
         (("lane_merge", "--predictors", "nowhere:Mine"), "module nowhere cannot be imported"),
         (("lane_merge", "--every", "0"), "--every"),
-        (("nothing.xml",), "no such file or folder"),
+        (("nothing.xml",), "nothing.xml: no such file"),
         (("lane_merge", "--split", "nothing.toml"), "no such file"),
         (("lane_merge", "--set", "predictor.horizon=-1"), "predictor.horizon"),
     ],
@@ -81,3 +83,24 @@ def test_what_cannot_be_used_is_one_line_and_nothing_is_written(arguments, words
     assert words in done.stderr
     assert done.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_workers_share_the_files_and_change_nothing(tmp_path):
+    options = ("--predictors", "lane_following", "--every", 40, "--no-figures", "--no-timing", "--samples")
+    tables = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        done = run("t_junction", "lane_merge", *options, "--workers", workers, "--out", folder)
+        assert done.exit_code == 0, done.stderr
+        tables.append(pq.read_table(folder / "samples.parquet"))
+    assert tables[0].num_rows > 0
+    assert tables[0].equals(tables[1])
+
+
+def test_workers_refuse_a_predictor_that_they_cannot_find():
+    class Mine:
+        def predict(self, scene):
+            raise NotImplementedError
+
+    with pytest.raises(InputError, match="it is defined in a function, where other processes do not find it"):
+        evaluate_predictors(["t_junction", "lane_merge"], Mine, workers=2)

@@ -3,17 +3,18 @@
 import hashlib
 import itertools
 import math
-import subprocess
 import sys
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import interdrive as idr
 from interdrive.batches import BatchFolder, query
 from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
 from interdrive.batches.dataset import encoded
 from interdrive.batches.job import Finished
+from interdrive.cli import main
 from interdrive.comparison import compare
 from interdrive.comparison.caveats import is_sure
 from interdrive.comparison.figure import draw_comparison
@@ -53,7 +54,7 @@ def invented(folder, runs):
                 for column in AGENT_COLUMNS
             }
             usual |= {"under_test": True, "off_road": False, "outcome": "goal_reached", "agent_planner": planner}
-            usual |= {"harm": None, "partner_id": None, "impact_area": None}
+            usual |= {"harm": None, "partner_id": None, "impact_area": None, "fault": False, "fault_nuplan": False}
             rows = [{**run, **usual, "agent_id": agent, **own} for agent, own in agents.items()]
         values = {column.name: [row[column.name] for row in rows] for column in COLUMNS}
         for column in COLUMNS:
@@ -102,7 +103,7 @@ def test_the_table_counts_agents_by_category(two):
     assert [r["category"] for r in found.table.to_pylist()] == ["all", "all", "highway", "highway", "urban", "urban"]
 
 
-def test_the_median_of_the_smallest_ttc_counts_who_had_no_conflict(two):
+def test_the_median_of_the_smallest_ttc_counts_agents_without_a_conflict(two):
     # b: 1.0 (late), inf, 1.0, inf: the lower median is 1.0; in urban, of 1.0 and inf, too.
     assert row(compare(two), "all", "b")["ttc_min"] == 1.0
 
@@ -470,14 +471,8 @@ def test_questions_that_cannot_be_answered_are_one_line(two, tmp_path, monkeypat
 
 def test_the_commands_print_tables(two):
     def said(*arguments):
-        done = subprocess.run(
-            [sys.executable, "-m", "interdrive", *map(str, arguments)],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=60,
-        )
-        assert done.returncode == 0, done.stderr
+        done = CliRunner().invoke(main, list(map(str, arguments)))
+        assert done.exit_code == 0, done.output
         return done.stdout.splitlines()
 
     lines = said("compare", two)

@@ -26,7 +26,7 @@ class Steady(Straight):
 
     Attributes:
         share: Of the present speed.
-        name: For nobody.
+        name: Not used.
     """
 
     share: float = 1.0
@@ -155,7 +155,7 @@ def test_a_choice_without_a_name_is_the_default_with_its_own_settings():
     assert run["planner"]["200"] == {"planner": "frenet", "level": 1, "lazy": False}
 
 
-def test_the_default_is_only_for_those_who_are_not_named():
+def test_the_default_is_only_for_agents_that_are_not_named():
     run = stored({"default": "frenet,view.sensor_radius=30", 200: "frenet"})
     assert run["planner"] == "frenet"
     assert list(run["views"]) == ["100"]

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import pytest
 
 from interdrive.config.binding import bind, described, dotted, flatten
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError
 
 
@@ -127,6 +128,13 @@ def test_a_value_that_does_not_fit_is_refused_in_one_line_that_names_it(name, gi
     with pytest.raises(InputError) as refused:
         bind(Everything(), {name: given})
     assert str(refused.value) == message
+
+
+def test_a_number_of_candidates_that_is_none_says_what_it_counts():
+    wanted = "a whole number (number of sampled candidates to keep per plan), not 'true'"
+    with pytest.raises(InputError) as refused:
+        bind(SimulationSettings(), {"record.candidates": "true"})
+    assert str(refused.value) == f"record.candidates: expected {wanted}"
 
 
 def test_what_is_not_named_keeps_its_value_and_the_defaults_are_untouched():

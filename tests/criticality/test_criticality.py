@@ -94,7 +94,7 @@ def test_formulas_refuse_what_they_have_no_answer_for():
         exposure([1.0], threshold=np.inf)
 
 
-def test_formulas_tell_nobody_ahead_from_what_is_not_known():
+def test_formulas_tell_a_free_road_from_what_is_not_known():
     headway = [np.inf, np.nan, 30.0]
     np.testing.assert_array_equal(time_to_collision(headway, -10.0), [np.inf, np.nan, 3.0])
     np.testing.assert_array_equal(time_headway(headway, 0.0), [np.inf, np.nan, np.inf])
@@ -167,7 +167,7 @@ def test_a_scenario_without_traffic_has_no_rows():
     assert any("no vehicle is evaluated" in note for note in found.notes)
 
 
-def test_the_command_says_so_where_nobody_is_judged_or_nothing_is_drawn(tmp_path, monkeypatch, scenarios_folder):
+def test_the_command_says_so_where_no_vehicle_is_judged_or_nothing_is_drawn(tmp_path, monkeypatch, scenarios_folder):
     monkeypatch.chdir(tmp_path)
     file = scenarios_folder / "format_edge_cases" / "test_reading_lanelets.xml"
     result = invoke("criticality", str(file), "--png")
@@ -414,7 +414,7 @@ def test_pairs_are_ranked_by_their_most_critical_moment():
     assert found.most_critical_pairs("ttc", 0) == ()
 
 
-def test_the_command_judges_whom_it_is_told_with_settings(tmp_path):
+def test_the_command_judges_the_named_vehicles_with_settings(tmp_path):
     out = tmp_path / "tables"
     result = invoke(
         "criticality", "highway", "--participants", "1001,1002", "--set", "radius=30", "--out", str(out), "--quiet"

@@ -79,7 +79,7 @@ def test_the_outcome_table_tells_harm_angle_and_area(run, tmp_path):
     assert read_results(folder).outcomes.equals(outcome_table(run))
 
 
-def test_a_pair_of_agents_counts_once_and_who_hits_several_has_the_larger_harm(run):
+def test_a_pair_of_agents_counts_once_and_an_agent_that_hits_several_has_the_larger_harm(run):
     hit = ended(
         run,
         (1, "collision", 30, 2, False, 3.0),

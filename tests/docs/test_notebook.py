@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import nbformat
+from jupyter_client.manager import start_new_kernel
 from nbclient import NotebookClient
 
 FILE = Path(__file__).parents[2] / "examples" / "06_notebook.ipynb"
@@ -33,3 +34,38 @@ def test_the_notebook_runs_and_its_cells_show_tables_figures_progress_and_the_re
     assert report["text/html"].startswith("<iframe")
     assert "interrupted" in part["text/plain"]
     assert batch["text/plain"].startswith("planner __main__:Straight: it is defined in a notebook or script")
+
+
+LONG = """
+import time
+import interdrive as idr
+
+def on_step(step, *_):
+    print("step", step, flush=True)
+    time.sleep(0.1)
+
+try:
+    idr.simulate("t_junction", agents=1, predictor="constant_velocity", on_step=on_step)
+except idr.RunInterrupted as stopped:
+    print("kept", stopped.run.finished, stopped.run.states.n_steps)
+print("the kernel lives")
+"""
+
+
+def test_the_stop_button_of_a_notebook_keeps_the_run_so_far(tmp_path):
+    manager, client = start_new_kernel(cwd=str(tmp_path))
+    try:
+        client.execute(LONG)
+        printed = ""
+        while "the kernel lives" not in printed:
+            message = client.get_iopub_msg(timeout=60)
+            assert message["msg_type"] != "error", message["content"]
+            before, printed = printed, printed + message["content"].get("text", "")
+            if "step 3" in printed and "step 3" not in before:
+                manager.interrupt_kernel()
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+    _, finished, n_steps = next(line for line in printed.splitlines() if line.startswith("kept")).split()
+    assert finished == "False"
+    assert 4 <= int(n_steps) < 60

@@ -105,3 +105,38 @@ def test_a_line_whose_ways_have_different_lights_is_divided_among_them(read):
     np.testing.assert_array_equal(ends, [[[100, 2], [100, 0]], [[100, 0], [100, -2]]])
     straight, left = ([SIGNALS[code] for code in row] for row in shown)
     assert (straight, left) == (["green", "yellow", "yellow"], ["red"] * 3)
+
+
+@pytest.mark.parametrize(
+    ("country", "sign", "rank"),
+    [
+        ("DEU", "205", (2, 2, 2)),
+        ("DEU", "206", (1, 1, 1)),
+        ("DEU", "306", (4, 5, 4)),
+        ("DEU", "301", (4, 5, 4)),
+        ("USA", "R1-2", (2, 2, 2)),
+        ("USA", "R3-4", None),
+        ("DEU", "102", None),
+    ],
+)
+def test_a_sign_of_priority_counts_at_the_end_of_its_lanelet(read, country, sign, rank):
+    text = junction('<trafficSignRef ref="7"/>', cr.sign(7, sign)).replace("ZAM_Test", f"{country}_Test")
+    assert text.count(f"{country}_Test") == 1
+    assert dict(read(text).priorities.ranks) == ({} if rank is None else {1: rank})
+
+
+def test_the_side_of_driving_follows_from_neighbours_and_else_from_the_country(read):
+    beside = cr.lanelet(
+        4, left=((200, 2), (0, 2)), right=((200, 6), (0, 6)), more='<adjacentLeft ref="1" drivingDir="opposite"/>'
+    )
+    for country, right_hand, side in (("DEU", False, "right"), ("JPN", True, "left"), ("GBR", True, "none")):
+        text = junction().replace("ZAM_Test", f"{country}_Test")
+        found = read(text).priorities
+        assert (found.left_hand, found.priority_side) == (right_hand, side)
+        assert not read(text.replace("</commonRoad>", beside + "</commonRoad>")).priorities.left_hand
+
+
+def test_driveways_are_minor_roads_and_main_roads_are_derived_in_america(read):
+    found = read(junction("<laneletType>driveWay</laneletType>")).priorities
+    assert found.minor == (1,) and not found.derives_main_road
+    assert read(junction().replace("ZAM_Test", "USA_Test")).priorities.derives_main_road

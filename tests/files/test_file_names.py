@@ -92,7 +92,7 @@ def test_folders_of_results_that_cannot_be_are_refused_at_once(here, arguments):
         ),
         ["run", "t_junction", "--config", "circle"],
         ["run", "t_junction", "--predictor", "neural,weights=circle"],
-        ["run", "t_junction", "--predictor", "neural,weights=~nobody-of-that-name/file"],
+        ["run", "t_junction", "--predictor", "neural,weights=~no-such-user/file"],
         ["models", "install", "walenet", "--from", "circle"],
     ],
 )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from interdrive.errors import InputError
-from interdrive.files import read_scenario, shipped_scenario, shipped_scenarios
+from interdrive.files import read_scenario, scenario_file, shipped_scenario, shipped_scenarios
 from interdrive.scenario.inspection import candidates, lanelets_at
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,6 +45,25 @@ def town():
 
 def test_their_names_are_listed():
     assert shipped_scenarios() == NAMES
+
+
+def test_a_name_means_a_file_then_a_shipped_scenario_then_one_of_the_folder_of_scenarios(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("INTERDRIVE_SCENARIOS", str(tmp_path / "mine"))
+    for name in ("merge/zip.xml", "urban/zip.xml", "merge/town.xml", "merge/gap.xml"):
+        (tmp_path / "mine" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "mine" / name).write_text("")
+    (tmp_path / "highway").write_text("")
+    (tmp_path / "signals").mkdir()
+    mine = tmp_path / "mine" / "merge"
+    assert scenario_file("highway") == Path("highway")
+    assert scenario_file("signals") == shipped_scenario("signals"), "a folder does not hide it"
+    assert scenario_file("town") == shipped_scenario("town")
+    assert [scenario_file(name) for name in ("merge/gap.xml", "gap.xml", "gap")] == [mine / "gap.xml"] * 3
+    with pytest.raises(InputError, match=r"^zip: several files below .* have this name: merge/zip.xml, urban/zip.xml$"):
+        scenario_file("zip")
+    with pytest.raises(InputError, match=r"^hihgway: no such file, did you mean the shipped scenario highway"):
+        scenario_file("hihgway")
 
 
 def test_another_name_is_refused_with_the_list():

@@ -52,7 +52,7 @@ def crossing_connectors(definitions: Definitions) -> dict[int, set[int]]:
 
 
 class Conflicts:
-    """Who uses which connector, and when everybody is where two of them overlap."""
+    """Which vehicle uses which connector, and when each is where two of them overlap."""
 
     def __init__(self, definitions: Definitions, connectors: dict[int, set[int]]) -> None:
         self.definitions, self.connectors = definitions, connectors

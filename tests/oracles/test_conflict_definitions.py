@@ -1,4 +1,4 @@
-"""Who crosses whose way, when, and how far it still is: against the definitions written out."""
+"""Crossing ways: partner, time, and how far it still is: against the definitions written out."""
 
 from __future__ import annotations
 

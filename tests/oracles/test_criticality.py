@@ -106,11 +106,11 @@ def test_encroachment_times_are_those_of_shapely(recorded, measured):
     """Pair by pair: times in the conflict area that a value names, worked out from the lanelets' outlines."""
     n_et, n_pet, n_scenarios, wrong, n_nan = 0, 0, 0, [], 0
     for scenario in recorded:
-        everybody = evaluate(scenario, settings=CROSSING)
+        all_vehicles = evaluate(scenario, settings=CROSSING)
         obstacles = scenario.obstacles
         bodies = [body_of(shape) for shape in obstacles.shapes]
-        encroaching = everybody.participant_id[everybody.extremes["et"].path >= 0].tolist()
-        pairs = [(a, b) for a in encroaching for b in everybody.participant_id.tolist() if a != b][:PAIRS_MAX]
+        encroaching = all_vehicles.participant_id[all_vehicles.extremes["et"].path >= 0].tolist()
+        pairs = [(a, b) for a in encroaching for b in all_vehicles.participant_id.tolist() if a != b][:PAIRS_MAX]
         n_before = n_et
         for a, b in pairs:
             found = evaluate(scenario, [a], other_ids=[b], settings=CROSSING, threads=1)

@@ -1,4 +1,4 @@
-"""Who is ahead, who counts, and what follows from it, on real roads: against the definitions written out."""
+"""Participants ahead, those that count, and what follows, on real roads: against the definitions written out."""
 
 from __future__ import annotations
 

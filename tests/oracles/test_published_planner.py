@@ -115,11 +115,14 @@ def _problem(center: np.ndarray, heading: float, velocity: float, goal: np.ndarr
 
 
 def taken(road: str, start: Start) -> Start:
-    """What an agent's first plan begins with: recorded turns are noisy, so they are limited or doubted."""
+    """What an agent's first plan begins with: recorded turns are noisy, so they are limited or doubted.
+
+    Below 2 m/s they do not count.
+    """
     _, path = path_of(road)
-    if (road, start.s_dot) in DOUBTED:
-        return start.parallel(path)
     _, _, velocity, acceleration, curvature = start.in_world(path)
+    if (road, start.s_dot) in DOUBTED or velocity < 2.0:
+        return start.parallel(path)
     assert abs(acceleration) < START_ACCELERATION_MAX
     limit = START_LATERAL_ACCELERATION_MAX / velocity**2
     return start if abs(curvature) <= limit else start.turning(path, float(np.clip(curvature, -limit, limit)))

@@ -151,7 +151,7 @@ def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
         scene, world.predict(_core.Predictor.constant_velocity(ConstantVelocity(0.1, 0.1, 0.1)), scene, 1)
     )
     for k, p in enumerate(moved):
-        # Everybody's speed grows from 0, the agent's to 1: the speed of impact is the fraction of the step.
+        # All speeds grow from 0, the agent's to 1: the speed of impact is the fraction of the step.
         go(plans, world.view(scene, 2 * k), p[0], p[1], 1.0)
         if partner_is_agent:
             go(plans, world.view(scene, 2 * k + 1), p[2], p[3], 0.0)

@@ -33,7 +33,7 @@ def run():
 
 def without_agents(run):
     none = np.array([], dtype=np.int64)
-    nobody = replace(
+    no_agents = replace(
         run.outcomes,
         agent_id=none,
         planner=(),
@@ -47,7 +47,7 @@ def without_agents(run):
         message=(),
     )
     states = replace(run.states, is_agent=np.zeros(len(run.states.participant_id), dtype=bool))
-    return replace(run, agents=(), outcomes=nobody, states=states, candidates=None, predictions=None)
+    return replace(run, agents=(), outcomes=no_agents, states=states, candidates=None, predictions=None)
 
 
 def turned(run, angle):

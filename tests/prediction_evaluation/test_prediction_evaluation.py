@@ -105,8 +105,8 @@ def test_an_evaluation_can_be_saved_and_is_not_replaced_without_asking(shipped, 
         save_evaluation(shipped, folder, overwrite=True)
 
 
-def test_somebody_to_judge_is_needed(tmp_path):
-    with pytest.raises(idr.InputError, match="no such file or folder"):
+def test_evaluation_to_judge_is_needed(tmp_path):
+    with pytest.raises(idr.InputError, match="no such file"):
         idr.evaluate_predictors("nowhere.xml")
     with pytest.raises(idr.InputError, match="has no CommonRoad file"):
         idr.evaluate_predictors(tmp_path)
@@ -157,7 +157,7 @@ def test_a_scene_shows_the_moment_at_which_most_vehicles_leave_a_straight_drive(
     assert len(scene.row) == counts.max()
 
 
-def test_the_departure_of_who_keeps_its_velocity_is_zero():
+def test_the_departure_of_a_vehicle_that_keeps_its_velocity_is_zero():
     scenario = world(straight_road(), cars=[Car(1, 20.0, velocity=10.0)])
     (moment,) = list(Recording(scenario, SETTINGS).moments(100))
     assert _departure(moment) == pytest.approx([0.0], abs=1e-9)
@@ -165,10 +165,10 @@ def test_the_departure_of_who_keeps_its_velocity_is_zero():
 
 def test_calibration_of_those_that_move_leaves_out_those_that_stay(shipped):
     inside = shipped.samples.values["lane_following"]["region_3"] <= 0.5
-    somebody = replace(shipped, samples=replace(shipped.samples, stays=inside))
+    evaluation = replace(shipped, samples=replace(shipped.samples, stays=inside))
     (row,) = [
         row
-        for row in measures_table(somebody).to_pylist()
+        for row in measures_table(evaluation).to_pylist()
         if (row["predictor"], row["category"]) == ("lane_following", ALL)
     ]
     assert 0.0 < row["region_50_3"] < 1.0
@@ -178,8 +178,8 @@ def test_calibration_of_those_that_move_leaves_out_those_that_stay(shipped):
 
 def test_calibration_tells_those_that_move_from_those_that_stay(shipped):
     stays = np.arange(len(shipped.samples)) % 3 == 0
-    somebody = replace(shipped, samples=replace(shipped.samples, stays=stays))
-    table = calibration_table(somebody).to_pandas()
+    evaluation = replace(shipped, samples=replace(shipped.samples, stays=stays))
+    table = calibration_table(evaluation).to_pandas()
     rows = table[
         (table["predictor"] == "lane_following")
         & (table["category"] == ALL)

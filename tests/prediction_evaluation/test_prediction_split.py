@@ -1,4 +1,4 @@
-"""Splits of recordings by place: who is judged, as what, and which traffic it is."""
+"""Splits of recordings by place: which vehicles are judged, in which part, and which traffic it is."""
 
 import numpy as np
 import pyarrow.parquet as pq

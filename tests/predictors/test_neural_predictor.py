@@ -6,7 +6,7 @@ from safetensors.numpy import save_file
 
 from interdrive import InputError, Simulation, _core, simulate
 from interdrive.predictors import Neural, native_predictor
-from interdrive.predictors.weights import digest
+from interdrive.storage.weights import digest
 from interdrive.testing import Car, problem, straight_road, world
 
 #: Of the features that this interdrive computes.

@@ -20,7 +20,7 @@ from interdrive.testing import (
 
 
 class Straight:
-    """Everybody keeps speed and heading."""
+    """All participants keep speed and heading."""
 
     n_steps = 30
 
@@ -196,13 +196,13 @@ def test_a_predictor_that_returns_nothing_ends_the_run_with_its_name_and_the_tim
 
 
 def test_who_a_predictor_leaves_out_goes_straight_on():
-    def nobody(tables, _scene):
+    def no_participants(tables, _scene):
         for name in tables:
             if name != "time_step":
                 tables[name] = tables[name][:0]
 
     without, straight = (
-        idr.simulate(scenario(), agents=[100], predictor=p) for p in (changed(nobody), "constant_velocity")
+        idr.simulate(scenario(), agents=[100], predictor=p) for p in (changed(no_participants), "constant_velocity")
     )
     assert without.outcomes.outcome == straight.outcomes.outcome == ("goal_reached",)
 

@@ -17,7 +17,7 @@ def invented():
 
 
 def answers(session, history, neighbours, pictures):
-    """(n, 40, 5) for history (n, 30, 2), neighbours (n, 39, 30, 2; zero: nobody), pictures (n, 256, 256)."""
+    """(n, 40, 5) for history (n, 30, 2), neighbours (n, 39, 30, 2; zero: none), pictures (n, 256, 256)."""
     tracks = np.concatenate([history[:, None], neighbours], axis=1)
     cells = np.arange(len(history) * 40).reshape(-1, 40)
     tracks = np.ascontiguousarray(tracks.reshape(-1, 30, 2).swapaxes(0, 1))
@@ -76,7 +76,7 @@ GOLDEN = {
     "10 m/s between lines": """
         0.015100 1.415517 3.309396 1.395820 -0.004320 | 0.144737 11.025991 3.692327 0.679734 -0.075232
         | -0.262589 32.254208 1.045889 0.201771 -0.113768 | -0.977830 46.615740 0.495541 0.111651 0.096931""",
-    "behind somebody at 5 m/s": """
+    "behind a vehicle at 5 m/s": """
         0.013620 1.231190 3.601439 1.437835 -0.002406 | 0.236756 9.787759 4.541147 0.751542 -0.040348
         | 0.032080 28.230238 1.623275 0.265955 -0.096775 | -0.274825 38.082886 1.113914 0.192492 -0.026302""",
     "standing between lines": """

@@ -16,7 +16,7 @@ from safetensors.numpy import save_file
 from interdrive.cli import main
 from interdrive.errors import InputError
 from interdrive.predictors import models
-from interdrive.predictors.weights import digest, read_weights
+from interdrive.storage.weights import digest, read_weights
 
 TENSORS = {"a.weight": np.arange(6, dtype=np.float32).reshape(2, 3), "a.bias": np.array([0.5, -1.0], np.float32)}
 
@@ -88,8 +88,8 @@ def test_the_cache_is_where_the_user_or_the_desktop_wants_it(monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", "/caches")
     assert models.cache_folder() == Path("/caches/interdrive")
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
-    monkeypatch.setenv("HOME", "/home/somebody")
-    assert models.cache_folder() == Path("/home/somebody/.cache/interdrive")
+    monkeypatch.setenv("HOME", "/home/user")
+    assert models.cache_folder() == Path("/home/user/.cache/interdrive")
 
 
 # Installing: an invented checkpoint, whose numbers begin where those of the published one do.

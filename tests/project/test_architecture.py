@@ -6,7 +6,7 @@ from pathlib import Path
 
 from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES
-from interdrive.run import PLAN_STATUS
+from interdrive.run import PLAN_STATUS, SERVICES, VIA
 from interdrive.run.assemble import OUTCOME_NAMES
 from interdrive.scenario import KINDS
 
@@ -50,6 +50,8 @@ def test_codes_mean_the_same_on_both_sides_of_the_boundary():
         "outcome": OUTCOME_NAMES,
         "plan_status": PLAN_STATUS,
         "impact_area": IMPACT_AREAS,
+        "service": SERVICES,
+        "via": VIA,
         "measure": tuple(measure.name for measure in MEASURES),
     }
     assert {what: tuple(map(snake, names)) for what, names in _core.CODES.items()} == ours

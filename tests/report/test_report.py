@@ -131,7 +131,6 @@ def test_a_page_tells_when_the_plans_were_made_that_agents_follow(run, tmp_path)
 
 def test_goals_and_sight_of_agents_are_in_the_header(folder):
     agent = run_contents(folder).header["participants"][1]
-    assert agent["origin"] == "planning problem"
     assert agent["sensor_radius"] == 80.0
     assert agent["occlusion"] is False
     assert len(agent["goal"]) == 1
@@ -354,10 +353,10 @@ def test_a_run_without_timing_is_shown_whole(copied):
 
 def test_measures_that_cannot_be_evaluated_are_named(copied, monkeypatch):
     def refuse(_run):
-        raise InputError("nobody to judge")
+        raise InputError("no vehicle to judge")
 
     monkeypatch.setattr("interdrive.report.measured.evaluate", refuse)
-    assert missing(copied) == {"criticality": "Criticality cannot be evaluated: nobody to judge"}
+    assert missing(copied) == {"criticality": "Criticality cannot be evaluated: no vehicle to judge"}
     assert run_contents(copied).header["measures"] == []
 
 

@@ -24,7 +24,8 @@ def test_every_object_that_a_user_meets_is_one_line(run, tmp_path):
 
     class Looks:
         def plan(self, view, predictions):
-            seen.extend([repr(view), repr(view.ego), repr(predictions)])
+            ego = view.ego
+            seen.extend(map(repr, [view, ego, ego.route, ego.goal, ego.vehicle, predictions]))
             raise RuntimeError("enough")
 
     simulation = idr.Simulation("t_junction", agents=1, planner=Looks)
@@ -32,9 +33,10 @@ def test_every_object_that_a_user_meets_is_one_line(run, tmp_path):
     folder = run.save(tmp_path / "run")
     shown = [
         repr(run), repr(run.scenario), repr(run.scenario.obstacles), repr(run.criticality()), repr(simulation),
-        repr(read_results(folder)), *seen,
+        repr(read_results(folder)), repr(run.agents[0]), repr(run.scenario.planning_problems[0]), *seen,
+        *(repr(getattr(run, part)) for part in ("outcomes", "states", "plans", "timings", "violations")),
     ]  # fmt: skip
-    assert len(shown) == 9
+    assert len(shown) == 19
     assert [line for line in shown if len(line) > 160 or "\n" in line or " object at " in line] == []
     assert re.fullmatch(r"<Run of t_junction: (\d \w+(, )?)+; \d+\.\d s>", repr(run))
 
@@ -44,6 +46,19 @@ def test_a_notebook_shows_the_outcomes_of_a_run_and_escapes_them(run):
     assert page.count("<tr>") == 1 + len(run.agents)
     assert "&lt;Run of t_junction" in page
     assert f"<td>{run.agents[0].id}</td>" in page
+
+
+def test_a_notebook_shows_the_measures_of_an_evaluation():
+    found = idr.evaluate_predictors("lane_merge", "constant_velocity", every=100, with_timing=False)
+    assert found._repr_html_().startswith("<p>&lt;PredictionEvaluation of constant_velocity on 1 files&gt;</p><table>")
+    row = next(row for row in found.table.to_pylist() if row["category"] == "all samples")
+    assert f"<td>{row['fde_3']:.4g}</td>" in found._repr_html_()
+
+
+def test_a_notebook_shows_the_table_of_a_case_study():
+    study = idr.case_study("lane_merge", agent=2001, other=1004, settings={"step.max_steps": 3})
+    assert repr(study) == "<CaseStudy of lane_merge: agent 2001, other 1004, planner frenet>"
+    assert study._repr_html_().count("<tr>") == 1 + 3
 
 
 def test_parts_of_a_run_are_the_tables_of_its_folder(run, tmp_path):

@@ -198,7 +198,7 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
         ({"agents": [5]}, "agent 5: no such vehicle; possible agents: 100, 200, 7, 9"),
         ({"agents": 9}, "9 agents requested, but only"),
         ({"agents": 0}, "at least 1"),
-        ({"agents": "some"}, "'all', 'reachable', a number or ids"),
+        ({"agents": "some"}, "'all', 'reachable', 'problems', a number or ids"),
         ({"planner": "frenett"}, "unknown planner 'frenett': did you mean frenet?"),
         ({"planner": "nowhere:Planner"}, "module nowhere cannot be imported"),
         ({"planner": "interdrive.testing:Nothing"}, "module interdrive.testing has no Nothing"),

@@ -1,4 +1,4 @@
-"""What agents see: line of sight, what it keeps from planners, and the record of who saw whom."""
+"""What agents see: line of sight, what it keeps from planners, and the record of what was seen."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ WALL, AGENT, OTHER = 50, 100, 7
 
 
 def corner(wall=True, other=True):
-    """The agent drives towards a crossing; a building at the corner hides who comes from the right."""
+    """The agent drives towards a crossing; a building at the corner hides traffic from the right."""
     cars = [Car(OTHER, 0.0, -30.0, velocity=12.0, orientation=np.pi / 2)] * other + [Car(WALL, -20.0, -20.0)] * wall
     problems = [problem(AGENT, -30.0, velocity=12.0, goal=(60.0, 0.0), time_step=(0, 100))]
     scenario = world(crossing(), cars=cars, problems=problems)
@@ -127,7 +127,7 @@ def test_the_record_of_views_is_what_planners_were_shown():
     assert {step: run.views.seen_by(AGENT, step) for step in looking.seen} == looking.seen
     assert run.views.observer_id.tolist() == sorted(run.views.observer_id.tolist())
     assert (run.views.first_time_step <= run.views.last_time_step).all()
-    # Nobody else is a stretch of its own at every step.
+    # Uninterrupted visibility is one interval, not one per step.
     assert len(run.views.seen_id) < 8
 
 

@@ -1,4 +1,4 @@
-"""Figures for papers: their widths, whom they show, that texts stay texts, and what is refused."""
+"""Figures for papers: their widths, which agents they show, that texts stay texts, and what is refused."""
 
 from __future__ import annotations
 
@@ -107,9 +107,9 @@ def test_two_vehicles_of_a_scene_never_share_a_colour(run):
 def test_only_chosen_agents_are_named_and_the_others_are_other_vehicles(run, tmp_path):
     assert {"goal reached (1)", "other vehicles"} <= texts(draw_trajectories(run, [1]), tmp_path)
     assert "collision (1)" not in texts(draw_trajectories(run, [1]), tmp_path)
-    everybody = texts(draw_trajectories(run), tmp_path)
-    assert {"collision (1)", "recorded traffic"} <= everybody
-    assert everybody == texts(draw_run(run), tmp_path)
+    all_texts = texts(draw_trajectories(run), tmp_path)
+    assert {"collision (1)", "recorded traffic"} <= all_texts
+    assert all_texts == texts(draw_run(run), tmp_path)
 
 
 def test_measures_show_finite_values_up_to_where_they_matter(merge):

@@ -35,7 +35,7 @@ class Kills:
 
 @dataclass
 class KillsOnce:
-    """Takes its process with it unless somebody has done so before.
+    """Takes its process with it unless that has happened before.
 
     Attributes:
         flag: File that says so.

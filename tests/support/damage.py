@@ -125,7 +125,7 @@ DAMAGES = (
     _said(
         "a view is out of range", _put("settings", "views", value={"1": {"sensor_radius": -1}}), "settings.views.1: "
     ),
-    _said("a view of nobody", _put("settings", "views", value={"all": {}}), "settings.views: expected an agent id"),
+    _said("a view of no agent", _put("settings", "views", value={"all": {}}), "settings.views: expected an agent id"),
     _said("agents are a table", _put("agents", value={}), "agents: expected a list, not {}"),
     _said("an agent occurs twice", lambda info: info["agents"].append(info["agents"][0]), "agents: agent 1 occurs t"),
     _said("a goal is no list", _put(*_GOAL, value=7), "agents[0].goal: expected a list, not 7"),
@@ -197,13 +197,13 @@ DAMAGES = (
     _table("half of the plans of an older run", "plans", _half, "time_step: agent ", counted=False),
     _table("plans with holes", "plans", _without("point", 3), "point: 4 in row 3 does not follow", counted=False),
     _table("a point far away", "plans", with_cell("point", 2**31), "point: 2147483648 in row "),
-    _table("a plan of nobody", "plans", with_cell("agent_id", 4711), "agent_id: 4711 has no outcome"),
+    _table("a plan of an unknown agent", "plans", with_cell("agent_id", 4711), "agent_id: 4711 has no outcome"),
     _table("a status that is none", "plans", with_cell("status", "dreamt"), "status: 'dreamt' is none of none, "),
     _table(
         "a time step without time", "timing", _without("time_step", 3), "time_step: time steps are miss", counted=False
     ),
     _table("a time below 0", "timing", with_cell("seconds", -1.0), "seconds: -1.0 in row "),
-    _table("somebody unknown was seen", "views", with_cell("seen_id", 4711), "seen_id: 4711 has no states"),
+    _table("an unknown participant was seen", "views", with_cell("seen_id", 4711), "seen_id: 4711 has no states"),
     _table("seen to the end of time", "views", with_cell("last_time_step", 2**40), "last_time_step: 1099511627776 in"),
     _table("a probability of 2", "predictions", with_cell("probability", 2.0), "probability: 2.0 in row "),
     _table("predictions with holes", "predictions", _without("point", 5), "it has "),

@@ -58,7 +58,7 @@ def lanelets():
 
 
 def tracks():
-    """(id, kind, agent, first step, positions, headings) of everybody."""
+    """(id, kind, agent, first step, positions, headings) of all participants."""
     t = np.arange(N_STEPS) * DT
     made = []
 
@@ -199,7 +199,7 @@ def plans(recorded, points=31):
 
 
 def with_agent_view(run, n_candidates=120):
-    """The run with what agent 2 chose from, and predictions of everybody, at every time step at which it drives."""
+    """The run with candidates of agent 2 and predictions of all participants, at every time step of the agent."""
     chance, recorded = np.random.default_rng(1), run.states
     row = int(np.flatnonzero(recorded.participant_id == 2)[0])
     considered, predicted = [], []

@@ -32,7 +32,7 @@ def measured(predictor, found, every=1):
 
 
 class Modes:
-    """Everybody is expected at (offset, 0) from a straight drive, one mode per offset."""
+    """All participants are expected at (offset, 0) from a straight drive, one mode per offset."""
 
     offsets = (0.0,)
     probability = (1.0,)

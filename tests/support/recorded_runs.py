@@ -9,7 +9,7 @@ from interdrive.run import States
 
 
 def run_of(scenario, *, first_time_step=0, participants=None):
-    """A run in which everybody did what was recorded; `participants` replaces ids."""
+    """A run in which all participants do what was recorded; `participants` replaces ids."""
     obstacles = scenario.obstacles
     steps = slice(first_time_step, None)
     ids = obstacles.ids if participants is None else np.array(participants)

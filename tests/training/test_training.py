@@ -11,7 +11,7 @@ import pytest
 from interdrive import _core, evaluate_predictors, simulate
 from interdrive.files import read_scenario, shipped_scenario
 from interdrive.prediction_evaluation.tables import ALL, ANY, measures_table
-from interdrive.predictors.weights import read_weights
+from interdrive.storage.weights import read_weights
 
 ROOT = Path(__file__).resolve().parents[2]
 WEIGHTS = ROOT / "python" / "interdrive" / "predictors" / "neural.safetensors"

@@ -10,8 +10,8 @@ from interdrive.files import read_scenario, shipped_scenario
 from interdrive.native_settings import CoreStepSettings, RoadSettings
 from interdrive.predictors import Neural, PredictorSettings, native_predictor
 from interdrive.predictors.neural import SHIPPED
-from interdrive.predictors.weights import read_weights
 from interdrive.scenario.native import core_road, core_scenario
+from interdrive.storage.weights import read_weights
 
 evaluate = pytest.importorskip("training.evaluate", reason="training/ is part of the repository, not of the package")
 dataset = pytest.importorskip("training.dataset")

@@ -1,8 +1,9 @@
-"""The README does what it says: its examples run, one after the other as a reader would, and leave what it promises."""
+"""README and tour do what they say: their examples run, one after the other, and leave what they promise."""
 
 from __future__ import annotations
 
 import ast
+import contextlib
 import re
 import shlex
 import subprocess
@@ -10,19 +11,22 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import interdrive as idr
+from interdrive.cli import main
 from interdrive.report import is_batch
 from interdrive.results import holds_run
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-COMMANDS = [line[2:] for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL) for line in block.splitlines()]
+ROOT = Path(__file__).parents[2]
+README, TOUR = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/tour.md"))
+PYTHON = re.findall(r"```python\n(.*?)```", TOUR, re.DOTALL)
+COMMANDS = [line[2:] for block in re.findall(r"```console\n(.*?)```", TOUR, re.DOTALL) for line in block.splitlines()]
 
 
-def printed(number, folder):
+def printed(code, folder):
     """What an example in Python prints."""
-    words = [sys.executable, "-c", PYTHON[number]]
+    words = [sys.executable, "-c", code]
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
@@ -31,35 +35,48 @@ def printed(number, folder):
 @pytest.fixture(scope="module")
 def console(tmp_path_factory):
     """The folder in which all commands ran, and what each of them printed."""
-    folder, said = tmp_path_factory.mktemp("readme"), {}
-    for command in COMMANDS:
-        program, *arguments = shlex.split(command)
-        assert program == "interdrive"
-        words = [sys.executable, "-m", "interdrive", *arguments]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stderr) == (0, ""), command
-        said[command] = done.stdout
+    folder, said = tmp_path_factory.mktemp("tour"), {}
+    with contextlib.chdir(folder):
+        for command in COMMANDS:
+            program, *arguments = shlex.split(command)
+            assert program == "interdrive"
+            done = CliRunner().invoke(main, arguments)
+            assert (done.exit_code, done.stderr) == (0, ""), command
+            said[command] = done.stdout
     return folder, said
 
 
+def test_the_lines_of_the_readme_run_and_leave_a_figure_and_a_run_folder(tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    shown = printed(code, tmp_path).splitlines()
+    assert shown == ["<Run of t_junction: 8 goal_reached; 12.5 s>", "['agent_id', 'planner', 'outcome']"]
+    assert (tmp_path / "velocity.pdf").read_bytes().startswith(b"%PDF")
+    assert holds_run(tmp_path / "out" / "t_junction")
+
+
+def test_the_moving_picture_of_the_readme_is_there_and_small():
+    (picture,) = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
+    assert 10_000 < (ROOT / picture).stat().st_size < 1_000_000
+
+
 def test_a_run_from_python_gives_outcomes_and_states(tmp_path):
-    first, *table, shape = printed(0, tmp_path).splitlines()
+    first, *table, shape = printed(PYTHON[0], tmp_path).splitlines()
     run = idr.simulate("t_junction", agents="all")
-    assert first == repr(run) == "<Run of t_junction: 8 goal_reached; 12.6 s>"
+    assert first == repr(run) == "<Run of t_junction: 8 goal_reached; 12.5 s>"
     assert sum("goal_reached" in row for row in table) == len(run.agents)
     assert shape == str(run.states.x.shape)
     assert (tmp_path / "velocity.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_a_run_step_by_step_is_saved(tmp_path):
-    assert printed(1, tmp_path) == ""
+    assert printed(PYTHON[1], tmp_path) == ""
     found = idr.load(tmp_path / "out" / "lane_merge")
     assert len(found.agents) == 3
     assert found.settings["predictor"] == "constant_velocity"
 
 
 def test_every_agent_gets_its_planner(tmp_path):
-    planners = ast.literal_eval(printed(2, tmp_path))
+    planners = ast.literal_eval(printed(PYTHON[2], tmp_path))
     assert planners.pop(1001) == "idm"
     assert set(planners.values()) == {"frenet"}
     assert len(planners) > 2
@@ -67,7 +84,7 @@ def test_every_agent_gets_its_planner(tmp_path):
 
 def test_the_planner_of_the_reader_keeps_the_contract(tmp_path):
     assert PYTHON[3:] == PYTHON[3:4], "an example that no test looks at"
-    ends = ast.literal_eval(printed(3, tmp_path))
+    ends = ast.literal_eval(printed(PYTHON[3], tmp_path))
     assert ends["an empty road"] == "goal_reached"
     assert len(ends) == 4
     assert "planner_error" not in ends.values()
@@ -87,11 +104,11 @@ def test_every_command_leaves_what_it_is_told_to_make(console):
 
 def test_a_run_folder_holds_the_files_of_the_table(console):
     folder, _ = console
-    rows = re.findall(r"^\| (`[^|]*) \| (.*) \|$", README.split("## What comes out")[1], re.MULTILINE)
+    rows = re.findall(r"^\| (`[^|]*) \| (.*) \|$", TOUR.split("## What comes out")[1], re.MULTILINE)
     described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
     found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
     others = {"run.png", "run.gif", "criticality_extremes.parquet"}  # asked for, or part of what is described
-    assert described - {"predictions.parquet", "candidates.parquet"} == found - others
+    assert described - {"predictions.parquet", "candidates.parquet", "messages.parquet"} == found - others
 
 
 def test_settings_of_an_agent_reach_its_run(console):

@@ -1,0 +1,222 @@
+"""Right of way at junctions of straight lanes through the origin, with a limit of 10 m/s; cars are 4.5 m long.
+
+Strips of 2.2 m: the area of two lanes through the origin reaches from -1.1 to 1.1 m, a front waits at -1.4 m at the
+latest, and a rear has left at 1.4 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.scenario import Lanelets
+from interdrive.scenario.control import Priorities
+from interdrive.simulation import Simulation
+from interdrive.testing.worlds import Car, crossing, problem, world
+
+HALF = 2.25
+MOUTH = -1.4
+NORTH = np.pi / 2
+RULES = {"rules.precedence": True}
+#: x, y and heading per metre of the four ways of a two-way cross: from west, south, east and north.
+ARMS = [((1, 0), (0, -1.75)), ((0, 1), (1.75, 0)), ((-1, 0), (0, 1.75)), ((0, -1), (-1.75, 0))]
+
+
+def limited(lanelets):
+    return replace(lanelets, speed_limit=np.full(len(lanelets.ids), 10.0))
+
+
+def lanes(*ways, half_length=100.0, width=3.0):
+    """Straight lanes, ids 1, 2, ...; a way is its direction and the point on it beside the origin."""
+    along = np.linspace(-half_length, half_length, 81)[:, None]
+    left, right = [], []
+    for direction, place in ways:
+        aside = 0.5 * width * np.array([-direction[1], direction[0]])
+        middle = np.array(place) + along * np.array(direction)
+        left.append(middle + aside)
+        right.append(middle - aside)
+    n = len(ways)
+    none, no = np.full(n, -1), np.zeros(n, dtype=bool)
+    ids = np.arange(1, n + 1)
+    return limited(
+        Lanelets(
+            ids, tuple(left), tuple(right), ((),) * n, ((),) * n, none, no, none, no, np.full(n, np.nan), ((),) * n
+        )
+    )
+
+
+def car(agent_id, way, before_mouth, velocity=10.0, mouth=MOUTH, time=200):
+    """An agent whose front is so far before its first mouth [m]; it wants to get 60 m beyond the origin."""
+    direction, place = np.array(way[0]), np.array(way[1])
+    x, y = place + (mouth - before_mouth - HALF) * direction
+    heading = float(np.arctan2(direction[1], direction[0]))
+    goal = place + 60.0 * direction
+    return problem(
+        agent_id, x, y, velocity, heading, goal=tuple(goal), goal_size=(20.0, 3.5), goal_orientation=heading,
+        time_step=(0, time),
+    )  # fmt: skip
+
+
+EAST_WAY, NORTH_WAY = ((1, 0), (0, 0)), ((0, 1), (0, 0))
+
+
+def told(scenario, **settings):
+    """Agent -> distance from its front to where it has to stop [m], for how long [s], and because of whom."""
+    simulation = Simulation(scenario, settings=RULES | settings, threads=1)
+    scene = simulation.world.scene()
+    found = {}
+    for agent in simulation.driving:
+        ego = simulation.world.view(scene, agent).ego
+        front = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0]) + HALF
+        found[agent] = (
+            pytest.approx(ego.stop_s - front, abs=0.02),
+            pytest.approx(ego.stop_release, abs=0.01),
+            ego.stop_by,
+        )
+    return found
+
+
+FREE = (np.inf, np.inf, None)
+
+
+def test_of_two_that_arrive_together_the_right_one_goes_and_the_other_knows_when():
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    orders = told(scenario)
+    assert orders[2] == FREE, "it comes from the right"
+    # The other one has left after 20 + 2.8 + 4.5 m at 10 m/s, 0.3 s more are kept.
+    assert orders[1] == (20.0, 3.03, 2)
+
+
+def test_a_gap_that_is_large_enough_is_taken():
+    # It has left after 1.5 + 0.73 s, 1 s before the other one comes.
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 15.0), car(2, NORTH_WAY, 60.0)])
+    assert told(scenario) == {1: FREE, 2: FREE}
+
+
+def test_signs_turn_the_order_around():
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    scenario = replace(scenario, priorities=Priorities(ranks=((1, (4, 5, 4)),)))
+    orders = told(scenario)
+    assert orders[1] == FREE
+    assert orders[2] == (20.0, 3.03, 1)
+
+
+@pytest.mark.parametrize("ids", [(1, 2, 3, 4), (4, 1, 2, 3)])
+def test_of_four_that_arrive_together_two_opposite_ones_go_at_once(ids):
+    problems = [car(i, way, 20.0, mouth=-3.15) for i, way in zip(ids, ARMS, strict=True)]
+    orders = told(world(lanes(*ARMS), problems=problems))
+    first = {i for i in ids if orders[i] == FREE}
+    opposite = [{ids[0], ids[2]}, {ids[1], ids[3]}]
+    assert first == next(pair for pair in opposite if 1 in pair), "those with the least id"
+    # The second area of the others is free after 20 + 6.3 + 4.5 m.
+    assert all(orders[i][:2] == (20.0, 3.38) for i in set(ids) - first)
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("velocity", [10.0, 0.0])
+def test_four_at_a_cross_get_through_without_contact(planner, velocity):
+    before = 20.0 if velocity else 0.5
+    problems = [car(i + 1, way, before, velocity, mouth=-3.15) for i, way in enumerate(ARMS)]
+    run = idr.simulate(world(lanes(*ARMS), problems=problems), planner=planner, settings=RULES, threads=1)
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    stands = [run.states.velocity[row, run.states.valid[row]] < 0.1 for row in range(4)]
+    assert max(0.1 * stand.sum() for stand in stands) < 9.0, "seconds"
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm"])
+def test_two_that_meet_in_a_narrow_street_pass_one_after_the_other(planner):
+    # Both lanes lie on the same 3 m between x = -8 and 8 m, and beside each other beyond 24 m.
+    def bent(sign):
+        x = np.linspace(-100, 100, 201)
+        u = np.clip((np.abs(x) - 8.0) / 16.0, 0.0, 1.0)
+        aside = 1.75 * u**2 * (3.0 - 2.0 * u)
+        middle = np.column_stack([sign * x, -sign * aside])
+        half = 1.5 * np.array([0.0, sign])
+        return middle + half, middle - half
+
+    (left1, right1), (left2, right2) = bent(1.0), bent(-1.0)
+    lanelets = limited(
+        Lanelets(
+            np.array([1, 2]), (left1, left2), (right1, right2), ((), ()), ((), ()), np.full(2, -1), np.zeros(2, bool),
+            np.full(2, -1), np.zeros(2, bool), np.full(2, np.nan), ((), ()),
+        )
+    )  # fmt: skip
+    problems = [
+        problem(1, -70.0, -1.75, 8.0, 0.0, goal=(80.0, -1.75), goal_size=(20.0, 3.5), time_step=(0, 600)),
+        problem(
+            2, 70.0, 1.75, 8.0, np.pi, goal=(-80.0, 1.75), goal_size=(20.0, 3.5), goal_orientation=np.pi,
+            time_step=(0, 600),
+        ),
+    ]  # fmt: skip
+    run = idr.simulate(world(lanelets, problems=problems), planner=planner, settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    inside = np.abs(run.states.x) < 8.0
+    assert not (inside & run.states.valid).all(axis=0).any(), "never both in the street"
+
+
+@pytest.mark.parametrize(("rear", "is_held"), [(5.4, True), (5.6, False)])
+def test_a_junction_is_not_entered_without_room_behind_it(rear, is_held):
+    # The car needs 4.5 + 1 m behind 1.4 m.
+    standing = Car(9, 1.4 + rear + HALF)
+    scenario = world(limited(crossing()), cars=[standing], problems=[car(1, EAST_WAY, 10.0, 8.0)])
+    assert told(scenario)[1] == ((10.0, np.inf, 9) if is_held else FREE)
+    assert told(scenario, **{"rules.keep_clear": False})[1] == FREE
+
+
+def test_whoever_does_not_obey_is_waited_for():
+    # The recorded car comes from the left and would have to wait; it cannot stop any more.
+    recorded = Car(9, 0.0, MOUTH - 15.0 - HALF, 12.0, NORTH)
+    left = Priorities(priority_side="left")
+    scenario = replace(world(limited(crossing()), cars=[recorded], problems=[car(1, EAST_WAY, 15.0)]), priorities=left)
+    order = told(scenario)[1]
+    assert order[0] == 15.0 and order[2] == 9
+    run = idr.simulate(scenario, agents=[1], settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+def test_one_agent_may_take_the_right_of_way():
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    run = idr.simulate(scenario, settings=RULES, rules={1: {"precedence": False}}, threads=1)
+    assert "collision" not in run.outcomes.outcome
+    first = [float(np.argmax(run.states.valid[row] & (run.states.x[row] + run.states.y[row] > 0))) for row in range(2)]
+    assert first[0] < first[1], "the other one waits although it comes from the right"
+
+
+def test_runs_do_not_depend_on_threads_or_the_order_of_agents():
+    def problems(ids):
+        return [car(i, ARMS[i - 1], 20.0 + 3 * i, mouth=-3.15) for i in ids]
+
+    one = idr.simulate(world(lanes(*ARMS), problems=problems((1, 2, 3, 4))), settings=RULES, threads=1)
+    two = idr.simulate(world(lanes(*ARMS), problems=problems((3, 1, 4, 2))), settings=RULES, threads=2)
+    assert one.digest == two.digest
+
+
+class Obedient:
+    """Keeps its speed along its path, and stops where it is told to."""
+
+    obeys_rules = True
+
+    def plan(self, view: Any, predictions: Any) -> idr.Trajectory:
+        ego = view.ego
+        front = ego.s + ego.vehicle.rear_axle_to_center + 0.5 * ego.vehicle.length
+        way, speed, dt = [0.0], [ego.velocity], view.dt
+        for step in range(30):
+            room = ego.stop_s - 0.5 - front - way[-1] if step * dt < ego.stop_release else np.inf
+            allowed = np.sqrt(6.0 * max(room, 0.0)) if np.isfinite(room) else np.inf
+            speed.append(float(np.clip(min(10.0, allowed), max(0.0, speed[-1] - 5 * dt), speed[-1] + 2 * dt)))
+            way.append(way[-1] + 0.5 * (speed[-2] + speed[-1]) * dt)
+        east, north = np.cos(ego.orientation), np.sin(ego.orientation)
+        x, y = ego.x + np.array(way) * east, ego.y + np.array(way) * north
+        return idr.Trajectory(x, y, np.full(31, ego.orientation), np.array(speed))
+
+
+def test_a_planner_in_python_is_told_the_same_and_can_obey():
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    run = idr.simulate(scenario, planner=Obedient, settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    x = run.states.x[0, run.states.valid[0]]
+    assert np.argmax(x + HALF > MOUTH) * 0.1 >= 3.0, "seconds until it enters"

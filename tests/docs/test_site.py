@@ -1,0 +1,74 @@
+"""What makes the site does what it says: pages are run and compared, lost links and old tables are found."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "extensions"))
+
+import ages  # noqa: E402
+import executed_pages  # noqa: E402
+import links  # noqa: E402
+
+PAGE = "# Two\n\n```python\nn = 2\n```\n\n```python\nprint(n, 'cars')\n# prints: {said}\n```\n\n{more}\n"
+
+
+@pytest.fixture
+def run(tmp_path):
+    def run(said, more=""):
+        path = tmp_path / "page.md"
+        path.write_text(PAGE.format(said=said, more=more), encoding="utf-8")
+        executed_pages.run(path, tmp_path / "pictures")
+
+    return run
+
+
+@pytest.mark.parametrize("said", ["2 cars", "2 ...", "... cars"])
+def test_a_page_that_says_what_its_code_prints_is_accepted(run, said):
+    run(said)
+
+
+def test_a_page_that_says_something_else_is_refused(run):
+    with pytest.raises(executed_pages.PageError, match="2 cars"):
+        run("3 cars")
+
+
+def test_a_picture_that_the_code_of_its_page_did_not_make_is_refused(run):
+    with pytest.raises(executed_pages.PageError, match=r"left no road\.png"):
+        run("2 cars", "![a road](pictures/road.png)")
+
+
+def test_every_tutorial_is_in_the_index():
+    index = (ROOT / "docs" / "tutorials" / "index.md").read_text(encoding="utf-8").splitlines()
+    pages = {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")}
+    assert pages - {"index"} == {line for line in index if line in pages}
+
+
+def test_a_link_to_a_missing_page_picture_or_heading_is_found(tmp_path):
+    (tmp_path / "index.html").write_text('<a href="b.html#here">b</a><a href="b.html#there">b</a><img src="c.png">')
+    (tmp_path / "b.html").write_text('<h1 id="here">b</h1><a href="https://example.org/x">out</a>')
+    assert links.lost_in_site(tmp_path) == [
+        "index.html: b.html#there: no such place in that page",
+        "index.html: c.png: no such file",
+    ]
+
+
+@pytest.mark.parametrize("name", ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "RELEASES.md"])
+def test_every_link_of_a_page_in_the_root_leads_to_a_file(name):
+    assert links.lost_in_markdown(ROOT / name) == []
+
+
+def test_tables_are_older_than_code_that_changed_after_they_were_measured(tmp_path):
+    (tmp_path / "plan.rs").write_text("fn plan() {}")
+    stored = {"name": "x", "page": "x.md", "what": "x", "command": "x", "date": "2026-01-01", "version": "0.1.0"}
+    one = ages.Measured(**stored, code=("plan.rs",), sha256=ages.fingerprint(("plan.rs",), tmp_path))
+    assert one.is_current(tmp_path)
+    (tmp_path / "plan.rs").write_text("fn plan() { faster() }")
+    assert not one.is_current(tmp_path)
+
+
+def test_the_code_of_all_measured_tables_is_there():
+    assert all(len(ages.fingerprint(one.code)) == 64 for one in ages.stored())
+    assert all((ROOT / "docs" / one.page).is_file() for one in ages.stored())

@@ -1,0 +1,41 @@
+"""Environments keep the contracts of gymnasium and PettingZoo, in the words of their own checkers."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
+from pettingzoo.utils.conversions import parallel_to_aec
+
+from interdrive import envs
+
+#: The checkers warn of what their authors would do otherwise.
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.mark.parametrize("actions", [envs.Kinematic(), envs.KinematicGrid()], ids=["continuous", "discrete"])
+@pytest.mark.parametrize("form", ["flat", "dict"])
+def test_gymnasium_checks_the_environment(actions, form):
+    env = gymnasium.make("interdrive/TJunction-v0", actions=actions, **{"observation.form": form})
+    check_env(env.unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", sorted(envs.IDS))
+def test_every_id_makes_an_environment(name):
+    settings = {"scenarios": "t_junction"} if name == "interdrive/Drive-v0" else {}
+    env = gymnasium.make(f"interdrive.envs:{name}", **settings)
+    assert env.spec.max_episode_steps is None
+    observation, info = env.reset(seed=0)
+    assert observation.shape == (324,)
+    assert info == {}
+    assert np.abs(observation).max() <= 1
+
+
+@pytest.mark.parametrize("learners", [2, 8, "all"])
+def test_pettingzoo_checks_the_parallel_environment(learners):
+    def made():
+        return envs.parallel_env(scenarios="t_junction", learners=learners)
+
+    parallel_api_test(made(), num_cycles=300)
+    parallel_seed_test(made)
+    api_test(parallel_to_aec(made()), num_cycles=100)

@@ -1,0 +1,111 @@
+"""CommonRoad solutions of planning problems."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from commonroad.common.solution import CommonRoadSolutionReader, VehicleModel, VehicleType
+
+import interdrive as idr
+from interdrive.cli import main
+from interdrive.files.solution import steering_angles
+from interdrive.results import save
+
+
+@pytest.fixture(scope="module")
+def run():
+    return idr.simulate("t_junction", agents="problems")
+
+
+def states_of(document, trajectory="ksTrajectory"):
+    root = ElementTree.fromstring(document)
+    return root, [{field.tag: float(field.text) for field in state} for state in root.find(trajectory)]
+
+
+def test_only_planning_problems_drive(run):
+    assert [agent.origin for agent in run.agents] == ["planning problem"]
+
+
+def test_a_solution_starts_where_its_problem_does_and_ends_in_its_goal(run):
+    root, states = states_of(idr.write_solution(run))
+    problem = run.scenario.planning_problems[0]
+    start = problem.initial_state
+    assert root.get("benchmark_id") == "KS2:SM1:ZAM_InterdriveTJunction-1_1_T-1:2020a"
+    first, last = states[0], states[-1]
+    assert (first["x"], first["y"], first["orientation"]) == (start.x, start.y, start.orientation)
+    assert [state["time"] for state in states] == list(range(start.time_step, run.outcomes.time_step[0] + 1))
+    assert last["time"] <= problem.goal[0].time_step[1]
+
+
+def test_commonroad_io_reads_it_and_equal_runs_give_equal_bytes(run):
+    document = idr.write_solution(run)
+    assert document == idr.write_solution(run)
+    found = CommonRoadSolutionReader.fromstring(document.decode()).planning_problem_solutions[0]
+    assert (found.vehicle_model, found.vehicle_type) == (VehicleModel.KS, VehicleType.BMW_320i)
+    assert found.planning_problem_id == 2001
+
+
+def test_other_models_have_their_fields(run):
+    _, single_track = states_of(idr.write_solution(run, model="ST"), "stTrajectory")
+    assert set(single_track[0]) == {
+        "x",
+        "y",
+        "steeringAngle",
+        "velocity",
+        "orientation",
+        "yawRate",
+        "slipAngle",
+        "time",
+    }
+    _, point = states_of(idr.write_solution(run, model="PM", cost="WX1"), "pmTrajectory")
+    speed = np.hypot(point[0]["xVelocity"], point[0]["yVelocity"])
+    assert speed == pytest.approx(single_track[0]["velocity"])
+
+
+def test_steering_is_interpolated_where_a_vehicle_hardly_moves():
+    angles = steering_angles(np.array([2.0, 0.05, 0.0, 2.0]), np.array([0.2, 9.0, np.nan, 0.8]), 2.5)
+    first, last = np.arctan(0.25), np.arctan(1.0)
+    assert angles == pytest.approx([first, first + (last - first) / 3, first + 2 * (last - first) / 3, last])
+    assert steering_angles(np.zeros(2), np.zeros(2), 2.5).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"cost": "XY1"}, "cost 'XY1': expected one of JB1"),
+        ({"cost": "SM1", "model": "PM"}, "a point mass can have JB1, WX1, MW1"),
+        ({"model": "MB"}, "model 'MB': expected one of KS, ST, PM"),
+        ({"vehicle": 5}, "vehicle 5: expected a number from 1 to 4"),
+        ({"vehicle": 3}, "not of type 3 [(]VW Vanagon"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(run, options, said):
+    with pytest.raises(idr.InputError, match=said):
+        idr.write_solution(run, **options)
+
+
+def test_other_agents_unsolved_problems_and_nameless_scenarios_are_refused(run):
+    other = replace(run, agents=(replace(run.agents[0], origin="recorded"),))
+    late = replace(run, outcomes=replace(run.outcomes, outcome=("time_limit",), reason=("too slow",)))
+    nameless = replace(run, scenario=replace(run.scenario, benchmark_id="mine"))
+    for wrong, said in (
+        (other, "agent 2001 is no planning problem"),
+        (late, "planning problem 2001 is not solved: time_limit, too slow"),
+        (replace(run, agents=()), "planning problem 2001 was not driven"),
+        (nameless, "benchmark id 'mine' is none that a solution can name"),
+    ):
+        with pytest.raises(idr.InputError, match=said):
+            idr.write_solution(wrong)
+
+
+def test_the_command_writes_the_document_into_the_run_folder(run, tmp_path):
+    folder = save(run, tmp_path / "run")
+    result = CliRunner().invoke(main, ["solution", str(folder)])
+    assert result.exit_code == 0, result.output
+    assert (folder / "solution.xml").read_bytes() == idr.write_solution(idr.load(folder))
+    refused = CliRunner().invoke(main, ["solution", str(folder), "--model", "MB"])
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)

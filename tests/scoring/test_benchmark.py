@@ -1,0 +1,83 @@
+"""Benchmarks: versioned sets found by content, one number per planner."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+
+import interdrive as idr
+from interdrive.benchmarks import read_set, run, set_names
+from interdrive.benchmarks.sets import find_files
+from interdrive.cli import main
+from interdrive.files import shipped_scenario
+
+
+def test_released_sets_are_known_by_their_content():
+    assert set_names() == ("public-1", "shipped-1")
+    public = read_set("public-1")
+    assert (len(public.files), len(public.of_split("test"))) == (92, 34)
+    assert sum(len(file.agents) for file in public.files) == 1125
+    assert public.sha256 == "e712e5f06adb13cacfee40043843128cc85645c506a5d28657666d4dca74e6a9"
+    assert {len(file.source) for file in public.files} == {3}
+
+
+def test_no_place_is_in_both_splits():
+    parts = {}
+    for file in read_set("public-1").files:
+        parts.setdefault(file.place, set()).add(file.split)
+    assert {len(part) for part in parts.values()} == {1}
+
+
+def test_shipped_files_are_those_of_the_package():
+    for file in read_set("shipped-1").files:
+        content = shipped_scenario(file.name).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == file.sha256, "make a new version of the set"
+
+
+def test_files_are_found_below_a_folder_and_other_content_is_told(tmp_path):
+    wanted = tuple(replace(file, source=("a/b", "c.xml", "1")) for file in read_set("shipped-1").files[:2])
+    first, second = (replace(file, name=f"copy_{file.name}") for file in wanted)
+    (tmp_path / "below").mkdir()
+    shutil.copy(shipped_scenario(wanted[0].name), tmp_path / "below" / f"{first.name}.xml")
+    (tmp_path / f"{second.name}.xml").write_text("<other/>")
+    other = replace(second, sha256="0" * 64)
+    found, missing = find_files((first, other, replace(other, name="gone")), tmp_path)
+    assert list(found) == [first.sha256]
+    assert missing[0].endswith(f"{second.name}.xml has other content")
+    assert missing[1] == "gone: not found (a/b c.xml 1)"
+
+
+def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tmp_path, monkeypatch):
+    whole = read_set("shipped-1")
+    junction = next(file for file in whole.files if file.name == "t_junction")
+    tiny = replace(whole, files=(replace(junction, agents=(1001, 1002)),))
+    gone = replace(junction, name="gone", sha256="0" * 64, place="elsewhere", agents=(1,))
+    monkeypatch.setattr(run, "read_set", lambda _: replace(tiny, files=(*tiny.files, gone)))
+    found = idr.benchmark("recorded", predictor="constant_velocity", out=tmp_path / "out", workers=1)
+    assert found.score == pytest.approx(100.0)
+    assert (found.table[0].n_agents, found.table[0].zeros, found.is_partial) == (2, {}, True)
+    assert found.missing == ("gone: not found (shipped)",)
+    stored = json.loads((tmp_path / "out" / "benchmark.json").read_text())
+    assert (stored["partial"], stored["rows"][0]["planner"]) == (True, "recorded")
+    assert stored["command"] == "interdrive benchmark recorded --set shipped-1 --split dev"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "name a planner"),
+        (["idm", "--set", "private-1"], "there are public-1, shipped-1"),
+        (["idm", "--split", "train"], "expected one of test, dev, all"),
+        (["idm", "--split", "test"], "shipped-1 has no scenarios in it"),
+        (["idm", "--set", "public-1", "--scenarios", "no/such/folder"], "no such folder"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, said):
+    result = CliRunner().invoke(main, ["benchmark", *arguments])
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert said in result.stderr

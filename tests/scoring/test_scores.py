@@ -1,0 +1,130 @@
+"""Scores of whole runs in tiny worlds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.results import read_results, save
+from interdrive.scoring import SCORE_LABELS, save_score, stored_score
+from interdrive.testing.worlds import Car, problem, straight_road, world
+
+
+class Stand:
+    """Brakes at 2 m/s² and stands."""
+
+    def plan(self, view, predictions):
+        speed = np.maximum(view.ego.velocity - 0.2 * np.arange(31), 0.0)
+        way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * view.dt)])
+        x = view.ego.x + way * math.cos(view.ego.orientation)
+        y = view.ego.y + way * math.sin(view.ego.orientation)
+        return idr.Trajectory(x, y, np.full(31, view.ego.orientation), speed)
+
+
+class Straight:
+    """Keeps speed and heading, whatever comes."""
+
+    def plan(self, view, predictions):
+        way = view.ego.velocity * view.dt * np.arange(31)
+        x = view.ego.x + way * math.cos(view.ego.orientation)
+        y = view.ego.y + way * math.sin(view.ego.orientation)
+        return idr.Trajectory(x, y, np.full(31, view.ego.orientation), np.full(31, view.ego.velocity))
+
+
+def follow(lead, planner):
+    """Agent 1 at 12 m/s behind a lead car, in a lane of 300 m."""
+    cars = (Car(1, x=10.0, velocity=12.0), lead)
+    return idr.simulate(world(straight_road(300.0), cars=cars, steps=80), agents=[1], planner=planner)
+
+
+@pytest.fixture(scope="module")
+def collided():
+    return follow(Car(2, x=70.0, velocity=0.0), Straight)
+
+
+def test_the_recording_itself_gets_everything():
+    found = idr.score(follow(Car(2, x=60.0, velocity=12.0), "recorded"))
+    assert (found.score[0], found.score_strict[0], found.excused[0]) == (1.0, 1.0, ())
+    assert np.isnan(found.terms["speed_term"][0]), "no lanelet states a limit"
+    assert found.why(1) == "nothing to complain about"
+
+
+def test_who_stands_where_the_recording_drives_makes_no_progress():
+    found = idr.score(follow(Car(2, x=60.0, velocity=12.0), Stand))
+    driven = 12.0**2 / 4.0
+    assert found.terms["progress"][0] == pytest.approx(driven / 94.0, abs=0.03)
+    assert found.score[0] < 0.85
+
+
+def test_driving_into_a_standing_car_is_its_fault_and_the_score_says_so(collided):
+    found = idr.score(collided)
+    assert (found.score[0], found.fault[0], found.fault_kind[0]) == (0.0, True, "ran_into")
+    assert found.terms["room"][0] == pytest.approx(55.5 - 15.0, abs=0.01)
+    assert found.why(1).startswith(
+        "at fault: ran into 2, which was in its way at 0.0 s with 55.5 m left, 15.0 m needed"
+    )
+    assert "ttc" in found.excused[0], "the recording drove through the standing car, too"
+    assert found.score_strict[0] == 0.0
+
+
+def test_a_standing_thing_counts_half(collided):
+    kinds = tuple("structure" if n == 2 else k for n, k in zip((1, 2), collided.states.kinds, strict=True))
+    thing = replace(collided, states=replace(collided.states, kinds=kinds))
+    assert 0.0 < idr.score(thing).score[0] <= 0.5
+    assert "(counts half)" in idr.score(thing).why(1)
+
+
+def test_an_agent_whose_planner_broke_gets_nothing(collided):
+    ended = collided.outcomes
+    broken = replace(collided, outcomes=replace(ended, outcome=("planner_error",), partner_id=np.array([-1])))
+    assert (idr.score(broken).score[0], idr.score(broken).why(1)[:13]) == (0.0, "planner_error")
+
+
+def test_without_a_recording_progress_is_the_way_to_the_goal_in_its_time():
+    goal = problem(1, 10.0, velocity=8.0, goal=(110.0, 0.0), time_step=(0, 100))
+    run = idr.simulate(world(straight_road(300.0), problems=[goal], steps=50), agents=[1], planner=Straight)
+    late = replace(run, outcomes=replace(run.outcomes, outcome=("time_limit",)))
+    # 95 m to the goal in at most 10 s; it drives 8 m/s until the run ends.
+    seconds = (run.states.n_steps - 2) * 0.1
+    expected = (8.0 * seconds) / (94.2 * min(1.0, (seconds + 0.1) / 10.0))
+    assert idr.score(late).terms["progress"][0] == pytest.approx(min(1.0, expected), abs=0.02)
+
+
+def test_a_red_light_decides_at_a_crossing_whose_fault_it_is(collided):
+    from interdrive.run import Violations
+    from interdrive.scoring.faults import Verdict, _at_crossing
+
+    def broken(number):
+        return Violations(
+            ("agent",), np.array([number]), ("red_light",), np.array([20]), np.array([20]), np.array([1]),
+            *(np.zeros(1) for _ in range(3)),
+        )  # fmt: skip
+
+    came_late = Verdict("cut_off", -3.0, "lateral", False, 4.0, "cut off 2")
+    assert _at_crossing(came_late, broken(2), 1, 2, 0.1, 10.0).kind == ""
+    found = _at_crossing(replace(came_late, kind=""), broken(1), 1, 2, 0.1, 10.0)
+    assert (found.kind, found.words) == ("red_light", "passed a red light 2.0 s before the contact with 2")
+    assert _at_crossing(came_late, broken(2), 1, 2, 0.1, 1.0).kind == "cut_off", "too long ago"
+
+
+def test_scores_do_not_depend_on_the_order_of_agents_and_are_written_with_equal_bytes(tmp_path):
+    first, second = (idr.simulate("t_junction", agents=ids) for ids in ([1003, 1005, 1001], [1001, 1003, 1005]))
+    found, other = idr.score(first), idr.score(second, [1005, 1003, 1001])
+    assert found.ids.tolist() == [1001, 1003, 1005]
+    folder = save(first, tmp_path / "run")
+    content = [save_score(one, folder).read_bytes() for one in (found, other)]
+    assert content[0] == content[1]
+    again = idr.load(folder)
+    assert save_score(idr.score(again), folder).read_bytes() == content[0]
+    assert stored_score(folder).column_names[:2] == ["agent_id", "score"]
+    assert set(stored_score(folder)["fault_kind"].to_pylist()) <= set(SCORE_LABELS["fault_kind"])
+    read_results(folder)  # the folder stays a run
+
+
+def test_an_agent_that_is_not_there_is_refused(collided):
+    with pytest.raises(idr.InputError, match="7 is no agent of this run"):
+        idr.score(collided, [7])

@@ -1,0 +1,83 @@
+"""Agents that meet where no rule says which one goes first: they wait for ever, or agree."""
+
+import numpy as np
+import pytest
+from meetings import four_arms, narrow_street, three_left_turns, zip_merge
+
+from interdrive.simulation import Simulation
+from interdrive.studies.cooperation import deadlocks
+
+AGREEING = {"v2x__penetration": 1.0, "v2x__negotiate": True}
+
+
+def drive(scenario, planner, **settings):
+    """The run and its agreements; settings with __ for a dot."""
+    values = {"step.max_steps": 500, **{name.replace("__", "."): value for name, value in settings.items()}}
+    simulation = Simulation(scenario, planner=planner, predictor="lane_following", settings=values, threads=1)
+    return simulation.run(), simulation.world.agreements()
+
+
+def ends(run):
+    return dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.time_step.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+@pytest.mark.parametrize("meeting", [four_arms, three_left_turns, narrow_street])
+def test_agents_that_would_wait_for_each_other_for_ever_pass_if_they_agree(meeting, planner):
+    alone, _ = drive(meeting(), planner)
+    assert "time_limit" in alone.outcomes.outcome
+    assert len(deadlocks(alone)) == 1
+    agreed, _ = drive(meeting(), planner, **AGREEING)
+    assert set(agreed.outcomes.outcome) == {"goal_reached"}
+    assert deadlocks(agreed) == ()
+
+
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+def test_of_equal_claims_the_smaller_id_goes_first(planner):
+    run, agreements = drive(four_arms(), planner, **AGREEING)
+    assert sorted(ends(run), key=ends(run).get) == [1, 2, 3, 4]
+    pairs = set(zip(agreements["holding_id"].tolist(), agreements["going_id"].tolist(), strict=True))
+    assert pairs <= {(2, 1), (3, 2), (3, 1), (4, 3), (4, 1), (4, 2)}
+
+
+def test_one_waits_before_the_narrow_part_until_the_other_one_has_left_it():
+    run, agreements = drive(narrow_street(), "idm", **AGREEING)
+    states, second = run.states, run.states.participant_id.tolist().index(2)
+    stands = states.valid[second] & (abs(states.velocity[second]) < 0.1)
+    last = int(agreements["last_time_step"].max())
+    assert int(stands.sum()) > 50, "it stands"
+    waited = float(np.median(states.x[second, stands]))
+    assert waited > 15.0, "at its own end"
+    moves = next(k for k in range(last, states.n_steps) if states.velocity[second, k] > 0.3)
+    assert moves - last <= 15, "it goes on when the way is free"
+
+
+def test_lost_messages_delay_an_agreement_but_do_not_break_it():
+    perfect, _ = drive(four_arms(), "frenet", **AGREEING)
+    lossy, _ = drive(four_arms(), "frenet", **AGREEING, v2x__loss=0.5, v2x__jitter=0.3)
+    assert set(lossy.outcomes.outcome) == {"goal_reached"}
+    assert max(ends(lossy).values()) - max(ends(perfect).values()) <= 30
+
+
+def test_a_zip_needs_no_agreement():
+    before, _ = drive(zip_merge(n=3), "frenet")
+    after, _ = drive(zip_merge(n=3), "frenet", **AGREEING)
+    assert set(after.outcomes.outcome) == {"goal_reached"}
+    assert np.mean(list(ends(after).values())) <= np.mean(list(ends(before).values())) + 1.0
+
+
+def test_the_same_bits_for_any_number_of_threads():
+    settings = {
+        "v2x.penetration": 1.0,
+        "v2x.negotiate": True,
+        "v2x.loss": 0.3,
+        "v2x.jitter": 0.2,
+        "step.max_steps": 120,
+    }
+    digests = {
+        Simulation(four_arms(), planner="frenet", predictor="lane_following", settings=settings, threads=threads)
+        .run()
+        .digest
+        for threads in (1, 2, 8)
+    }
+    assert len(digests) == 1
