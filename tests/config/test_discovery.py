@@ -13,7 +13,7 @@ from interdrive.errors import MissingExtraError
 from interdrive.planners import NATIVE
 from interdrive.testing import problem, straight_road, world
 
-MODULE = '''"""Planners of somebody."""
+MODULE = '''"""Planners of a distribution."""
 from dataclasses import dataclass, field
 import numpy as np
 from interdrive import Trajectory
@@ -58,19 +58,19 @@ def installed(tmp_path, monkeypatch):
         (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n{metadata}")
         (folder / "entry_points.txt").write_text(entry_points)
 
-    (tmp_path / "somebodys.py").write_text(MODULE)
+    (tmp_path / "careful.py").write_text(MODULE)
     (tmp_path / "breaks.py").write_text("import sys\nsys.exit('no licence')\n")
-    (tmp_path / "lacks.py").write_text("import a_library_that_nobody_has\n")
+    (tmp_path / "lacks.py").write_text("import a_library_that_does_not_exist\n")
     distribution(
-        "somebody",
-        "[interdrive.planners]\ncautious = somebodys:Cautious\nbreaks = breaks:Planner\nlacks = lacks:Planner\n"
-        "frenet = somebodys:Cautious\ntwice = somebodys:Cautious\n[interdrive.predictors]\nlucky = somebodys:Lucky\n",
-        "Provides-Extra: lacks\nRequires-Dist: a-library-that-nobody-has>=2 ; extra == 'lacks'\n",
+        "careful",
+        "[interdrive.planners]\ncautious = careful:Cautious\nbreaks = breaks:Planner\nlacks = lacks:Planner\n"
+        "frenet = careful:Cautious\ntwice = careful:Cautious\n[interdrive.predictors]\nlucky = careful:Lucky\n",
+        "Provides-Extra: lacks\nRequires-Dist: a-library-that-does-not-exist>=2 ; extra == 'lacks'\n",
     )
-    distribution("another", "[interdrive.planners]\ntwice = somebodys:ordinary\n")
+    distribution("another", "[interdrive.planners]\ntwice = careful:ordinary\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     yield tmp_path
-    for module in ("somebodys", "breaks", "lacks"):
+    for module in ("careful", "breaks", "lacks"):  # no name of a module that other tests import
         sys.modules.pop(module, None)
 
 
@@ -78,7 +78,7 @@ def invoke(*arguments):
     return CliRunner().invoke(main, list(arguments))
 
 
-def test_native_planners_come_first_and_everybody_has_one_line(installed):
+def test_native_planners_come_first_and_each_has_one_line(installed):
     found = listed(NATIVE, "planner")
     assert [item.name for item in found[: len(NATIVE)]] == list(NATIVE)
     assert {item.source for item in found[: len(NATIVE)]} == {"built-in"}
@@ -89,12 +89,12 @@ def test_native_planners_come_first_and_everybody_has_one_line(installed):
 
 def test_what_is_installed_is_listed_with_its_source_and_what_is_wrong_with_it(installed):
     found = {(item.name, item.source): item for item in listed(NATIVE, "planner")}
-    cautious = found["cautious", "somebody 1.2"]
+    cautious = found["cautious", "careful 1.2"]
     assert (cautious.text, cautious.is_usable) == ("Drives slower than it could.", True)
-    assert "pip install somebody[lacks]" in found["lacks", "somebody 1.2"].text
-    assert "SystemExit: no licence" in found["breaks", "somebody 1.2"].text
-    assert "hidden by the built-in planner" in found["frenet", "somebody 1.2"].text
-    assert not any(found[name, "somebody 1.2"].is_usable for name in ("lacks", "breaks", "frenet"))
+    assert "pip install careful[lacks]" in found["lacks", "careful 1.2"].text
+    assert "SystemExit: no licence" in found["breaks", "careful 1.2"].text
+    assert "hidden by the built-in planner" in found["frenet", "careful 1.2"].text
+    assert not any(found[name, "careful 1.2"].is_usable for name in ("lacks", "breaks", "frenet"))
 
 
 def test_a_name_leads_to_its_object_and_only_that_is_imported(installed):
@@ -108,11 +108,11 @@ def test_a_name_leads_to_its_object_and_only_that_is_imported(installed):
     [
         ("cautios", InputError, "did you mean cautious?"),
         ("breaks", InputError, "planner breaks: its entry point cannot be loaded (SystemExit: no licence)"),
-        ("lacks", MissingExtraError, "planner lacks needs the extra: pip install somebody[lacks]"),
+        ("lacks", MissingExtraError, "planner lacks needs the extra: pip install careful[lacks]"),
         (
             "twice",
             InputError,
-            "offered by another 1.2 and somebody 1.2: write it as somebodys:ordinary or",
+            "offered by another 1.2 and careful 1.2: write it as careful:ordinary or",
         ),
     ],
 )
@@ -124,10 +124,10 @@ def test_a_name_that_cannot_be_used_is_refused_in_one_line(installed, name, kind
 
 
 def test_a_planner_is_made_of_distributions_whose_versions_are_known(installed):
-    assert versions("cautious", "planner") == {"somebody": "1.2"}
-    assert versions("lacks", "planner") == {"a-library-that-nobody-has": "", "somebody": "1.2"}
+    assert versions("cautious", "planner") == {"careful": "1.2"}
+    assert versions("lacks", "planner") == {"a-library-that-does-not-exist": "", "careful": "1.2"}
     assert versions("numpy:ndarray", "planner") == {"numpy": np.__version__}
-    assert versions("frenet_of_nobody", "planner") == versions("no_such_module:Planner", "planner") == {}
+    assert versions("frenet_of_none", "planner") == versions("no_such_module:Planner", "planner") == {}
 
 
 def test_an_installed_planner_drives_with_its_settings(installed):
@@ -143,7 +143,7 @@ def test_the_command_lists_planners_and_the_settings_of_one(installed):
     lines = {line.split()[0]: line for line in done.stdout.splitlines() if line[:1].strip()}
     assert {*NATIVE, "cautious", "lacks", "breaks"} <= lines.keys()
     assert "built-in" in lines["idm"]
-    assert "somebody 1.2" in lines["cautious"]
+    assert "careful 1.2" in lines["cautious"]
     done = invoke("planners", "cautious")
     assert "Drives slower than it could." in done.stdout
     rows = [line.split(maxsplit=1) for line in done.stdout.splitlines() if line.startswith(("gap", "share"))]
@@ -158,8 +158,8 @@ def test_the_command_shows_native_records_functions_and_module_objects(installed
     assert "Werling" in shown
     assert "weights.prediction" in shown
     assert "[m/s]" in shown
-    assert "It has no settings." in invoke("planners", "somebodys:ordinary").stdout
-    assert "share" in invoke("planners", "somebodys:Cautious").stdout
+    assert "It has no settings." in invoke("planners", "careful:ordinary").stdout
+    assert "share" in invoke("planners", "careful:Cautious").stdout
 
 
 def test_predictors_have_the_same_command(installed):
