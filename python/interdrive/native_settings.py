@@ -352,8 +352,8 @@ class RulesSettings:
         speed: It keeps to speed limits.
         lights: It stops for traffic lights.
         stop_signs: It stops at stop signs.
-        precedence: It gives way at junctions: it enters one only if nobody else uses its way across, as long as
-            others keep to the same order.
+        precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
+            as others keep to the same order.
         keep_clear: It does not enter a junction without room behind it.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
         stop_duration: It stands this long at a stop sign. Between 0 and 60.

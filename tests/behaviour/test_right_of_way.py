@@ -167,7 +167,7 @@ def test_a_junction_is_not_entered_without_room_behind_it(rear, is_held):
     assert told(scenario, **{"rules.keep_clear": False})[1] == FREE
 
 
-def test_whoever_does_not_obey_is_waited_for():
+def test_agents_wait_for_a_vehicle_that_does_not_obey():
     # The recorded car comes from the left and would have to wait; it cannot stop any more.
     recorded = Car(9, 0.0, MOUTH - 15.0 - HALF, 12.0, NORTH)
     left = Priorities(priority_side="left")

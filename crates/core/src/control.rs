@@ -1,5 +1,4 @@
-//! Traffic control: traffic lights, the lines before which vehicles stop, signs that say who goes first. Immutable once
-//! built.
+//! Traffic control: traffic lights, the lines before which vehicles stop, signs of priority. Immutable once built.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -98,7 +97,7 @@ impl Turn {
     pub const ALL: [Self; 3] = [Self::Left, Self::Straight, Self::Right];
 }
 
-/// What a file says about who goes first; lanelets are indices.
+/// What a file says about priority at junctions; lanelets are indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Priorities {
     /// Turns of the lanelets that lead across junctions, where the file states them.
@@ -136,7 +135,7 @@ pub struct Control {
     pub lights: Vec<TrafficLight>,
     /// The lines.
     pub lines: Vec<StopLine>,
-    /// Who goes first at junctions.
+    /// Priority at junctions.
     pub priorities: Priorities,
 }
 

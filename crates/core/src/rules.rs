@@ -2,11 +2,13 @@
 //! as they are now, and the agent's own motion; what an agent remembers of a stop sign is part of the world.
 
 mod arbitration;
+mod circles;
 mod components;
 mod course;
+mod meeting;
 
-pub use arbitration::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
 pub use course::Course;
+pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
 
 use std::sync::LazyLock;
 
@@ -39,8 +41,8 @@ settings! {
         lights: bool = true;
         /// It stops at stop signs.
         stop_signs: bool = true;
-        /// It gives way at junctions: it enters one only if nobody else uses its way across, as long as others keep to the
-        /// same order.
+        /// It gives way at junctions: it enters one only if no other vehicle uses its way across, as long as others keep to
+        /// the same order.
         precedence: bool = false;
         /// It does not enter a junction without room behind it.
         keep_clear: bool = true;

@@ -35,7 +35,7 @@ _NAMES = {
     **dict.fromkeys(("306", "2.1"), "PRIORITY"),
     "301": "RIGHT_OF_WAY",
 }
-#: Who comes from such a lanelet waits.
+#: A vehicle that comes from such a lanelet waits.
 _MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))
 #: Countries by their codes in benchmark ids.
 _LEFT_HAND = frozenset(("AUS", "GBR", "HKG", "IND", "IRL", "JPN", "NZL", "SGP", "THA", "ZAF"))
@@ -148,7 +148,7 @@ def _leading_from(network: Foreign, lanelets: Lanelets, wanted: Callable[[Foreig
 
 
 def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: Facts) -> Priorities:
-    """What signs, lanelet types and intersections say about who goes first, and what follows from the country.
+    """What signs, lanelet types and intersections say about priority, and what follows from the country.
 
     Args:
         network: The lanelet network of commonroad-io.

@@ -79,7 +79,7 @@ class StopLine:
 
 @dataclass(frozen=True)
 class Priorities:
-    """What a file says about who goes first at junctions.
+    """What a file says about priority at junctions.
 
     Attributes:
         turns: Lanelets that lead across a junction, and "left", "straight" or "right", where the file states it.

@@ -1,32 +1,26 @@
-//! Who may enter a junction now: one order for all that obey, from their states, the map, and what they remember.
+//! Entering a junction: one order for all that obey, from their states, the map, and what they remember.
 //!
-//! Areas are used by one vehicle at a time. Whoever cannot stop before its passage any more, or does not obey, has booked
-//! it. The others ask in turn: those first that wait for none of the rest by precedence, equals by their arrival. An agent
-//! may enter if nobody else has booked one of its areas meanwhile and there is room behind the passage. Docs: rules.md.
+//! Areas are used by one vehicle at a time. A vehicle that cannot stop before its passage any more, or does not obey, has
+//! booked it. The others ask in turn: those first that wait for none of the rest by precedence, equals by their arrival. An
+//! agent may enter if no other has booked one of its areas meanwhile and there is room behind the passage. Docs: rules.md.
+//! What all of this looks at is in `meeting`, how circles of waits are broken in `circles`.
 
 use std::collections::BTreeMap;
 
-use super::RulesSettings;
 use super::components::components;
-use super::course::{Course, MARGIN, Passage, conflict, reach};
-use crate::junctions::{AreaKind, Junctions};
+use super::course::{Passage, conflict, reach};
+use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Traveller};
+use crate::junctions::AreaKind;
 
-/// Accelerations of an early entry and of a late exit [m/s²], and the share of the speed there.
-const EARLY: f64 = 2.0;
-const LATE: f64 = 1.2;
-const SLOW: f64 = 0.7;
-/// An agent that stands needs so long to start [s], below this speed [m/s].
-const REACTION: f64 = 0.3;
-const REACTING: f64 = 0.5;
-/// Whoever must brake harder than this to stop before the passage has entered it [m/s²].
+/// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
 const COMMITTED: f64 = 4.0;
-/// They stop this far before a passage [m].
+/// Agents stop this far before a passage [m].
 const GAP: f64 = 0.5;
 /// Tickets are taken at this distance beyond the braking distance [m], with this deceleration [m/s²].
 const TICKET_REACH: f64 = 5.0;
 const STICKY_REACH: f64 = 10.0;
 const BRAKING: f64 = 3.0;
-/// Who was granted passage keeps it with gaps that are smaller by this [s].
+/// An agent that was granted passage keeps it with gaps that are smaller by this [s].
 const STICKY_LEAD: f64 = 0.3;
 const STICKY_LAG: f64 = 0.15;
 /// Room that is left behind a passage beside the length of the vehicle [m]; the last vehicle ahead brakes so hard [m/s²].
@@ -35,141 +29,10 @@ const LEADER_BRAKING: f64 = 4.5;
 /// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s].
 const FOLLOWING: f64 = 2.0;
 const FOLLOWING_TIME: f64 = 1.0;
-/// A vehicle stands below this speed [m/s]; one that moves slower than this blocks its lane [m/s].
-const STANDING: f64 = 0.1;
+/// One that moves slower than this blocks its lane [m/s].
 const BLOCKING: f64 = 1.0;
-/// Whoever stands this near behind another one waits for it [m].
-const NEAR: f64 = 3.0;
 /// Width of vehicles that do not obey [m].
 const CAR_WIDTH: f64 = 1.8;
-/// No second exception in the same circle within this time [s].
-const EXCEPTION_TIME: f64 = 10.0;
-
-/// Why an agent has to wait before a passage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum OrderKind {
-    /// It may go.
-    Go = 0,
-    /// Another one is booked for an area.
-    Yield = 1,
-    /// There is no room behind the passage.
-    Exit = 2,
-    /// Another one waits ahead in the lane.
-    Queue = 3,
-}
-
-impl OrderKind {
-    /// All kinds; the position is the code that crosses the Python boundary.
-    pub const ALL: [Self; 4] = [Self::Go, Self::Yield, Self::Exit, Self::Queue];
-}
-
-/// What an agent remembers of its next passage.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Memory {
-    /// Position of the passage on its way.
-    pub passage: usize,
-    /// Time step at which it arrived as the first of its lane.
-    pub ticket: Option<i64>,
-    /// It was allowed to go at the last step.
-    pub granted: bool,
-    /// Time step since which it may enter although there is no room behind.
-    pub exception: Option<i64>,
-    /// Steps for which it has stood.
-    pub standing: usize,
-}
-
-/// What an agent has to do.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Order {
-    /// The agent.
-    pub id: i64,
-    /// Why.
-    pub kind: OrderKind,
-    /// Arc length on its reference path that its front must not pass [m] ...
-    pub stop: f64,
-    /// ... before this time has passed [s]; infinite: until it is told otherwise.
-    pub release: f64,
-    /// Because of this participant.
-    pub by: Option<i64>,
-    /// What it remembers.
-    pub memory: Memory,
-}
-
-/// An agent that obeys.
-#[derive(Debug, Clone, Copy)]
-pub struct Traveller<'a> {
-    /// Its body, as a position in `Meeting::bodies`.
-    pub body: usize,
-    /// Width [m].
-    pub width: f64,
-    /// Arc length of its front on its path [m].
-    pub front: f64,
-    /// Its path.
-    pub course: &'a Course,
-    /// What it obeys, and its gaps.
-    pub settings: &'a RulesSettings,
-    /// What it remembers.
-    pub memory: Memory,
-    /// Arc length of the line that holds it [m]; infinite without one.
-    pub line: f64,
-}
-
-/// A place on a lanelet and how far the front is ahead of it [m].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
-    /// Index of the lanelet.
-    pub lanelet: usize,
-    /// Arc length there [m].
-    pub s: f64,
-    /// From there to the front [m].
-    pub to_front: f64,
-}
-
-/// A participant on the road.
-#[derive(Debug, Clone)]
-pub struct Body {
-    /// Its id.
-    pub id: i64,
-    /// Length [m].
-    pub length: f64,
-    /// Speed [m/s], not negative.
-    pub velocity: f64,
-    /// Where it is.
-    pub places: Vec<Place>,
-}
-
-/// When a participant uses a side of an area [s from now].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Booking {
-    /// Position in `Junctions::areas`.
-    pub area: usize,
-    /// The side.
-    pub side: usize,
-    /// From then on.
-    pub enter: f64,
-    /// Until then.
-    pub leave: f64,
-    /// The participant, as a position in `Meeting::bodies`.
-    pub body: usize,
-}
-
-/// Everything that arbitration looks at in one time step.
-#[derive(Debug, Clone, Copy)]
-pub struct Meeting<'a> {
-    /// Now.
-    pub time_step: i64,
-    /// Time between steps [s].
-    pub dt: f64,
-    /// The areas.
-    pub junctions: &'a Junctions,
-    /// All participants on the road, by ids.
-    pub bodies: &'a [Body],
-    /// Those that obey, by ids.
-    pub travellers: &'a [Traveller<'a>],
-    /// What others have booked.
-    pub visits: &'a [Booking],
-}
 
 /// An agent that asks for a passage.
 struct Claim<'a> {
@@ -177,9 +40,9 @@ struct Claim<'a> {
     passage: &'a Passage,
     /// Position of the passage on its way.
     number: usize,
-    /// Claims of agents ahead in its lane; `None`: somebody is ahead that asks for nothing.
+    /// Claims of agents ahead in its lane; `None`: a vehicle is ahead that asks for nothing.
     ahead: Option<Vec<usize>>,
-    /// Who is next ahead.
+    /// The next body ahead.
     leader: Option<usize>,
     ticket: Option<i64>,
     has_exception: bool,
@@ -199,54 +62,6 @@ impl Answer {
     const GO: Self = Self { kind: OrderKind::Go, by: None, delay: 0.0 };
 }
 
-/// Time for a distance [m] from a speed [m/s], with an acceleration [m/s²] up to a largest speed [m/s].
-fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
-    if distance <= 0.0 {
-        return 0.0;
-    }
-    let reaction = if velocity < REACTING { REACTION } else { 0.0 };
-    if velocity >= largest {
-        return reaction + distance / velocity;
-    }
-    let ramp = 0.5 * (largest * largest - velocity * velocity) / acceleration;
-    if distance <= ramp {
-        return reaction + ((velocity * velocity + 2.0 * acceleration * distance).sqrt() - velocity) / acceleration;
-    }
-    reaction + (largest - velocity) / acceleration + (distance - ramp) / largest
-}
-
-impl Traveller<'_> {
-    /// When it uses the areas of a passage that its rear has not left.
-    fn windows(&self, passage: &Passage, body: &Body) -> Vec<Booking> {
-        let (velocity, front) = (body.velocity, self.front);
-        let early = passage.approach.min(passage.speed.max(velocity));
-        let late = (SLOW * passage.speed).max(velocity);
-        let window = |crossed: &super::course::Crossed| {
-            let leaves = crossed.exit + MARGIN + body.length - front;
-            (leaves > 0.0).then(|| Booking {
-                area: crossed.area,
-                side: crossed.side,
-                enter: travel_time(crossed.entry - MARGIN - front, velocity, early, EARLY),
-                leave: travel_time(leaves, velocity, late, LATE),
-                body: self.body,
-            })
-        };
-        passage.areas.iter().filter_map(window).collect()
-    }
-
-    /// What it remembers of a passage.
-    fn memory_of(&self, number: usize) -> Memory {
-        let kept = self.memory.passage == number;
-        let standing = self.memory.standing;
-        if kept { self.memory } else { Memory { passage: number, standing, ..Memory::default() } }
-    }
-
-    /// First passage that its rear has not left.
-    fn first_passage(&self, length: f64) -> usize {
-        self.course.passages.partition_point(|passage| passage.end <= self.front - length)
-    }
-}
-
 impl Meeting<'_> {
     /// The orders of all travellers that are near a passage, by ids. `sees` says whether the body at the first position
     /// sees that at the second one.
@@ -262,7 +77,7 @@ impl Meeting<'_> {
                     let place = members.iter().position(|one| *one == member).expect("it is a member");
                     found[place]
                 };
-                // Who sees the same comes to the same orders.
+                // Agents that see the same bodies come to the same orders.
                 let order = if let Some((_, found)) = known.iter().find(|(same, _)| *same == seen) {
                     own(found)
                 } else {
@@ -306,7 +121,7 @@ impl Meeting<'_> {
         clusters.into_iter().map(|(members, _)| members).collect()
     }
 
-    /// Orders of a group of travellers, as seen by who sees these bodies; `None` for those that are asked nothing.
+    /// Orders of a group of travellers, as seen by an agent that sees these bodies; `None` for those that are asked nothing.
     fn arbitrate(&self, members: &[usize], seen: &[usize]) -> Vec<Option<Order>> {
         let is_seen = |body: &usize| seen.binary_search(body).is_ok();
         let mut booked: BTreeMap<usize, Vec<Booking>> = BTreeMap::new();
@@ -410,7 +225,7 @@ impl Meeting<'_> {
         }
     }
 
-    /// Finds who is ahead of each claim in its lane, and gives tickets to the first ones.
+    /// Finds the bodies ahead of each claim in its lane, and gives tickets to the first ones.
     fn line_up(&self, claims: &mut [Claim<'_>], seen: &[usize]) {
         let by_body: BTreeMap<usize, usize> =
             claims.iter().enumerate().map(|(k, claim)| (self.travellers[claim.traveller].body, k)).collect();
@@ -438,16 +253,6 @@ impl Meeting<'_> {
             }
             claim.ahead = (!is_blocked).then_some(ahead);
         }
-    }
-
-    /// Arc length of the front of a body on a path [m], if it is on one of its lanelets.
-    fn front_on(&self, course: &Course, body: usize, from: f64) -> Option<f64> {
-        let length = self.bodies[body].length;
-        let on = |place: &Place| {
-            let at = course.place(place.lanelet, place.s, from - length)?;
-            Some(at + place.to_front)
-        };
-        self.bodies[body].places.iter().find_map(on)
     }
 
     /// For every claim those that it waits for by precedence, and the last one ahead in its lane.
@@ -531,7 +336,7 @@ impl Meeting<'_> {
         theirs.leave + lag - mine.enter
     }
 
-    /// There is room for an agent behind a passage, and who is the last one there.
+    /// Whether there is room for an agent behind a passage, and the last body there.
     fn has_room(&self, index: usize, passage: &Passage, reserved: f64, seen: &[usize]) -> (bool, Option<usize>) {
         let traveller = &self.travellers[index];
         let length = self.bodies[traveller.body].length;
@@ -562,61 +367,6 @@ impl Meeting<'_> {
             memory: Memory { ticket: claim.ticket, granted: is_granted, ..traveller.memory_of(claim.number) },
         }
     }
-
-    /// In every circle of agents that wait for each other one may enter although there is no room behind.
-    fn break_circles(&self, orders: &mut [Order]) {
-        let stands = |traveller: &Traveller<'_>| {
-            let needed = traveller.settings.circle_after / self.dt;
-            self.bodies[traveller.body].velocity < STANDING && traveller.memory.standing as f64 >= needed
-        };
-        let stuck: Vec<usize> = (0..self.travellers.len()).filter(|index| stands(&self.travellers[*index])).collect();
-        if stuck.len() < 2 {
-            return;
-        }
-        let node = |id: i64| stuck.iter().position(|index| self.bodies[self.travellers[*index].body].id == id);
-        let order_of = |orders: &[Order], index: usize| {
-            let id = self.bodies[self.travellers[index].body].id;
-            orders.iter().position(|order| order.id == id)
-        };
-        let edges: Vec<Vec<usize>> = stuck
-            .iter()
-            .map(|&index| {
-                let by = order_of(orders, index).and_then(|place| orders[place].by).and_then(node);
-                let leader = self.leader(index).and_then(|body| node(self.bodies[body].id));
-                by.into_iter().chain(leader).collect()
-            })
-            .collect();
-        for component in components(&edges).into_iter().filter(|component| component.len() > 1) {
-            let members: Vec<usize> = component.iter().filter_map(|node| order_of(orders, stuck[*node])).collect();
-            let recent = |place: &&usize| {
-                let since = orders[**place].memory.exception;
-                since.is_some_and(|since| ((self.time_step - since) as f64) * self.dt < EXCEPTION_TIME)
-            };
-            if members.iter().any(|place| recent(&place)) {
-                continue;
-            }
-            let held = members
-                .iter()
-                .filter(|place| orders[**place].kind == OrderKind::Exit && orders[**place].memory.exception.is_none());
-            let first =
-                held.min_by_key(|place| (orders[**place].memory.ticket.unwrap_or(i64::MAX), orders[**place].id));
-            if let Some(&place) = first {
-                orders[place].memory.exception = Some(self.time_step);
-            }
-        }
-    }
-
-    /// The nearest body ahead on the path of a traveller, if it is near.
-    fn leader(&self, index: usize) -> Option<usize> {
-        let traveller = &self.travellers[index];
-        let gap = |body: usize| {
-            let front = self.front_on(traveller.course, body, traveller.front)?;
-            let gap = front - self.bodies[body].length - traveller.front;
-            (front > traveller.front && gap < NEAR).then_some((gap, body))
-        };
-        let others = (0..self.bodies.len()).filter(|body| *body != traveller.body);
-        others.filter_map(gap).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, body)| body)
-    }
 }
 
 /// Books windows, moved by so much at both ends [s].
@@ -624,25 +374,5 @@ fn book(booked: &mut BTreeMap<usize, Vec<Booking>>, windows: &[Booking], (enter,
     for window in windows {
         let moved = Booking { enter: window.enter + enter, leave: window.leave + leave, ..*window };
         booked.entry(window.area).or_default().push(moved);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::travel_time;
-
-    #[test]
-    fn the_time_for_a_distance_follows_from_speed_and_acceleration() {
-        for (distance, velocity, largest, acceleration, expected) in [
-            (20.0, 10.0, 10.0, 2.0, 2.0),
-            (27.8, 10.0, 10.0, 1.2, 2.78),
-            (-1.0, 0.0, 10.0, 2.0, 0.0),
-            // 0.3 s to react, sqrt(2 · 8.4 / 1.2)
-            (8.4, 0.0, 7.0, 1.2, 0.3 + 3.741_657_386_773_941),
-            // 4 to 8 m/s in 2 s over 12 m, then 8 m more.
-            (20.0, 4.0, 8.0, 2.0, 3.0),
-        ] {
-            assert!((travel_time(distance, velocity, largest, acceleration) - expected).abs() < 1e-9);
-        }
     }
 }

@@ -19,7 +19,7 @@ pub(super) const MARGIN: f64 = 0.3;
 const ASIDE_MAX: f64 = 1.5;
 /// A lanelet is found this far around where it is expected [m].
 const WINDOW: f64 = 25.0;
-/// Where no speed limit is known, nobody is expected to be faster in a junction than this, unless it is already [m/s].
+/// Where no speed limit is known, no vehicle is expected to be faster in a junction than this, unless it is already [m/s].
 const SPEED_MAX: f64 = 15.0;
 /// Lateral acceleration in bends [m/s²].
 const LATERAL: f64 = 3.0;

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
-use super::arbitration::{Body, Meeting, Memory, Order, Place, Traveller};
 use super::course::Course;
+use super::meeting::{Body, Meeting, Memory, Order, Place, Traveller};
 use super::{RulesSettings, SpeedLimits};
 use crate::control::Control;
 use crate::geometry::Point;

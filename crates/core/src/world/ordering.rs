@@ -1,4 +1,4 @@
-//! Who may enter a junction now: what the agents are told, and what they remember of it.
+//! Entering a junction: what the agents are told, and what they remember of it.
 
 use super::{Drive, World};
 use crate::plan::Planner;

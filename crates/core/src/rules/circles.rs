@@ -1,0 +1,68 @@
+//! Circles of agents that wait for each other: which of them may enter although there is no room behind its passage.
+
+use super::components::components;
+use super::meeting::{Meeting, Order, OrderKind, Traveller};
+
+/// A vehicle stands below this speed [m/s].
+const STANDING: f64 = 0.1;
+/// One that stands this near behind another vehicle waits for it [m].
+const NEAR: f64 = 3.0;
+/// No second exception in the same circle within this time [s].
+const EXCEPTION_TIME: f64 = 10.0;
+
+impl Meeting<'_> {
+    /// In every circle of agents that wait for each other one may enter although there is no room behind.
+    pub(super) fn break_circles(&self, orders: &mut [Order]) {
+        let stands = |traveller: &Traveller<'_>| {
+            let needed = traveller.settings.circle_after / self.dt;
+            self.bodies[traveller.body].velocity < STANDING && traveller.memory.standing as f64 >= needed
+        };
+        let stuck: Vec<usize> = (0..self.travellers.len()).filter(|index| stands(&self.travellers[*index])).collect();
+        if stuck.len() < 2 {
+            return;
+        }
+        let node = |id: i64| stuck.iter().position(|index| self.bodies[self.travellers[*index].body].id == id);
+        let order_of = |orders: &[Order], index: usize| {
+            let id = self.bodies[self.travellers[index].body].id;
+            orders.iter().position(|order| order.id == id)
+        };
+        let edges: Vec<Vec<usize>> = stuck
+            .iter()
+            .map(|&index| {
+                let by = order_of(orders, index).and_then(|place| orders[place].by).and_then(node);
+                let leader = self.leader(index).and_then(|body| node(self.bodies[body].id));
+                by.into_iter().chain(leader).collect()
+            })
+            .collect();
+        for component in components(&edges).into_iter().filter(|component| component.len() > 1) {
+            let members: Vec<usize> = component.iter().filter_map(|node| order_of(orders, stuck[*node])).collect();
+            let recent = |place: &&usize| {
+                let since = orders[**place].memory.exception;
+                since.is_some_and(|since| ((self.time_step - since) as f64) * self.dt < EXCEPTION_TIME)
+            };
+            if members.iter().any(|place| recent(&place)) {
+                continue;
+            }
+            let held = members
+                .iter()
+                .filter(|place| orders[**place].kind == OrderKind::Exit && orders[**place].memory.exception.is_none());
+            let first =
+                held.min_by_key(|place| (orders[**place].memory.ticket.unwrap_or(i64::MAX), orders[**place].id));
+            if let Some(&place) = first {
+                orders[place].memory.exception = Some(self.time_step);
+            }
+        }
+    }
+
+    /// The nearest body ahead on the path of a traveller, if it is near.
+    fn leader(&self, index: usize) -> Option<usize> {
+        let traveller = &self.travellers[index];
+        let gap = |body: usize| {
+            let front = self.front_on(traveller.course, body, traveller.front)?;
+            let gap = front - self.bodies[body].length - traveller.front;
+            (front > traveller.front && gap < NEAR).then_some((gap, body))
+        };
+        let others = (0..self.bodies.len()).filter(|body| *body != traveller.body);
+        others.filter_map(gap).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, body)| body)
+    }
+}

@@ -1,0 +1,219 @@
+//! What arbitration looks at in one time step, what it answers, and when a vehicle uses the areas of its passage.
+
+use super::RulesSettings;
+use super::course::{Course, Crossed, MARGIN, Passage};
+use crate::junctions::Junctions;
+
+/// Accelerations of an early entry and of a late exit [m/s²], and the share of the speed there.
+const EARLY: f64 = 2.0;
+const LATE: f64 = 1.2;
+const SLOW: f64 = 0.7;
+/// An agent that stands needs so long to start [s], below this speed [m/s].
+const REACTION: f64 = 0.3;
+const REACTING: f64 = 0.5;
+
+/// What an agent is told before a passage, and for which reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum OrderKind {
+    /// Enter.
+    Go = 0,
+    /// Wait: another participant has booked one of the areas.
+    Yield = 1,
+    /// Wait: behind the passage there is no room to leave it.
+    Exit = 2,
+    /// Wait: a vehicle ahead in the lane waits or blocks it.
+    Queue = 3,
+}
+
+impl OrderKind {
+    /// All kinds; the position is the code that crosses the Python boundary.
+    pub const ALL: [Self; 4] = [Self::Go, Self::Yield, Self::Exit, Self::Queue];
+}
+
+/// What an agent remembers of its next passage.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Memory {
+    /// Position of the passage on its way.
+    pub passage: usize,
+    /// Time step at which it arrived as the first of its lane.
+    pub ticket: Option<i64>,
+    /// It was allowed to go at the last step.
+    pub granted: bool,
+    /// Time step since which it may enter although there is no room behind.
+    pub exception: Option<i64>,
+    /// Steps for which it has stood.
+    pub standing: usize,
+}
+
+/// What an agent has to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Order {
+    /// The agent.
+    pub id: i64,
+    /// Why.
+    pub kind: OrderKind,
+    /// Arc length on its reference path that its front must not pass [m] ...
+    pub stop: f64,
+    /// ... before this time has passed [s]; infinite: until it is told otherwise.
+    pub release: f64,
+    /// Because of this participant.
+    pub by: Option<i64>,
+    /// What it remembers.
+    pub memory: Memory,
+}
+
+/// An agent that obeys.
+#[derive(Debug, Clone, Copy)]
+pub struct Traveller<'a> {
+    /// Its body, as a position in `Meeting::bodies`.
+    pub body: usize,
+    /// Width [m].
+    pub width: f64,
+    /// Arc length of its front on its path [m].
+    pub front: f64,
+    /// Its path.
+    pub course: &'a Course,
+    /// What it obeys, and its gaps.
+    pub settings: &'a RulesSettings,
+    /// What it remembers.
+    pub memory: Memory,
+    /// Arc length of the line that holds it [m]; infinite without one.
+    pub line: f64,
+}
+
+/// A place on a lanelet and how far the front is ahead of it [m].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// Index of the lanelet.
+    pub lanelet: usize,
+    /// Arc length there [m].
+    pub s: f64,
+    /// From there to the front [m].
+    pub to_front: f64,
+}
+
+/// A participant on the road.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Its id.
+    pub id: i64,
+    /// Length [m].
+    pub length: f64,
+    /// Speed [m/s], not negative.
+    pub velocity: f64,
+    /// Where it is.
+    pub places: Vec<Place>,
+}
+
+/// When a participant uses a side of an area [s from now].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Booking {
+    /// Position in `Junctions::areas`.
+    pub area: usize,
+    /// The side.
+    pub side: usize,
+    /// From then on.
+    pub enter: f64,
+    /// Until then.
+    pub leave: f64,
+    /// The participant, as a position in `Meeting::bodies`.
+    pub body: usize,
+}
+
+/// Everything that arbitration looks at in one time step.
+#[derive(Debug, Clone, Copy)]
+pub struct Meeting<'a> {
+    /// Now.
+    pub time_step: i64,
+    /// Time between steps [s].
+    pub dt: f64,
+    /// The areas.
+    pub junctions: &'a Junctions,
+    /// All participants on the road, by ids.
+    pub bodies: &'a [Body],
+    /// Those that obey, by ids.
+    pub travellers: &'a [Traveller<'a>],
+    /// What others have booked.
+    pub visits: &'a [Booking],
+}
+
+/// Time for a distance [m] from a speed [m/s], with an acceleration [m/s²] up to a largest speed [m/s].
+fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
+    if distance <= 0.0 {
+        return 0.0;
+    }
+    let reaction = if velocity < REACTING { REACTION } else { 0.0 };
+    if velocity >= largest {
+        return reaction + distance / velocity;
+    }
+    let ramp = 0.5 * (largest * largest - velocity * velocity) / acceleration;
+    if distance <= ramp {
+        return reaction + ((velocity * velocity + 2.0 * acceleration * distance).sqrt() - velocity) / acceleration;
+    }
+    reaction + (largest - velocity) / acceleration + (distance - ramp) / largest
+}
+
+impl Traveller<'_> {
+    /// When it uses the areas of a passage that its rear has not left.
+    pub(super) fn windows(&self, passage: &Passage, body: &Body) -> Vec<Booking> {
+        let (velocity, front) = (body.velocity, self.front);
+        let early = passage.approach.min(passage.speed.max(velocity));
+        let late = (SLOW * passage.speed).max(velocity);
+        let window = |crossed: &Crossed| {
+            let leaves = crossed.exit + MARGIN + body.length - front;
+            (leaves > 0.0).then(|| Booking {
+                area: crossed.area,
+                side: crossed.side,
+                enter: travel_time(crossed.entry - MARGIN - front, velocity, early, EARLY),
+                leave: travel_time(leaves, velocity, late, LATE),
+                body: self.body,
+            })
+        };
+        passage.areas.iter().filter_map(window).collect()
+    }
+
+    /// What it remembers of a passage.
+    pub(super) fn memory_of(&self, number: usize) -> Memory {
+        let kept = self.memory.passage == number;
+        let standing = self.memory.standing;
+        if kept { self.memory } else { Memory { passage: number, standing, ..Memory::default() } }
+    }
+
+    /// First passage that its rear has not left.
+    pub(super) fn first_passage(&self, length: f64) -> usize {
+        self.course.passages.partition_point(|passage| passage.end <= self.front - length)
+    }
+}
+
+impl Meeting<'_> {
+    /// Arc length of the front of a body on a path [m], if it is on one of its lanelets.
+    pub(super) fn front_on(&self, course: &Course, body: usize, from: f64) -> Option<f64> {
+        let length = self.bodies[body].length;
+        let on = |place: &Place| {
+            let at = course.place(place.lanelet, place.s, from - length)?;
+            Some(at + place.to_front)
+        };
+        self.bodies[body].places.iter().find_map(on)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::travel_time;
+
+    #[test]
+    fn the_time_for_a_distance_follows_from_speed_and_acceleration() {
+        for (distance, velocity, largest, acceleration, expected) in [
+            (20.0, 10.0, 10.0, 2.0, 2.0),
+            (27.8, 10.0, 10.0, 1.2, 2.78),
+            (-1.0, 0.0, 10.0, 2.0, 0.0),
+            // 0.3 s to react, sqrt(2 · 8.4 / 1.2)
+            (8.4, 0.0, 7.0, 1.2, 0.3 + 3.741_657_386_773_941),
+            // 4 to 8 m/s in 2 s over 12 m, then 8 m more.
+            (20.0, 4.0, 8.0, 2.0, 3.0),
+        ] {
+            assert!((travel_time(distance, velocity, largest, acceleration) - expected).abs() < 1e-9);
+        }
+    }
+}
