@@ -8,6 +8,8 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export UV_SYSTEM_CERTS ?= 1
 export MPLBACKEND := Agg
+# Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test check bench performance driving driving_guard instructions oracles third_party planners ray browser train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
