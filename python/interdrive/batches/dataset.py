@@ -17,7 +17,7 @@ from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.run import OUTCOMES
 from interdrive.scoring import SCORE_LABELS
-from interdrive.storage import arrow_table, check_values, replacing, schema_of
+from interdrive.storage import check_values, replacing, schema_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
