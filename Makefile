@@ -8,8 +8,10 @@ RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.to
 export PYTHONWARNINGS ?=
 export UV_SYSTEM_CERTS ?= 1
 export MPLBACKEND := Agg
+# Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check bench performance driving driving_guard instructions oracles third_party planners ray browser train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test recorded check bench performance driving driving_guard instructions oracles third_party planners ray browser train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-training
@@ -72,9 +74,13 @@ demo: $(VENV)/.installed ## the T-junction: every car plans for itself
 	$(BIN)/interdrive run t_junction --agents all --out demo --overwrite --png --gif --report
 	@echo "open $(CURDIR)/demo/report.html in a browser; the film is $(CURDIR)/demo/run.gif, the picture $(CURDIR)/demo/run.png"
 
-test: $(VENV)/.installed ## all tests
+test: $(VENV)/.installed ## all tests but those of `make recorded`
 	cargo test --profile quick --quiet -p interdrive-core
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=20 # a module's fixtures are made by one worker
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=20 -m "not recorded" # a module's fixtures are made by one worker
+
+# One process, which reads the files once.
+recorded: $(VENV)/.installed ## tests that read every recorded scenario
+	$(BIN)/python -m pytest -q --durations=8 -m recorded
 
 check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	cargo fmt --all --check

@@ -38,9 +38,13 @@ def pytest_make_collect_report(collector):
     return report
 
 
+@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
 def pytest_collection_modifyitems(items):
-    """Tests of all recorded scenarios come first, so that one worker reads the files for all of them."""
-    items.sort(key=lambda item: "recorded_scenarios" not in getattr(item, "fixturenames", ()))
+    """Tests that read all recorded scenarios are marked, and come first, so that one worker reads them for all."""
+    for item in items:
+        if "recorded_scenarios" in getattr(item, "fixturenames", ()):
+            item.add_marker("recorded")
+    items.sort(key=lambda item: item.get_closest_marker("recorded") is None)
 
 
 @pytest.fixture(scope="session")

@@ -11,9 +11,13 @@ from interdrive.scenario import Shape
 from interdrive.testing import Car, straight_road, world
 
 LENGTH, WIDTH = 5.0, 1.8
+#: A car that fits arrives after 110 steps; one that does not waits as long as it may, which takes time to compute.
+STEPS = 150
+#: Of road before and after the turn [m].
+STRAIGHT = 8.0
 
 
-def turn_left(radius, spacing=0.5, straight=25.0):
+def turn_left(radius, spacing=0.5, straight=STRAIGHT):
     """Points and headings of a centre line: straight on, a quarter of a circle, straight on."""
     arc = 0.5 * np.pi * radius
     s = np.arange(0.0, 2.0 * straight + arc, spacing)
@@ -50,14 +54,14 @@ def drive(scenario, **settings):
 
 
 def test_a_car_fits_through_a_narrow_turn_on_its_wheels():
-    outcome, overhang, run = drive(bend(2.5, 5.0))
+    outcome, overhang, run = drive(bend(2.5, 5.0), step__max_steps=STEPS)
     assert outcome == "goal_reached"
     assert 0.3 < overhang < 0.8
     assert run.outcomes.off_lanelets_s[0] > 0.5
 
 
 def test_it_does_not_fit_with_its_whole_body():
-    outcome, overhang, _ = drive(bend(2.5, 5.0), road__judge="body")
+    outcome, overhang, _ = drive(bend(2.5, 5.0), road__judge="body", step__max_steps=STEPS)
     assert outcome == "time_limit"
     assert overhang <= 0.15
 
@@ -71,13 +75,13 @@ def test_in_a_wide_turn_no_vehicle_leaves_the_lanelets(judge):
 
 
 def test_a_body_may_not_reach_further_beyond_the_lanelets_than_stated():
-    outcome, overhang, _ = drive(bend(2.5, 5.0), road__overhang_max=0.2)
+    outcome, overhang, _ = drive(bend(2.5, 5.0), road__overhang_max=0.2, step__max_steps=STEPS)
     assert outcome == "time_limit"
     assert overhang <= 0.2
 
 
 def test_a_car_beside_a_turn_is_not_touched_however_far_bodies_may_swing():
     # Outside the lane, abreast of the end of the turn: 1.5 m between the edge and the middle of its 1.8 m.
-    parked = Car(7, 30.0 + 1.25 + 1.5, 4.0, orientation=0.5 * np.pi)
+    parked = Car(7, STRAIGHT + 5.0 + 1.25 + 1.5, 4.0, orientation=0.5 * np.pi)
     _, _, run = drive(bend(2.5, 5.0, parked))
     assert run.outcomes.outcome[0].startswith("goal_reached")

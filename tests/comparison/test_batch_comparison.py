@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import interdrive as idr
 from interdrive.batches import BatchFolder, query
 from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
-from interdrive.batches.dataset import encoded
+from interdrive.batches.dataset import encoded, joined
 from interdrive.batches.job import Finished
 from interdrive.cli import main
 from interdrive.comparison import compare
@@ -25,6 +25,9 @@ from interdrive.report.batch import batch_contents
 from interdrive.report.comparison import compared_of
 from interdrive.storage import arrow_table, labels
 
+#: A file for each of so many runs takes long to write and to read.
+MANY = 20
+
 
 def invented(folder, runs):
     """A batch folder with invented runs.
@@ -34,7 +37,7 @@ def invented(folder, runs):
         runs: (scenario, planner, agents) each, or with what differs in the run as a fourth; agents is a status, or a
             mapping from ids to what differs from an agent that has reached its goal.
     """
-    batch = BatchFolder.create(folder)
+    batch, tables = BatchFolder.create(folder), []
     for scenario, planner, agents, *other in runs:
         key = hashlib.sha256(f"{scenario} {planner} {other}".encode()).hexdigest()[:32]
         sha = hashlib.sha256(scenario.encode()).hexdigest()
@@ -60,7 +63,11 @@ def invented(folder, runs):
         for column in COLUMNS:
             if column.kind == "label" and values[column.name][0] is not None:
                 values[column.name] = labels(tuple(values[column.name]))
-        batch.store(key, Finished("finished", "", encoded(arrow_table(COLUMNS, values))))
+        tables.append(arrow_table(COLUMNS, values))
+        if len(runs) < MANY:
+            batch.store(key, Finished("finished", "", encoded(tables[-1])))
+    if len(runs) >= MANY:  # merged, as a batch leaves them behind
+        batch.results.write_bytes(encoded(joined(tables)))
     return folder
 
 

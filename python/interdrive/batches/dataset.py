@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.run import OUTCOMES
 from interdrive.scoring import SCORE_LABELS
-from interdrive.storage import arrow_table, check_values, replacing
+from interdrive.storage import check_values, replacing, schema_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -58,7 +59,7 @@ def merge(into: Path, parts: Sequence[Path]) -> None:
     Raises:
         ResultsError: A file that cannot be read or written.
     """
-    schema = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS}).schema
+    schema = _schema()
     keys = {part.stem for part in parts}
     with replacing(into) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         waiting: list[pa.Table] = []
@@ -158,7 +159,7 @@ def key_table(keys: set[str]) -> pa.Table:
 
 def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> pa.Table:
     """Tables below each other."""
-    empty = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS})
+    empty = _schema().empty_table()
     return pa.concat_tables([empty.select(columns or empty.column_names), *tables]).unify_dictionaries()
 
 
@@ -183,15 +184,20 @@ def _opened(path: Path) -> pq.ParquetFile:
         raise
     except (pa.ArrowException, OSError) as cause:
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
-    expected = arrow_table(COLUMNS, {column.name: [] for column in COLUMNS}).schema
-    names = found.schema_arrow.names
+    expected, schema = _schema(), found.schema_arrow  # which is made anew every time one asks for it
+    names = schema.names
     if names != expected.names:
         other = next(iter(set(names) ^ set(expected.names)), "their order")
         raise ResultsError(f"{path}: its columns are not those of this version ({other} differs)")
     for name in names:
-        if _plain(found.schema_arrow.field(name).type) != _plain(expected.field(name).type):
-            raise ResultsError(f"{path}: {name}: values of type {_plain(found.schema_arrow.field(name).type)}")
+        if _plain(schema.field(name).type) != _plain(expected.field(name).type):
+            raise ResultsError(f"{path}: {name}: values of type {_plain(schema.field(name).type)}")
     return found
+
+
+@cache
+def _schema() -> pa.Schema:
+    return schema_of(COLUMNS)
 
 
 def _plain(kind: pa.DataType) -> pa.DataType:

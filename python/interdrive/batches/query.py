@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, TypeAlias
@@ -50,6 +51,13 @@ class Answer:
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+
+
+def load_libraries() -> None:
+    """Has the libraries reserve their address space, which for Arrow is more than 1 GB at its first allocation."""
+    key_table({"x"})
+    with suppress(ImportError):
+        import duckdb  # noqa: F401, PLC0415 - optional
 
 
 def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: float = MEMORY) -> Answer:

@@ -46,10 +46,11 @@ def sql(folder: str, question: str, as_csv: bool, timeout: float | None, memory:
     """
     given = None if memory is None else bytes_of(memory)
 
-    from interdrive.batches.query import MEMORY, SECONDS, query  # noqa: PLC0415
+    from interdrive.batches.query import MEMORY, SECONDS, load_libraries, query  # noqa: PLC0415
     from interdrive.cli.batch_report import print_answer  # noqa: PLC0415 - rich
 
     seconds, size = SECONDS if timeout is None else timeout, MEMORY if given is None else given
+    load_libraries()  # the limit below is relative to the address space in use
     with _limited(seconds, size):
         answer = query(folder, question, seconds=seconds, memory=size)
     if as_csv:
