@@ -49,10 +49,21 @@ impl Candidates {
         self.cost.is_empty()
     }
 
-    /// Least cost of the samples that were rejected for the road alone; inf: none was.
-    pub(super) fn off_road_cost(&self) -> f64 {
-        let costs = self.cost.iter().zip(&self.rejection).filter(|(_, why)| **why == Rejection::OffRoad);
-        costs.fold(f64::INFINITY, |least, (cost, _)| least.min(*cost))
+    /// A sample that would be cheaper and faster than the chosen one was rejected for the road alone.
+    pub(super) fn is_held_by_road(&self, chosen: usize) -> bool {
+        (0..self.len()).any(|i| {
+            self.rejection[i] == Rejection::OffRoad
+                && self.cost[i] < self.cost[chosen]
+                && self.last_velocity[i] > self.last_velocity[chosen]
+        })
+    }
+
+    /// Chooses among the samples that end faster than a speed [m/s] and cost less than a limit.
+    pub(super) fn choose(&mut self, slowest: f64, limit: f64) {
+        let counts = |i: &usize| self.end_velocity[*i] > slowest && self.cost[*i] < limit;
+        let admissible = (0..self.len()).filter(|i| self.rejection[*i] == Rejection::Admissible).filter(counts);
+        // The first of equals.
+        self.chosen = admissible.min_by(|a, b| self.cost[*a].total_cmp(&self.cost[*b]));
     }
 
     /// Evaluates all samples to the end.
@@ -67,9 +78,7 @@ impl Candidates {
         for sample in 0..evaluation.len() {
             out.push(evaluation, sample);
         }
-        let admissible = (0..out.len()).filter(|i| out.rejection[*i] == Rejection::Admissible);
-        // The first of equals.
-        out.chosen = admissible.min_by(|a, b| out.cost[*a].total_cmp(&out.cost[*b]));
+        out.choose(f64::NEG_INFINITY, f64::INFINITY);
         out
     }
 

@@ -59,6 +59,8 @@ pub(super) struct EvaluationMemory {
     pub(super) off_road_cost: f64,
     pub(super) off_road_sample: usize,
     pub(super) n_off_road: usize,
+    /// Cost and speed at the end [m/s] of all of them.
+    pub(super) off_road: Vec<(f64, f64)>,
 }
 
 impl EvaluationMemory {
@@ -72,6 +74,7 @@ impl EvaluationMemory {
         self.contacts.clear();
         self.off_road_cost = f64::INFINITY;
         self.n_off_road = 0;
+        self.off_road.clear();
     }
 }
 
@@ -136,13 +139,16 @@ impl<'a> Evaluation<'a> {
         self.tables.memory.slots.len()
     }
 
-    /// Where the search begins: a group per profile that is not rejected, and the previous plan.
-    pub(super) fn entries(&self) -> impl Iterator<Item = Entry> {
+    /// Where the search begins: a group per profile that is not rejected, and the previous plan, if they end faster
+    /// than a speed [m/s].
+    pub(super) fn entries(&self, slowest: f64) -> impl Iterator<Item = Entry> {
         let n_offsets = self.tables.samples.end_offsets.len();
         let warm_start = self.tables.warm_start.is_valid();
+        let warm_start = warm_start && self.tables.warm_start.points.last().is_some_and(|last| last.velocity > slowest);
         let warm_start = warm_start.then(|| Entry::sample(self.tables.warm_start.total, self.tables.samples.len()));
-        let profiles = self.tables.costs.bounds.iter().enumerate();
-        profiles.map(move |(profile, bound)| Entry::group(*bound, profile * n_offsets, profile)).chain(warm_start)
+        let profiles = self.tables.costs.bounds.iter().zip(&self.tables.samples.profiles).enumerate();
+        let profiles = profiles.filter(move |(_, (_, profile))| profile.end_velocity > slowest);
+        profiles.map(move |(profile, (bound, _))| Entry::group(*bound, profile * n_offsets, profile)).chain(warm_start)
     }
 
     /// Profile and end offset of a sample; `None` for the previous plan.
@@ -177,6 +183,7 @@ impl<'a> Evaluation<'a> {
     /// The complete cost of the trajectory in the pool, if its footprint stays on the road.
     fn if_on_road(&mut self, sample: usize, slot: Range<usize>, cost: f64) -> Refined {
         let pool = std::mem::take(&mut self.tables.memory.pool);
+        let end_velocity = pool[slot.end - 1].velocity;
         let stays = self.is_on_road(&pool[slot]);
         self.tables.memory.pool = pool;
         if stays {
@@ -184,6 +191,7 @@ impl<'a> Evaluation<'a> {
         } else {
             let memory = &mut *self.tables.memory;
             memory.n_off_road += 1;
+            memory.off_road.push((cost, end_velocity));
             if cost < memory.off_road_cost {
                 (memory.off_road_cost, memory.off_road_sample) = (cost, sample);
             }

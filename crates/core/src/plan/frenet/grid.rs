@@ -87,7 +87,7 @@ pub(super) struct SampleGrid {
 impl SampleGrid {
     /// All motions along the path, and the lateral ones that are shared.
     pub(super) fn generate(&mut self, inputs: &Inputs) {
-        let Inputs { start, targets, limits, settings, path, is_narrow } = *inputs;
+        let Inputs { start, targets, limits, settings, path, .. } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
         self.stride = limits.n_points.next_multiple_of(SIMD_POINTS);
@@ -108,19 +108,12 @@ impl SampleGrid {
         self.s_max = targets.s_max;
         self.gate = targets.gate;
         end_times(settings, &mut self.end_times);
-        if is_narrow {
-            let widest = settings.d_max.min(NARROW_OFFSET);
-            grid(-widest, widest, settings.level, start.d, &mut self.end_offsets);
-        } else {
-            end_offsets(settings, start.d, &mut self.end_offsets);
-        }
-        insert(&mut self.end_offsets, targets.offset);
+        self.choose_offsets(inputs);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
         let from = [start.s, start.s_dot, start.s_ddot];
         self.speed_scale = start.s_dot.abs() + start.s_ddot.abs() * settings.horizon;
         let along = limits.along_path(ROUNDING, settings.low_velocity);
-        let s_dot = start.s_dot;
-        let beside = [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2];
+        let beside = beside(start);
         for t in 0..self.end_times.len() {
             let end_time = self.end_times[t];
             let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.end_offsets);
@@ -148,6 +141,32 @@ impl SampleGrid {
         for fraction in BRAKING {
             self.push_braking(Braking::new(start.s_dot, start.s_ddot, fraction * limits.acceleration_max), inputs);
         }
+    }
+
+    /// Lateral positions near the path in the place of those of `generate`, whose motions along the path remain.
+    pub(super) fn narrow(&mut self, inputs: &Inputs) {
+        self.end_offsets.clear();
+        self.lateral.clear(self.n_points, self.stride, inputs.targets.offset);
+        self.choose_offsets(&Inputs { is_narrow: true, ..*inputs });
+        let beside = beside(inputs.start);
+        for end_time in &self.end_times {
+            // In the order of `generate`: profiles keep the numbers of their tables.
+            self.lateral.push_over_time(beside, *end_time, &self.times, &self.end_offsets);
+        }
+        for profile in self.profiles.iter_mut().filter(|profile| profile.is_over_arc) {
+            profile.table = None;
+        }
+    }
+
+    fn choose_offsets(&mut self, inputs: &Inputs) {
+        let Inputs { start, targets, settings, is_narrow, .. } = *inputs;
+        if is_narrow {
+            let widest = settings.d_max.min(NARROW_OFFSET);
+            grid(-widest, widest, settings.level, start.d, &mut self.end_offsets);
+        } else {
+            end_offsets(settings, start.d, &mut self.end_offsets);
+        }
+        insert(&mut self.end_offsets, targets.offset);
     }
 
     /// Looks at the motions of a family, slow ones first, with as few looks as that takes: a motion between two that
@@ -415,6 +434,12 @@ impl SampleGrid {
     pub(super) fn lateral_points(&self, profile: usize) -> LateralPoints<'_> {
         self.lateral.points(self.profiles[profile].table.expect("the lateral motion is there"))
     }
+}
+
+/// Offset and its derivatives by time.
+fn beside(start: &Start) -> [f64; 3] {
+    let s_dot = start.s_dot;
+    [start.d, s_dot * start.d_prime, start.s_ddot * start.d_prime + s_dot * s_dot * start.d_prime2]
 }
 
 /// Least arc length of lateral polynomials of arc length [m].

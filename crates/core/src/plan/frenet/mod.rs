@@ -101,9 +101,9 @@ impl Premises {
 
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
 ///
-/// If nothing is admissible, or nothing but standing and crawling where the road forbids better samples, the agent may
-/// come as close to the edge of the road as the judge allows, and looks at lateral positions near its path only, which are
-/// closer to each other then.
+/// If nothing is admissible, or the plan crawls and the road alone forbids a sample that would be cheaper and faster,
+/// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its path
+/// only, which are closer to each other then. A plan that crawls is only replaced by a faster one that costs less.
 /// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
 /// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
@@ -115,17 +115,54 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
         if off_road_cost.is_finite() {
             result = attempt(request, settings, memory, Premises::NARROW);
         }
-    } else if off_road_cost < result.cost && end_velocity(&result) < CRAWLING {
-        let narrow = attempt(request, settings, memory, Premises::NARROW);
-        if narrow.status == PlanStatus::Planned && end_velocity(&narrow) > end_velocity(&result) {
-            result = narrow;
-        }
+    } else if is_held_by_road(&result, memory) {
+        result = faster(request, settings, memory, &result).unwrap_or(result);
     }
     if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
         return result;
     }
     let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
     again.find(|again| again.status == PlanStatus::Planned).unwrap_or(result)
+}
+
+/// The plan crawls, and the road alone rejected a sample that would be cheaper and faster.
+fn is_held_by_road(result: &PlanResult, memory: &FrenetMemory) -> bool {
+    let slow = end_velocity(result);
+    let better = |(cost, velocity): &(f64, f64)| *cost < result.cost && *velocity > slow;
+    slow < CRAWLING && memory.evaluation.off_road.iter().any(better)
+}
+
+/// The cheapest plan where the road is narrow that ends faster than one of the same request and costs less. That
+/// plan must be the last that was made with this memory: motions along the path and participants are taken from it.
+fn faster(
+    request: &PlanRequest,
+    settings: &FrenetSettings,
+    memory: &mut FrenetMemory,
+    than: &PlanResult,
+) -> Option<PlanResult> {
+    let premises = Premises::NARROW;
+    let n_points = n_points(request, settings);
+    let start = Start::new(request, premises.knows_yaw_rate(request, settings)).ok()?;
+    let limits = Limits::new(request, n_points, start.curvature, premises.slack);
+    let targets = Targets::new(request, &start, settings);
+    let FrenetMemory { samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, effort, .. } =
+        memory;
+    let (start, limits, path, keeps_clear) = (&start, &limits, &request.route.path, premises.keeps_clear);
+    samples.narrow(&Inputs { start, targets: &targets, limits, settings, path, is_narrow: true });
+    costs.prepare(samples, targets.velocity, &settings.weights, path);
+    let problem = Problem { request, settings, start, limits, keeps_clear };
+    let mut evaluation =
+        Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
+    search::start(queue, evaluation.entries(end_velocity(than)), than.cost);
+    let choice = search(settings, queue, &mut evaluation);
+    *effort += evaluation.tables.memory.n_trajectories();
+    let (sample, cost) = choice?;
+    evaluation.write_if_drivable(sample);
+    Some(PlanResult::planned(trajectory(request, start, evaluation.points()), cost))
+}
+
+fn search(settings: &FrenetSettings, queue: &mut search::Queue, evaluation: &mut Evaluation) -> Option<(usize, f64)> {
+    if settings.lazy { search::best_first(queue, evaluation) } else { search::exhaustive(queue, evaluation) }
 }
 
 /// Speed at the end of a plan [m/s].
@@ -162,12 +199,8 @@ fn attempt(
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
         Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
-    search::start(queue, evaluation.entries());
-    let choice = if settings.lazy {
-        search::best_first(queue, &mut evaluation)
-    } else {
-        search::exhaustive(queue, &mut evaluation)
-    };
+    search::start(queue, evaluation.entries(f64::NEG_INFINITY), f64::INFINITY);
+    let choice = search(settings, queue, &mut evaluation);
     *effort += evaluation.tables.memory.n_trajectories();
     if let Some((sample, cost)) = choice {
         evaluation.write_if_drivable(sample);
@@ -192,9 +225,10 @@ fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
 pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
     let all = sample_all(request, settings, Premises::STATED);
     if let Some(chosen) = all.chosen {
-        if all.off_road_cost() < all.cost[chosen] && all.last_velocity[chosen] < CRAWLING {
-            let narrow = sample_all(request, settings, Premises::NARROW);
-            if narrow.chosen.is_some_and(|faster| narrow.last_velocity[faster] > all.last_velocity[chosen]) {
+        if all.last_velocity[chosen] < CRAWLING && all.is_held_by_road(chosen) {
+            let mut narrow = sample_all(request, settings, Premises::NARROW);
+            narrow.choose(all.last_velocity[chosen], all.cost[chosen]);
+            if narrow.chosen.is_some() {
                 return narrow;
             }
         }

@@ -6,6 +6,7 @@ pub(super) mod choice;
 mod closed_loop;
 mod golden;
 mod kinematics;
+mod narrow;
 mod passing;
 mod starts;
 
