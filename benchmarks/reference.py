@@ -56,17 +56,22 @@ def table(name: str, split: str) -> str:
 def by_category(name: str, split: str) -> str:
     """The number of each planner by category as Markdown."""
     rows = [row for row in reference_rows(read_set(name), split) if row.category != "all"]
+    if not rows:
+        return ""
     categories = sorted({row.category for row in rows})
     planners = sorted({row.planner for row in rows})
     scores = {(row.planner, row.category): f"{row.score:.1f}" for row in rows}
-    sizes = {row.category: f"{row.n_scenarios}, {row.n_agents}" for row in rows}
+    sizes = {
+        category: max((row.n_scenarios, row.n_agents) for row in rows if row.category == category)
+        for category in categories
+    }
     lines = [
         "| category | scenarios, agents | " + " | ".join(f"`{planner}`" for planner in planners) + " |",
         "|---|--:|" + "--:|" * len(planners),
     ]
     for category in categories:
         values = " | ".join(scores.get((planner, category), "") for planner in planners)
-        lines.append(f"| {category} | {sizes[category]} | {values} |")
+        lines.append(f"| {category} | {sizes[category][0]}, {sizes[category][1]} | {values} |")
     return "\n".join(lines)
 
 

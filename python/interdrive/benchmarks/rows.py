@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 #: Traffic that replays its recording, and traffic that adjusts its speed; the number is that of the last.
 NON_REACTIVE, REACTIVE = "recorded", "velocity_adjusting"
 
+#: The planner that replays what humans drove.
+_HUMAN = "recorded"
+
 
 @dataclass(frozen=True)
 class Row:
@@ -70,9 +73,12 @@ def planner_rows(rows: Mapping[str, Any], label: str, there: Sequence[SetFile]) 
 def scenario_scores(rows: Mapping[str, Any], label: str, there: Sequence[SetFile]) -> dict[str, dict[str, float]]:
     """100 times the mean score of the agents of each scenario, by its name and by traffic."""
     scores = _scores(rows, label, there)
-    return {
-        file.name: {traffic: 100.0 * one.by_scenario[file.sha256] for traffic, one in scores.items()} for file in there
-    }
+    found: dict[str, dict[str, float]] = {}
+    for file in there:
+        for traffic, one in scores.items():
+            if file.sha256 in one.by_scenario:
+                found.setdefault(file.name, {})[traffic] = 100.0 * one.by_scenario[file.sha256]
+    return found
 
 
 def _mine(rows: Mapping[str, Any], label: str, traffic: str, part: Sequence[SetFile]) -> Any:  # noqa: ANN401 - truths
@@ -83,12 +89,16 @@ def _mine(rows: Mapping[str, Any], label: str, traffic: str, part: Sequence[SetF
         [name in agents and (math.isnan(who) or int(who) in agents[name])
          for name, who in zip(scenario.tolist(), number.tolist(), strict=True)], dtype=np.bool_
     )  # fmt: skip
-    return (rows["planner"] == label) & (rows["traffic"] == traffic) & listed
+    mine = (rows["planner"] == label) & (rows["traffic"] == traffic) & listed
+    if label == _HUMAN:  # among replayed traffic another planner drives what no human drove
+        mine &= (rows["under_test"] != 1) | (rows["agent_planner"].astype(str) == label)
+    return mine
 
 
 def _scores(rows: Mapping[str, Any], label: str, part: Sequence[SetFile]) -> dict[str, PlannerScore]:
     """The score among replayed and among reacting traffic; what traffic did in these runs does not count."""
-    agents = {file.sha256: {(0, number) for number in file.agents} for file in part}
+    # What no human drove cannot be replayed: it says nothing about humans, and is not lost. Runs that fail still are.
+    agents = {file.sha256: {(0, number) for number in file.agents if label != _HUMAN} for file in part}
     places = {file.sha256: file.place for file in part}
     return {
         traffic: planner_score(rows, _mine(rows, label, traffic, part), agents, places)
