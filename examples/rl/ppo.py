@@ -27,29 +27,60 @@ DISCOUNT, TRACE = 0.99, 0.95
 CLIP, ENTROPY, VALUE = 0.2, 0.003, 0.5
 LEARNING_RATE = 3e-4
 WIDTH = 128
+#: Observations that hardly change are not blown up.
+SPREAD_MIN = 0.05
+#: Outcomes that are printed and drawn while it learns.
+WATCHED = ("goal_reached", "goal_missed", "collision", "time_limit")
 #: Scenarios of the table: those without and with the highway.
 A = ["t_junction", "intersection", "lane_merge"]
 B = [*A, "highway"]
 
 
+def network(inputs: int, outputs: int, gain: float) -> nn.Sequential:
+    """Two hidden layers; the last layer begins near zero if the gain is small."""
+    layers = [nn.Linear(inputs, WIDTH), nn.Tanh(), nn.Linear(WIDTH, WIDTH), nn.Tanh(), nn.Linear(WIDTH, outputs)]
+    for layer, own in ((layers[0], 2**0.5), (layers[2], 2**0.5), (layers[4], gain)):
+        nn.init.orthogonal_(layer.weight, own)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(*layers)
+
+
 class Policy(nn.Module):
-    """Two hidden layers, a mean action with a free spread, and a value."""
+    """A mean action with a free spread, and a value, each from a network of its own.
+
+    Observations are divided by their spread, which is far below 1 for most of them: 80 m are 1 there, so what matters
+    at a junction is a tenth.
+    """
 
     def __init__(self, observations: int, actions: int) -> None:
         super().__init__()
-        self.hidden = nn.ModuleList([nn.Linear(observations, WIDTH), nn.Linear(WIDTH, WIDTH)])
-        self.action, self.value = nn.Linear(WIDTH, actions), nn.Linear(WIDTH, 1)
+        self.mean, self.value = network(observations, actions, 0.01), network(observations, 1, 1.0)
         self.log_std = nn.Parameter(torch.full((actions,), -1.0))
-        for layer, gain in ((self.hidden[0], 2**0.5), (self.hidden[1], 2**0.5), (self.action, 0.01), (self.value, 1.0)):
-            nn.init.orthogonal_(layer.weight, gain)
-            nn.init.zeros_(layer.bias)
+        self.register_buffer("center", torch.zeros(observations))
+        self.register_buffer("spread", torch.ones(observations))
+        self.register_buffer("seen", torch.zeros(()))
 
     def forward(self, observations: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Mean actions and values."""
-        x = observations
-        for layer in self.hidden:
-            x = torch.tanh(layer(x))
-        return self.action(x), self.value(x).squeeze(-1)
+        x = (observations - self.center) / self.spread.clamp(min=SPREAD_MIN)
+        return self.mean(x), self.value(x).squeeze(-1)
+
+    def actions(self, observations: np.ndarray) -> np.ndarray:
+        """Mean actions as they are driven."""
+        x = (torch.from_numpy(observations) - self.center) / self.spread.clamp(min=SPREAD_MIN)
+        return self.mean(x).clamp(-1, 1).numpy()
+
+    @torch.no_grad()
+    def watch(self, observations: torch.Tensor) -> None:
+        """Counts observations into their mean and spread."""
+        n = len(observations)
+        share = n / (float(self.seen) + n)
+        center, spread = observations.mean(0), observations.std(0)
+        off = center - self.center
+        variance = (1 - share) * self.spread**2 + share * spread**2 + share * (1 - share) * off**2
+        self.spread.copy_(variance.sqrt() if self.seen else spread)
+        self.center.add_(share * off)
+        self.seen.add_(n)
 
     def log_probability(self, mean: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
         """Of actions that were drawn around the means."""
@@ -82,25 +113,55 @@ class Batch:
         return found
 
 
+class Fleet:
+    """Worlds in which half of the episodes begin where the scenarios do, and half anywhere in the recordings.
+
+    From the start all vehicles learn, with the planning problems that are counted in the end; later starts show
+    places and speeds that a policy would come to only once it drives well.
+    """
+
+    def __init__(self, scenarios: object, seed: int, **settings: object) -> None:
+        self.halves = [
+            envs.Rows(
+                WORLDS // 2, slots=SLOTS, seed=seed + i, keep_final=True, scenarios=scenarios, start=start, **settings
+            )
+            for i, start in ((0, "first"), (1000, "random"))
+        ]
+        for rows in self.halves:
+            rows.reset()
+
+    def all(self, name: str) -> np.ndarray:
+        """An array of both halves."""
+        return np.concatenate([getattr(rows, name) for rows in self.halves])
+
+    def step(self, actions: np.ndarray) -> list[dict[str, object]]:
+        """Drives; returns what is known about those that have ended."""
+        ended: list[dict[str, object]] = []
+        for rows, given in zip(self.halves, np.split(actions, 2), strict=True):
+            rows.step(given)
+            if rows.terminals.any() or rows.truncations.any():
+                ended += rows.infos()
+        return ended
+
+
 @torch.no_grad()
-def collect(rows: envs.Rows, policy: Policy, batch: Batch, ended: list[dict[str, object]]) -> int:
+def collect(fleet: Fleet, policy: Policy, batch: Batch, ended: list[dict[str, object]]) -> int:
     """Drives and writes the batch; returns the number of agent-steps."""
     for t in range(STEPS):
-        observations = torch.from_numpy(rows.observations)
-        mean, value = policy(observations)
+        batch.observations[t], batch.masks[t] = fleet.all("observations"), fleet.all("masks")
+        mean, value = policy(torch.from_numpy(batch.observations[t]))
         actions = mean + policy.log_std.exp() * torch.randn_like(mean)
-        batch.observations[t], batch.masks[t] = rows.observations, rows.masks
         batch.actions[t], batch.values[t] = actions.numpy(), value.numpy()
         batch.log_probabilities[t] = policy.log_probability(mean, actions).numpy()
-        rows.step(np.clip(batch.actions[t], -1, 1))
-        batch.rewards[t], batch.ends[t] = rows.rewards, rows.terminals | rows.truncations
+        told = fleet.step(np.clip(batch.actions[t], -1, 1))
+        ended += told
+        cuts = fleet.all("truncations")
+        batch.rewards[t], batch.ends[t] = fleet.all("rewards"), fleet.all("terminals") | cuts
         batch.bootstraps[t] = 0.0
-        if batch.ends[t].any():
-            ended += rows.infos()
-            cut = np.flatnonzero(rows.truncations)
-            if len(cut):
-                batch.bootstraps[t, cut] = policy(torch.from_numpy(rows.final_observations[cut]))[1].numpy()
-    batch.values[STEPS] = policy(torch.from_numpy(rows.observations))[1].numpy()
+        if cuts.any():
+            last = torch.from_numpy(fleet.all("final_observations")[cuts])
+            batch.bootstraps[t, cuts] = policy(last)[1].numpy()
+    batch.values[STEPS] = policy(torch.from_numpy(fleet.all("observations")))[1].numpy()
     return int(batch.masks.sum())
 
 
@@ -134,23 +195,27 @@ def train(
 ) -> tuple[Policy, list[dict[str, float]]]:
     """A policy, and how it came about: one entry per update."""
     torch.manual_seed(seed)
-    rows = envs.Rows(WORLDS, slots=SLOTS, seed=seed, keep_final=True, scenarios=scenarios, start="random", **settings)
-    rows.reset()
-    policy = Policy(rows.observations.shape[1], rows.actions.shape[1])
+    fleet = Fleet(scenarios, seed, **settings)
+    n, n_actions = fleet.all("observations").shape[1], fleet.all("actions").shape[1]
+    policy, batch = Policy(n, n_actions), Batch(WORLDS * SLOTS, n, n_actions)
     optimizer = torch.optim.Adam(policy.parameters(), lr=LEARNING_RATE, eps=1e-5)
-    batch = Batch(rows.num_agents, rows.observations.shape[1], rows.actions.shape[1])
     begin, steps, curve = time.perf_counter(), 0, []
-    while (passed := time.perf_counter() - begin) < seconds and steps < most_steps:
+    while time.perf_counter() - begin < seconds and steps < most_steps:
         for group in optimizer.param_groups:
-            group["lr"] = LEARNING_RATE * max(0.02, 1 - max(passed / seconds, steps / most_steps))
+            group["lr"] = LEARNING_RATE * max(0.02, 1 - steps / most_steps)
         ended: list[dict[str, object]] = []
-        steps += collect(rows, policy, batch, ended)
-        improve(policy, optimizer, batch)
-        success = float(np.mean([info["is_success"] for info in ended])) if ended else 0.0
+        driven = collect(fleet, policy, batch, ended)
+        if steps:
+            improve(policy, optimizer, batch)
+        policy.watch(torch.from_numpy(batch.observations[batch.masks]))
+        steps += driven
+        shares = [float(np.mean([info["outcome"] == name for info in ended])) for name in WATCHED] if ended else []
         total = float(np.mean([info["return"] for info in ended])) if ended else 0.0
-        curve.append({"seconds": time.perf_counter() - begin, "steps": steps, "success": success, "return": total})
+        entry = {"seconds": time.perf_counter() - begin, "steps": steps, "return": total}
+        curve.append(entry | dict(zip(WATCHED, shares, strict=True)))
         if len(curve) % 10 == 1:
-            print(f"{curve[-1]['seconds']:5.0f} s, {steps:8d} steps: goals reached {success:.0%}, return {total:.2f}")
+            told = ", ".join(f"{name} {share:.0%}" for name, share in zip(WATCHED, shares, strict=True))
+            print(f"{entry['seconds']:5.0f} s, {steps:8d} steps: return {total:5.2f}, {told}", flush=True)
     return policy, curve
 
 
@@ -163,8 +228,8 @@ def outcomes(policy: Policy, scenarios: object, **settings: object) -> dict[str,
         observations, _ = env.reset(seed=0)
         while env.agents:
             names = env.agents
-            mean, _ = policy(torch.from_numpy(np.stack([observations[name] for name in names])))
-            observations, _, _, _, infos = env.step(dict(zip(names, mean.clamp(-1, 1).numpy(), strict=True)))
+            actions = policy.actions(np.stack([observations[name] for name in names]))
+            observations, _, _, _, infos = env.step(dict(zip(names, actions, strict=True)))
             for info in infos.values():
                 if info:
                     found.append("off_road" if info["off_road"] else str(info["outcome"]))
@@ -172,16 +237,22 @@ def outcomes(policy: Policy, scenarios: object, **settings: object) -> dict[str,
 
 
 def export(policy: Policy, path: Path) -> None:
-    """The policy as a file for `--planner policy,file=FILE`; the value is not needed to drive."""
-    weights = {name: one.detach().numpy() for name, one in policy.state_dict().items()}
-    kept = {name: one for name, one in weights.items() if name.startswith(("hidden.", "action."))}
+    """The policy as a file for `--planner policy,file=FILE`, which needs neither the value nor what was watched."""
+    layers = [layer for layer in policy.mean if isinstance(layer, nn.Linear)]
+    kept = {}
+    for name, layer in zip(("hidden.0", "hidden.1", "action"), layers, strict=True):
+        weight, bias = layer.weight.detach().numpy(), layer.bias.detach().numpy()
+        if name == "hidden.0":
+            weight = weight / policy.spread.clamp(min=SPREAD_MIN).numpy()
+            bias = bias - weight @ policy.center.numpy()
+        kept |= {f"{name}.weight": weight, f"{name}.bias": bias}
     envs.export_policy(path, kept)
 
 
 def picture(curve: list[dict[str, float]], path: Path) -> None:
     """Goals reached over agent-steps."""
     steps = np.array([entry["steps"] for entry in curve]) / 1e6
-    success = 100 * np.array([entry["success"] for entry in curve])
+    success = 100 * np.array([entry.get("goal_reached", 0.0) for entry in curve])
     figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
     axes.plot(steps, success, color="#9bb7d4", linewidth=0.8)
     width = max(1, len(curve) // 25)
@@ -213,7 +284,7 @@ def main() -> None:
         export(policy, given.out / "policy.safetensors")
     else:
         policy = Policy(324, 2)
-        policy.load_state_dict(torch.load(given.evaluate, weights_only=True))
+        policy.load_state_dict(torch.load(given.evaluate / "policy.pt", weights_only=True))
     sets = {"A": A, "B": B}
     if given.unseen is not None:
         sets["C"] = sorted(given.unseen.glob("ZAM_Tjunction-*.xml"))
