@@ -13,6 +13,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from interdrive import envs
 from interdrive.errors import MissingExtraError
 
+
 @pytest.mark.parametrize("actions", [envs.Kinematic(), envs.KinematicGrid()], ids=["continuous", "discrete"])
 @pytest.mark.parametrize("form", ["flat", "dict"])
 def test_gymnasium_checks_the_environment(actions, form):
