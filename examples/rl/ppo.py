@@ -146,12 +146,12 @@ def collect(fleet: Fleet, policy: Policy, batch: Batch, ended: list[dict[str, ob
     """Drives and writes the batch; returns the number of agent-steps."""
     for t in range(STEPS):
         batch.observations[t], batch.masks[t] = fleet.all("observations"), fleet.all("masks")
-        mean, value = policy(torch.from_numpy(batch.observations[t]))
+        driving = batch.masks[t]
+        mean, value = policy(torch.from_numpy(batch.observations[t, driving]))
         actions = mean + policy.log_std.exp() * torch.randn_like(mean)
-        batch.actions[t], batch.values[t] = actions.numpy(), value.numpy()
-        batch.log_probabilities[t] = policy.log_probability(mean, actions).numpy()
-        told = fleet.step(np.clip(batch.actions[t], -1, 1))
-        ended += told
+        batch.actions[t, driving], batch.values[t, driving] = actions.numpy(), value.numpy()
+        batch.log_probabilities[t, driving] = policy.log_probability(mean, actions).numpy()
+        ended += fleet.step(np.clip(batch.actions[t], -1, 1))
         cuts = fleet.all("truncations")
         batch.rewards[t], batch.ends[t] = fleet.all("rewards"), fleet.all("terminals") | cuts
         batch.bootstraps[t] = 0.0
@@ -196,10 +196,9 @@ def train(seconds: float, most_steps: int, seed: int, threads: int) -> tuple[Pol
     optimizer = torch.optim.Adam(policy.parameters(), lr=LEARNING_RATE, eps=1e-5)
     begin, steps, curve, is_grown = time.perf_counter(), 0, [], False
     while time.perf_counter() - begin < seconds and steps < most_steps:
-        share = max(steps / most_steps, (time.perf_counter() - begin) / seconds)
         for group in optimizer.param_groups:
-            group["lr"] = LEARNING_RATE * max(0.02, 1 - share)
-        if share >= GROWN and not is_grown:
+            group["lr"] = LEARNING_RATE * max(0.02, 1 - steps / most_steps)
+        if steps >= GROWN * most_steps and not is_grown:
             is_grown = True
             for rows in fleet.halves:
                 rows.update(**{"reward.off_road": -1.0})
@@ -250,8 +249,8 @@ def picture(curve: list[dict[str, float]], path: Path) -> None:
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--out", type=Path, default=Path("out/ppo"))
-    arguments.add_argument("--seconds", type=float, default=600.0)
-    arguments.add_argument("--steps", type=int, default=5_000_000)
+    arguments.add_argument("--seconds", type=float, default=600.0, help="stops then")
+    arguments.add_argument("--steps", type=int, default=4_000_000, help="decisions of agents")
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--threads", type=int, default=2)
     given = arguments.parse_args()

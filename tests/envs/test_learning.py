@@ -32,7 +32,7 @@ def learner_of(monkeypatch):
 
 
 def starts(n, seed):
-    """A car in a bend of radius 30 m or before it, each time at another place, with another speed, offset and heading."""
+    """A car in a bend of radius 30 m or before it, each time at another place, speed, offset and heading."""
     rng = np.random.default_rng(seed)
     found = []
     for i in range(n):
