@@ -198,7 +198,8 @@ learning: .venv-rl/.installed ## environments in Stable-Baselines3; its checker,
 	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
 
 learn: .venv-rl/.installed ## trains the policy of docs/environments.md, for up to 10 minutes on two cores
-	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo --unseen $(SCENARIOS)
+	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo
+	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(SCENARIOS)
 
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training

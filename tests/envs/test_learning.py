@@ -64,3 +64,19 @@ def test_the_learner_of_the_tutorial_learns_to_follow_a_bend_from_starts_that_it
     learner = learner_of(rows)
     learner.learn(40)  # about 80,000 decisions
     assert successes(unseen, learner.mean) >= 60
+
+
+def test_drivers_are_counted_by_how_they_end(monkeypatch, capsys, tmp_path):
+    spec = importlib.util.spec_from_file_location("compare", ROOT / "examples/rl/compare.py")
+    compare = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(compare)
+    still = tmp_path / "still.safetensors"
+    envs.export_policy(still, {"action.weight": np.zeros((2, 324)), "action.bias": np.array([-1.0, 0.0])})
+    monkeypatch.setattr(compare, "SETS", {"M": ["lane_merge"]})
+    monkeypatch.setattr(compare, "PLANNERS", ())
+    monkeypatch.setattr(sys, "argv", ["compare.py", str(still)])
+    compare.main()
+    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()]
+    goals = {row[2]: row[3] for row in rows[2:]}
+    # Of seven cars four go straight on, and one more only has to follow its path; braking leads nowhere.
+    assert goals == {"random": "0%", "nothing": "57%", "hold speed": "71%", "still": "0%"}
