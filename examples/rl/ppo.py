@@ -25,8 +25,8 @@ STEPS, WORLDS, SLOTS = 32, 24, 31
 EPOCHS, MINIBATCH = 4, 1024
 DISCOUNT, TRACE = 0.97, 0.9
 CLIP, ENTROPY, VALUE = 0.2, 0.003, 0.5
-LEARNING_RATE = 7e-4
-WIDTH = 128
+LEARNING_RATE = 1e-3
+WIDTH, LOG_STD = 128, -1.6
 #: Observations that hardly change are not blown up.
 SPREAD_MIN = 0.05
 #: Outcomes that are printed and drawn while it learns.
@@ -59,7 +59,7 @@ class Policy(nn.Module):
     def __init__(self, observations: int, actions: int) -> None:
         super().__init__()
         self.mean, self.value = network(observations, actions, 0.01), network(observations, 1, 1.0)
-        self.log_std = nn.Parameter(torch.full((actions,), -1.0))
+        self.log_std = nn.Parameter(torch.full((actions,), LOG_STD))
         self.register_buffer("center", torch.zeros(observations))
         self.register_buffer("spread", torch.ones(observations))
         self.register_buffer("seen", torch.zeros(()))
