@@ -94,8 +94,8 @@ class Simulation:
         if on_planner_error not in ("end_agent", "raise"):
             raise InputError(f"on_planner_error must be 'end_agent' or 'raise', not {on_planner_error!r}")
         self._raises = on_planner_error == "raise"
-        if seed < 0:
-            raise InputError(f"the seed must not be negative, is {seed}")
+        if not 0 <= seed < 2**64:
+            raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
         self.scenario = open_scenario(scenario)
         self.seed = seed
         config = run_config(settings_of(settings), planner, predictor)
