@@ -232,7 +232,7 @@ def export(policy: Policy, path: Path) -> None:
 
 
 def picture(curve: list[dict[str, float]], path: Path) -> None:
-    """Goals reached over agent-steps."""
+    """Goals reached over decisions."""
     steps = np.array([entry["steps"] for entry in curve]) / 1e6
     success = 100 * np.array([entry.get("goal_reached", 0.0) for entry in curve])
     figure, axes = plt.subplots(figsize=(6, 3.2), layout="constrained")
@@ -240,7 +240,7 @@ def picture(curve: list[dict[str, float]], path: Path) -> None:
     width = max(1, len(curve) // 25)
     smooth = np.convolve(success, np.ones(width) / width, mode="valid")
     axes.plot(steps[width - 1 :], smooth, color="#1f4e79", linewidth=1.6)
-    axes.set(xlabel="agent-steps [million]", ylabel="goals reached [%]", ylim=(0, 100), xlim=(0, None))
+    axes.set(xlabel="decisions of agents [million]", ylabel="goals reached [%]", ylim=(0, 100), xlim=(0, None))
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=160)
     plt.close(figure)
@@ -250,7 +250,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--out", type=Path, default=Path("out/ppo"))
     arguments.add_argument("--seconds", type=float, default=600.0, help="stops then")
-    arguments.add_argument("--steps", type=int, default=4_000_000, help="decisions of agents")
+    arguments.add_argument("--steps", type=int, default=3_000_000, help="decisions of agents")
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--threads", type=int, default=2)
     given = arguments.parse_args()
