@@ -82,6 +82,7 @@ def test_documents_follow_the_schema(solutions, measured):
     measured("documents that the schema refuses", len(documents), len(wrong), 0, "files", cases=wrong)
 
 
+@pytest.mark.filterwarnings("ignore:The 'resolution' argument is deprecated:DeprecationWarning")  # in the checker
 def test_official_costs_are_those_of_the_drives(solutions, measured):
     """Accelerations, steering angles and their rates from the states of the run, not from the document."""
     largest, n = 0.0, 0
