@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use interdrive_core::plan::Planner;
-use interdrive_core::plan::frenet::{Candidates, CostWeights, N_TERMS};
+use interdrive_core::plan::frenet::{Candidates, CostWeights, FrenetTarget, N_TERMS};
 use interdrive_core::plan::learned::ActionSpace;
 use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPolicy};
 use interdrive_core::plan::{IdmMobilSettings, VelocityAdjustingSettings};
@@ -20,6 +20,7 @@ use crate::settings::read;
 pub fn action_space(name: &str, record: &Bound<'_, PyAny>, grid: (usize, usize)) -> PyResult<ActionSpace> {
     Ok(match name {
         "kinematic" => ActionSpace::Kinematic(read::<Kinematic>(record)?),
+        "frenet_target" => ActionSpace::FrenetTarget(read::<FrenetTarget>(record)?),
         "kinematic_grid" => ActionSpace::KinematicGrid(read::<Kinematic>(record)?, grid),
         _ => return Err(InputError::new_err(format!("actions: there are no actions {name}"))),
     })

@@ -23,12 +23,13 @@ from interdrive.envs.sampling import Hardest, Sampler, Uniform
 from interdrive.envs.settings import EnvSettings
 from interdrive.envs.single import DriveEnv
 from interdrive.envs.vector import DriveVectorEnv
-from interdrive.native_settings import Kinematic, ObservationSettings, RewardWeights
+from interdrive.native_settings import FrenetTarget, Kinematic, ObservationSettings, RewardWeights
 
 __all__ = [
     "DriveEnv",
     "DriveVectorEnv",
     "EnvSettings",
+    "FrenetTarget",
     "Hardest",
     "Kinematic",
     "KinematicGrid",

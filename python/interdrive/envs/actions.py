@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.native_settings import Kinematic
+from interdrive.native_settings import FrenetTarget, Kinematic
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class KinematicGrid:
 
 
 #: What actions mean.
-Actions: TypeAlias = Kinematic | KinematicGrid
+Actions: TypeAlias = Kinematic | KinematicGrid | FrenetTarget
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ActionKind:
     """
 
     name: str
-    record: Kinematic
+    record: Kinematic | FrenetTarget
     grid: tuple[int, int]
     space: gymnasium.Space[np.ndarray] | gymnasium.spaces.Discrete
 
@@ -67,7 +67,9 @@ def action_kind(actions: Actions) -> ActionKind:
     """
     if isinstance(actions, Kinematic):
         return ActionKind("kinematic", actions, (1, 1), gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32))
+    if isinstance(actions, FrenetTarget):
+        return ActionKind("frenet_target", actions, (1, 1), gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32))
     if isinstance(actions, KinematicGrid):
         grid = (actions.accelerations, actions.steerings)
         return ActionKind("kinematic_grid", actions.model, grid, gymnasium.spaces.Discrete(grid[0] * grid[1]))
-    raise InputError("actions", f"Kinematic or KinematicGrid expected, not {actions!r}")
+    raise InputError("actions", f"Kinematic, KinematicGrid or FrenetTarget expected, not {actions!r}")

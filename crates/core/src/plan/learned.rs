@@ -1,5 +1,6 @@
 //! Actions of learners: numbers that become plans.
 
+use super::frenet::FrenetTarget;
 use crate::error::{Error, Result};
 use crate::trajectory::State;
 use crate::vehicle::Vehicle;
@@ -12,6 +13,8 @@ pub enum ActionSpace {
     Kinematic(Kinematic),
     /// The same as one of a grid of choices: (numbers of the first, of the second), both odd.
     KinematicGrid(Kinematic, (usize, usize)),
+    /// Three numbers from -1 to 1: the end of a sample in the frame of the path.
+    FrenetTarget(FrenetTarget),
 }
 
 impl ActionSpace {
@@ -19,6 +22,7 @@ impl ActionSpace {
     pub fn size(&self) -> Option<usize> {
         match self {
             Self::Kinematic(_) => Some(2),
+            Self::FrenetTarget(_) => Some(3),
             Self::KinematicGrid(..) => None,
         }
     }
@@ -26,7 +30,7 @@ impl ActionSpace {
     /// Number of choices.
     pub fn n_choices(&self) -> usize {
         match self {
-            Self::Kinematic(_) => 0,
+            Self::Kinematic(_) | Self::FrenetTarget(_) => 0,
             Self::KinematicGrid(_, (pedals, wheels)) => pedals * wheels,
         }
     }
@@ -38,6 +42,7 @@ impl ActionSpace {
     pub fn check(&self) -> Result<()> {
         match self {
             Self::Kinematic(model) => model.validate(),
+            Self::FrenetTarget(target) => target.validate(),
             Self::KinematicGrid(model, (pedals, wheels)) => {
                 model.validate()?;
                 let odd = |n: usize| n % 2 == 1 && (3..=1001).contains(&n);
@@ -59,8 +64,22 @@ pub enum Action<'a> {
     Choice(i32),
 }
 
+impl Action<'_> {
+    /// So many numbers; `None` if they are not that, or not finite.
+    pub fn numbers<const N: usize>(&self) -> Option<[f64; N]> {
+        let Self::Numbers(given) = self else { return None };
+        let numbers: [f32; N] = (*given).try_into().ok()?;
+        numbers.iter().all(|number| number.is_finite()).then(|| numbers.map(f64::from))
+    }
+}
+
 impl ActionSpace {
-    /// The state after `dt` [s]; `None` if the action is not a number. `path_curvature` [1/m] is that of the path at the
+    /// It moves the vehicle by the single-track model, so that nothing but its state has to be known.
+    pub fn is_kinematic(&self) -> bool {
+        matches!(self, Self::Kinematic(_) | Self::KinematicGrid(..))
+    }
+
+    /// The state after `dt` [s] by the single-track model; `None` if the action is not a number. `path_curvature` [1/m] is that of the path at the
     /// rear axle.
     pub fn next_state(
         &self,
@@ -71,9 +90,7 @@ impl ActionSpace {
         dt: f64,
     ) -> Option<Moved> {
         let (model, inputs) = match (self, action) {
-            (Self::Kinematic(model), Action::Numbers(numbers)) => {
-                (model, [f64::from(numbers[0]), f64::from(numbers[1])])
-            }
+            (Self::Kinematic(model), action) => (model, action.numbers()?),
             (Self::KinematicGrid(model, (pedals, wheels)), Action::Choice(choice)) => {
                 let choice = usize::try_from(choice).ok()?;
                 let number = |i: usize, n: usize| -1.0 + 2.0 * i as f64 / (n - 1) as f64;
@@ -81,9 +98,6 @@ impl ActionSpace {
             }
             _ => return None,
         };
-        if !inputs.iter().all(|number| number.is_finite()) {
-            return None;
-        }
         Some(model.step(vehicle, state, inputs, path_curvature, dt))
     }
 }

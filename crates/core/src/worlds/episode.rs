@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::geometry::Point;
 use crate::observation::{self, Body, ObservationMemory, Observer, PathTable};
 use crate::plan::Planner;
+use crate::plan::learned::ActionSpace;
 use crate::recording::OutcomeKind;
 use crate::scene::{Participants, Scene};
 use crate::trajectory::{PlanStatus, Plans, State, States};
@@ -193,7 +194,13 @@ impl Episode {
             let driver = self.world.driver(learner.agent);
             let curvature = driver.agent.route.path.curvature_at(driver.s);
             let action = actions.of(slot);
-            match settings.actions.next_state(action, &driver.agent.vehicle, &learner.state, curvature, dt) {
+            let moved = match &settings.actions {
+                ActionSpace::FrenetTarget(target) => {
+                    action.numbers().map(|numbers| self.world.aim(learner.agent, target, numbers))
+                }
+                space => space.next_state(action, &driver.agent.vehicle, &learner.state, curvature, dt),
+            };
+            match moved {
                 Some(moved) => {
                     learner.limited = moved.limited;
                     self.plans.set_row(learner.id, &[learner.state, moved.state])?;

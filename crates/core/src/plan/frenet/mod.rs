@@ -30,12 +30,14 @@ mod evaluation;
 mod fallback;
 mod obstruction;
 mod candidates;
+mod single;
 #[cfg(test)]
 mod tests;
 
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
 pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
+pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult};
@@ -43,7 +45,7 @@ use crate::trajectory::{Obstruction, PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
-use grid::{Inputs, SampleGrid};
+use grid::{ARC_MIN, Inputs, SampleGrid};
 use obstacles::{Contact, Obstacles};
 use targets::Targets;
 use warm_start::WarmStart;
@@ -335,15 +337,19 @@ fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reas
 
 /// States of the footprint centre; headings continue that of the present state without jumps.
 fn trajectory(request: &PlanRequest, start: &Start, points: &[Waypoint]) -> Trajectory {
-    let state = |point: &Waypoint| State {
+    let mut points: Vec<State> = points.iter().map(|point| state(point, start)).collect();
+    points[0] = request.state;
+    Trajectory { points }
+}
+
+/// State of the footprint centre.
+fn state(point: &Waypoint, start: &Start) -> State {
+    State {
         x: point.center.x,
         y: point.center.y,
         orientation: point.theta() + start.heading_shift,
         velocity: point.velocity,
         acceleration: point.acceleration,
         yaw_rate: point.curvature * point.velocity,
-    };
-    let mut points: Vec<State> = points.iter().map(state).collect();
-    points[0] = request.state;
-    Trajectory { points }
+    }
 }
