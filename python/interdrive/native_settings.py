@@ -577,6 +577,7 @@ class RewardWeights:
         recorded: exp(-distance to the own recording now / 2 m), by time; 0 where there is none, and unless
             weighted.
         limited: 1 in a step in which the vehicle could not do what was asked for.
+        weight_change: Mean absolute change of the logarithms (base 10) of cost weights in a decision.
     """
 
     progress: float = 1.0
@@ -597,6 +598,7 @@ class RewardWeights:
     headway: float = 0.0
     recorded: float = 0.0
     limited: float = 0.0
+    weight_change: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

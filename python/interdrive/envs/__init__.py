@@ -15,7 +15,7 @@ try:
 except ImportError as error:
     raise MissingExtraError('interdrive.envs needs gymnasium: pip install "interdrive[rl]"') from error
 
-from interdrive.envs.actions import KinematicGrid
+from interdrive.envs.actions import FrenetWeights, KinematicGrid
 from interdrive.envs.parallel import ParallelDriveEnv, parallel_env
 from interdrive.envs.policies import export_policy
 from interdrive.envs.rows import Rows
@@ -30,6 +30,7 @@ __all__ = [
     "DriveVectorEnv",
     "EnvSettings",
     "FrenetTarget",
+    "FrenetWeights",
     "Hardest",
     "Kinematic",
     "KinematicGrid",

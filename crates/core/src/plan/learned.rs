@@ -1,6 +1,7 @@
 //! Actions of learners: numbers that become plans.
 
 use super::frenet::FrenetTarget;
+use super::weights::WeightActions;
 use crate::error::{Error, Result};
 use crate::trajectory::State;
 use crate::vehicle::Vehicle;
@@ -15,6 +16,8 @@ pub enum ActionSpace {
     KinematicGrid(Kinematic, (usize, usize)),
     /// Three numbers from -1 to 1: the end of a sample in the frame of the path.
     FrenetTarget(FrenetTarget),
+    /// Numbers that change the cost weights of the sampling planner that drives the learner.
+    FrenetWeights(Box<WeightActions>),
 }
 
 impl ActionSpace {
@@ -23,6 +26,7 @@ impl ActionSpace {
         match self {
             Self::Kinematic(_) => Some(2),
             Self::FrenetTarget(_) => Some(3),
+            Self::FrenetWeights(actions) => Some(actions.terms.len()),
             Self::KinematicGrid(..) => None,
         }
     }
@@ -30,8 +34,8 @@ impl ActionSpace {
     /// Number of choices.
     pub fn n_choices(&self) -> usize {
         match self {
-            Self::Kinematic(_) | Self::FrenetTarget(_) => 0,
             Self::KinematicGrid(_, (pedals, wheels)) => pedals * wheels,
+            _ => 0,
         }
     }
 
@@ -43,6 +47,7 @@ impl ActionSpace {
         match self {
             Self::Kinematic(model) => model.validate(),
             Self::FrenetTarget(target) => target.validate(),
+            Self::FrenetWeights(actions) => actions.check(),
             Self::KinematicGrid(model, (pedals, wheels)) => {
                 model.validate()?;
                 let odd = |n: usize| n % 2 == 1 && (3..=1001).contains(&n);
@@ -77,6 +82,16 @@ impl ActionSpace {
     /// It moves the vehicle by the single-track model, so that nothing but its state has to be known.
     pub fn is_kinematic(&self) -> bool {
         matches!(self, Self::Kinematic(_) | Self::KinematicGrid(..))
+    }
+
+    /// The weights that it changes, if it does.
+    pub fn weights(&self) -> Option<&WeightActions> {
+        if let Self::FrenetWeights(actions) = self { Some(actions) } else { None }
+    }
+
+    /// Names of what a learner observes about its planner; empty without one.
+    pub fn observed(&self) -> Vec<String> {
+        self.weights().map_or_else(Vec::new, WeightActions::observed)
     }
 
     /// The state after `dt` [s] by the single-track model; `None` if the action is not a number. `path_curvature` [1/m] is that of the path at the

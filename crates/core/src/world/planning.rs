@@ -7,7 +7,7 @@ use std::sync::{MutexGuard, OnceLock, PoisonError};
 use super::{Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
-use crate::plan::frenet::{self, Candidates, FrenetTarget};
+use crate::plan::frenet::{self, Candidates, CostWeights, FrenetSettings, FrenetTarget};
 use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
 use crate::rules::Rules;
@@ -129,7 +129,17 @@ impl World {
         let mut others: Vec<Other<'_>> = std::mem::take(&mut memory.others);
         crowd.see(drive, scene, &mut memory.visible, &mut others);
         let request = self.request(drive, &others, expected);
-        let plan = plan::plan(&drive.agent.planner, &drive.prepared, &request, memory);
+        let plan = match (&drive.agent.planner, drive.weights) {
+            (Planner::Frenet(settings), Some(weights)) => {
+                let planner = Planner::Frenet(Box::new(FrenetSettings { weights, ..**settings }));
+                memory.told().is_asked = true;
+                let plan = plan::plan(&planner, &drive.prepared, &request, memory);
+                let told = std::mem::take(memory.told());
+                *drive.terms.lock().unwrap_or_else(PoisonError::into_inner) = told.terms;
+                plan
+            }
+            (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),
+        };
         drive.effort.store(memory.effort(), Ordering::Relaxed);
         others.clear();
         // An empty list is handed on as memory: collecting in place allocates nothing.
@@ -164,6 +174,16 @@ impl World {
             served: drive.stop_sign.served(&drive.agent.rules, self.scenario.dt),
             hold: None,
         }
+    }
+
+    /// An agent, by its position among the agents, plans with other cost weights from now on.
+    pub(crate) fn weigh(&mut self, index: usize, weights: CostWeights) {
+        self.drives[index].weights = Some(weights);
+    }
+
+    /// The terms of the last choice of an agent that plans with weights of its own; `None` if nothing was chosen.
+    pub(crate) fn terms(&self, index: usize) -> Option<[f64; frenet::N_TERMS]> {
+        *self.drives[index].terms.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The next state of an agent, by its position among the agents, that drives a sample with a given end. It looks at
