@@ -40,7 +40,7 @@ def export_policy(
         activation: "tanh" or "relu", after each hidden layer.
 
     Raises:
-        InputError: The layers do not fit together, or to observation and actions, or actions are not those of the model.
+        InputError: The layers do not fit together, or to what is observed, or actions are not of the model.
     """
     kind = action_kind(actions or Kinematic())
     if not isinstance(kind.record, Kinematic):
