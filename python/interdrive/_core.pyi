@@ -246,7 +246,7 @@ class Planner:
     def policy(
         layers: Sequence[tuple[str, _Singles, _Singles]],
         activation: str,
-        actions: tuple[str, object, tuple[int, int]],
+        actions: tuple[str, object, Sequence[int]],
         observation: ObservationSettings,
     ) -> Planner: ...
 
@@ -614,7 +614,13 @@ class Stage:
         InputError: An id is there twice, or a planner needs a recording that is not there.
     """
 
-    def __new__(cls, scenario: Scenario, agents: Sequence[Agent], planners: Sequence[Planner | None]) -> Stage: ...
+    def __new__(
+        cls,
+        scenario: Scenario,
+        agents: Sequence[Agent],
+        planners: Sequence[Planner | None],
+        learning: Planner | None = None,
+    ) -> Stage: ...
     @property
     def ids(self) -> list[int]: ...
     def eligible(self, time_step: int, rest: int) -> list[int]: ...
@@ -632,7 +638,7 @@ class Worlds:
         cls,
         stages: Sequence[Stage],
         *,
-        actions: tuple[str, object, tuple[int, int]],
+        actions: tuple[str, object, Sequence[int]],
         observation: ObservationSettings,
         reward: RewardWeights,
         step: CoreStepSettings,
@@ -651,6 +657,8 @@ class Worlds:
     def num_rows(self) -> int: ...
     @property
     def num_observations(self) -> int: ...
+    @property
+    def observed(self) -> list[str]: ...
     @property
     def hungry(self) -> list[int]: ...
     def bind(

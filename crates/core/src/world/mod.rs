@@ -18,6 +18,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
+use crate::plan::frenet::{self, CostWeights};
 use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
@@ -94,6 +95,9 @@ struct Drive {
     contact_fraction: f64,
     /// Effort of its last plan, 0 if that was kept: agents with the largest effort are planned first. Affects run time only.
     effort: AtomicUsize,
+    /// Cost weights in the place of those of its planner, and the terms of its last choice.
+    weights: Option<CostWeights>,
+    terms: Mutex<Option<[f64; frenet::N_TERMS]>>,
 }
 
 impl Drive {

@@ -116,6 +116,8 @@ impl World {
             was_on_road: false,
             contact_fraction: f64::INFINITY,
             effort: AtomicUsize::new(0),
+            weights: None,
+            terms: Mutex::new(None),
             agent: Arc::clone(&staged.agent),
         }));
         if !Arc::ptr_eq(&self.scenario, scenario) {
