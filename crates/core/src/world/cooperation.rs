@@ -2,13 +2,16 @@
 
 use std::cell::OnceCell;
 
-use super::{Drive, World};
+use super::{Agent, Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::predict::{self, completed};
+use crate::rules::Course;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
-use crate::v2x::{self, Agreement, Expectations, Log, Negotiator, Neighbour, Network, Object, Observer, Speaker};
+use crate::v2x::{
+    self, Agreement, Crossing, Expectations, Log, Negotiator, Neighbour, Network, Object, Observer, Speaker,
+};
 
 /// Past time steps from which speeds are observed.
 const OBSERVED: usize = 3;
@@ -27,8 +30,26 @@ impl World {
             }
         }
         if !equipped.is_empty() {
-            self.network = Some(Box::new(Network::new(settings, seed, self.scenario.dt, equipped, level)));
+            let first = if settings.negotiate { self.note_crossings() } else { Vec::new() };
+            let draws = (seed, self.scenario.dt);
+            self.network = Some(Box::new(Network::new(settings, draws, equipped, first, level)));
         }
+    }
+
+    /// Notes the junction areas on the ways of the equipped agents; returns the side of each area that goes first by the
+    /// rules of the road.
+    fn note_crossings(&mut self) -> Vec<Option<usize>> {
+        let junctions = self.scenario.junctions();
+        for drive in self.drives.iter_mut().filter(|drive| drive.place.is_some()) {
+            let Agent { route, vehicle, .. } = &*drive.agent;
+            let map = (&*self.scenario.road, junctions);
+            let course = Course::along(route, map, &drive.way.limits, (vehicle.length, vehicle.width));
+            drive.crossings =
+                course.crossings().map(|(area, side, entry, exit)| Crossing { area, side, entry, exit }).collect();
+            drive.crossings.sort_by_key(|crossing| (crossing.area, crossing.side));
+            drive.crossings.dedup_by_key(|crossing| crossing.area);
+        }
+        junctions.areas.iter().map(|area| area.first).collect()
     }
 
     /// Ids of the agents with V2X, ascending.
@@ -155,6 +176,9 @@ impl World {
             pose: state.pose(),
             velocity: state.velocity,
             extent: drive.agent.shape.extent(),
+            crossings: &drive.crossings,
+            is_ordered: !drive.course.stations.is_empty(),
+            line: self.line(drive).min(self.hold(drive).map_or(f64::INFINITY, |hold| drive.front() + hold.distance)),
         }
     }
 }

@@ -26,7 +26,7 @@ use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, StopSign, 
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
-use crate::v2x::Network;
+use crate::v2x::{Crossing, Network};
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
@@ -83,6 +83,8 @@ struct Drive {
     row: usize,
     /// Place among the agents with V2X.
     place: Option<usize>,
+    /// The junction areas on its path, if it negotiates.
+    crossings: Vec<Crossing>,
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,

@@ -110,6 +110,7 @@ impl World {
             stop_sign: StopSign::default(),
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
             place: None,
+            crossings: Vec::new(),
             outcome: Outcome::running(staged.agent.start_time_step),
             s: staged.start_s,
             plan: None,
