@@ -159,6 +159,8 @@ pub struct World {
     recording: Recording,
     /// Messages; `None` if no agent has V2X.
     network: Option<Box<Network>>,
+    /// What the equipped agents see at this time step, once they have looked, by place.
+    sights: Vec<OnceLock<Vec<usize>>>,
     threads: Threads,
     /// Memory of the planners, one per thread.
     memories: Vec<Mutex<PlanningMemory>>,

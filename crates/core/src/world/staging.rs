@@ -90,6 +90,7 @@ impl World {
             scenario,
             settings,
             network: None,
+            sights: Vec::new(),
             threads: Threads::new(settings.threads)?,
             memories: (0..settings.threads).map(|_| Mutex::default()).collect(),
             prediction_memory: predict::Memory::default(),
