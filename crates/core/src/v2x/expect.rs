@@ -182,20 +182,13 @@ impl Network {
         keep_unseen(scene, observer, &mut told, &more.extras);
         known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
         let n_heard = known.len();
-        let mut reports = inbox.objects.iter().peekable();
-        while let Some((&(id, sender), &(time_step, object))) = reports.next() {
-            let mut newest = (time_step, self.ids()[sender], object);
-            while let Some(((_, sender), (time_step, object))) = reports.next_if(|((other, _), _)| *other == id) {
-                if *time_step > newest.0 {
-                    newest = (*time_step, self.ids()[*sender], *object);
-                }
-            }
+        for (&id, (time_step, sender, object)) in &inbox.objects {
             let is_heard = known[visible.len()..n_heard].binary_search_by_key(&id, |k| k.id).is_ok();
             if id == observer.id || is_seen(&known, id) || is_heard {
                 continue;
             }
-            let row = self.told_row(&newest.2, newest.0, newest.1, scene, more);
-            let age = (scene.time_step - newest.0) as f64 * self.dt;
+            let row = self.told_row(object, *time_step, self.ids()[*sender], scene, more);
+            let age = (scene.time_step - time_step) as f64 * self.dt;
             told.push(Known { id, via: Via::Cpm, age, row, seen: None });
         }
         keep_unseen(scene, observer, &mut told, &more.extras);
