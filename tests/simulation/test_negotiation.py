@@ -9,6 +9,7 @@ from meetings import four_arms, narrow_street, three_left_turns, two_roads, zip_
 from interdrive.scenario.control import Priorities
 from interdrive.simulation import Simulation
 from interdrive.studies.cooperation import deadlocks
+from interdrive.testing import Car
 
 AGREEING = {"v2x__penetration": 1.0, "v2x__negotiate": True}
 
@@ -109,18 +110,36 @@ def test_a_zip_needs_no_agreement():
     assert np.mean(list(ends(after).values())) <= np.mean(list(ends(before).values())) + 1.0
 
 
-def test_the_same_bits_for_any_number_of_threads():
+def test_an_agent_without_room_behind_the_crossing_leaves_it_to_others():
+    scenario = two_roads(ways=(30.0, 36.0), cars=[Car(9, x=6.0)])
+    run, agreements = drive(replace(scenario, priorities=Priorities(priority_side="none")), "idm", **AGREEING)
+    states, (first, second) = run.states, np.flatnonzero(run.states.is_agent)
+    crossed = int(np.argmax(states.y[second] > 3.0))
+    assert 0 < crossed < 250, "the other one crosses while the car stands there"
+    front = np.max(states.x[first, :crossed]) + 0.5 * states.length[first]
+    assert front < -0.5 * states.width[second], "it waits before the crossing until then"
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert (1, -1) in held(agreements), "because of the exit, not of another agent"
+
+
+def test_the_same_bits_for_any_number_of_threads_with_all_services_and_a_poor_channel():
     settings = {
         "v2x.penetration": 1.0,
         "v2x.negotiate": True,
+        "v2x.cpm": True,
+        "v2x.fading": True,
+        "v2x.delay": 0.1,
         "v2x.loss": 0.3,
         "v2x.jitter": 0.2,
+        "view.occlusion": True,
         "step.max_steps": 120,
     }
-    digests = {
-        Simulation(four_arms(), planner="frenet", predictor="lane_following", settings=settings, threads=threads)
-        .run()
-        .digest
-        for threads in (1, 2, 8)
-    }
-    assert len(digests) == 1
+    seen = set()
+    for threads in (1, 2, 8):
+        simulation = Simulation(
+            four_arms(), planner="frenet", predictor="lane_following", settings=settings, threads=threads
+        )
+        digest = simulation.run().digest
+        agreements = simulation.world.agreements()
+        seen.add((digest, *(tuple(column.tolist()) for column in agreements.values())))
+    assert len(seen) == 1
