@@ -27,7 +27,7 @@ use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, StopSign, 
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
-use crate::v2x::Network;
+use crate::v2x::{Crossing, Network};
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
@@ -84,6 +84,8 @@ struct Drive {
     row: usize,
     /// Place among the agents with V2X.
     place: Option<usize>,
+    /// The junction areas on its path, if it negotiates.
+    crossings: Vec<Crossing>,
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,
@@ -161,6 +163,8 @@ pub struct World {
     recording: Recording,
     /// Messages; `None` if no agent has V2X.
     network: Option<Box<Network>>,
+    /// What the equipped agents see at this time step, once they have looked, by place.
+    sights: Vec<OnceLock<Vec<usize>>>,
     threads: Threads,
     /// Memory of the planners, one per thread.
     memories: Vec<Mutex<PlanningMemory>>,

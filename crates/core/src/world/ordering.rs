@@ -129,7 +129,7 @@ impl World {
     }
 
     /// Arc length of the stop line that holds an agent [m].
-    fn line(&self, drive: &Drive) -> f64 {
+    pub(super) fn line(&self, drive: &Drive) -> f64 {
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
         self.lines(drive).stop(&drive.way, drive.front(), velocity)
     }
