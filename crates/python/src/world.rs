@@ -475,6 +475,8 @@ pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, Py
 getters! { PyWorld {
     /// Ids of the agents with V2X, ascending.
     equipped: Vec<i64> = |this| this.0.equipped().to_vec();
+    /// Ids of the agents that enter junctions when they are told to, ascending.
+    obeying: Vec<i64> = |this| this.0.obeying();
     time_step: i64 = |this| this.0.time_step();
     is_done: bool = |this| this.0.is_done();
     /// Ids of the agents that drive now, ascending.

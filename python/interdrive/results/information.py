@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: time_s, criticality with participant_id instead of agent_id, outcomes with reason, off_lanelets and off_lanelets_s,
 #: run.json with whole goals, outcomes with traceback, plans with rejection and
 #: rejection_x, rejection_y, rejection_overhang.
-FORMAT = 3
+FORMAT = 4
 
 
 class ScenarioInformation(TypedDict):

@@ -101,9 +101,12 @@ def _columns(table: ArrowTable) -> dict[str, Any]:
 
 
 def _violations(column: dict[str, Any]) -> Violations:
-    lanelet = np.nan_to_num(column["lanelet_id"].astype(np.float64), nan=-1.0).astype(np.int64)
+    ids = {
+        name: np.nan_to_num(column[name].astype(np.float64), nan=-1.0).astype(np.int64)
+        for name in ("lanelet_id", "partner_id")
+    }
     texts = {name: tuple(column[name].tolist()) for name in ("source", "rule")}
-    return Violations(**{**column, **texts, "lanelet_id": lanelet})
+    return Violations(**{**column, **texts, **ids})
 
 
 def _messages(column: dict[str, Any]) -> Messages:

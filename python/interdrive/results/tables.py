@@ -169,10 +169,9 @@ def violations_table(run: RunRecord) -> pa.Table | None:
     if found is None:
         return None
     columns = {column.name: getattr(found, column.name) for column in COLUMNS["violations"]}
-    lanelet = np.ma.masked_equal(found.lanelet_id, -1)
-    return _table(
-        "violations", **columns | {"source": labels(found.source), "rule": labels(found.rule), "lanelet_id": lanelet}
-    )
+    texts = {name: labels(getattr(found, name)) for name in ("source", "rule")}
+    ids = {name: np.ma.masked_equal(getattr(found, name), -1) for name in ("lanelet_id", "partner_id")}
+    return _table("violations", **columns | texts | ids)
 
 
 def messages_table(run: RunRecord) -> pa.Table | None:

@@ -185,6 +185,8 @@ def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> Non
 def _check_violations(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     violations = found["violations"]
     _known("participant_id", violations["participant_id"], found["states"]["participant_id"], "has no states")
+    partners = violations["partner_id"]
+    _known("partner_id", partners[partners >= 0], found["states"]["participant_id"], "has no states")
     first, last = violations["first_time_step"], violations["last_time_step"]
     refuse("last_time_step", last, last < first, "is before the first one")
     for name in ("x", "y"):

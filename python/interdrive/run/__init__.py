@@ -6,7 +6,6 @@ from interdrive.run.record import (
     PLAN_STATUS,
     SERVICES,
     VIA,
-    VIOLATIONS,
     AgentRecord,
     Json,
     Messages,
@@ -21,11 +20,13 @@ from interdrive.run.record import (
     Views,
     Violations,
 )
+from interdrive.run.rules import RULES, VIOLATIONS
 
 __all__ = [
     "OUTCOMES",
     "PHASES",
     "PLAN_STATUS",
+    "RULES",
     "SERVICES",
     "VIA",
     "VIOLATIONS",

@@ -297,10 +297,6 @@ class Timings(Tabular):
     seconds: Floats
 
 
-#: Rules of the road whose violations are recorded.
-VIOLATIONS = ("speeding", "red_light", "stop_sign", "wrong_way")
-
-
 @dataclass(frozen=True, repr=False)
 class Violations(Tabular):
     """Violations of rules of the road, one row each; sorted by source, participant, rule and time.
@@ -308,12 +304,12 @@ class Violations(Tabular):
     Attributes:
         source: One of `SOURCES`: an agent, a replayed vehicle, or the recording of a vehicle that became an agent.
         participant_id: Participant that broke the rule, shape (violations,).
-        rule: One of `VIOLATIONS`.
+        rule: One of `interdrive.run.VIOLATIONS`.
         first_time_step: First time step of the violation. last_time_step: Last one.
-        lanelet_id: Lanelet below the vehicle, or that of the line; -1 for none.
+        lanelet_id: Lanelet below the vehicle, that of the line, or that on which it enters the area; -1 for none.
+        partner_id: The participant whose right of way it took; -1 for none.
         x: Centre of the vehicle at the first time step [m]. y: Centre [m].
-        value: Largest excess of the speed limit [m/s], time since the light turned red [s], least speed before the
-            line of a stop sign [m/s], distance driven the wrong way [m].
+        value: What it is says `interdrive.run.RULES`, by rules.
     """
 
     _rows = ("source", "violations")
@@ -325,6 +321,7 @@ class Violations(Tabular):
     first_time_step: Ints
     last_time_step: Ints
     lanelet_id: Ints
+    partner_id: Ints
     x: Floats
     y: Floats
     value: Floats
