@@ -94,10 +94,11 @@ def reachable(path: Path) -> tuple[int, ...]:
     """Recorded vehicles whose recording reaches their goal in time; none if the file cannot be driven."""
     try:
         simulation = Simulation(path, threads=1)
+        found = reachable_agents(read_scenario(path))
     except InterdriveError:
         return ()
     ids = {agent.id for agent in simulation.agents if agent.origin == "recorded"}
-    return tuple(i for i in reachable_agents(read_scenario(path)) if i in ids)
+    return tuple(i for i in found if i in ids)
 
 
 def _counts(run: Run, drives: Drives, source: str, road: _core.RoadNetwork) -> Counter[str]:

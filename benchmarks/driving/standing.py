@@ -29,8 +29,8 @@ ASIDE = 1.5
 def mutual_waits(simulation: Simulation, run: Run) -> int:
     """How many agents stand for more than 10 s in a circle of waits.
 
-    An agent that stands waits for the one that its order names, for a leader, and, if it has no leader, for an agent
-    that stands before or in an area that both ways share.
+    An agent that stands waits for the one that its order names, for a leader, and, if it is the first of its lane, for
+    the first ones of other lanes that stand before or in an area that both ways share.
     """
     states = run.states
     still = states.valid & (np.abs(states.velocity) < STANDING)
@@ -54,14 +54,14 @@ def mutual_waits(simulation: Simulation, run: Run) -> int:
             waits[begin:end, ids.index(agent), ids.index(by)] = True
     ahead = _areas_ahead(simulation, run, agents)
     gaps = [_gaps(simulation, run, i, row, [other for _, other in agents]) for i, row in agents]
+    is_first = [~(gap < LEADER).any(axis=0) for gap in gaps]
     for a in range(n):
-        has_leader = (gaps[a] < LEADER).any(axis=0)
         waits[:, a, :] |= (gaps[a] < LEADER).T
         for b in range(n):
             if a != b:
                 shared = [(area, side) for area, side in ahead[a] if (area, 1 - side) in ahead[b]]
                 for area, side in shared:
-                    waits[:, a, b] |= ahead[a][area, side] & ahead[b][area, 1 - side] & ~has_leader
+                    waits[:, a, b] |= ahead[a][area, side] & ahead[b][area, 1 - side] & is_first[a] & is_first[b]
     stands = np.stack([still[row] for _, row in agents], axis=1)
     waits &= stands[:, :, None] & stands[:, None, :]
     return sum(longest(in_circle, run.scenario.dt) > LONG for in_circle in _in_circles(waits).T)
