@@ -25,6 +25,7 @@ from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
+from interdrive.run.orders import orders_of
 from interdrive.run.reasons import reasons
 from interdrive.run.violations import Grants, violations
 from interdrive.scenario import KINDS, Scenario
@@ -344,6 +345,7 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
+            orders=orders_of(self.world.waits()) if self.settings.record.orders and self.world.obeying else None,
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),

@@ -353,7 +353,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.WAITS`, `by_id` -1 for none.
+    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let waits: Vec<_> = self.0.recording().waits().collect();
         let dict = PyDict::new(py);

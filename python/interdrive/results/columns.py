@@ -110,6 +110,14 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("y", "number", "centre of the vehicle at the first time step [m]"),
         Column("value", "number", "; ".join(f"{name}: {rule.value}" for name, rule in RULES.items())),
     ),
+    "orders": (
+        Column("agent_id", "integer", "agent that was told to wait before a junction"),
+        Column("first_time_step", "integer", "first time step of the order"),
+        Column("last_time_step", "integer", "last time step of the order, included"),
+        Column("kind", "label", "one of interdrive.run.ORDERS: yield, exit (no room behind the junction) or queue"),
+        Column("by_id", "integer", "participant because of which it waited", nullable=True),
+        Column("stop_s", "number", "arc length on its reference path that its front was not to pass [m]"),
+    ),
     "messages": (
         Column("time_step", "integer", "time step of sending"),
         Column("sender_id", "integer", "its sender"),
@@ -138,4 +146,4 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates", "violations", "messages")
+ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages")

@@ -174,6 +174,15 @@ def violations_table(run: RunRecord) -> pa.Table | None:
     return _table("violations", **columns | texts | ids)
 
 
+def orders_table(run: RunRecord) -> pa.Table | None:
+    """Orders to wait before junctions, one row each, as an Arrow table; None if they were not recorded."""
+    found = run.orders
+    if found is None:
+        return None
+    columns = {column.name: getattr(found, column.name) for column in COLUMNS["orders"]}
+    return _table("orders", **columns | {"kind": labels(found.kind), "by_id": np.ma.masked_equal(found.by_id, -1)})
+
+
 def messages_table(run: RunRecord) -> pa.Table | None:
     """V2X messages and their links, one row each, as an Arrow table; None if they were not recorded."""
     found = run.messages

@@ -1,6 +1,7 @@
 """Results of a simulation as arrays, and their assembly."""
 
 from interdrive.run.record import (
+    ORDERS,
     OUTCOMES,
     PHASES,
     PLAN_STATUS,
@@ -9,6 +10,7 @@ from interdrive.run.record import (
     AgentRecord,
     Json,
     Messages,
+    Orders,
     Outcomes,
     Plans,
     RecordedCandidates,
@@ -23,6 +25,7 @@ from interdrive.run.record import (
 from interdrive.run.rules import RULES, VIOLATIONS
 
 __all__ = [
+    "ORDERS",
     "OUTCOMES",
     "PHASES",
     "PLAN_STATUS",
@@ -33,6 +36,7 @@ __all__ = [
     "AgentRecord",
     "Json",
     "Messages",
+    "Orders",
     "Outcomes",
     "Plans",
     "RecordedCandidates",

@@ -331,6 +331,33 @@ class Violations(Tabular):
         return sum(pair == (rule, source) for pair in zip(self.rule, self.source, strict=True))
 
 
+#: What agents are told before junctions; the position is the code of the core. A yield is because of a vehicle that
+#: uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane waits.
+ORDERS = ("go", "yield", "exit", "queue")
+
+
+@dataclass(frozen=True, repr=False)
+class Orders(Tabular):
+    """Orders to wait before junctions, one row per stretch of time, sorted by agent and time.
+
+    Attributes:
+        agent_id: The agent, shape (orders,).
+        first_time_step: First time step of the stretch. last_time_step: Last one, included.
+        kind: One of `ORDERS`, but for "go".
+        by_id: The participant because of which it waits; -1 for none.
+        stop_s: Arc length on its reference path that its front must not pass [m].
+    """
+
+    _rows = ("agent_id", "orders")
+
+    agent_id: Ints
+    first_time_step: Ints
+    last_time_step: Ints
+    kind: tuple[str, ...]
+    by_id: Ints
+    stop_s: Floats
+
+
 #: Services of V2X messages; the position is the code in `Messages.service`.
 SERVICES = ("cam", "mcm", "cpm")
 
@@ -442,6 +469,7 @@ class RunRecord:
         predictions: Predictions available to agents; None unless `record.predictions` is set.
         candidates: Candidates of agents; None unless `record.candidates` is set.
         violations: Violations of rules of the road; None if `record.violations` is not set.
+        orders: Orders to wait before junctions; None if no agent enters them by order or `record.orders` is not set.
         messages: V2X messages; None unless `record.messages` is set.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
@@ -460,5 +488,6 @@ class RunRecord:
     predictions: RecordedPredictions | None = None
     candidates: RecordedCandidates | None = None
     violations: Violations | None = None
+    orders: Orders | None = None
     messages: Messages | None = None
     cooperation: Mapping[str, Json] | None = None

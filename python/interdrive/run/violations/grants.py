@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.run.phases import path_coordinates
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -56,15 +58,4 @@ class Grants:
         """Arc length of the front of an agent on its path [m]."""
         column = min(column, int(np.flatnonzero(drives.valid[k])[-1]))
         x, y = (float(axis[k, column]) for axis in drives.front)
-        return _arc_length(self.obeying[int(drives.ids[k])], x, y)
-
-
-def _arc_length(path: NDArray[np.float64], x: float, y: float) -> float:
-    """Arc length of the point of a path that is nearest to a place [m]."""
-    along = np.diff(path, axis=0)
-    length = np.maximum(np.hypot(*along.T), 1e-9)
-    unit = along / length[:, None]
-    relative = np.array([x, y]) - path[:-1]
-    foot = np.clip((relative * unit).sum(axis=1), 0.0, length)
-    nearest = int(np.hypot(*(relative - foot[:, None] * unit).T).argmin())
-    return float(length[:nearest].sum() + foot[nearest])
+        return float(path_coordinates(self.obeying[int(drives.ids[k])], np.array([[x, y]]))[0][0])
