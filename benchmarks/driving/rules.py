@@ -3,12 +3,14 @@
     python benchmarks/driving/rules.py                             # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
     python benchmarks/driving/rules.py --only 'DEU_*' --drivers idm 'frenet, right of way'
 
-Every vehicle that can be an agent is one. Prints a Markdown table. Results do not depend on the number of workers.
+Every vehicle that can be an agent is one. Prints a Markdown table; `--rows FILE` lists what was counted, one row each.
+Results do not depend on the number of workers.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import os
 import sys
 from collections import Counter
@@ -67,8 +69,16 @@ COLUMNS = {
 }
 
 
-def drive(path: Path, name: str, predictor: str, reachable: tuple[int, ...]) -> dict[str, Counter[str]]:
-    """What is counted for a planner, and for the recorded drivers of the same vehicles."""
+#: Columns of the list of rows.
+ROW = ("driver", "scenario", "source", "rule", "vehicle", "first_step", "last_step", "lanelet", "partner", "value")
+
+Row = tuple[str | int | float, ...]
+
+
+def drive(
+    path: Path, name: str, predictor: str, reachable: tuple[int, ...]
+) -> tuple[dict[str, Counter[str]], list[Row]]:
+    """What is counted for a planner, and for the recorded drivers of the same vehicles; violations and mutual waits."""
     planner, settings = DRIVERS[name]
     try:
         simulation = Simulation(
@@ -76,7 +86,7 @@ def drive(path: Path, name: str, predictor: str, reachable: tuple[int, ...]) -> 
         )
         run = simulation.run()
     except InterdriveError:
-        return {}
+        return {}, []
     counts = _counts(run, driven(run), "agent", simulation.road)
     ends = Counter(dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)))
     counts["in time"] = sum(ends[agent] == "goal_reached" for agent in reachable)
@@ -86,8 +96,11 @@ def drive(path: Path, name: str, predictor: str, reachable: tuple[int, ...]) -> 
     for outcome, partner, off_road in zip(ended.outcome, ended.partner_id.tolist(), ended.off_road, strict=True):
         if outcome == "collision":
             counts["off road" if off_road else "hit agents" if is_agent.get(partner) else "hit others"] += 1
-    counts["mutual"] = mutual_waits(simulation, run)
-    return {name: counts, RECORDED: _counts(run, recorded(run), "recording", simulation.road)}
+    waiting = mutual_waits(simulation, run)
+    counts["mutual"] = len(waiting)
+    rows: list[Row] = [(name, path.stem, "agent", "mutual_wait", agent, "", "", "", "", "") for agent in waiting]
+    rows += [(name, path.stem, *row) for row in _listed(run)]
+    return {name: counts, RECORDED: _counts(run, recorded(run), "recording", simulation.road)}, rows
 
 
 def reachable(path: Path) -> tuple[int, ...]:
@@ -99,6 +112,14 @@ def reachable(path: Path) -> tuple[int, ...]:
         return ()
     ids = {agent.id for agent in simulation.agents if agent.origin == "recorded"}
     return tuple(i for i in found if i in ids)
+
+
+def _listed(run: Run) -> list[Row]:
+    """The violations of a run."""
+    found = run.violations
+    assert found is not None
+    numbers = (found.participant_id, found.first_time_step, found.last_time_step, found.lanelet_id, found.partner_id)
+    return list(zip(found.source, found.rule, *(of.tolist() for of in numbers), found.value.tolist(), strict=True))
 
 
 def _counts(run: Run, drives: Drives, source: str, road: _core.RoadNetwork) -> Counter[str]:
@@ -147,6 +168,7 @@ def main() -> int:
     parser.add_argument("--predictor", default="neural")
     parser.add_argument("--only", metavar="PATTERN", default="*", help="only scenarios of such names, such as CHN_*")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--rows", type=Path, metavar="FILE", help="also list violations and mutual waits (CSV)")
     arguments = parser.parse_args()
     files = sorted(path for path in arguments.folder.glob("*/*.xml") if fnmatchcase(path.stem, arguments.only))
     if not files:
@@ -154,13 +176,18 @@ def main() -> int:
         return 2
     counted: dict[str, Counter[str]] = {RECORDED: Counter()}
     refused = 0
+    rows: list[Row] = []
     with ProcessPoolExecutor(arguments.workers) as pool:
         known = list(pool.map(reachable, files))
         for name in arguments.drivers:
             results = list(pool.map(drive, files, repeat(name), repeat(arguments.predictor), known))
-            refused = sum(not one for one in results)
-            counted[name] = sum((one.get(name, Counter()) for one in results), Counter())
-            counted[RECORDED] = sum((one.get(RECORDED, Counter()) for one in results), Counter())
+            refused = sum(not one for one, _ in results)
+            counted[name] = sum((one.get(name, Counter()) for one, _ in results), Counter())
+            counted[RECORDED] = sum((one.get(RECORDED, Counter()) for one, _ in results), Counter())
+            rows += [row for _, listed in results for row in listed]
+    if arguments.rows:
+        with arguments.rows.open("w", newline="") as file:
+            csv.writer(file).writerows([ROW, *rows])
     print(f"{table(counted)}\n\n{len(files)} scenarios, refused: {refused}; predictor {arguments.predictor}")
     return 0
 

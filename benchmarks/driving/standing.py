@@ -26,8 +26,8 @@ AREA = 15.0
 ASIDE = 1.5
 
 
-def mutual_waits(simulation: Simulation, run: Run) -> int:
-    """How many agents stand for more than 10 s in a circle of waits.
+def mutual_waits(simulation: Simulation, run: Run) -> tuple[int, ...]:
+    """Ids of the agents that stand for more than 10 s in a circle of waits.
 
     An agent that stands waits for the one that its order names, for a leader, and, if it is the first of its lane, for
     the first ones of other lanes that stand before or in an area that both ways share.
@@ -41,7 +41,7 @@ def mutual_waits(simulation: Simulation, run: Run) -> int:
     ]
     agents = [(i, row) for i, row in agents if longest(still[row], run.scenario.dt) > LONG]
     if len(agents) < 2:
-        return 0
+        return ()
     ids = [simulation.agents[i].id for i, _ in agents]
     n, n_steps = len(agents), states.n_steps
     waits = np.zeros((n_steps, n, n), dtype=np.bool_)
@@ -64,7 +64,8 @@ def mutual_waits(simulation: Simulation, run: Run) -> int:
                     waits[:, a, b] |= ahead[a][area, side] & ahead[b][area, 1 - side] & is_first[a] & is_first[b]
     stands = np.stack([still[row] for _, row in agents], axis=1)
     waits &= stands[:, :, None] & stands[:, None, :]
-    return sum(longest(in_circle, run.scenario.dt) > LONG for in_circle in _in_circles(waits).T)
+    circles = zip(ids, _in_circles(waits).T, strict=True)
+    return tuple(agent for agent, in_circle in circles if longest(in_circle, run.scenario.dt) > LONG)
 
 
 def _in_circles(waits: Bools) -> Bools:

@@ -1,5 +1,6 @@
 """The table of rules: what counts as a mutual wait, and what its columns hold, on invented and shipped scenarios."""
 
+import csv
 import os
 import shutil
 import subprocess
@@ -49,11 +50,11 @@ def north(number, y):
 @pytest.mark.parametrize(
     ("problems", "waiting"),
     [
-        ([east(1, -6.0), north(2, -6.0)], 2),
-        ([east(1, -30.0), north(2, -6.0)], 0),  # Too far away.
-        ([east(1, -6.0), east(2, -12.0)], 0),  # The second one waits for the first one only.
-        ([east(1, -6.0), east(3, -12.0), north(2, -6.0)], 2),
-        ([east(1, -6.0), north(2, 20.0)], 0),  # It has left the junction.
+        ([east(1, -6.0), north(2, -6.0)], (1, 2)),
+        ([east(1, -30.0), north(2, -6.0)], ()),  # Too far away.
+        ([east(1, -6.0), east(2, -12.0)], ()),  # The second one waits for the first one only.
+        ([east(1, -6.0), east(3, -12.0), north(2, -6.0)], (1, 2)),
+        ([east(1, -6.0), north(2, 20.0)], ()),  # It has left the junction.
     ],
 )
 def test_agents_that_stand_for_ten_seconds_before_a_common_area_wait_for_each_other(standing, problems, waiting):
@@ -72,7 +73,8 @@ def test_the_table_has_recorded_drivers_beside_planners(tmp_path):
     (tmp_path / "lights").mkdir()
     shutil.copy(shipped_scenario("signals"), tmp_path / "lights")
     done = subprocess.run(
-        [sys.executable, str(FOLDER / "rules.py"), str(tmp_path), "--drivers", "idm", "--workers", "1"],
+        [sys.executable, str(FOLDER / "rules.py"), str(tmp_path), "--drivers", "idm", "--workers", "1",
+         "--rows", str(tmp_path / "rows.csv")],
         env=os.environ, capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -82,3 +84,7 @@ def test_the_table_has_recorded_drivers_beside_planners(tmp_path):
     assert recorded["red lights passed"].startswith("0 of ") and idm["red lights passed"].startswith("0 of ")
     assert int(recorded["red lights passed"].split()[-1]) > 0
     assert idm["in time"] != "" and recorded["in time"] == ""
+    with (tmp_path / "rows.csv").open(newline="") as file:
+        listed = list(csv.DictReader(file))
+    assert sum(row["source"] == "agent" and row["rule"] == "right_of_way" for row in listed) == int(idm["right of way"])
+    assert {row["driver"] for row in listed} <= {"idm"}
