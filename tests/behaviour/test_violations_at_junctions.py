@@ -14,9 +14,14 @@ from tests.behaviour.test_right_of_way import HALF, NORTH
 from tests.support.drivers import Straight
 
 import interdrive as idr
+from interdrive.native_settings import RoadSettings
 from interdrive.report.contents import run_contents
+from interdrive.run.violations.drives import Drives
 from interdrive.run.violations.junction_rules import needed_deceleration
+from interdrive.run.violations.ways import Ways
+from interdrive.scenario import Lanelets
 from interdrive.scenario.control import Priorities, StopLine, TrafficLight
+from interdrive.scenario.native import core_road
 from interdrive.testing.worlds import Car, crossing, problem, world
 
 #: The centre of a car whose front is at the area, and of one whose rear has left it [m].
@@ -117,6 +122,67 @@ def test_a_slow_car_that_makes_another_brake_hard_takes_its_right_of_way():
 )
 def test_the_deceleration_that_keeps_a_car_out_for_a_time(speed, distance, time, needed):
     assert needed_deceleration(speed, distance, time) == pytest.approx(needed)
+
+
+@pytest.mark.parametrize(("metres", "rows"), [(17.0, 1), (16.0, 0)])
+def test_who_enters_the_scene_too_near_to_stop_takes_no_right_of_way(metres, rows):
+    # From 10 m/s a stop takes 16.7 m at 3 m/s².
+    near = Car(1, AT - metres, 0.0, 10.0)
+    assert len(judged([near, from_south(0.1 * metres + 0.7)])) == rows
+
+
+def arc(radius, start):
+    """Left turn from towards +x to towards +y."""
+    turned = np.linspace(0.0, 0.5 * np.pi, 25)[:, None]
+    return np.array(start) + radius * np.hstack([np.sin(turned), 1.0 - np.cos(turned)])
+
+
+def two_lanes_turn_left_into_a_road():
+    """Northwards at x = 0 lanelets 1, 2, 3; 5 at x = 3.5 beside 3. Two lanes turn left, 12 into 3 and 14 into 5."""
+    line = {
+        1: ((0.0, -60.0), (0.0, -10.0)),
+        2: ((0.0, -10.0), (0.0, 10.0)),
+        3: ((0.0, 10.0), (0.0, 60.0)),
+        5: ((3.5, 10.0), (3.5, 60.0)),
+        11: ((-60.0, 0.0), (-10.0, 0.0)),
+        13: ((-60.0, -3.5), (-10.0, -3.5)),
+    }
+    center = {i: np.linspace(*ends, 26) for i, ends in line.items()}
+    center |= {12: arc(10.0, (-10.0, 0.0)), 14: arc(13.5, (-10.0, -3.5))}
+    ids = sorted(center)
+    after = {1: (2,), 2: (3,), 11: (12,), 12: (3,), 13: (14,), 14: (5,)}
+    left, right = {5: 3, 13: 11, 14: 12}, {3: 5, 11: 13, 12: 14}
+    bounds = [along_both_sides(center[i]) for i in ids]
+    return Lanelets(
+        np.array(ids),
+        tuple(one for one, _ in bounds),
+        tuple(other for _, other in bounds),
+        tuple(tuple(i for i in ids if j in after.get(i, ())) for j in ids),
+        tuple(after.get(i, ()) for i in ids),
+        np.array([left.get(i, -1) for i in ids]),
+        np.array([i in left for i in ids]),
+        np.array([right.get(i, -1) for i in ids]),
+        np.array([i in right for i in ids]),
+        np.full(len(ids), np.nan),
+        ((),) * len(ids),
+    )
+
+
+def along_both_sides(center):
+    along = np.gradient(center, axis=0)
+    aside = 1.75 * np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    return center + aside, center - aside
+
+
+def test_a_car_that_goes_straight_on_is_not_on_the_lanes_that_cross_its_own():
+    scenario = world(two_lanes_turn_left_into_a_road(), cars=[Car(1, 0.0, -40.0, 10.0, NORTH)])
+    road = core_road(scenario, RoadSettings())
+    shown = Drives(
+        ("replayed",), np.array([1]), ("car",), 0, scenario.dt, np.array([4.5]), np.array([1.8]),
+        *(getattr(scenario.obstacles, name) for name in ("valid", "x", "y", "orientation", "velocity", "acceleration")),
+    )  # fmt: skip
+    ways = Ways(shown, scenario.lanelets, road, {})
+    assert [way.lanelet for way in ways.taken[0]] == [1, 2, 3]
 
 
 def test_of_those_that_go_first_the_nearest_one_counts():

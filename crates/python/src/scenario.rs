@@ -20,6 +20,9 @@ use crate::errors::{InputError, detached, exception};
 use crate::getters::getters;
 use crate::settings::read;
 
+/// Poses, ids of lanelets, arc lengths [m] and offsets [m].
+type LanesBelow<'py> = (Row<'py, i64>, Row<'py, i64>, Row<'py, f64>, Row<'py, f64>);
+
 #[pyclass(frozen, name = "Shape", module = "interdrive._core")]
 pub struct PyShape(pub Shape);
 
@@ -200,7 +203,7 @@ impl PyRoadNetwork {
         y: PyReadonlyArray1<'py, f64>,
         orientation: PyReadonlyArray1<'py, f64>,
         angle_max: f64,
-    ) -> PyResult<(Row<'py, i64>, Row<'py, i64>, Row<'py, f64>, Row<'py, f64>)> {
+    ) -> PyResult<LanesBelow<'py>> {
         let n = x.as_array().len();
         let (x, y) = (arrays::read_row("x", &x, n)?, arrays::read_row("y", &y, n)?);
         let theta = arrays::read_row("orientation", &orientation, n)?;

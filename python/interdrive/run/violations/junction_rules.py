@@ -28,6 +28,8 @@ HARD, HARD_TIME, HARD_REACH = 2.0, 3.0, 30.0
 REACH, REACH_TIME = 60.0, 8.0
 #: ... and does not stand [m/s]: one that stands lets others go.
 STANDING = 0.2
+#: A vehicle that is already so near that stopping takes more than this when it enters the scene cannot wait [m/s²].
+HARDEST = 3.0
 #: A light belongs to an area if its line is at most so far before it [m].
 LINE_REACH = 60.0
 #: Standing in an area for so long blocks it [s].
@@ -99,7 +101,7 @@ def right_of_way(
         if first < 0 or aside:
             continue
         for one in used[area][1 - first]:
-            if not drives.sources[one.vehicle] or not np.isfinite(one.enters):
+            if not drives.sources[one.vehicle] or not np.isfinite(one.enters) or _began_too_near(drives, one):
                 continue
             other = _next(drives, ways, one, used[area][first])
             if other is None or _is_held(ways, other, one.enters, lines.get(other.vehicle, ())):
@@ -120,6 +122,12 @@ def right_of_way(
                 value = min(known.value, row.value)
                 rows[one.vehicle, other.vehicle] = begin._replace(last_time_step=end, value=value)
     return list(rows.values())
+
+
+def _began_too_near(drives: Drives, use: Use) -> bool:
+    """A vehicle could not stop before the area when it entered the scene."""
+    speed = float(drives.velocity[use.vehicle, int(np.argmax(drives.valid[use.vehicle]))])
+    return speed * speed > 2.0 * HARDEST * use.entry
 
 
 def _until_gone(drives: Drives, use: Use) -> Use:

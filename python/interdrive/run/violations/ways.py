@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Iterable, Mapping, Set
 
     from numpy.typing import NDArray
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 ANGLE_MAX = 1.0
 #: A route is followed so far beyond the last state of a vehicle [m].
 _BEYOND = 20.0
+#: A shorter lanelet may have been passed between two states [m].
+_SHORT = 5.0
 
 
 @dataclass(frozen=True)
@@ -78,16 +80,11 @@ class Ways:
     def _of_vehicle(
         self, k: int, found: dict[int, tuple[Ints, Floats, Floats]], present: Ints, route: tuple[int, ...]
     ) -> list[Way]:
-        """Lanelets that a vehicle came to from another one or began on, left for another one or ended on."""
-
-        def is_passed(lanelet: int) -> bool:
-            columns = found[lanelet][0]
-            before, after = self._relations.before[lanelet], self._relations.after[lanelet]
-            comes = not before or columns[0] == present[0] or any(other in found for other in before)
-            goes = not after or columns[-1] == present[-1] or any(other in found for other in after)
-            return bool(comes and goes)
-
-        passed = {lanelet for lanelet in found if is_passed(lanelet)}
+        """Lanelets below a vehicle on chains from where it or the road begins to where it or the road ends."""
+        before, after = self._relations.before, self._relations.after
+        starts = [i for i, (columns, *_) in found.items() if not before[i] or columns[0] == present[0]]
+        ends = [i for i, (columns, *_) in found.items() if not after[i] or columns[-1] == present[-1]]
+        passed = self._relations.reached(starts, after, found) & self._relations.reached(ends, before, found)
 
         def fits(lanelet: int) -> tuple[int, float, int]:
             columns, _, d = found[lanelet]
@@ -164,6 +161,16 @@ class _Relations:
             number: float(np.hypot(*np.diff(0.5 * (left + right), axis=0).T).sum())
             for number, left, right in zip(ids, lanelets.left, lanelets.right, strict=True)
         }
+
+    def reached(self, starts: Iterable[int], nexts: Mapping[int, Set[int]], found: Collection[int]) -> set[int]:
+        """Those found that chains of them lead to; short ones need not have been found."""
+        seen = set(starts)
+        left = list(seen)
+        while left:
+            new = {i for i in nexts[left.pop()] if i in found or self.length[i] < _SHORT} - seen
+            seen |= new
+            left += new
+        return seen.intersection(found)
 
 
 def _travelled(drives: Drives) -> Floats:
