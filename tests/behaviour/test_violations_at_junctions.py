@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.behaviour.test_right_of_way import HALF, NORTH
 from tests.support.drivers import Straight
+from tests.support.junction_lanes import left_turn, network, straight
 
 import interdrive as idr
 from interdrive.native_settings import RoadSettings
@@ -19,7 +20,6 @@ from interdrive.report.contents import run_contents
 from interdrive.run.violations.drives import Drives
 from interdrive.run.violations.junction_rules import needed_deceleration
 from interdrive.run.violations.ways import Ways
-from interdrive.scenario import Lanelets
 from interdrive.scenario.control import Priorities, StopLine, TrafficLight
 from interdrive.scenario.native import core_road
 from interdrive.testing.worlds import Car, crossing, problem, world
@@ -131,47 +131,20 @@ def test_who_enters_the_scene_too_near_to_stop_takes_no_right_of_way(metres, row
     assert len(judged([near, from_south(0.1 * metres + 0.7)])) == rows
 
 
-def arc(radius, start):
-    """Left turn from towards +x to towards +y."""
-    turned = np.linspace(0.0, 0.5 * np.pi, 25)[:, None]
-    return np.array(start) + radius * np.hstack([np.sin(turned), 1.0 - np.cos(turned)])
-
-
 def two_lanes_turn_left_into_a_road():
     """Northwards at x = 0 lanelets 1, 2, 3; 5 at x = 3.5 beside 3. Two lanes turn left, 12 into 3 and 14 into 5."""
-    line = {
-        1: ((0.0, -60.0), (0.0, -10.0)),
-        2: ((0.0, -10.0), (0.0, 10.0)),
-        3: ((0.0, 10.0), (0.0, 60.0)),
-        5: ((3.5, 10.0), (3.5, 60.0)),
-        11: ((-60.0, 0.0), (-10.0, 0.0)),
-        13: ((-60.0, -3.5), (-10.0, -3.5)),
+    centers = {
+        1: straight((0.0, -60.0), (0.0, -10.0)),
+        2: straight((0.0, -10.0), (0.0, 10.0)),
+        3: straight((0.0, 10.0), (0.0, 60.0)),
+        5: straight((3.5, 10.0), (3.5, 60.0)),
+        11: straight((-60.0, 0.0), (-10.0, 0.0)),
+        12: left_turn(10.0, (-10.0, 0.0)),
+        13: straight((-60.0, -3.5), (-10.0, -3.5)),
+        14: left_turn(13.5, (-10.0, -3.5)),
     }
-    center = {i: np.linspace(*ends, 26) for i, ends in line.items()}
-    center |= {12: arc(10.0, (-10.0, 0.0)), 14: arc(13.5, (-10.0, -3.5))}
-    ids = sorted(center)
     after = {1: (2,), 2: (3,), 11: (12,), 12: (3,), 13: (14,), 14: (5,)}
-    left, right = {5: 3, 13: 11, 14: 12}, {3: 5, 11: 13, 12: 14}
-    bounds = [along_both_sides(center[i]) for i in ids]
-    return Lanelets(
-        np.array(ids),
-        tuple(one for one, _ in bounds),
-        tuple(other for _, other in bounds),
-        tuple(tuple(i for i in ids if j in after.get(i, ())) for j in ids),
-        tuple(after.get(i, ()) for i in ids),
-        np.array([left.get(i, -1) for i in ids]),
-        np.array([i in left for i in ids]),
-        np.array([right.get(i, -1) for i in ids]),
-        np.array([i in right for i in ids]),
-        np.full(len(ids), np.nan),
-        ((),) * len(ids),
-    )
-
-
-def along_both_sides(center):
-    along = np.gradient(center, axis=0)
-    aside = 1.75 * np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-    return center + aside, center - aside
+    return network(centers, after, {5: 3, 13: 11, 14: 12})
 
 
 def test_a_car_that_goes_straight_on_is_not_on_the_lanes_that_cross_its_own():
