@@ -353,7 +353,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.WAITS`, `by_id` -1 for none.
+    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let waits: Vec<_> = self.0.recording().waits().collect();
         let dict = PyDict::new(py);
@@ -475,6 +475,8 @@ pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, Py
 getters! { PyWorld {
     /// Ids of the agents with V2X, ascending.
     equipped: Vec<i64> = |this| this.0.equipped().to_vec();
+    /// Ids of the agents that enter junctions when they are told to, ascending.
+    obeying: Vec<i64> = |this| this.0.obeying();
     time_step: i64 = |this| this.0.time_step();
     is_done: bool = |this| this.0.is_done();
     /// Ids of the agents that drive now, ascending.

@@ -149,6 +149,8 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
         adjacent_right_same_direction=right_same,
         speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
         types=tuple(tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or ())) for lanelet in lanelets),
+        left_marking=tuple(str(lanelet.line_marking_left_vertices.value) for lanelet in lanelets),
+        right_marking=tuple(str(lanelet.line_marking_right_vertices.value) for lanelet in lanelets),
     )
 
 

@@ -47,6 +47,12 @@ impl World {
         self.orders.get_or_init(|| if self.has_passages { self.arbitrate() } else { Vec::new() })
     }
 
+    /// Ids of the agents that enter junctions when they are told to.
+    pub fn obeying(&self) -> Vec<i64> {
+        let drives = self.drives.iter().filter(|drive| !drive.course.stations.is_empty());
+        drives.map(|drive| drive.agent.id).collect()
+    }
+
     /// What an agent has been told.
     pub(super) fn hold(&self, drive: &Drive) -> Option<Hold> {
         let orders = self.orders();
