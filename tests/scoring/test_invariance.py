@@ -85,7 +85,7 @@ def placed(scenario, angle, x, y):
 
 
 def mirrored(scenario):
-    """Left is right."""
+    """Left is right, and vehicles drive on the other side of the road."""
     lanes, cars = scenario.lanelets, scenario.obstacles
 
     def across(points):
@@ -103,6 +103,7 @@ def mirrored(scenario):
             adjacent_right_same_direction=lanes.adjacent_left_same_direction,
         ),
         obstacles=replace(cars, y=-cars.y, orientation=-cars.orientation, yaw_rate=-cars.yaw_rate),
+        priorities=replace(scenario.priorities, left_hand=not scenario.priorities.left_hand),
     )
 
 
