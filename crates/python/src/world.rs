@@ -251,8 +251,11 @@ impl PyWorld {
         self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
     }
 
-    /// The predictions with what the agents with V2X were told; the same predictions if there is none.
+    /// The predictions in which agents that were told to wait before a junction do so, with what the agents with V2X
+    /// were told; the same predictions if there is none of both.
     fn expect(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPredictions> {
+        let waits = detached(py, || Ok(self.0.with_waits(&predictions.table())))?;
+        let predictions = &waits.map_or_else(|| predictions.again(), PyPredictions::whole);
         if self.0.equipped().is_empty() {
             return Ok(predictions.again());
         }

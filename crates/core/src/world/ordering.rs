@@ -1,11 +1,14 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
 use super::{Drive, World};
+use crate::geometry::Pose;
 use crate::plan::Planner;
+use crate::predict::{Waiting, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Way};
 use crate::scenario::Scenario;
 use crate::scene::Scene;
+use crate::trajectory::Predictions;
 use crate::world::Agent;
 
 /// A body is on lanelets that lead its way within this angle [rad].
@@ -63,6 +66,24 @@ impl World {
             release: order.release,
             by: order.by,
         })
+    }
+
+    /// Predictions in which the agents that were told to wait before a junction do so; `None` if none was. Right of way
+    /// is public: who expects others to keep to it needs no plan of theirs.
+    pub fn with_waits(&self, predictions: &Predictions) -> Option<Predictions> {
+        let mut found: Option<Predictions> = None;
+        for order in self.orders().iter().filter(|order| order.stop.is_finite()) {
+            let drive = &self.drives[self.drive_index(order.id).expect("orders are for agents")];
+            let (Some(row), Some(state)) = (predictions.row(order.id), &self.states[drive.row]) else { continue };
+            let mouth = drive.agent.route.path.at(order.stop);
+            let waiting = Waiting {
+                line: Pose { position: mouth.position, orientation: mouth.theta },
+                release: order.release,
+                to_front: 0.5 * drive.agent.vehicle.length,
+            };
+            wait(found.get_or_insert_with(|| predictions.clone()), row, state, &waiting, self.scenario.dt);
+        }
+        found
     }
 
     fn arbitrate(&self) -> Vec<Order> {

@@ -214,6 +214,7 @@ impl Episode {
         if self.has_traffic {
             let horizon = ((settings.horizon / dt).round() as usize).max(1);
             let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
+            let predictions = self.world.with_waits(&predictions).unwrap_or(predictions);
             self.plans = self.world.plan(&self.scene, &predictions)?;
         } else {
             self.plans.clear(self.world.time_step(), self.world.driving_ids());
