@@ -230,3 +230,10 @@ def test_violations_at_junctions_are_stored_counted_and_told(tmp_path):
     assert idr.Run.load(folder).violations.to_arrow().equals(run.violations.to_arrow())
     events = [event["text"] for event in run_contents(folder).header["events"] if event["kind"] == "violation"]
     assert events == ["1 takes the right of way of 2, 0.3\N{NO-BREAK SPACE}s ahead of it"]
+
+
+def test_lanelets_that_the_file_names_but_does_not_have_lead_nowhere():
+    lanelets = crossing()
+    ghost = tuple((*some, 99) for some in lanelets.successors)
+    rows = judged([from_west(0.0)], replace(lanelets, successors=ghost))
+    assert rows == []

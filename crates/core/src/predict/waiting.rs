@@ -114,12 +114,17 @@ fn delayed(drive: &[Sample], (velocity, stop): (f64, f64), release: f64, dt: f64
             next += 1;
         }
         let expected = (drive[next].travelled - drive[next - 1].travelled) / dt;
-        let is_held = k as f64 * dt <= release;
-        let bound = if is_held { (2.0 * braking * (stop - travelled).max(0.0)).sqrt() } else { f64::INFINITY };
         // Once it has slowed down it takes time to be as fast as expected.
-        velocity = expected.min(bound).min(velocity + STARTING * dt);
-        let further = travelled + velocity * dt;
-        travelled = if is_held { further.min(stop.max(travelled)) } else { further };
+        let free = expected.min(velocity + STARTING * dt);
+        let left = (stop - travelled).max(0.0);
+        let bearable = (2.0 * braking * left).sqrt();
+        if k as f64 * dt <= release && bearable <= free {
+            travelled += if bearable > braking * dt { (bearable - 0.5 * braking * dt) * dt } else { left };
+            velocity = (bearable - braking * dt).max(0.0);
+        } else {
+            travelled += free * dt;
+            velocity = free;
+        }
         let place = drive.partition_point(|sample| sample.travelled < travelled).clamp(1, drive.len() - 1);
         let (a, b) = (&drive[place - 1], &drive[place]);
         let length = b.travelled - a.travelled;
@@ -127,4 +132,73 @@ fn delayed(drive: &[Sample], (velocity, stop): (f64, f64), release: f64, dt: f64
         found.push((Sample::between(a, b, share), velocity));
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT: f64 = 0.1;
+    const TO_FRONT: f64 = 2.25;
+    /// The line [m]: the centre stands 2.25 m before it.
+    const LINE: f64 = 20.0;
+
+    /// Straight on along x with a speed, so far aside of it, for 8 s.
+    fn expected(velocity: f64, y: f64) -> (Predictions, State) {
+        let mut table = Predictions::empty(0, vec![7], 1, 80);
+        table.probability[0] = 1.0;
+        for k in 0..80 {
+            let position = Point::new(velocity * (k + 1) as f64 * DT, y);
+            crate::predict::write(&mut table, k, Pose { position, orientation: 0.0 }, velocity, (0.1, 0.0, 0.1));
+        }
+        (table, State { y, velocity, ..State::default() })
+    }
+
+    fn waiting(release: f64) -> Waiting {
+        Waiting { line: Pose { position: Point::new(LINE, 0.0), orientation: 0.0 }, release, to_front: TO_FRONT }
+    }
+
+    /// The strongest deceleration over half a second [m/s²].
+    fn hardest(velocities: &[f64]) -> f64 {
+        velocities.windows(6).map(|some| (some[0] - some[5]) / (5.0 * DT)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_vehicle_that_waits_stops_before_the_line() {
+        let (mut table, state) = expected(7.0, 0.0);
+        wait(&mut table, 0, &state, &waiting(f64::INFINITY), DT);
+        assert!((table.x[79] + TO_FRONT - LINE).abs() < 0.3, "{}", table.x[79]);
+        assert!(table.x.iter().all(|x| x + TO_FRONT <= LINE + 1e-9));
+        assert!(table.velocity[79] < 0.3);
+        // 7² / (2 · 17.75 m) = 1.38 m/s²: 1.5 m/s² are enough.
+        assert!(hardest(&table.velocity) < 1.9);
+    }
+
+    #[test]
+    fn who_comes_too_fast_brakes_as_hard_as_it_has_to() {
+        let (mut table, state) = expected(12.0, 0.0);
+        wait(&mut table, 0, &state, &waiting(f64::INFINITY), DT);
+        // 12² / (2 · 17.75 m) = 4.06 m/s²
+        let hardest = hardest(&table.velocity);
+        assert!((3.9..4.6).contains(&hardest), "{hardest}");
+        assert!(table.x.iter().all(|x| x + TO_FRONT <= LINE + 1e-9));
+    }
+
+    #[test]
+    fn after_its_release_it_starts_with_a_comfortable_acceleration() {
+        let (mut table, state) = expected(7.0, 0.0);
+        wait(&mut table, 0, &state, &waiting(6.0), DT);
+        assert!(table.x[59] + TO_FRONT <= LINE + 1e-9, "{} m at 6 s", table.x[59]);
+        assert!(table.x[79] + TO_FRONT > LINE + 1.0, "{} m at 8 s", table.x[79]);
+        assert!(table.velocity.windows(2).all(|pair| pair[1] - pair[0] <= 1.5 * DT + 1e-9));
+        assert!(table.velocity[79] <= 7.0);
+    }
+
+    #[test]
+    fn a_mode_that_takes_another_way_stays_as_it_was() {
+        let (table, state) = expected(7.0, 5.0);
+        let mut waits = table.clone();
+        wait(&mut waits, 0, &state, &waiting(f64::INFINITY), DT);
+        assert_eq!(waits, table);
+    }
 }

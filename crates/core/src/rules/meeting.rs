@@ -8,6 +8,8 @@ use crate::junctions::Junctions;
 const EARLY: f64 = 1.0;
 const LATE: f64 = 1.5;
 const SLOW: f64 = 0.85;
+/// Drivers judge others by their present speed; one that is slower is about to start [m/s].
+const STARTED: f64 = 5.0;
 /// An agent that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
 const REACTING: f64 = 0.5;
@@ -158,7 +160,7 @@ impl Traveller<'_> {
     /// When it uses the areas of a passage that its rear has not left.
     pub(super) fn windows(&self, passage: &Passage, body: &Body) -> Vec<Booking> {
         let (velocity, front) = (body.velocity, self.front);
-        let early = passage.approach.min(passage.speed.max(velocity));
+        let early = passage.approach.min(passage.speed.max(velocity)).min(velocity.max(STARTED));
         let late = (SLOW * passage.speed).max(velocity);
         let window = |crossed: &Crossed| {
             let leaves = crossed.exit + MARGIN + body.length - front;

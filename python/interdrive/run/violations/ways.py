@@ -143,8 +143,12 @@ class _Relations:
 
     def __init__(self, lanelets: Lanelets) -> None:
         ids = lanelets.ids.tolist()
-        self.successors = dict(zip(ids, map(set, lanelets.successors), strict=True))
-        predecessors = dict(zip(ids, map(set, lanelets.predecessors), strict=True))
+        # Files may name lanelets that they do not have.
+        known = [
+            {i: {*some} & {*ids} for i, some in zip(ids, lists, strict=True)}
+            for lists in (lanelets.successors, lanelets.predecessors)
+        ]
+        self.successors, predecessors = known
         beside: dict[int, set[int]] = {number: set() for number in ids}
         for side in ("left", "right"):
             others = getattr(lanelets, f"adjacent_{side}").tolist()
