@@ -32,9 +32,9 @@ from interdrive.simulation import Simulation
 from interdrive.testing.worlds import Car, crossing, problem, world
 
 
-@pytest.mark.parametrize(("metres", "goes_first"), [(70.0, True), (60.0, False)])
+@pytest.mark.parametrize(("metres", "goes_first"), [(65.0, True), (55.0, False)])
 def test_from_a_stop_sign_an_agent_goes_if_the_gap_is_large_enough(metres, goes_first):
-    # It stands for 1 s, and has left 4.0 s later; the other one must not come within another 1.5 s: 65 m at 10 m/s.
+    # It stands for 1 s, and has left 3.6 s later; the other one must not come within another 1.4 s: 60 m at 10 m/s.
     line = StopLine(1, np.array([[-2.0, 1.75], [-2.0, -1.75]]), has_stop_sign=True)
     recorded = Car(2, 0.0, MOUTH - metres - HALF, 10.0, NORTH)
     scenario = world(limited(crossing()), cars=[recorded], problems=[car(1, EAST_WAY, 0.7, 0.0)], steps=150)

@@ -101,6 +101,15 @@ def test_a_gap_that_is_large_enough_is_taken():
     assert told(scenario) == {1: FREE, 2: FREE}
 
 
+@pytest.mark.parametrize("predictor", ["neural", "lane_following", "constant_velocity"])
+def test_one_that_goes_first_does_not_slow_down_for_one_that_was_told_to_wait(predictor):
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 25.0), car(2, NORTH_WAY, 25.0)])
+    run = idr.simulate(scenario, predictor=predictor, settings=RULES, threads=1)
+    slowest = [float(run.states.velocity[row, run.states.valid[row]].min()) for row in range(2)]
+    assert slowest[0] < 7.0 < 9.8 < slowest[1], "m/s"
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+
+
 def test_signs_turn_the_order_around():
     scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
     scenario = replace(scenario, priorities=Priorities(ranks=((1, (4, 5, 4)),)))

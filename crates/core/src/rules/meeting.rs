@@ -5,11 +5,9 @@ use super::course::{Course, Crossed, MARGIN, Passage};
 use crate::junctions::Junctions;
 
 /// Accelerations of an early entry and of a late exit [m/s²], and the share of the speed there.
-const EARLY: f64 = 1.0;
+const EARLY: f64 = 2.0;
 const LATE: f64 = 1.5;
-const SLOW: f64 = 0.85;
-/// Drivers judge others by their present speed; one that is slower is about to start [m/s].
-const STARTED: f64 = 5.0;
+const SLOW: f64 = 0.9;
 /// An agent that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
 const REACTING: f64 = 0.5;
@@ -160,7 +158,7 @@ impl Traveller<'_> {
     /// When it uses the areas of a passage that its rear has not left.
     pub(super) fn windows(&self, passage: &Passage, body: &Body) -> Vec<Booking> {
         let (velocity, front) = (body.velocity, self.front);
-        let early = passage.approach.min(passage.speed.max(velocity)).min(velocity.max(STARTED));
+        let early = passage.approach.min(passage.speed.max(velocity));
         let late = (SLOW * passage.speed).max(velocity);
         let window = |crossed: &Crossed| {
             let leaves = crossed.exit + MARGIN + body.length - front;
