@@ -75,7 +75,7 @@ __all__ = [
     "time_to_collision",
 ]
 __version__: str
-#: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status", "impact_area", "measure".
+#: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
 #: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
 LIGHT_DECELERATION: float
