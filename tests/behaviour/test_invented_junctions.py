@@ -93,6 +93,9 @@ def test_from_a_ramp_that_meets_a_road_an_agent_takes_no_right_of_way(planner):
     assert run.violations.count("right_of_way") == 0
     passed = {int(i): int(np.argmax(run.states.x[row] > 0.0)) for row, i in enumerate(run.states.participant_id)}
     assert passed[10] < min(passed[i] for i in (11, 12, 20)), "the first one on the road is not held up"
+    if planner == "frenet":
+        on_road = [run.states.velocity[row][run.states.valid[row]] for row in range(3)]
+        assert max(-np.diff(velocity).min() / 0.1 for velocity in on_road) < 2.0, "m/s² for one that waits"
 
 
 def test_a_lawful_drive_has_no_row():
