@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Sets and splits with rows, and planners that they have.
 SHIPPED = [
-    ("shipped-1", "dev", ("frenet", "idm", "recorded")),
+    ("shipped-1", "dev", ("frenet", "frenetix", "idm", "reactive", "recorded")),
     ("public-1", "test", ("frenet", "idm", "recorded")),
 ]
 
