@@ -11,7 +11,7 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test recorded check bench performance cooperation driving driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
@@ -140,6 +140,9 @@ cooperation: $(VENV)/.optimised ## the study of docs/cooperation.md in out/study
 
 driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/driving.md
 	$(BIN)/python benchmarks/driving $(SCENARIOS)
+
+driving_side_by_side: $(VENV)/.optimised ## the same agents with other predictors and among traffic that interacts less: a quarter of an hour
+	$(BIN)/python benchmarks/driving/side_by_side.py $(SCENARIOS)
 
 driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? benchmarks/driving/guard.py --update stores new figures
 	$(BIN)/python benchmarks/driving/guard.py $(SCENARIOS)

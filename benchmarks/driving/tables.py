@@ -16,8 +16,12 @@ if TYPE_CHECKING:
 
 #: A body that never reaches further beyond the lanelets stays on them [m].
 ON_LANELETS = 0.1
-#: Lines of a page between which the benchmark writes.
+#: Lines of a page between which the benchmark and its comparison write.
 MARKERS = ("<!-- written by benchmarks/driving: begin -->", "<!-- written by benchmarks/driving: end -->")
+SIDE_BY_SIDE = (
+    "<!-- written by benchmarks/driving/side_by_side.py: begin -->",
+    "<!-- written by benchmarks/driving/side_by_side.py: end -->",
+)
 _HEADINGS = (
     *("category", "agents", "in time", "share", "reachable", "in time", "share", "body on lanelets"),
     "seconds lost",
@@ -153,16 +157,16 @@ def _lateness(late: float) -> int:
     return next((i for i, bound in enumerate((1.0, 3.0, float("inf"))) if late <= bound + 1e-9), 3)
 
 
-def put_into(page: str, text: str) -> str:
+def put_into(page: str, text: str, markers: tuple[str, str] = MARKERS) -> str:
     """A page with the text between its two markers replaced.
 
     Raises:
         ValueError: if the page does not have both markers, once each and in order.
     """
-    head, begin, rest = page.partition(MARKERS[0])
-    old, end, tail = rest.partition(MARKERS[1])
-    if not (begin and end) or MARKERS[0] in old + tail or MARKERS[1] in head + tail:
-        raise ValueError(f"needs the lines {MARKERS[0]} and {MARKERS[1]}, once each and in this order")
+    head, begin, rest = page.partition(markers[0])
+    old, end, tail = rest.partition(markers[1])
+    if not (begin and end) or markers[0] in old + tail or markers[1] in head + tail:
+        raise ValueError(f"needs the lines {markers[0]} and {markers[1]}, once each and in this order")
     return f"{head}{begin}\n\n{text}\n\n{end}{tail}"
 
 

@@ -25,7 +25,7 @@ def part(monkeypatch):
         return __import__(name)
 
     yield imported
-    for name in ("causes", "drives", "realism", "tables"):
+    for name in ("causes", "drives", "realism", "side_by_side", "tables"):
         sys.modules.pop(name, None)
 
 
@@ -127,3 +127,16 @@ def test_a_page_without_markers_is_refused_before_driving(tmp_path):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert not done.stdout
+
+
+def test_variants_are_compared_over_agents_that_all_of_them_drove(part):
+    alone = {("S", 1): ("urban", "goal_reached"), ("S", 2): ("urban", "collision"), ("T", 1): ("merge", "time_limit")}
+    together = {**alone, ("S", 2): ("urban", "goal_reached"), ("S", 3): ("urban", "collision")}
+    text = part("side_by_side").compared({"together": together, "alone": alone}, set(alone))
+    assert text.splitlines() == [
+        "| category | agents | together | alone |",
+        "|---|--:|--:|--:|",
+        "| merge | 1 | 0.0 %, 0.0 | 0.0 %, 0.0 |",
+        "| urban | 2 | 100.0 %, 0.0 | 50.0 %, 50.0 |",
+        "| all | 3 | 66.7 %, 0.0 | 33.3 %, 33.3 |",
+    ]
