@@ -11,10 +11,10 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test recorded check bench performance driving driving_guard instructions oracles third_party planners ray browser train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test recorded check bench performance driving driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
-ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-training
+ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
 $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 .venv-docs/.tools: WANTED = p['dependencies'] + o['docs']
 .venv-release/.tools: WANTED = o['release']
@@ -29,8 +29,9 @@ $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 .venv-ray/.tools: WANTED = p['dependencies'] + o['ray'] + ['pytest>=8']
 .venv-browser/.tools: WANTED = ['playwright>=1.49', 'pillow>=10', 'pytest>=8']
 .venv-training/.tools: WANTED = p['dependencies'] + o['training']
+.venv-rl/.tools: WANTED = p['dependencies'] + o['rl'] + o['learning']
 # The index of torch without CUDA keeps the download small.
-.venv-training/.tools: INDEX = --extra-index-url https://download.pytorch.org/whl/cpu --index-strategy unsafe-best-match
+.venv-rl/.tools .venv-training/.tools: INDEX = --extra-index-url https://download.pytorch.org/whl/cpu --index-strategy unsafe-best-match
 
 # Versions that were tested together, so that a checkout can be built in a year; `make locks` takes the newest ones.
 # Python before 3.11 or after 3.13 may need others: LOCKED= leaves them out.
@@ -120,6 +121,7 @@ bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all 
 	$(BIN)/python benchmarks/start.py
 	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
 	$(BIN)/python benchmarks/criticality.py
+	$(BIN)/python benchmarks/environments.py $(SCENARIOS)
 	$(BIN)/python benchmarks/targets.py
 
 # On a quiet machine, about half an hour; PEER is a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4 (left out without).
@@ -149,7 +151,7 @@ mutants: ## breaks formulas, contacts, outcomes and limits on purpose: which cha
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 -n auto --dist loadfile tests/oracles
 
-environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-training .venv-release,$(ENVIRONMENTS))) .venv-browser/.chromium ## all that CI needs
+environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .venv-training .venv-release,$(ENVIRONMENTS))) .venv-browser/.chromium ## all that CI needs
 
 # Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
 FUZZ_SEED ?= 1
@@ -190,6 +192,14 @@ report_bundle: ## builds the front end of reports (needs node and npm); says whe
 
 versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with the oldest libraries that pyproject.toml allows
 	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/project/test_versions.py
+
+# Not a part of CI: torch with CUDA, the only one that its machines can get, has 3 GB.
+learning: .venv-rl/.installed ## environments in Stable-Baselines3; its checker, its algorithm
+	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
+
+learn: .venv-rl/.installed ## trains the policy of docs/environments.md, for up to 10 minutes on two cores
+	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo
+	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(SCENARIOS)
 
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training

@@ -1,8 +1,8 @@
-"""Speed of environments with random actions and autoreset: agent-steps and world-steps per second.
+"""Speed of environments with random actions and autoreset, one thread and more; see docs/environments.md.
 
 python benchmarks/environments.py [SCENARIOS] [--threads 1,2] [--seconds 2] [--runs 5]
 
-Prints the median of some runs after 100 steps. SCENARIOS is a folder with USA_US101-23_1_T-1.xml; without one only the
+Prints medians of some runs after 100 steps. SCENARIOS is a folder with USA_US101-23_1_T-1.xml; without one only the
 shipped scenario is measured. `--clock cpu` counts the time of the processor, for a machine that does other things as
 well; it says nothing about more than one thread.
 """
@@ -15,18 +15,36 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import gymnasium
 import numpy as np
 
-from interdrive import envs
+from interdrive import envs, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.random import Generator
+
+    Clock = Callable[[], float]
+
 #: Steps before the clock starts.
 WARM_UP = 100
+#: The planning problem that learns, and those that plan beside it in T4.
+PROBLEM, TRAFFIC = 2001, ("idm", "frenet")
 
 
-def rates(rows: envs.Rows, seconds: float, runs: int, clock: Callable[[], float]) -> tuple[float, float]:
+class Counting(envs.Uniform):
+    """Counts the episodes that are drawn."""
+
+    drawn = 0
+
+    def draw(self, rng: Generator) -> int:
+        """Position of the next scenario."""
+        self.drawn += 1
+        return super().draw(rng)
+
+
+def rates(rows: envs.Rows, seconds: float, runs: int, clock: Clock) -> tuple[float, float]:
     """Agent-steps and world-steps per second, medians."""
     rows.reset(0)
     rng = np.random.default_rng(0)
@@ -44,10 +62,24 @@ def rates(rows: envs.Rows, seconds: float, runs: int, clock: Callable[[], float]
     return statistics.median(one[0] for one in found), statistics.median(one[1] for one in found)
 
 
-def single(seconds: float, runs: int, clock: Callable[[], float]) -> float:
-    """Steps per second of one environment made by gymnasium."""
-    import gymnasium
+def reset_share(settings: dict[str, object], world_steps: float, clock: Clock) -> float:
+    """Share of the time that beginning episodes takes, at that many world-steps per second on one thread."""
+    sampler = Counting()
+    rows = envs.Rows(64, sampler=sampler, **settings)
+    rows.reset(0)
+    rng = np.random.default_rng(0)
+    sampler.drawn, steps = 0, 400
+    for _ in range(steps):
+        rows.step(rng.uniform(-1, 1, rows.actions.shape).astype(np.float32))
+    episodes = sampler.drawn / (64 * steps)
+    begin, resets = clock(), 50
+    for _ in range(resets):
+        rows._engine.reset()  # without new generators, as when a world begins anew
+    return episodes * (clock() - begin) / (64 * resets) * world_steps
 
+
+def single(seconds: float, runs: int, clock: Clock) -> float:
+    """Steps per second of one environment made by gymnasium."""
     env = gymnasium.make("interdrive/TJunction-v0", traffic="recorded", disable_env_checker=True)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
@@ -64,6 +96,37 @@ def single(seconds: float, runs: int, clock: Callable[[], float]) -> float:
     return statistics.median(found)
 
 
+def several(seconds: float, runs: int, clock: Clock) -> float:
+    """Steps per second of 64 environments in gymnasium's own vector environment."""
+    settings = {"scenarios": "t_junction", "learners": [PROBLEM]}
+    env = gymnasium.vector.SyncVectorEnv([lambda: envs.DriveEnv(**settings)] * 64)
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (16, 64, 2)).astype(np.float32)
+    found = []
+    for _ in range(runs):
+        begin, steps = clock(), 0
+        while (passed := clock() - begin) < seconds:
+            env.step(actions[steps % 16])
+            steps += 1
+        found.append(64 * steps / passed)
+    return statistics.median(found)
+
+
+def planning(traffic: str, runs: int) -> float:
+    """Seconds per step that predictions and plans of the traffic take in a run, on one thread, as long as all drive."""
+    found = []
+    for _ in range(runs):
+        run = simulate("t_junction", planner=traffic, threads=1, settings={"step.max_steps": 30})
+        n = len(run.agents)
+        seconds = [
+            taken
+            for phase, taken in zip(run.timings.phase, run.timings.seconds, strict=True)
+            if phase in ("predict", "plan")
+        ]
+        found.append(sum(seconds) / len(set(run.timings.time_step.tolist())) * (n - 1) / n)
+    return statistics.median(found)
+
+
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("scenarios", type=Path, nargs="?")
@@ -73,9 +136,9 @@ def main() -> None:
     arguments.add_argument("--clock", choices=("wall", "cpu"), default="wall")
     given = arguments.parse_args()
     clock = time.perf_counter if given.clock == "wall" else time.process_time
-    cases: list[tuple[str, dict[str, object]]] = [
-        ("T3: t_junction, 1 learner, 64 worlds", {"scenarios": "t_junction", "learners": [2001]})
-    ]
+    threads = [int(one) for one in given.threads.split(",")]
+    junction: dict[str, object] = {"scenarios": "t_junction", "learners": [PROBLEM]}
+    cases = [("T3: t_junction, 1 learner, 64 worlds", junction)]
     if given.scenarios is not None:
         us101 = next(given.scenarios.rglob("USA_US101-23_1_T-1.xml"))
         cases = [
@@ -83,12 +146,26 @@ def main() -> None:
             ("T2: USA_US101-23, 1 learner, 64 worlds", {"scenarios": us101, "learners": 1}),
             *cases,
         ]
+    cases += [(f"T4: T3 with {traffic}", {**junction, "traffic": traffic}) for traffic in TRAFFIC]
+    alone: dict[str, float] = {}
     print("| case | threads | agent-steps/s | world-steps/s |\n|---|---|---|---|")
     for name, settings in cases:
-        for threads in map(int, given.threads.split(",")):
-            agents, worlds = rates(envs.Rows(64, threads=threads, **settings), given.seconds, given.runs, clock)
-            print(f"| {name} | {threads} | {agents:,.0f} | {worlds:,.0f} |", flush=True)
-    print(f"| T7: t_junction by gymnasium.make | 1 | {single(given.seconds, given.runs, clock):,.0f} | |")
+        for n in threads:
+            agents, worlds = rates(envs.Rows(64, threads=n, **settings), given.seconds, given.runs, clock)
+            if n == 1:
+                alone[name] = worlds
+            print(f"| {name} | {n} | {agents:,.0f} | {worlds:,.0f} |", flush=True)
+    print(f"| T7: T3 by gymnasium.make, one world | 1 | {single(given.seconds, given.runs, clock):,.0f} | |")
+    print(f"| T3 by gymnasium's SyncVectorEnv | 1 | {several(given.seconds, given.runs, clock):,.0f} | |\n")
+    for name, settings in cases:
+        if name not in alone:
+            continue
+        if name.startswith("T4"):
+            traffic = str(settings["traffic"])
+            native, whole = 1e6 * planning(traffic, given.runs), 1e6 / alone[name]
+            print(f"{name}: {whole:.0f} us per step, of which planning takes {native:.0f} us in a run")
+        else:
+            print(f"T8 of {name}: {reset_share(settings, alone[name], clock):.1%} of the time begins episodes")
 
 
 if __name__ == "__main__":

@@ -549,7 +549,6 @@ class RewardWeights:
         recorded: exp(-distance to the own recording now / 2 m), by time; 0 where there is none, and unless
             weighted.
         limited: 1 in a step in which the vehicle could not do what was asked for.
-        weight_change: Mean change of the decimal logarithm of the planner's weights.
     """
 
     progress: float = 1.0
@@ -570,7 +569,6 @@ class RewardWeights:
     headway: float = 0.0
     recorded: float = 0.0
     limited: float = 0.0
-    weight_change: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

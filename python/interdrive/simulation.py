@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 from interdrive import _core
-from interdrive.config.agent_config import agent_configs, run_config, stored
+from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored
 from interdrive.config.binding import flatten
 from interdrive.config.schema import RecordSettings, SimulationSettings, settings_of
 from interdrive.config.specs import bound_predictor
@@ -27,9 +27,9 @@ from interdrive.run.cooperation import PlanAges, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.reasons import reasons
 from interdrive.run.violations import violations
-from interdrive.scenario import KINDS, Scenario
+from interdrive.scenario import Scenario
 from interdrive.scenario.agents import normalized, select
-from interdrive.scenario.native import core_road, core_scenario, core_shape, thread_count
+from interdrive.scenario.native import core_road, core_scenario, thread_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -94,8 +94,8 @@ class Simulation:
         if on_planner_error not in ("end_agent", "raise"):
             raise InputError(f"on_planner_error must be 'end_agent' or 'raise', not {on_planner_error!r}")
         self._raises = on_planner_error == "raise"
-        if seed < 0:
-            raise InputError(f"the seed must not be negative, is {seed}")
+        if not 0 <= seed < 2**64:
+            raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
         self.scenario = open_scenario(scenario)
         self.seed = seed
         config = run_config(settings_of(settings), planner, predictor)
@@ -133,29 +133,14 @@ class Simulation:
         self._tracebacks: dict[int, str] = {}
         handles = []
         for agent in self.agents:
-            config, state = self._configs[agent.id], agent.initial_state
+            config = self._configs[agent.id]
             planner = config.planner.make()
             native_settings = native_planner(planner)
-            rules = config.rules
             if native_settings is None:
                 self._python_planners[agent.id] = planner
-                rules = replace(rules, precedence=rules.precedence and bool(getattr(planner, "obeys_rules", False)))
-            handles.append(
-                _core.Agent(
-                    agent.id,
-                    KINDS.index(agent.kind),
-                    core_shape(agent.shape),
-                    agent.vehicle,
-                    (state.x, state.y, state.orientation, state.velocity, state.acceleration, state.yaw_rate),
-                    state.time_step,
-                    agent.native_goal,
-                    agent.route,
-                    native_settings,
-                    config.view,
-                    rules,
-                    config.v2x,
-                )
-            )
+                precedence = config.rules.precedence and bool(getattr(planner, "obeys_rules", False))
+                config = replace(config, rules=replace(config.rules, precedence=precedence))
+            handles.append(core_agent(agent, config, native_settings))
         record = self.settings.record
         self.world = _core.World(
             self._core_scenario,

@@ -1,5 +1,8 @@
 """Environments keep the contracts of gymnasium and PettingZoo, in the words of their own checkers."""
 
+import importlib
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
@@ -8,9 +11,7 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
 from pettingzoo.utils.conversions import parallel_to_aec
 
 from interdrive import envs
-
-#: The checkers warn of what their authors would do otherwise.
-pytestmark = pytest.mark.filterwarnings("ignore")
+from interdrive.errors import MissingExtraError
 
 
 @pytest.mark.parametrize("actions", [envs.Kinematic(), envs.KinematicGrid()], ids=["continuous", "discrete"])
@@ -36,6 +37,14 @@ def test_pettingzoo_checks_the_parallel_environment(learners):
     def made():
         return envs.parallel_env(scenarios="t_junction", learners=learners)
 
-    parallel_api_test(made(), num_cycles=300)
+    parallel_api_test(made(), num_cycles=1000)
     parallel_seed_test(made)
     api_test(parallel_to_aec(made()), num_cycles=100)
+
+
+def test_without_stable_baselines_its_adapter_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
+    monkeypatch.delitem(sys.modules, "interdrive.envs.sb3", raising=False)
+    with pytest.raises(MissingExtraError, match="pip install stable-baselines3"):
+        importlib.import_module("interdrive.envs.sb3")

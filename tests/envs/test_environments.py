@@ -337,7 +337,7 @@ def test_failures_raise_what_is_drawn_by_the_hardest_sampler():
         ),
         (
             lambda: envs.DriveEnv(scenarios="t_junction", **{"reward.colision": 1.0}),
-            "reward.colision: no such setting; did you mean reward.collision?",
+            "reward.colision: unknown; did you mean reward.collision?",
         ),
         (
             lambda: envs.DriveEnv(scenarios="t_junction", decision_seconds=0.15),
@@ -365,7 +365,7 @@ def test_failures_raise_what_is_drawn_by_the_hardest_sampler():
         ),
         (
             lambda: envs.DriveEnv(scenarios="t_junction").reset(seed=-1),
-            "seed: must not be negative, is -1",
+            "seed must not be negative, is -1",
         ),
         (
             lambda: envs.DriveEnv(scenarios="t_junction", actions=envs.KinematicGrid(accelerations=4)),

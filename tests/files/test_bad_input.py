@@ -123,7 +123,7 @@ def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
         (["--set", "goal.time_late=1e300"], "goal.time_late: must be at most"),
         (["--threads", "-1"], "threads must be at least 1"),
         (["--threads", "0"], "threads must be at least 1"),
-        (["--seed", "-1"], "the seed must not be negative"),
+        (["--seed", "-1"], "the seed must be from 0 to 2^64 - 1, is -1"),
         (["--agents", ","], "agents: the list of ids is empty"),
         (["--out", "some.xml/below"], "some.xml is not a folder"),
         (["--out", "some.xml"], "a file with this name already exists"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime
 from xml.etree import ElementTree
 
 import numpy as np
@@ -66,6 +67,33 @@ def test_other_models_have_their_fields(run):
     assert speed == pytest.approx(single_track[0]["velocity"])
 
 
+def test_a_point_mass_moves_as_the_centre_does(run):
+    """In a turn the centre moves aside, and its speed is not that of the rear axle."""
+    _, states = states_of(idr.write_solution(run, model="PM", cost="WX1"), "pmTrajectory")
+    x, y, along_x, along_y = (np.array([s[name] for s in states]) for name in ("x", "y", "xVelocity", "yVelocity"))
+    dt = run.scenario.dt
+    for place, velocity in ((x, along_x), (y, along_y)):
+        assert np.diff(place) / dt == pytest.approx(0.5 * (velocity[1:] + velocity[:-1]), abs=0.03)
+
+
+def test_date_and_processor_are_written_if_they_are_given(run):
+    document = idr.write_solution(run, date=datetime(2026, 1, 31, 12), processor='a "fast" one')
+    found = CommonRoadSolutionReader.fromstring(document.decode())
+    assert (found.date, found.processor_name) == (datetime(2026, 1, 31, 12), 'a "fast" one')
+
+
+def test_a_heading_with_a_whole_turn_more_begins_as_the_file_states_it(tmp_path):
+    """The official check compares numbers."""
+    text = idr.shipped_scenario("t_junction").read_text()
+    start = text.index("<exact>", text.index("<orientation>", text.index("<planningProblem"))) + len("<exact>")
+    end = text.index("</exact>", start)
+    stated = float(text[start:end]) - 2.0 * np.pi
+    path = tmp_path / "turned.xml"
+    path.write_text(f"{text[:start]}{stated!r}{text[end:]}")
+    _, states = states_of(idr.write_solution(idr.simulate(path, agents="problems")))
+    assert states[0]["orientation"] == pytest.approx(stated, abs=1e-12)
+
+
 def test_steering_is_interpolated_where_a_vehicle_hardly_moves():
     angles = steering_angles(np.array([2.0, 0.05, 0.0, 2.0]), np.array([0.2, 9.0, np.nan, 0.8]), 2.5)
     first, last = np.arctan(0.25), np.arctan(1.0)
@@ -80,7 +108,7 @@ def test_steering_is_interpolated_where_a_vehicle_hardly_moves():
         ({"cost": "SM1", "model": "PM"}, "a point mass can have JB1, WX1, MW1"),
         ({"model": "MB"}, "model 'MB': expected one of KS, ST, PM"),
         ({"vehicle": 5}, "vehicle 5: expected a number from 1 to 4"),
-        ({"vehicle": 3}, "not of type 3 [(]VW Vanagon"),
+        ({"vehicle": 3}, "4.508 m by 1.61 m, type 2 [(]BMW 320i[)], not type 3"),
     ],
 )
 def test_what_cannot_be_written_is_refused(run, options, said):
@@ -107,5 +135,6 @@ def test_the_command_writes_the_document_into_the_run_folder(run, tmp_path):
     result = CliRunner().invoke(main, ["solution", str(folder)])
     assert result.exit_code == 0, result.output
     assert (folder / "solution.xml").read_bytes() == idr.write_solution(idr.load(folder))
-    refused = CliRunner().invoke(main, ["solution", str(folder), "--model", "MB"])
-    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+    for wrong in (["--model", "MB"], ["--date", "yesterday"]):
+        refused = CliRunner().invoke(main, ["solution", str(folder), *wrong])
+        assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)

@@ -9,6 +9,8 @@ from drivers import Straight
 from interdrive import Frenet, InputError, Simulation, SimulationSettings, simulate
 from interdrive.config.binding import bind
 from interdrive.config.schema import RecordSettings
+from interdrive.errors import StepOrderError
+from interdrive.planners import FrenetWeights
 from interdrive.predictors import Neural
 from interdrive.run import PHASES
 from interdrive.run.assemble import digest
@@ -206,6 +208,8 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
         ({"planner": {55: "frenet"}}, "agent 55"),
         ({"predictor": "lane_folowing"}, "did you mean lane_following?"),
         ({"predictor": 3}, "is not a predictor"),
+        ({"seed": -1}, "the seed must be from 0 to 2^64 - 1, is -1"),
+        ({"seed": 2**64}, "the seed must be from 0 to 2^64 - 1"),
     ],
 )
 def test_an_impossible_wish_is_refused_in_one_line(options, words):
@@ -213,3 +217,37 @@ def test_an_impossible_wish_is_refused_in_one_line(options, words):
         simulate(two_lanes(), threads=1, **options)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_scene_of_another_world_is_refused():
+    one, other = (Simulation(two_lanes(), agents=[100], threads=1).world for _ in range(2))
+    with pytest.raises(InputError, match="the scene is of another world"):
+        one.view(other.scene(), 100)
+
+
+def test_predictions_of_another_time_step_are_refused():
+    views, _ = looks()
+    (_, first), (second, _) = views[:2]
+    with pytest.raises(StepOrderError, match="predictions"):
+        first.seen_by(second)
+
+
+def test_points_that_lack_a_coordinate_are_refused():
+    views, _ = looks()
+    with pytest.raises(InputError, match="x and y must have one length, not 2 and 1"):
+        views[0][0].ego.route.project(np.array([1.0, 2.0]), np.array([0.0]))
+
+
+@pytest.mark.parametrize(
+    ("options", "location", "message"),
+    [
+        ({"weights": FrenetWeights(jerk="much")}, "weights.jerk", "expected a number, not much"),
+        ({"weights": FrenetWeights(jerk=-1.0)}, "weights.jerk", "must not be negative"),
+        ({"weights": "much"}, "weights", "expected settings, not much"),
+    ],
+)
+def test_an_error_in_settings_within_settings_names_both(options, location, message):
+    with pytest.raises(InputError) as caught:
+        Frenet(**options)
+    assert caught.value.location == location
+    assert caught.value.message.startswith(message)

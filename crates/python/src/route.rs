@@ -12,7 +12,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Grid, Row};
-use crate::errors::detached;
+use crate::errors::{InputError, detached};
 use crate::getters::getters;
 use crate::scenario::{PyRoadNetwork, PyShape};
 
@@ -108,14 +108,18 @@ impl PyRoute {
         py: Python<'py>,
         x: PyReadonlyArray1<'_, f64>,
         y: PyReadonlyArray1<'_, f64>,
-    ) -> (Row<'py, f64>, Row<'py, f64>) {
+    ) -> PyResult<(Row<'py, f64>, Row<'py, f64>)> {
+        let (n, m) = (x.as_array().len(), y.as_array().len());
+        if n != m {
+            return Err(InputError::new_err(format!("x and y must have one length, not {n} and {m}")));
+        }
         let (s, d): (Vec<f64>, Vec<f64>) = x
             .as_array()
             .iter()
             .zip(y.as_array())
             .map(|(x, y)| self.route.path.project(Point::new(*x, *y)).unwrap_or((f64::NAN, f64::NAN)))
             .unzip();
-        (arrays::row(py, s), arrays::row(py, d))
+        Ok((arrays::row(py, s), arrays::row(py, d)))
     }
 }
 

@@ -13,6 +13,7 @@ use interdrive_core::v2x::V2xSettings;
 use interdrive_core::vehicle::single_track::Kinematic;
 use interdrive_core::world::StepSettings;
 use interdrive_core::worlds::RewardWeights;
+use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyInt};
 
@@ -66,10 +67,22 @@ fn fill(record: &mut dyn Record, given: &Bound<'_, PyAny>) -> PyResult<()> {
                     return Err(InputError::new_err((field.name, format!("must be one of {words}, not {one}"))));
                 }
             }
-            Value::Record(inner) => fill(inner, &one)?,
+            Value::Record(inner) => fill(inner, &one).map_err(|error| within(field.name, &one, error))?,
         }
     }
     Ok(())
+}
+
+/// An error of a record within another one: the name of the field that holds it comes before its location.
+fn within(outer: &str, one: &Bound<'_, PyAny>, error: PyErr) -> PyErr {
+    if error.is_instance_of::<PyAttributeError>(one.py()) {
+        return InputError::new_err((outer.to_owned(), format!("expected settings, not {one}")));
+    }
+    let args = error.value(one.py()).getattr("args").and_then(|args| args.extract::<(String, String)>());
+    match args {
+        Ok((location, message)) if !outer.is_empty() => InputError::new_err((format!("{outer}.{location}"), message)),
+        _ => error,
+    }
 }
 
 /// The core's settings for a record of Python.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use interdrive_core::collision::swept_boxes;
+use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::OrientedBox;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::external_plan::{StatedPlan, check_plan};
@@ -203,16 +204,20 @@ impl PyView {
 #[pymethods]
 impl PyPredictions {
     /// The rows that an agent may know: of those in its view, and its own.
-    fn seen_by(&self, view: &PyView) -> Self {
+    fn seen_by(&self, view: &PyView) -> PyResult<Self> {
+        let (expected, found) = (view.scene.time_step, self.table().time_step);
+        if expected != found {
+            return Err(exception(Error::WrongTimeStep { what: "predictions", expected, found }));
+        }
         if let Some((told, known)) = self.told.as_ref().and_then(|told| Some((told, told.known.get(&view.agent.id)?))) {
             let own = view.scene.present.binary_search(&view.row).expect("a view is of an agent that is present");
             let mut rows: Vec<usize> = known.iter().map(|known| known.row).collect();
             rows.insert(known.partition_point(|known| known.id < view.agent.id), own);
-            return Self::rows_told(told, rows);
+            return Ok(Self::rows_told(told, rows));
         }
         let mut rows = view.visible.clone();
         rows.insert(rows.partition_point(|row| *row < view.row), view.row);
-        self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
+        Ok(self.only(rows.into_iter().map(|row| view.scene.participants.ids[row])))
     }
 }
 

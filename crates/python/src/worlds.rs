@@ -220,7 +220,8 @@ impl PyWorlds {
             autoreset: match autoreset {
                 "next_step" => Autoreset::NextStep,
                 "same_step" => Autoreset::SameStep,
-                _ => Autoreset::Disabled,
+                "disabled" => Autoreset::Disabled,
+                _ => return Err(InputError::new_err(format!("autoreset: unknown mode {autoreset:?}"))),
             },
             record,
             threads,
@@ -303,17 +304,17 @@ impl PyWorlds {
 
     /// Outcomes of all agents of a world as a dict of arrays, sorted by id.
     fn outcomes<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
-        outcomes_dict(py, self.worlds.world(world))
+        outcomes_dict(py, self.worlds.world(world).map_err(exception)?)
     }
 
     /// Participants of a world and their states so far as a dict of arrays.
     fn states<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
-        states_dict(py, self.worlds.world(world))
+        states_dict(py, self.worlds.world(world).map_err(exception)?)
     }
 
     /// All plans of a world so far as a dict of arrays.
     fn plans<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
-        plans_dict(py, self.worlds.world(world))
+        plans_dict(py, self.worlds.world(world).map_err(exception)?)
     }
 }
 

@@ -6,7 +6,8 @@ print(found.score, found.low, found.high)
 Sets, runs and what the number does not tell: docs/scoring.md.
 """
 
-from interdrive.benchmarks.run import Benchmark, Row, benchmark
+from interdrive.benchmarks.rows import Row
+from interdrive.benchmarks.run import Benchmark, benchmark
 from interdrive.benchmarks.sets import SPLITS, BenchmarkSet, SetFile, read_set, set_names
 
 __all__ = ["SPLITS", "Benchmark", "BenchmarkSet", "Row", "SetFile", "benchmark", "read_set", "set_names"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import datetime
 from pathlib import Path
 
 import click
@@ -16,10 +17,21 @@ from interdrive.errors import InputError
 @click.argument("folder", metavar="RUN")
 @click.option("--cost", metavar="NAME", default="SM1", help="Cost function of the benchmark id (SM1).")
 @click.option("--model", metavar="KS|ST|PM", default="KS", help="Vehicle model (KS).")
-@click.option("--vehicle", metavar="N", type=int, default=2, help="Vehicle type that was driven, 1 to 4 (2).")
+@click.option("--vehicle", metavar="N", type=int, help="Vehicle type, 1 to 4; refused if another one was driven.")
+@click.option("--date", metavar="DATE", help="When it was computed: 2026-01-31 or 2026-01-31T12:00:00 (left out).")
+@click.option("--processor", metavar="NAME", help="Processor that computed it (left out).")
 @click.option("--check", is_flag=True, help="Run the checks of commonroad-drivability-checker, and its costs.")
 @click.option("--out", metavar="FILE", help="The document (solution.xml in the run folder).")
-def solution(folder: str, cost: str, model: str, vehicle: int, check: bool, out: str | None) -> int:
+def solution(
+    folder: str,
+    cost: str,
+    model: str,
+    vehicle: int | None,
+    date: str | None,
+    processor: str | None,
+    check: bool,
+    out: str | None,
+) -> int:
     """Write the drives of the planning problems in RUN as a CommonRoad solution, for the benchmark site.
 
     The run must have been made with --agents problems, and all problems must be solved. Exit code 1: a check failed.
@@ -29,7 +41,7 @@ def solution(folder: str, cost: str, model: str, vehicle: int, check: bool, out:
     from interdrive.storage import replacing  # noqa: PLC0415
 
     run = load(folder)
-    document = write_solution(run, cost=cost, model=model, vehicle=vehicle)
+    document = write_solution(run, cost=cost, model=model, vehicle=vehicle, date=_date(date), processor=processor)
     target = Path(folder) / "solution.xml" if out is None else Path(out)
     with replacing(target) as partial:
         partial.write_bytes(document)
@@ -44,6 +56,14 @@ def solution(folder: str, cost: str, model: str, vehicle: int, check: bool, out:
     for name, why in found.checks.items():
         say(f"{name}: {why or 'passed'}")
     say("valid" if found.is_valid else "not valid")
-    if not math.isnan(found.costs):
-        say(f"costs ({cost}): {found.costs:.6g}")
+    costs = "cannot be computed by the official function" if math.isnan(found.costs) else f"{found.costs:.6g}"
+    say(f"costs ({cost}): {costs}")
     return 0 if found.is_valid else 1
+
+
+def _date(text: str | None) -> datetime | None:
+    """A date as it is written in ISO 8601."""
+    try:
+        return None if text is None else datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError(f"--date {text}: expected a date such as 2026-01-31 or 2026-01-31T12:00:00") from None

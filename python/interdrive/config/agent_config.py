@@ -10,12 +10,15 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
+from interdrive import _core
 from interdrive.config.binding import Setting, bind, flatten
 from interdrive.config.plugins import Choice, read_choice
 from interdrive.config.specs import PlannerSpec, PredictorSpec, Resolved, resolved_planner, resolved_predictor
 from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings, ViewSettings
 from interdrive.planners import RECORDED_PATH
+from interdrive.scenario import KINDS
+from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
     from interdrive.config.schema import SimulationSettings
@@ -57,6 +60,25 @@ class AgentConfig:
     view: ViewSettings
     rules: RulesSettings
     v2x: bool | None = None
+
+
+def core_agent(agent: Agent, config: AgentConfig, planner: _core.Planner | None) -> _core.Agent:
+    """The core's handle for an agent; without a native planner its plans come from outside the core."""
+    state = agent.initial_state
+    return _core.Agent(
+        agent.id,
+        KINDS.index(agent.kind),
+        core_shape(agent.shape),
+        agent.vehicle,
+        (state.x, state.y, state.orientation, state.velocity, state.acceleration, state.yaw_rate),
+        state.time_step,
+        agent.native_goal,
+        agent.route,
+        planner,
+        config.view,
+        config.rules,
+        config.v2x,
+    )
 
 
 @dataclass(frozen=True)

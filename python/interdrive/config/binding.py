@@ -47,13 +47,14 @@ class _MismatchError(Exception):
     """The value does not fit the type; never leaves this module."""
 
 
-def bind(defaults: T, values: Mapping[str, Any]) -> T:
+def bind(defaults: T, values: Mapping[str, Any], *, unknown: str = "no such setting") -> T:
     """Returns a copy of `defaults` in which the named fields have the given values.
 
     Args:
         defaults: Instance of a frozen dataclass, whose fields may be frozen dataclasses again.
         values: Dotted name ("planner.frenet.horizon") -> a text as typed on a command line, or a value as TOML and
             JSON give it. Texts are converted to the type of the field; tuples are written "1, 2, 3", absence "none".
+        unknown: What is said of a name that does not exist.
 
     Returns:
         A new instance. Its dataclasses check ranges themselves, in `__post_init__`.
@@ -65,7 +66,7 @@ def bind(defaults: T, values: Mapping[str, Any]) -> T:
     known = flatten(defaults)
     for key in values:
         if key not in known:
-            raise InputError(key, _unknown(key, list(known)))
+            raise InputError(key, _unknown(key, list(known), unknown))
     return _rebuilt(defaults, values, "")
 
 
@@ -159,7 +160,7 @@ def _plain(value: object) -> object:
     return value
 
 
-def _unknown(key: str, known: list[str]) -> str:
+def _unknown(key: str, known: list[str], word: str) -> str:
     inside = [name for name in known if name.startswith(f"{key}.")]
     if inside:
         return f"this is a group of settings, name one of {', '.join(inside[:6])}{', ...' * (len(inside) > 6)}"
@@ -168,7 +169,7 @@ def _unknown(key: str, known: list[str]) -> str:
     if not near:
         leaf = {name.rpartition(".")[2]: name for name in known}
         near = [leaf[name] for name in difflib.get_close_matches(key.rpartition(".")[2], list(leaf), n=1)]
-    return "no such setting" + (f"; did you mean {' or '.join(near[:3])}?" if near else "")
+    return word + (f"; did you mean {' or '.join(near[:3])}?" if near else "")
 
 
 def _rebuilt(instance: T, values: Mapping[str, Any], prefix: str) -> T:

@@ -142,7 +142,7 @@ class Engine:
             InputError: The seed is negative.
         """
         if seed is not None and seed < 0:
-            raise InputError("seed", f"must not be negative, is {seed}")
+            raise InputError(f"seed must not be negative, is {seed}")
         if seed is not None or self.rngs[world] is None:
             self.rngs[world] = gymnasium.utils.seeding.np_random(seed)[0]
             self._queued[world] = None

@@ -102,7 +102,7 @@ class Setup:
             name: value for name, value in changes.items() if name in _GROUPS and isinstance(value, _GROUPS[name])
         }
         rest = {name: value for name, value in changes.items() if name not in own and name not in whole}
-        settings = bind(replace(self.settings, **whole), rest)
+        settings = bind(replace(self.settings, **whole), rest, unknown="unknown")
         return replace(self, **own, settings=settings)
 
 

@@ -79,7 +79,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
             Observation and an empty info.
         """
         if seed is not None and seed < 0:
-            raise InputError("seed", f"must not be negative, is {seed}")
+            raise InputError(f"seed must not be negative, is {seed}")
         super().reset(seed=seed)
         self._engine.rngs[0] = self.np_random
         self._engine.reset()

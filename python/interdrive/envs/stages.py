@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
 from interdrive.batches.plan import scenario_files
-from interdrive.config.agent_config import agent_configs, run_config
+from interdrive.config.agent_config import agent_configs, core_agent, run_config
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
 from interdrive.planners import native_planner
 from interdrive.prediction_evaluation.split import read_split
-from interdrive.scenario import KINDS, Scenario
+from interdrive.scenario import Scenario
 from interdrive.scenario.agents import select
-from interdrive.scenario.native import core_road, core_scenario, core_shape
+from interdrive.scenario.native import core_road, core_scenario
 
 if TYPE_CHECKING:
     from interdrive.config.agent_config import AgentConfig, PlannersSpec
@@ -190,27 +190,13 @@ def _stage(scenario: Scenario, setup: Setup) -> Stage:
     configs = _configs(scenario, setup, agents)
     handles, planners = [], []
     for agent in agents:
-        config, state = configs[agent.id], agent.initial_state
+        config = configs[agent.id]
         record = config.planner.make()
         native = native_planner(record)
         if native is None:
             raise InputError("traffic", f"{config.planner.name} is not a native planner")
         planners.append(None if config.planner.native == "recorded" else native)
-        handles.append(
-            _core.Agent(
-                agent.id,
-                KINDS.index(agent.kind),
-                core_shape(agent.shape),
-                agent.vehicle,
-                (state.x, state.y, state.orientation, state.velocity, state.acceleration, state.yaw_rate),
-                state.time_step,
-                agent.native_goal,
-                agent.route,
-                None,
-                config.view,
-                config.rules,
-            )
-        )
+        handles.append(core_agent(agent, config, None))
     core = _core.Stage(recorded, handles, planners)
     starts = tuple(_starts(core, scenario, setup.settings))
     return Stage(scenario, road, tuple(agents), configs, core, recorded, starts)

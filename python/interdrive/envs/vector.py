@@ -96,7 +96,7 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if len(seeds) != self.num_envs:
             raise InputError("seed", f"{len(seeds)} given for {self.num_envs} worlds")
         if isinstance(seed, int) and seed < 0:
-            raise InputError("seed", f"must not be negative, is {seed}")
+            raise InputError(f"seed must not be negative, is {seed}")
         mask: NDArray[np.bool_] | None = (options or {}).get("reset_mask")
         for world in range(self.num_envs):
             if mask is None or mask[world]:

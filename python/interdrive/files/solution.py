@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -13,6 +14,8 @@ from interdrive.errors import InputError
 from interdrive.files.content import content_of_file
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from numpy.typing import NDArray
 
     from interdrive.run import AgentRecord, RunRecord
@@ -60,15 +63,23 @@ class VehicleType:
 VEHICLES = {
     vehicle.number: vehicle
     for vehicle in (
-        VehicleType(1, "Ford Escort", 4.298, 1.674, 0.883_891_8, 1.508_776_4),
-        VehicleType(2, "BMW 320i", 4.508, 1.610, 1.156_195_67, 1.422_717_09),
-        VehicleType(3, "VW Vanagon", 4.569, 1.844, 1.150_80, 1.321_10),
+        VehicleType(1, "Ford Escort", 4.298, 1.674, 0.883_92, 1.508_76),
+        VehicleType(2, "BMW 320i", 4.508, 1.610, 1.156_195_706_4, 1.422_717_093_6),
+        VehicleType(3, "VW Vanagon", 4.569, 1.844, 1.150_791_602_4, 1.321_136_397_6),
         VehicleType(4, "truck", 5.100, 2.550, 1.800, 1.800),
     )
 }
 
 
-def write_solution(run: RunRecord, cost: str = "SM1", model: str = "KS", vehicle: int = 2) -> bytes:
+def write_solution(
+    run: RunRecord,
+    cost: str = "SM1",
+    model: str = "KS",
+    vehicle: int | None = None,
+    *,
+    date: datetime | None = None,
+    processor: str | None = None,
+) -> bytes:
     """The drives of all planning problems of a scenario as a CommonRoad solution.
 
     Every drive ends with the first state that meets its goal in its time. Positions are centres of footprints.
@@ -77,7 +88,9 @@ def write_solution(run: RunRecord, cost: str = "SM1", model: str = "KS", vehicle
         run: A run whose agents are all planning problems of its scenario (`agents="problems"`), all solved.
         cost: Cost function, one of `COSTS`.
         model: Vehicle model: "KS" (kinematic single-track), "ST" (single-track) or "PM" (point mass).
-        vehicle: Vehicle type, 1 to 4; the one that was driven.
+        vehicle: Vehicle type, 1 to 4; by default the one that was driven.
+        date: When it was computed; left out by default. Parts of seconds are dropped.
+        processor: Name of the processor that computed it; left out by default.
 
     Returns:
         The document. Equal runs give equal bytes.
@@ -92,35 +105,39 @@ def write_solution(run: RunRecord, cost: str = "SM1", model: str = "KS", vehicle
         raise InputError(f"model {model!r}: expected one of {', '.join(MODELS)}")
     if model == "PM" and cost not in _POINT_MASS_COSTS:
         raise InputError(f"cost {cost}: a point mass can have {', '.join(_POINT_MASS_COSTS)}")
-    if vehicle not in VEHICLES:
+    if vehicle is not None and vehicle not in VEHICLES:
         raise InputError(f"vehicle {vehicle}: expected a number from 1 to 4")
     scenario = run.scenario
     if not _BENCHMARK_ID.fullmatch(scenario.benchmark_id):
         raise InputError(f"{scenario.name}: benchmark id {scenario.benchmark_id!r} is none that a solution can name")
-    drives = _drives(run, VEHICLES[vehicle])
-    names = [f"{model}{vehicle}"] * len(drives), [cost] * len(drives)
+    drives = _drives(run)
+    driven = [_driven_type(run, agent, vehicle) for _, agent in drives]
+    names = [f"{model}{number}" for number in driven], [cost] * len(drives)
     listed = [one[0] if len(one) == 1 else f"[{','.join(one)}]" for one in names]
     benchmark_id = ":".join((*listed, scenario.benchmark_id, _version(run)))
     seconds = float(
         np.sum([s for s, phase in zip(run.timings.seconds, run.timings.phase, strict=True) if "plan" in phase])
     )
+    about = {"benchmark_id": benchmark_id, "computation_time": repr(seconds)}
+    if date is not None:
+        about["date"] = date.strftime("%Y-%m-%dT%H:%M:%S")
+    if processor is not None:
+        about["processor_name"] = processor
     lines = ["<?xml version='1.0' encoding='utf-8'?>"]
-    lines.append(
-        f"<CommonRoadSolution benchmark_id={quoteattr(benchmark_id)} computation_time={quoteattr(repr(seconds))}>"
-    )
-    for problem, agent in drives:
-        lines += _trajectory(run, problem, agent, model, VEHICLES[vehicle])
+    lines.append(f"<CommonRoadSolution {' '.join(f'{name}={quoteattr(value)}' for name, value in about.items())}>")
+    for (problem, agent), number in zip(drives, driven, strict=True):
+        lines += _trajectory(run, problem, agent, model, VEHICLES[number])
     lines.append("</CommonRoadSolution>")
     return ("\n".join(lines) + "\n").encode()
 
 
-def _drives(run: RunRecord, vehicle: VehicleType) -> list[tuple[PlanningProblem, AgentRecord]]:
+def _drives(run: RunRecord) -> list[tuple[PlanningProblem, AgentRecord]]:
     """Every planning problem with its agent.
 
     Raises:
         InputError: One has none, or did not reach its goal, or there are other agents.
     """
-    name, states = run.scenario.name, run.states
+    name = run.scenario.name
     others = [agent.id for agent in run.agents if agent.origin != "planning problem"]
     if others:
         raise InputError(
@@ -135,17 +152,28 @@ def _drives(run: RunRecord, vehicle: VehicleType) -> list[tuple[PlanningProblem,
         if run.outcomes.outcome[place] != "goal_reached":
             outcome, reason = run.outcomes.outcome[place], run.outcomes.reason[place]
             raise InputError(f"{name}: planning problem {problem.id} is not solved: {outcome}, {reason}")
-        row = int(np.searchsorted(states.participant_id, agent.id))
-        size = float(states.length[row]), float(states.width[row])
-        if abs(size[0] - vehicle.length) > _SAME or abs(size[1] - vehicle.width) > _SAME:
-            raise InputError(
-                f"{name}: agent {agent.id} drove a vehicle of {size[0]:g} m by {size[1]:g} m, "
-                f"not of type {vehicle.number} ({vehicle.name}, {vehicle.length:g} m by {vehicle.width:g} m)"
-            )
         found.append((problem, agent))
     if not found:
         raise InputError(f"{name}: the scenario has no planning problem")
     return found
+
+
+def _driven_type(run: RunRecord, agent: AgentRecord, wanted: int | None) -> int:
+    """The vehicle type whose footprint an agent had.
+
+    Raises:
+        InputError: It is no type, or not the one that is wanted.
+    """
+    states = run.states
+    row = int(np.searchsorted(states.participant_id, agent.id))
+    size = float(states.length[row]), float(states.width[row])
+    about = f"{run.scenario.name}: agent {agent.id} drove a vehicle of {size[0]:g} m by {size[1]:g} m"
+    for number, of_type in VEHICLES.items():
+        if abs(size[0] - of_type.length) <= _SAME and abs(size[1] - of_type.width) <= _SAME:
+            if wanted not in (None, number):
+                raise InputError(f"{about}, type {number} ({of_type.name}), not type {wanted}")
+            return number
+    raise InputError(f"{about}, which is no vehicle type of CommonRoad")
 
 
 def _starts_at(run: RunRecord, agent: AgentRecord, problem: PlanningProblem) -> bool:
@@ -172,18 +200,21 @@ def _trajectory(
     row = int(np.searchsorted(states.participant_id, agent.id))
     columns = np.flatnonzero(states.valid[row])
     x, y, velocity, yaw_rate = (getattr(states, n)[row, columns] for n in ("x", "y", "velocity", "yaw_rate"))
-    stated = problem.initial_state.orientation
+    stated = stated_headings(run).get(problem.id, problem.initial_state.orientation)
     heading = np.unwrap(states.orientation[row, columns])
     heading = heading + 2.0 * np.pi * np.round((stated - heading[0]) / (2.0 * np.pi))
     time = columns + states.first_time_step
     steering = steering_angles(velocity, yaw_rate, vehicle.wheelbase)
+    # The states of these models are those of the centre, which moves aside in a turn; ours are those of the rear axle.
+    slip = np.arctan(vehicle.rear * np.tan(steering) / vehicle.wheelbase)
     if model == "PM":
-        fields = {"xVelocity": velocity * np.cos(heading), "yVelocity": velocity * np.sin(heading)}
+        speed, direction = velocity / np.cos(slip), heading + slip
+        fields = {"xVelocity": speed * np.cos(direction), "yVelocity": speed * np.sin(direction)}
     else:
         fields = {"steeringAngle": steering, "velocity": velocity, "orientation": heading}
     if model == "ST":
-        slip = np.arctan(vehicle.rear * np.tan(steering) / vehicle.wheelbase)
-        fields |= {"yawRate": velocity * np.cos(slip) * np.tan(steering) / vehicle.wheelbase, "slipAngle": slip}
+        turning = velocity * np.tan(steering) / vehicle.wheelbase
+        fields |= {"velocity": velocity / np.cos(slip), "yawRate": turning, "slipAngle": slip}
     outer, inner = MODELS[model]
     lines = [f'  <{outer} planningProblem="{problem.id}">']
     for k, step in enumerate(time.tolist()):
@@ -192,6 +223,22 @@ def _trajectory(
         lines += [f"      <time>{step}</time>", f"    </{inner}>"]
     lines.append(f"  </{outer}>")
     return lines
+
+
+def stated_headings(run: RunRecord) -> dict[int, float]:
+    """Headings at the start as the file states them, by planning problem, where it is XML [rad].
+
+    A scenario has them within half a turn; the official check compares numbers, whatever turns are in them.
+    """
+    path = run.scenario.path
+    if path is None or path.suffix != ".xml":
+        return {}
+    found = {}
+    for problem in ElementTree.fromstring(content_of_file(path)).iter("planningProblem"):
+        exact = problem.find("initialState/orientation/exact")
+        if exact is not None and exact.text is not None:
+            found[int(problem.attrib["id"])] = float(exact.text)
+    return found
 
 
 def steering_angles(velocity: Floats, yaw_rate: Floats, wheelbase: float) -> Floats:

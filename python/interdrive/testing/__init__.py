@@ -2,13 +2,14 @@
 
 from interdrive.testing.planner_contract import PlannerContractError, check_planner
 from interdrive.testing.predictor_contract import PredictorContractError, check_predictor
-from interdrive.testing.worlds import CAR, Car, crossing, problem, straight_road, world
+from interdrive.testing.worlds import CAR, Car, bend, crossing, problem, straight_road, world
 
 __all__ = [
     "CAR",
     "Car",
     "PlannerContractError",
     "PredictorContractError",
+    "bend",
     "check_planner",
     "check_predictor",
     "crossing",

@@ -75,6 +75,27 @@ def crossing(arm: float = 100.0, lane_width: float = 3.5) -> Lanelets:
     )
 
 
+def bend(radius: float = 30.0, arm: float = 50.0, lane_width: float = 3.5) -> Lanelets:
+    """One lane that turns left by 90 degrees: towards +x up to the origin, an arc, then towards +y; lanelet id 1."""
+    turned = np.linspace(0.0, 0.5 * np.pi, max(4, int(radius) + 1))
+    straight = np.linspace(0.0, arm, max(2, int(arm / 5) + 1))
+
+    def bound(offset: float) -> np.ndarray:
+        own = radius - offset
+        arc = np.column_stack([own * np.sin(turned), radius - own * np.cos(turned)])
+        before = np.column_stack([straight[:-1] - arm, np.full(len(straight) - 1, offset)])
+        after = np.column_stack([np.full(len(straight) - 1, own), radius + straight[1:]])
+        return np.vstack([before, arc, after])
+
+    return _lanelets(
+        ids=[1],
+        left=[bound(0.5 * lane_width)],
+        right=[bound(-0.5 * lane_width)],
+        adjacent_left=[-1],
+        adjacent_right=[-1],
+    )
+
+
 def _lanelets(
     ids: list[int],
     left: list[np.ndarray],

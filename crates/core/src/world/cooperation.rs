@@ -48,6 +48,7 @@ impl World {
     /// `WrongTimeStep` if scene or predictions are not of now.
     pub fn expect(&self, scene: &Scene, predictions: &Predictions) -> Result<Option<Expectations>> {
         self.check_time_step("scene", scene.time_step)?;
+        self.check_scene(scene)?;
         self.check_time_step("predictions", predictions.time_step)?;
         let Some(network) = &self.network else { return Ok(None) };
         let observer = |(place, drive): (usize, &'_ Drive)| (drive.agent.id, place, drive.row);

@@ -324,6 +324,7 @@ impl World {
     /// # Errors
     /// `UnknownId`; `InvalidInput` if the agent is not present in the scene.
     pub fn visible(&self, id: i64, scene: &Scene) -> Result<Vec<usize>> {
+        self.check_scene(scene)?;
         let drive = &self.drives[self.drive_index(id)?];
         if scene.present.binary_search(&drive.row).is_err() {
             return Err(Error::invalid(format!("agent {id} is not present at time step {}", scene.time_step)));
@@ -343,6 +344,14 @@ impl World {
             // Waking a thread takes longer than what there is to do for a few.
             _ if scene.present.len() <= FEW && !matches!(predictor, Predictor::Neural(_)) => with(&predict::one_by_one),
             _ => with(&|n, work| self.threads.each(n, |_, i| work(i))),
+        }
+    }
+
+    /// Rows of a scene mean something among its own participants only.
+    fn check_scene(&self, scene: &Scene) -> Result<()> {
+        match Arc::ptr_eq(&scene.participants, &self.participants) {
+            true => Ok(()),
+            false => Err(Error::invalid("the scene is of another world")),
         }
     }
 

@@ -25,6 +25,7 @@ impl World {
     /// `WrongTimeStep` if scene or predictions are not of now.
     pub fn plan(&self, scene: &Scene, predictions: &Predictions) -> Result<Plans> {
         self.check_time_step("scene", scene.time_step)?;
+        self.check_scene(scene)?;
         self.check_time_step("predictions", predictions.time_step)?;
         match self.expect(scene, predictions)? {
             Some(expectations) => self.plan_as_expected(scene, &expectations),

@@ -202,7 +202,7 @@ impl Episode {
                     let id = learner.id;
                     let time_step = self.world.time_step();
                     let message = format!("agent {id}, time step {time_step}: the action is not a number");
-                    let row = self.plans.row(id).unwrap_or_default();
+                    let row = self.plans.row(id).expect("a learner that drives has a row of its plans");
                     self.plans.status[row] = PlanStatus::Error;
                     self.plans.message[row] = message;
                 }

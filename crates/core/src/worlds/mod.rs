@@ -176,8 +176,14 @@ impl Worlds {
     }
 
     /// A world as it is.
-    pub fn world(&self, world: usize) -> &World {
-        self.places[world].episode.world()
+    ///
+    /// # Errors
+    /// `InvalidInput` if there are fewer worlds.
+    pub fn world(&self, world: usize) -> Result<&World> {
+        let n = self.places.len();
+        let place =
+            self.places.get(world).ok_or_else(|| Error::invalid(format!("there is no world {world} of {n}")))?;
+        Ok(place.episode.world())
     }
 
     /// Other weights from now on.
@@ -244,6 +250,10 @@ impl Worlds {
     /// `InvalidInput` if no episode is queued, or its learners do not drive.
     pub fn reset(&mut self, worlds: &[bool], buffers: Buffers<'_>) -> Result<()> {
         buffers.check(self, false)?;
+        if worlds.len() != self.places.len() {
+            let (n, m) = (self.places.len(), worlds.len());
+            return Err(Error::invalid(format!("reset: the mask has {m} values for {n} worlds")));
+        }
         let (settings, stages) = (&self.settings, &self.stages);
         for ((place, mut rows), wanted) in self.places.iter_mut().zip(buffers.by_world(self.slots)).zip(worlds) {
             if *wanted {

@@ -44,13 +44,11 @@ settings! {
         recorded: f64 = 0.0, ANY;
         /// 1 in a step in which the vehicle could not do what was asked for.
         limited: f64 = 0.0, ANY;
-        /// Mean change of the decimal logarithm of the planner's weights.
-        weight_change: f64 = 0.0, ANY;
     }
 }
 
 /// Number of terms.
-pub const N_TERMS: usize = 19;
+pub const N_TERMS: usize = 18;
 
 impl RewardWeights {
     /// Names of the terms.
@@ -73,7 +71,6 @@ impl RewardWeights {
         "headway",
         "recorded",
         "limited",
-        "weight_change",
     ];
 
     /// The weights in the order of the names.
@@ -97,7 +94,6 @@ impl RewardWeights {
             self.headway,
             self.recorded,
             self.limited,
-            self.weight_change,
         ]
     }
 }

@@ -1,0 +1,70 @@
+"""Rows of known planners that come with benchmark sets: complete, of this set, and repeated on a part of it."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import interdrive as idr
+from interdrive.benchmarks import read_set, run
+from interdrive.benchmarks.reference import reference_rows, stored_reference
+
+ROOT = Path(__file__).parents[2]
+
+#: Sets and splits with rows, and planners that they have.
+SHIPPED = [("shipped-1", "dev", ("frenet", "idm", "recorded"))]
+
+
+@pytest.mark.parametrize(("name", "split", "planners"), SHIPPED)
+def test_reference_rows_are_complete_and_of_this_set(name, split, planners):
+    chosen, stored = read_set(name), stored_reference(name)
+    files = chosen.of_split(split)
+    rows = reference_rows(chosen, split)
+    categories = {"all", *(file.category for file in files)}
+    assert stored["set_sha256"] == chosen.sha256
+    assert {(row.planner, row.category) for row in rows} == {(p, c) for p in planners for c in categories}
+    n_agents = sum(len(file.agents) for file in files)
+    for row in rows:
+        assert row.version
+        if row.category == "all":
+            assert 0.0 <= row.low <= row.score <= row.high <= 100.0
+            assert row.n_scenarios == len(files)
+            assert row.n_agents == n_agents or row.planner == "recorded"
+    scenarios = stored["splits"][split]["scenarios"]
+    assert {planner: set(scores) for planner, scores in scenarios.items()} == {
+        planner: {file.name for file in files} for planner in planners
+    }
+
+
+@pytest.mark.parametrize(("name", "split", "planners"), SHIPPED)
+def test_the_number_of_a_planner_is_the_mean_of_its_scenarios(name, split, planners):
+    rows = {row.planner: row for row in reference_rows(read_set(name), split) if row.category == "all"}
+    for planner in planners:
+        scores = [
+            one["velocity_adjusting"] for one in stored_reference(name)["splits"][split]["scenarios"][planner].values()
+        ]
+        assert rows[planner].score == pytest.approx(sum(scores) / len(scores))
+
+
+@pytest.mark.parametrize(("planner", "name"), [("idm", "t_junction"), ("frenet", "lane_merge")])
+def test_a_part_of_the_set_gives_the_stored_scores_again(planner, name, tmp_path, monkeypatch):
+    """If drives have changed on purpose: `benchmarks/reference.py` says how to make the rows anew."""
+    whole = read_set("shipped-1")
+    part = replace(whole, files=tuple(file for file in whole.files if file.name == name))
+    monkeypatch.setattr(run, "read_set", lambda _: part)
+    found = idr.benchmark(planner, out=tmp_path / "out", workers=1).scenarios[planner][name]
+    assert found == pytest.approx(stored_reference("shipped-1")["splits"]["dev"]["scenarios"][planner][name], abs=1e-9)
+
+
+def test_the_documented_tables_are_the_stored_rows():
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        import reference
+    finally:
+        sys.path.remove(str(ROOT / "benchmarks"))
+    page = (ROOT / "docs" / "scoring.md").read_text(encoding="utf-8")
+    assert "| `frenet` |" in page
+    assert reference.documented(page) == page, "python benchmarks/reference.py writes them"
