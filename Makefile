@@ -11,7 +11,7 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test recorded check bench performance driving driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test recorded check bench performance cooperation driving driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
@@ -134,6 +134,9 @@ performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/p
 	$(BIN)/python benchmarks/peers/rule_based.py > out/rule_based.md
 	if [ -n "$(PEER)" ]; then $(BIN)/python benchmarks/peers/handler.py $(PEER) > out/handler.md; fi
 	$(BIN)/python benchmarks/targets.py out/study_runtime --memory --document
+
+cooperation: $(VENV)/.optimised ## the study of docs/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
+	$(BIN)/interdrive study cooperation --seeds 3 --out out/study_cooperation --overwrite
 
 driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/driving.md
 	$(BIN)/python benchmarks/driving $(SCENARIOS)

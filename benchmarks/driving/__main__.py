@@ -3,6 +3,7 @@
     python benchmarks/driving                                      # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
     python benchmarks/driving --csv new.csv --against old.csv      # agents that changed between two builds
     python benchmarks/driving --places A --set planner.frenet.level=1
+    python benchmarks/driving --page docs/driving.md               # writes its tables into the page, too
 
 Prints Markdown. Results do not depend on the number of workers.
 """
@@ -84,16 +85,24 @@ def main() -> int:
     parser.add_argument("--csv", type=Path, default=ROOT / "out" / "driving" / "agents.csv", help="a row per agent")
     parser.add_argument("--against", type=Path, metavar="CSV", help="of another build: agents that changed are listed")
     parser.add_argument("--reachable", type=Path, default=ROOT / "out" / "driving" / "reachable.json", help="cache")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="tables also go between the markers of this page")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     begun = time.perf_counter()
     files = scenario_files(arguments.folder)
+    half = halves(files, known := places())
     if arguments.places:
-        half = halves(files, known := places())
         files = [path for path in files if half[place_of(path, known)] == arguments.places]
     files = [path for path in files if fnmatchcase(path.stem, arguments.only or "*")]
     if not files:
         print(f"{arguments.folder}: no scenario (a folder of folders with .xml files is expected)", file=sys.stderr)
+        return 2
+    try:
+        page = arguments.page and arguments.page.read_text(encoding="utf-8")
+        if page:
+            tables.put_into(page, "")  # refused before minutes of driving, not after them
+    except (OSError, ValueError) as error:
+        print(f"{arguments.page}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return 2
     settings = bind(SimulationSettings(), dict(one.split("=", 1) for one in arguments.set))
     cache = ReachableCache(arguments.reachable)
@@ -101,10 +110,19 @@ def main() -> int:
     drives = [row for one in driven for row in one.drives]
     old = tables.read_csv(arguments.against) if arguments.against else None
     tables.write_csv(drives, arguments.csv)
-    print(f"## In time\n\n{tables.shares(drives)}\n\nReachable agents: {tables.outcomes(drives)}.")
-    print(f"\n## Causes\n\n{tables.causes(drives)}")
     samples = [sample for one in driven for sample in one.samples]
-    print(f"\n## Distance to the recordings (Wasserstein)\n\n{tables.realism(distances(samples))}")
+    written = [
+        tables.shares(drives),
+        f"Reachable agents: {tables.outcomes(drives)}.",
+        f"By halves of the places:\n\n{tables.halves(drives, half)}",
+        f"Reachable agents that are not in time, by cause:\n\n{tables.failing(drives)}",
+        f"Seconds lost by cause:\n\n{tables.causes(drives)}",
+        f"Distances to the recordings:\n\n{tables.realism(distances(samples))}",
+    ]
+    text = "\n\n".join(written)
+    print(text)
+    if page:
+        arguments.page.write_text(tables.put_into(page, text), encoding="utf-8")
     if old is not None:
         print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, drives)}")
     print(f"\n## Failures\n\n{tables.failures(drives)}")

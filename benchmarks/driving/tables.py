@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 #: A body that never reaches further beyond the lanelets stays on them [m].
 ON_LANELETS = 0.1
+#: Lines of a page between which the benchmark writes.
+MARKERS = ("<!-- written by benchmarks/driving: begin -->", "<!-- written by benchmarks/driving: end -->")
 _HEADINGS = (
     *("category", "agents", "in time", "share", "reachable", "in time", "share", "body on lanelets"),
     "seconds lost",
@@ -113,6 +115,55 @@ def causes(drives: Sequence[Drive]) -> str:
         seconds = sum(one.cause_seconds for one in rows if one.cause)
         lines.append(f"| {cause} | {len(rows)} | {len(heads)} | {behind} | {seconds:.0f} |")
     return "\n".join(lines)
+
+
+def halves(drives: Sequence[Drive], half_of: dict[str, str]) -> str:
+    """Reachable agents in time, by half of the places; `half_of` gives the half of a place."""
+    lines = ["| half | reachable | in time | share | urban | in time | share |", "|---|" + "--:|" * 6]
+    for half in sorted(set(half_of.values())):
+        rows = [one for one in drives if one.reachable and half_of.get(one.place) == half]
+        urban = [one for one in rows if one.category == "urban"]
+        cells = (half, len(rows), in_time(rows), _percent(rows), len(urban), in_time(urban), _percent(urban))
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def failing(drives: Sequence[Drive]) -> str:
+    """Reachable agents that are not in time, by cause: how they end, and which ones (with the head of their queue)."""
+    grouped = defaultdict(list)
+    for one in drives:
+        if one.reachable and one.outcome != "goal_reached":
+            grouped[one.cause or "none found"].append(one)
+    lines = ["| cause at the head of the queue | late by 1 s | 3 s | more | never | agents (head) |"]
+    lines.append("|---|" + "--:|" * 4 + "---|")
+    for cause, rows in sorted(grouped.items(), key=lambda item: (-len(item[1]), item[0])):
+        ends = Counter(_lateness(one.late) for one in rows)
+        named = defaultdict(list)
+        for one in rows:
+            queued = one.head_id not in (-1, one.agent_id)
+            named[one.scenario].append(f"{one.agent_id} ({one.head_id})" if queued else str(one.agent_id))
+        listed = "; ".join(f"{scenario} {', '.join(ids)}" for scenario, ids in sorted(named.items()))
+        lines.append(f"| {cause} | {' | '.join(str(ends[i]) for i in range(4))} | {listed} |")
+    return "\n".join(lines)
+
+
+def _lateness(late: float) -> int:
+    """Column of a delay: up to 1 s, up to 3 s, longer, never arrived (nan)."""
+    # step times dt is a little over a whole second at times
+    return next((i for i, bound in enumerate((1.0, 3.0, float("inf"))) if late <= bound + 1e-9), 3)
+
+
+def put_into(page: str, text: str) -> str:
+    """A page with the text between its two markers replaced.
+
+    Raises:
+        ValueError: if the page does not have both markers, once each and in order.
+    """
+    head, begin, rest = page.partition(MARKERS[0])
+    old, end, tail = rest.partition(MARKERS[1])
+    if not (begin and end) or MARKERS[0] in old + tail or MARKERS[1] in head + tail:
+        raise ValueError(f"needs the lines {MARKERS[0]} and {MARKERS[1]}, once each and in this order")
+    return f"{head}{begin}\n\n{text}\n\n{end}{tail}"
 
 
 def realism(distances: dict[str, dict[str, float]]) -> str:

@@ -3,7 +3,8 @@
     python examples/rl/compare.py out/ppo/policy.safetensors --unseen FOLDER > table.md
 
 Sets: A, the shipped scenarios without the highway; B, with it; C, the files ZAM_Tjunction-* of a folder, which were not
-trained on. All agents drive alike from the first time step on, and expect others to follow their lanes.
+trained on; D, junctions that scenarios/varied.py has made of seeds that were not trained on. All agents drive alike
+from the first time step on, and expect others to follow their lanes.
 """
 
 from __future__ import annotations
@@ -78,12 +79,15 @@ def planned(scenario: str | Path, planner: str) -> Counter[str]:
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    arguments.add_argument("policy", type=Path, help="file of a policy, or several", nargs="+")
+    arguments.add_argument("policy", type=Path, help="file of a policy, or several", nargs="*")
     arguments.add_argument("--unseen", type=Path, help="folder with ZAM_Tjunction-*")
+    arguments.add_argument("--yielding", type=Path, help="folder that scenarios/varied.py has made, of other seeds")
     given = arguments.parse_args()
     sets = dict(SETS)
     if given.unseen is not None:
         sets["C"] = sorted(given.unseen.rglob("ZAM_Tjunction-*.xml"))
+    if given.yielding is not None:
+        sets["D"] = sorted(given.yielding.glob("*.xml"))
     columns: dict[str, Callable[[str | Path], Counter[str]]] = {
         "random": lambda scenario: driven(scenario, at_random(0)),
         "nothing": lambda scenario: driven(scenario, nothing),

@@ -1,6 +1,7 @@
 """Trains a policy that all agents share, by proximal policy optimization, on the shipped scenarios.
 
     python examples/rl/ppo.py --out out/ppo       # at most 10 minutes on two cores
+    python examples/rl/ppo.py --scenarios out/varied  # and on what scenarios/varied.py has made
     python examples/rl/compare.py out/ppo/policy.safetensors
 
 Writes the policy, which is a planner, and its curve. Needs torch, and `pip install "interdrive[rl]"`. Schulman et al.,
@@ -187,10 +188,12 @@ def improve(policy: Policy, optimizer: torch.optim.Optimizer, batch: Batch) -> N
             optimizer.step()
 
 
-def train(seconds: float, most_steps: int, seed: int, threads: int) -> tuple[Policy, list[dict[str, float]]]:
-    """A policy, and how it came about: one entry per update."""
+def train(
+    seconds: float, most_steps: int, seed: int, threads: int, more: list[Path] | None = None
+) -> tuple[Policy, list[dict[str, float]]]:
+    """A policy, trained on the shipped scenarios and more, and how it came about: one entry per update."""
     torch.manual_seed(seed)
-    fleet = Fleet(seed, scenarios=SCENARIOS, threads=threads, **SETTINGS)
+    fleet = Fleet(seed, scenarios=[*SCENARIOS, *(more or [])], threads=threads, **SETTINGS)
     n, n_actions = fleet.all("observations").shape[1], fleet.all("actions").shape[1]
     policy, batch = Policy(n, n_actions), Batch(WORLDS * SLOTS, n, n_actions)
     optimizer = torch.optim.Adam(policy.parameters(), lr=LEARNING_RATE, eps=1e-5)
@@ -253,10 +256,11 @@ def main() -> None:
     arguments.add_argument("--steps", type=int, default=3_000_000, help="decisions of agents")
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--threads", type=int, default=2)
+    arguments.add_argument("--scenarios", type=Path, nargs="*", help="files or folders besides the shipped scenarios")
     given = arguments.parse_args()
     torch.set_num_threads(given.threads)
     given.out.mkdir(parents=True, exist_ok=True)
-    policy, curve = train(given.seconds, given.steps, given.seed, given.threads)
+    policy, curve = train(given.seconds, given.steps, given.seed, given.threads, given.scenarios)
     (given.out / "curve.json").write_text(json.dumps(curve))
     picture(curve, given.out / "curve.png")
     export(policy, given.out / "policy.safetensors")

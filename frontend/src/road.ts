@@ -2,6 +2,7 @@
 
 import type { Camera } from "./camera";
 import { PALETTES, type Theme } from "./colors";
+import { drawPriorities } from "./priorities";
 import type { Run } from "./run";
 
 type Layer = "surfaces" | "arrows" | "dashed" | "solid" | "edges";
@@ -9,7 +10,7 @@ type Layer = "surfaces" | "arrows" | "dashed" | "solid" | "edges";
 export class Road {
   private readonly paths = new Map<Layer, Path2D>();
 
-  constructor(run: Run) {
+  constructor(private readonly run: Run) {
     for (const layer of ["surfaces", "arrows", "dashed", "solid", "edges"] as const)
       this.paths.set(layer, linesOf(run, layer, layer === "surfaces"));
   }
@@ -36,6 +37,7 @@ export class Road {
       this.stroke(ctx, "solid", colors.marking, Math.max(0.2, 1.6 * pixel));
     }
     this.stroke(ctx, "edges", colors.edge, Math.max(0.12, 1.2 * pixel));
+    drawPriorities(ctx, camera, ratio, this.run, theme);
   }
 
   private stroke(ctx: CanvasRenderingContext2D, layer: Layer, color: string, width: number): void {

@@ -75,7 +75,7 @@ __all__ = [
     "time_to_collision",
 ]
 __version__: str
-#: Names of the codes in arrays, by their position: "kind", "outcome", "plan_status", "impact_area", "measure".
+#: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
 #: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
 LIGHT_DECELERATION: float
@@ -131,6 +131,9 @@ class RoadNetwork:
     @property
     def road_edges(self) -> _Floats: ...
     def lane_rules(self, x: _Floats, y: _Floats, orientation: _Floats) -> tuple[_Floats, _Floats]: ...
+    def lanes_below(
+        self, x: _Floats, y: _Floats, orientation: _Floats, angle_max: float
+    ) -> tuple[_Ints, _Ints, _Floats, _Floats]: ...
     def covers(self, shape: Shape, x: float, y: float, orientation: float) -> bool: ...
 
 @final
@@ -186,6 +189,8 @@ class Vehicle:
         steering_rate_max: float | None = None,
         lateral_acceleration_max: float | None = None,
     ) -> Vehicle: ...
+    @staticmethod
+    def of_type(number: int, *, velocity_max: float | None = None) -> Vehicle: ...
     @property
     def length(self) -> float: ...
     @property
@@ -246,7 +251,7 @@ class Planner:
     def policy(
         layers: Sequence[tuple[str, _Singles, _Singles]],
         activation: str,
-        actions: tuple[str, object, tuple[int, int]],
+        actions: tuple[str, object, Sequence[int]],
         observation: ObservationSettings,
     ) -> Planner: ...
 
@@ -595,6 +600,8 @@ class World:
     def plan(self, scene: Scene, predictions: Predictions) -> Plans: ...
     @property
     def equipped(self) -> list[int]: ...
+    @property
+    def obeying(self) -> list[int]: ...
     def expect(self, scene: Scene, predictions: Predictions) -> Predictions: ...
     def messages(self) -> dict[str, Any] | None: ...
     def agreements(self) -> dict[str, Any]: ...
@@ -614,7 +621,13 @@ class Stage:
         InputError: An id is there twice, or a planner needs a recording that is not there.
     """
 
-    def __new__(cls, scenario: Scenario, agents: Sequence[Agent], planners: Sequence[Planner | None]) -> Stage: ...
+    def __new__(
+        cls,
+        scenario: Scenario,
+        agents: Sequence[Agent],
+        planners: Sequence[Planner | None],
+        learning: Planner | None = None,
+    ) -> Stage: ...
     @property
     def ids(self) -> list[int]: ...
     def eligible(self, time_step: int, rest: int) -> list[int]: ...
@@ -632,7 +645,7 @@ class Worlds:
         cls,
         stages: Sequence[Stage],
         *,
-        actions: tuple[str, object, tuple[int, int]],
+        actions: tuple[str, object, Sequence[int]],
         observation: ObservationSettings,
         reward: RewardWeights,
         step: CoreStepSettings,
@@ -651,6 +664,8 @@ class Worlds:
     def num_rows(self) -> int: ...
     @property
     def num_observations(self) -> int: ...
+    @property
+    def observed(self) -> list[str]: ...
     @property
     def hungry(self) -> list[int]: ...
     def bind(

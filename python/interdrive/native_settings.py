@@ -502,6 +502,34 @@ class Kinematic:
 
 
 @dataclass(frozen=True)
+class FrenetTarget:
+    """The end of a sample in the Frenet frame, as three numbers from -1 to 1.
+
+    The first is the lateral position, the second the change of the speed, the third the time in which both are
+    reached. The vehicle drives the first time step of the sample; then the next action counts.
+
+    Attributes:
+        d_max: Lateral position for a first number of 1, to the left of the path. Positive and at most 15.
+        velocity_step: Change of the present speed for a second number of 1. Positive and at most 100.
+        t_min: Time for a third number of -1; at most the horizon. Positive and at most 60.
+        horizon: Time for a third number of 1; the vehicle's limits are checked so far ahead. Positive and at most
+            60.
+        low_velocity: Below this speed lateral motion is planned over arc length instead of time. Positive and at
+            most 100.
+    """
+
+    d_max: Annotated[float, "m"] = 3.0
+    velocity_step: Annotated[float, "m/s"] = 5.0
+    t_min: Annotated[float, "s"] = 1.1
+    horizon: Annotated[float, "s"] = 3.0
+    low_velocity: Annotated[float, "m/s"] = 2.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("FrenetTarget", self)
+
+
+@dataclass(frozen=True)
 class ObservationSettings:
     """What learners and learned planners observe.
 
@@ -549,6 +577,7 @@ class RewardWeights:
         recorded: exp(-distance to the own recording now / 2 m), by time; 0 where there is none, and unless
             weighted.
         limited: 1 in a step in which the vehicle could not do what was asked for.
+        weight_change: Mean absolute change of the logarithms (base 10) of cost weights in a decision.
     """
 
     progress: float = 1.0
@@ -569,6 +598,7 @@ class RewardWeights:
     headway: float = 0.0
     recorded: float = 0.0
     limited: float = 0.0
+    weight_change: float = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

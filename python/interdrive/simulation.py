@@ -25,8 +25,9 @@ from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
+from interdrive.run.orders import orders_of
 from interdrive.run.reasons import reasons
-from interdrive.run.violations import violations
+from interdrive.run.violations import Grants, violations
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count
@@ -329,13 +330,24 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
+            orders=orders_of(self.world.waits()) if self.settings.record.orders and self.world.obeying else None,
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
-        broken = violations(run, self.road) if self.settings.record.violations else None
+        broken = (
+            violations(run, self.road, self._core_scenario.junctions(), self._grants())
+            if self.settings.record.violations
+            else None
+        )
         return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)
+
+    def _grants(self) -> Grants:
+        """What agents were told about junctions."""
+        obeying = set(self.world.obeying)
+        paths = {agent.id: agent.route.reference_path for agent in self.agents if agent.id in obeying}
+        return Grants(paths, self.world.waits())
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:
         """One line if the run reached its largest number of time steps before all agents had an outcome."""

@@ -6,13 +6,17 @@ latest, and a rear has left at 1.4 m.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from damage import with_cell
 
 import interdrive as idr
+from interdrive.results.story import story
 from interdrive.scenario import Lanelets
 from interdrive.scenario.control import Priorities
 from interdrive.simulation import Simulation
@@ -95,6 +99,15 @@ def test_a_gap_that_is_large_enough_is_taken():
     # It has left after 1.5 + 0.73 s, 1 s before the other one comes.
     scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 15.0), car(2, NORTH_WAY, 60.0)])
     assert told(scenario) == {1: FREE, 2: FREE}
+
+
+@pytest.mark.parametrize("predictor", ["neural", "lane_following", "constant_velocity"])
+def test_one_that_goes_first_does_not_slow_down_for_one_that_was_told_to_wait(predictor):
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 25.0), car(2, NORTH_WAY, 25.0)])
+    run = idr.simulate(scenario, predictor=predictor, settings=RULES, threads=1)
+    slowest = [float(run.states.velocity[row, run.states.valid[row]].min()) for row in range(2)]
+    assert slowest[0] < 7.0 < 9.8 < slowest[1], "m/s"
+    assert set(run.outcomes.outcome) == {"goal_reached"}
 
 
 def test_signs_turn_the_order_around():
@@ -220,3 +233,41 @@ def test_a_planner_in_python_is_told_the_same_and_can_obey():
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     x = run.states.x[0, run.states.valid[0]]
     assert np.argmax(x + HALF > MOUTH) * 0.1 >= 3.0, "seconds until it enters"
+
+
+def test_orders_are_recorded_and_told(tmp_path):
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    run = idr.simulate(scenario, settings=RULES, threads=1)
+    orders = run.orders
+    assert (set(orders.kind), set(orders.agent_id.tolist()), set(orders.by_id.tolist())) == ({"yield"}, {1}, {2})
+    assert orders.first_time_step[0] == 0
+    entered = int(np.argmax(run.states.x[0] + HALF > MOUTH))
+    assert orders.last_time_step.max() < entered, "it does not enter before it may"
+    again = idr.Run.load(run.save(tmp_path / "run"))
+    assert again.orders.to_arrow().equals(orders.to_arrow())
+    assert "slowing before a junction: it gave way to 2," in "\n".join(story(again, 1))
+
+
+def test_without_the_rule_there_are_no_orders(tmp_path):
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    for settings in ({"rules.precedence": False}, RULES | {"record.orders": False}):
+        run = idr.simulate(scenario, settings=settings, threads=1)
+        assert run.orders is None
+        assert not (run.save(tmp_path / str(len(settings))) / "orders.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("by_id", 4711, "by_id: 4711 has no states"),
+        ("kind", "wish", "kind: 'wish' is none of yield, exit, queue"),
+        ("last_time_step", -1, "last_time_step: -1 in row 0 is before the first one"),
+    ],
+)
+def test_a_damaged_table_of_orders_is_refused(tmp_path, column, value, words):
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
+    folder = idr.simulate(scenario, settings=RULES, threads=1).save(tmp_path / "run")
+    path = folder / "orders.parquet"
+    pq.write_table(with_cell(column, value)(pq.read_table(path)), path)
+    with pytest.raises(idr.ResultsError, match=re.escape(f"orders.parquet: {words}")):
+        idr.Run.load(folder)

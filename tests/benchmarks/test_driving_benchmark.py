@@ -73,3 +73,57 @@ def test_the_longest_stand_is_one_without_a_break(part):
     stands = np.array([1, 1, 0, 1, 1, 1, 0, 1], dtype=bool)
     assert part("drives").longest(stands, 0.5) == pytest.approx(1.5)
     assert part("drives").longest(np.zeros(0, dtype=bool), 0.5) == 0.0
+
+
+def row(part, agent_id, **changed):
+    text = dict.fromkeys(("category", "place", "scenario", "origin", "partner"), "")
+    number = dict.fromkeys(("time", "lost", "stood", "slow", "recorded_slow", "off_lanelets", "impact_speed"), 0.0)
+    ended = {"reachable": True, "outcome": "goal_reached", "late": float("nan"), "cause": "", "cause_seconds": 0.0}
+    ids = {"agent_id": agent_id, "partner_id": -1, "head_id": -1}
+    return part("drives").Drive(**text | number | ended | ids | changed)
+
+
+def test_failing_agents_stand_beside_their_cause_with_the_head_of_their_queue(part):
+    late = {"scenario": "S", "outcome": "goal_reached_late", "cause": "steering"}
+    drives = [
+        row(part, 1, **late, late=1.0, head_id=1),
+        row(part, 2, **late, late=2.9, head_id=1),
+        row(part, 3, scenario="S", outcome="time_limit"),
+        row(part, 4, scenario="S"),
+        row(part, 5, **late, late=9.0, reachable=False),
+    ]
+    lines = part("tables").failing(drives).splitlines()[2:]
+    assert lines == ["| steering | 1 | 1 | 0 | 0 | S 1, 2 (1) |", "| none found | 0 | 0 | 0 | 1 | S 3 |"]
+
+
+def test_halves_count_reachable_agents_at_their_places(part):
+    drives = [
+        row(part, 1, place="P", category="urban"),
+        row(part, 2, place="P", category="highway", outcome="time_limit"),
+        row(part, 3, place="P", reachable=False),
+        row(part, 4, place="Q"),
+    ]
+    lines = part("tables").halves(drives, {"P": "A", "Q": "B"}).splitlines()[2:]
+    assert lines == ["| A | 2 | 1 | 50.0 % | 1 | 1 | 100.0 % |", "| B | 1 | 1 | 100.0 % | 0 | 0 |  |"]
+
+
+def test_only_what_stands_between_the_markers_of_a_page_is_replaced(part):
+    tables = part("tables")
+    begin, end = tables.MARKERS
+    page = f"before\n{begin}\nold\n{end}\nafter\n"
+    once = tables.put_into(page, "new")
+    assert once == f"before\n{begin}\n\nnew\n\n{end}\nafter\n"
+    assert tables.put_into(once, "new") == once
+    for broken in ("before", f"{end}\n{begin}", page + begin):
+        with pytest.raises(ValueError, match="once each"):
+            tables.put_into(broken, "new")
+
+
+def test_a_page_without_markers_is_refused_before_driving(tmp_path):
+    (tmp_path / "junction").mkdir()
+    shutil.copy(shipped_scenario("t_junction"), tmp_path / "junction")
+    (tmp_path / "page.md").write_text("no markers\n")
+    done = benchmark(tmp_path, "--page", tmp_path / "page.md")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert not done.stdout

@@ -108,7 +108,8 @@ def test_a_run_folder_holds_the_files_of_the_table(console):
     described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
     found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
     others = {"run.png", "run.gif", "criticality_extremes.parquet"}  # asked for, or part of what is described
-    assert described - {"predictions.parquet", "candidates.parquet", "messages.parquet"} == found - others
+    on_demand = {f"{table}.parquet" for table in ("predictions", "candidates", "messages", "orders")}
+    assert described - on_demand == found - others
 
 
 def test_settings_of_an_agent_reach_its_run(console):

@@ -14,6 +14,7 @@ from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_from_commonroad
 from interdrive.files.read import quiet
 from interdrive.files.shapes import shape_of
+from interdrive.scenario.inspection import inspect
 
 # Roads
 
@@ -57,12 +58,18 @@ def test_signs_that_planners_do_not_obey_are_counted_in_a_note(read):
     signs = "".join(
         f'<trafficSign id="{number}"><trafficSignElement><trafficSignID>{code}</trafficSignID>{value}'
         "</trafficSignElement></trafficSign>"
-        for number, code, value in ((7, 274, "<additionalValue>10</additionalValue>"), (8, 206, ""), (9, 205, ""))
+        for number, code, value in (
+            (7, 274, "<additionalValue>10</additionalValue>"),
+            (8, 206, ""),
+            (9, 205, ""),
+            (10, 276, ""),
+        )
     )
-    lanelets = lanelet(1, more=stop + "".join(f'<trafficSignRef ref="{number}"/>' for number in (7, 8, 9)))
-    notes = read(document(signs, lanelets=lanelets)).notes
-    one = "1 traffic sign is not obeyed: planners know speed limits, stop signs and traffic lights only"
-    assert [note for note in notes if "obeyed" in note] == [one]
+    lanelets = lanelet(1, more=stop + "".join(f'<trafficSignRef ref="{number}"/>' for number in (7, 8, 9, 10)))
+    scenario = read(document(signs, lanelets=lanelets))
+    one = "1 traffic sign is not obeyed: planners know speed limits, signs of priority and traffic lights only"
+    assert [note for note in scenario.notes if "obeyed" in note] == [one]
+    assert (inspect(scenario).n_stop_signs, inspect(scenario).n_priority_signs) == (1, 1)
     assert not any("obeyed" in note for note in read(document("")).notes)
 
 

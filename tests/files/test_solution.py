@@ -15,6 +15,7 @@ import interdrive as idr
 from interdrive.cli import main
 from interdrive.files.solution import steering_angles
 from interdrive.results import save
+from interdrive.testing import Car, problem, straight_road, world
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +75,23 @@ def test_a_point_mass_moves_as_the_centre_does(run):
     dt = run.scenario.dt
     for place, velocity in ((x, along_x), (y, along_y)):
         assert np.diff(place) / dt == pytest.approx(0.5 * (velocity[1:] + velocity[:-1]), abs=0.03)
+
+
+@pytest.mark.parametrize(("number", "name"), [(1, "FORD_ESCORT"), (3, "VW_VANAGON"), (4, "TRUCK")])
+def test_a_problem_drives_the_vehicle_type_of_the_setting(number, name):
+    run = idr.simulate("t_junction", agents="problems", settings={"agents.vehicle_type": number})
+    assert run.outcomes.outcome == ("goal_reached",)
+    found = CommonRoadSolutionReader.fromstring(idr.write_solution(run).decode()).planning_problem_solutions[0]
+    assert found.vehicle_type == VehicleType[name]
+
+
+@pytest.mark.parametrize(("number", "length", "kind"), [(0, 4.5, "car"), (4, 5.1, "truck")])
+def test_a_problem_drives_the_recorded_vehicle_at_its_start_unless_a_type_is_set(number, length, kind):
+    start = problem(1, x=20.0, goal=(60.0, 0.0), time_step=(20, 60))
+    scene = world(straight_road(), cars=[Car(7, x=20.0, velocity=10.0)], problems=[start])
+    run = idr.simulate(scene, agents="problems", settings={"agents.vehicle_type": number})
+    assert (run.outcomes.agent_id.tolist(), run.states.kinds) == ([7], (kind,))
+    assert run.states.length.tolist() == [length]
 
 
 def test_date_and_processor_are_written_if_they_are_given(run):

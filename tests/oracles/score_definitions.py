@@ -190,6 +190,19 @@ def side(agent: Body, other: Body, contact: float) -> str:
     return "left" if math.sin(relative) > 0.0 else "right"
 
 
+def keeps_lane(lanes: Lanes, agent: Body, other: Body, steps: list[float]) -> bool:
+    """At all steps both head the same way within 45°, and the agent is within a lane that is not the other one's."""
+    theirs = {row for below in lanes.below(*other.state(steps[0])[:2]) for row in lanes.lane(below)}
+    for step in steps:
+        x, y, heading, _ = agent.state(step)
+        points = [*list(agent.at(step).exterior.coords)[:4], (x, y)]
+        is_apart = not any(theirs & {*lanes.below(*point)} for point in points)
+        beside = abs(turned(other.state(step)[2] - heading)) < math.pi / 4
+        if not (beside and is_apart and lanes.is_within_one(agent.at(step), x, y)):
+            return False
+    return True
+
+
 @dataclass(frozen=True)
 class Judgement:
     """Verdict with the two entries, and whether rounding could turn it around."""
@@ -228,6 +241,7 @@ def judgement(
         any(one.needed > 0.0 and abs(one.gap - one.needed) < 0.05 for one in (theirs, ours))
         or abs(angle - math.pi / 4) < 0.01
     )
+    since = [*range(theirs.step, math.ceil(contact - 1e-12)), contact]
     has_entered, too_late = theirs.step > 0, theirs.gap < theirs.needed
 
     def found(kind: str) -> Judgement:
@@ -235,6 +249,9 @@ def judgement(
 
     if has_entered and touched in ("left", "right") and angle < math.pi / 4 and not lanes.is_within_one(body, x, y):
         return found("cut_off")
+    has_left = not lanes.is_within_one(other.at(contact), *other.state(contact)[:2])
+    if other_speed > 0.05 and ours.step >= theirs.step and has_left and keeps_lane(lanes, agent, other, since):
+        return found("")
     if 0 < ours.step < theirs.step and ours.gap < ours.needed:
         return found("")
     if has_entered and too_late and ours.step >= theirs.step:

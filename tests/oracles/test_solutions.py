@@ -20,7 +20,7 @@ from vehiclemodels.parameters_vehicle3 import parameters_vehicle3
 from vehiclemodels.parameters_vehicle4 import parameters_vehicle4
 
 import interdrive as idr
-from interdrive.files.solution import VEHICLES
+from interdrive import _core
 from interdrive.files.solution_check import check_solution
 from interdrive.run import RunRecord
 
@@ -105,17 +105,41 @@ def costs_of(run, agent, dt):
     velocity, yaw_rate = states.velocity[row, columns], states.yaw_rate[row, columns]
     found = {PartialCostFunction.A: simpson((np.diff(velocity) / dt) ** 2, dx=dt)}
     if (np.abs(velocity) > 0.1).all() and np.isfinite(yaw_rate).all():
-        steering = np.arctan(yaw_rate * VEHICLES[2].wheelbase / velocity)
+        steering = np.arctan(yaw_rate * _core.Vehicle.of_type(2).wheelbase / velocity)
         found[PartialCostFunction.SA] = simpson(steering**2, dx=dt)
         found[PartialCostFunction.SR] = simpson((np.diff(steering) / dt) ** 2, dx=dt)
     return found
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_vehicle_types_have_the_published_sizes(number):
-    ours, theirs = VEHICLES[number], PARAMETERS[number - 1]()
+def test_vehicle_types_have_the_published_parameters(number):
+    ours, theirs = _core.Vehicle.of_type(number), PARAMETERS[number - 1]()
     assert (ours.length, ours.width) == (theirs.l, theirs.w)
-    assert (ours.front, ours.rear) == pytest.approx((theirs.a, theirs.b), rel=1e-9)
+    assert ours.wheelbase == pytest.approx(theirs.a + theirs.b, rel=1e-9)
+    assert ours.rear_axle_to_center == pytest.approx(theirs.b, rel=1e-9)
+    assert (ours.steering_angle_max, ours.steering_rate_max) == (theirs.steering.max, theirs.steering.v_max)
+    limits = theirs.longitudinal
+    assert (ours.velocity_max, ours.velocity_switch, ours.acceleration_max) == (
+        limits.v_max,
+        limits.v_switch,
+        limits.a_max,
+    )
+
+
+# With types 1 and 3 an emergency in the turn of ZAM_Tjunction-1_42 straightens the wheels faster than they turn.
+@pytest.mark.parametrize(("number", "jumps"), [(1, 1), (3, 1), (4, 0)])
+def test_drives_of_other_vehicle_types_are_feasible_unless_they_brake_in_an_emergency(
+    scenarios_folder, number, jumps, measured
+):
+    wrong, n = [], 0
+    for name in FEW:
+        one = solved(next(scenarios_folder.rglob(f"{name}.xml")), {"agents.vehicle_type": number})
+        if one is None:
+            continue
+        n += 1
+        checks = check_solution(one.document, one.path).checks
+        wrong += [(name, check, why) for check, why in checks.items() if why]
+    measured(f"solutions of vehicle type {number}, official checks", n, len(wrong), jumps, "files", cases=wrong)
 
 
 def test_point_masses_are_feasible(solutions, measured):

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from interdrive import _core
 from interdrive.criticality import IMPACT_AREAS, MEASURES
-from interdrive.run import PLAN_STATUS, SERVICES, VIA
+from interdrive.run import ORDERS, PLAN_STATUS, SERVICES, VIA
 from interdrive.run.assemble import OUTCOME_NAMES
-from interdrive.scenario import KINDS
+from interdrive.scenario import KINDS, SIGNALS
+from interdrive.scenario.control import WAYS
+from interdrive.scenario.inspection import AREA_KINDS, PRECEDENCE
 
 ROOT = Path(__file__).parents[2]
 PICTURE = re.search(r"## The picture\n\n(.*?)\n\n", (ROOT / "ARCHITECTURE.md").read_text(), re.DOTALL)[1]
@@ -41,6 +43,19 @@ def test_no_module_of_the_package_imports_the_package_itself():
     assert found == {("_core", ""), ("criticality, plots, report", "__init__.py")}
 
 
+#: The words of `interdrive check`, and what the core calls these reasons.
+REASONS_IN_THE_CORE = {
+    "by arrival": "arrival",
+    "by signs": "sign",
+    "left turns wait": "oncoming",
+    "minor roads wait": "minor",
+    "main road first": "main_road",
+    "by side": "side",
+    "lane that goes on first": "continues",
+    "smaller turn first": "turn",
+}
+
+
 def test_codes_mean_the_same_on_both_sides_of_the_boundary():
     def snake(name: str) -> str:
         return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
@@ -52,6 +67,11 @@ def test_codes_mean_the_same_on_both_sides_of_the_boundary():
         "impact_area": IMPACT_AREAS,
         "service": SERVICES,
         "via": VIA,
+        "signal": SIGNALS,
+        "way": WAYS,
+        "area_kind": tuple({"crossing": "cross"}.get(kind, kind) for kind in AREA_KINDS),
+        "precedence": tuple(REASONS_IN_THE_CORE[text] for text in PRECEDENCE),
+        "order": ORDERS,
         "measure": tuple(measure.name for measure in MEASURES),
     }
     assert {what: tuple(map(snake, names)) for what, names in _core.CODES.items()} == ours

@@ -85,8 +85,8 @@ def placed(scenario, angle, x, y):
 
 
 def mirrored(scenario):
-    """Left is right."""
-    lanes, cars = scenario.lanelets, scenario.obstacles
+    """Left is right, and vehicles drive on the other side of the road."""
+    lanes, cars, priorities = scenario.lanelets, scenario.obstacles, scenario.priorities
 
     def across(points):
         return points * np.array([1.0, -1.0])
@@ -103,6 +103,7 @@ def mirrored(scenario):
             adjacent_right_same_direction=lanes.adjacent_left_same_direction,
         ),
         obstacles=replace(cars, y=-cars.y, orientation=-cars.orientation, yaw_rate=-cars.yaw_rate),
+        priorities=replace(priorities, left_hand=not priorities.left_hand, priority_side="left"),
     )
 
 

@@ -98,9 +98,9 @@ def test_a_red_light_decides_at_a_crossing_whose_fault_it_is(collided):
     from interdrive.run import Violations
     from interdrive.scoring.faults import Verdict, _at_crossing
 
-    def broken(number):
+    def broken(number, rule="red_light", partner=-1):
         return Violations(
-            ("agent",), np.array([number]), ("red_light",), np.array([20]), np.array([20]), np.array([1]),
+            ("agent",), np.array([number]), (rule,), *(np.array([at]) for at in (20, 20, 1, partner)),
             *(np.zeros(1) for _ in range(3)),
         )  # fmt: skip
 
@@ -109,6 +109,8 @@ def test_a_red_light_decides_at_a_crossing_whose_fault_it_is(collided):
     found = _at_crossing(replace(came_late, kind=""), broken(1), 1, 2, 0.1, 10.0)
     assert (found.kind, found.words) == ("red_light", "passed a red light 2.0 s before the contact with 2")
     assert _at_crossing(came_late, broken(2), 1, 2, 0.1, 1.0).kind == "cut_off", "too long ago"
+    assert _at_crossing(came_late, broken(2, "right_of_way", 1), 1, 2, 0.1, 10.0).kind == ""
+    assert _at_crossing(came_late, broken(2, "right_of_way", 3), 1, 2, 0.1, 10.0).kind == "cut_off", "that of another"
 
 
 def test_scores_do_not_depend_on_the_order_of_agents_and_are_written_with_equal_bytes(tmp_path):

@@ -72,6 +72,17 @@ def four_arms(way=40.0, velocity=8.0):
     return world(lanelets(lanes), cars=[], problems=problems)
 
 
+def two_roads(ways=(30.0, 36.0), speeds=(7.0, 7.0), cars=()):
+    """Two one-way roads that cross; agent 1 drives on lanelet 1 towards +x, agent 2 on lanelet 2 from its right."""
+    lanes = [lane(turned(straight(-100.0, 100.0, 0.0), angle)) for angle in (0.0, 0.5 * np.pi)]
+    problems = []
+    for i, angle in enumerate((0.0, 0.5 * np.pi)):
+        (x, y), (gx, gy) = turned([[-ways[i], 0.0], [40.0, 0.0]], angle)
+        area = {"goal": (gx, gy), "goal_size": (10.0, 3.5), "goal_orientation": angle, "time_step": (0, 400)}
+        problems.append(problem(i + 1, x, y, speeds[i], angle, **area))
+    return world(lanelets(lanes), cars=cars, problems=problems, steps=250)
+
+
 def three_left_turns(way=25.0, velocity=6.0):
     """Three agents at a T-junction, each of which crosses the ways of the two others."""
 

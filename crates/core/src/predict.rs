@@ -6,6 +6,7 @@ pub mod neural;
 mod standing;
 #[cfg(test)]
 mod tests;
+mod waiting;
 
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,6 +23,7 @@ use crate::trajectory::{Predictions, State};
 use crate::vehicle::ParticipantKind;
 use lane_candidates::LaneCandidates;
 pub use standing::is_standing;
+pub(crate) use waiting::{Waiting, wait};
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.
 const STATIONARY_SPEED: f64 = 0.3;

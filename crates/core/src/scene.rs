@@ -170,23 +170,18 @@ impl Scene {
         visible.retain(|_| seen.next() == Some(true));
     }
 
-    /// Whether the participant in a row would see a body that is not present, if it were.
-    pub(crate) fn would_see(
-        &self,
-        row: usize,
-        limits: &ViewLimits,
-        shape: &Shape,
-        pose: Pose,
-        is_static: bool,
-    ) -> bool {
+    /// Which of some bodies that are not present the participant in a row would see if they were: footprint, pose, and
+    /// whether it never moves. None of them hides another one.
+    pub(crate) fn would_see(&self, row: usize, limits: &ViewLimits, all: &[(&Shape, Pose, bool)]) -> Vec<bool> {
         let participants = &self.participants;
         let eye = self.state(row).pose().position;
-        let size = if is_static { shape.bounding_radius() } else { 0.0 };
-        if pose.position.distance(eye) > limits.sensor_radius + size {
-            return false;
-        }
-        if !limits.occlusion {
-            return true;
+        let is_near = |(shape, pose, is_static): &(&Shape, Pose, bool)| {
+            let size = if *is_static { shape.bounding_radius() } else { 0.0 };
+            pose.position.distance(eye) <= limits.sensor_radius + size
+        };
+        let near: Vec<bool> = all.iter().map(is_near).collect();
+        if !limits.occlusion || !near.contains(&true) {
+            return near;
         }
         let others = self.present.iter().copied().filter(|other| *other != row);
         let body = |other: usize| line_of_sight::SightBody {
@@ -195,9 +190,16 @@ impl Scene {
             hides: participants.is_static[other] || participants.kind[other].blocks_sight(),
             is_wanted: false,
         };
-        let wanted = line_of_sight::SightBody { shape, pose, hides: false, is_wanted: true };
-        let bodies: Vec<_> = std::iter::once(wanted).chain(others.map(body)).collect();
-        line_of_sight::seen_from(eye, &bodies)[0]
+        let wanted = all.iter().zip(&near).map(|((shape, pose, _), is_near)| line_of_sight::SightBody {
+            shape,
+            pose: *pose,
+            hides: false,
+            is_wanted: *is_near,
+        });
+        let bodies: Vec<_> = wanted.chain(others.map(body)).collect();
+        let mut seen = line_of_sight::seen_from(eye, &bodies);
+        seen.truncate(all.len());
+        seen
     }
 }
 

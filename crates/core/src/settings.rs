@@ -234,6 +234,11 @@ macro_rules! settings {
             pub fn as_array(&self) -> [f64; $n] {
                 [$(self.$field),*]
             }
+
+            /// From values in the order of `NAMES`.
+            pub fn from_array([$($field),*]: [f64; $n]) -> Self {
+                Self { $($field),* }
+            }
         }
     };
     (@or $otherwise:expr) => { $otherwise };

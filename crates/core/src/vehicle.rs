@@ -128,8 +128,22 @@ pub struct VehicleLimits {
 }
 
 impl Vehicle {
-    /// BMW 320i: CommonRoad vehicle type 2 (commonroad-vehicle-models 3.0.2). The lateral limit is ours: dry road with
-    /// the tyres' friction not used to the end.
+    /// Ford Escort: CommonRoad vehicle type 1 (commonroad-vehicle-models 3.0.2, as all types). Lateral limits are ours:
+    /// dry road with the tyres' friction not used to the end.
+    pub const FORD_ESCORT: Self = Self {
+        length: 4.298,
+        width: 1.674,
+        wheelbase: 2.392_68,
+        rear_axle_to_center: 1.508_76,
+        acceleration_max: 11.5,
+        velocity_switch: 4.755,
+        velocity_max: 45.8,
+        steering_angle_max: 0.910,
+        steering_rate_max: 0.4,
+        lateral_acceleration_max: 8.0,
+    };
+
+    /// BMW 320i: CommonRoad vehicle type 2.
     pub const BMW_320I: Self = Self {
         length: 4.508,
         width: 1.610,
@@ -142,6 +156,48 @@ impl Vehicle {
         steering_rate_max: 0.4,
         lateral_acceleration_max: 8.0,
     };
+
+    /// VW Vanagon: CommonRoad vehicle type 3.
+    pub const VW_VANAGON: Self = Self {
+        length: 4.569,
+        width: 1.844,
+        wheelbase: 2.471_928,
+        rear_axle_to_center: 1.321_136_397_6,
+        acceleration_max: 11.5,
+        velocity_switch: 7.824,
+        velocity_max: 41.7,
+        steering_angle_max: 1.023,
+        steering_rate_max: 0.4,
+        lateral_acceleration_max: 8.0,
+    };
+
+    /// Semi-trailer truck without its trailer: CommonRoad vehicle type 4.
+    pub const TRUCK: Self = Self {
+        length: 5.1,
+        width: 2.55,
+        wheelbase: 3.6,
+        rear_axle_to_center: 1.8,
+        acceleration_max: 11.5,
+        velocity_switch: 7.824,
+        velocity_max: 22.22,
+        steering_angle_max: 0.55,
+        steering_rate_max: 0.7103,
+        lateral_acceleration_max: 4.0,
+    };
+
+    /// The vehicle of a CommonRoad vehicle type.
+    ///
+    /// # Errors
+    /// `InvalidInput` for a number other than 1 to 4.
+    pub fn of_type(number: i64) -> Result<Self> {
+        match number {
+            1 => Ok(Self::FORD_ESCORT),
+            2 => Ok(Self::BMW_320I),
+            3 => Ok(Self::VW_VANAGON),
+            4 => Ok(Self::TRUCK),
+            _ => Err(Error::invalid(format!("there is no vehicle type {number}: expected a number from 1 to 4"))),
+        }
+    }
 
     /// Parameters that fit a footprint: axle positions scale with the length of the BMW 320i; trucks, buses and
     /// two-wheelers get lower limits.
@@ -235,5 +291,20 @@ impl Vehicle {
     #[inline]
     pub fn center_from_rear_axle(&self, rear_axle: Pose) -> Point {
         rear_axle.position + Point::from_angle(rear_axle.orientation) * self.rear_axle_to_center
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Vehicle;
+
+    #[test]
+    fn a_type_has_the_size_and_limits_of_its_number() {
+        assert_eq!(Vehicle::of_type(2).unwrap(), Vehicle::BMW_320I);
+        let limits = [1, 2, 3, 4].map(|number| Vehicle::of_type(number).unwrap().velocity_max);
+        assert_eq!(limits, [45.8, 50.8, 41.7, 22.22]);
+        for number in [0, 5, -1] {
+            assert!(Vehicle::of_type(number).unwrap_err().to_string().contains("expected a number from 1 to 4"));
+        }
     }
 }

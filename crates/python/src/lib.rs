@@ -21,8 +21,10 @@ mod view;
 mod world;
 mod worlds;
 
+use interdrive_core::control::{Signal, Turn};
 use interdrive_core::criticality::Measure;
 use interdrive_core::criticality::harm::ImpactArea;
+use interdrive_core::junctions::{AreaKind, Reason};
 use interdrive_core::recording::OutcomeKind;
 use interdrive_core::rules;
 use interdrive_core::trajectory::PlanStatus;
@@ -40,6 +42,11 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     codes.set_item("impact_area", ImpactArea::ALL.map(|area| format!("{area:?}")))?;
     codes.set_item("service", Service::ALL.map(|service| format!("{service:?}")))?;
     codes.set_item("via", Via::ALL.map(|via| format!("{via:?}")))?;
+    codes.set_item("signal", Signal::ALL.map(|signal| format!("{signal:?}")))?;
+    codes.set_item("way", Turn::ALL.map(|turn| format!("{turn:?}")))?;
+    codes.set_item("area_kind", AreaKind::ALL.map(|kind| format!("{kind:?}")))?;
+    codes.set_item("precedence", Reason::ALL.map(|reason| format!("{reason:?}")))?;
+    codes.set_item("order", rules::OrderKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("measure", Measure::ALL.map(|(_, name)| name))?;
     Ok(codes)
 }

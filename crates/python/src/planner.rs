@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use interdrive_core::plan::Planner;
-use interdrive_core::plan::frenet::{Candidates, CostWeights, N_TERMS};
+use interdrive_core::plan::frenet::{Candidates, CostWeights, FrenetTarget, N_TERMS};
 use interdrive_core::plan::learned::ActionSpace;
 use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPolicy};
+use interdrive_core::plan::weights::{WeightActions, WeightChange};
 use interdrive_core::plan::{IdmMobilSettings, VelocityAdjustingSettings};
 use interdrive_core::vehicle::single_track::Kinematic;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -16,11 +17,22 @@ use crate::arrays;
 use crate::errors::{InputError, exception};
 use crate::settings::read;
 
-/// What actions mean, from their name, their record and the numbers of choices.
-pub fn action_space(name: &str, record: &Bound<'_, PyAny>, grid: (usize, usize)) -> PyResult<ActionSpace> {
+/// What actions mean, from their name, their record, and the numbers of choices or the positions of weights.
+pub fn action_space(name: &str, record: &Bound<'_, PyAny>, numbers: Vec<usize>) -> PyResult<ActionSpace> {
+    let weights = |change: WeightChange, terms: Vec<usize>| -> PyResult<ActionSpace> {
+        Ok(ActionSpace::FrenetWeights(Box::new(WeightActions { planner: read(record)?, terms, change })))
+    };
     Ok(match name {
         "kinematic" => ActionSpace::Kinematic(read::<Kinematic>(record)?),
-        "kinematic_grid" => ActionSpace::KinematicGrid(read::<Kinematic>(record)?, grid),
+        "frenet_target" => ActionSpace::FrenetTarget(read::<FrenetTarget>(record)?),
+        "kinematic_grid" => {
+            let &[pedals, wheels] = numbers.as_slice() else {
+                return Err(InputError::new_err("actions: a grid has two numbers of choices"));
+            };
+            ActionSpace::KinematicGrid(read::<Kinematic>(record)?, (pedals, wheels))
+        }
+        "frenet_weights_absolute" => weights(WeightChange::Absolute, numbers)?,
+        "frenet_weights_additive" => weights(WeightChange::Additive, numbers)?,
         _ => return Err(InputError::new_err(format!("actions: there are no actions {name}"))),
     })
 }
@@ -48,7 +60,7 @@ impl PyPlanner {
     fn policy(
         layers: Vec<LayerParts<'_>>,
         activation: &str,
-        actions: (String, Bound<'_, PyAny>, (usize, usize)),
+        actions: (String, Bound<'_, PyAny>, Vec<usize>),
         observation: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let layer = |(name, weight, bias): LayerParts<'_>| LayerWeights {

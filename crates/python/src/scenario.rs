@@ -7,7 +7,7 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::junctions::Area;
-use interdrive_core::road::{LaneletInput, RoadNetwork};
+use interdrive_core::road::{LaneMatch, LaneletInput, RoadNetwork};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::ParticipantKind;
@@ -19,6 +19,9 @@ use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, detached, exception};
 use crate::getters::getters;
 use crate::settings::read;
+
+/// Poses, ids of lanelets, arc lengths [m] and offsets [m].
+type LanesBelow<'py> = (Row<'py, i64>, Row<'py, i64>, Row<'py, f64>, Row<'py, f64>);
 
 #[pyclass(frozen, name = "Shape", module = "interdrive._core")]
 pub struct PyShape(pub Shape);
@@ -191,6 +194,36 @@ impl PyRoadNetwork {
         Ok((arrays::row(py, found.iter().map(|f| f.0).collect()), arrays::row(py, found.iter().map(|f| f.1).collect())))
     }
 
+    /// The lanelets below each pose that lead its way within an angle [rad]: positions of the poses, ids of the lanelets,
+    /// arc lengths on their centre lines [m], and offsets from these to the left [m]; for each pose the best one first.
+    fn lanes_below<'py>(
+        &self,
+        py: Python<'py>,
+        x: PyReadonlyArray1<'py, f64>,
+        y: PyReadonlyArray1<'py, f64>,
+        orientation: PyReadonlyArray1<'py, f64>,
+        angle_max: f64,
+    ) -> PyResult<LanesBelow<'py>> {
+        let n = x.as_array().len();
+        let (x, y) = (arrays::read_row("x", &x, n)?, arrays::read_row("y", &y, n)?);
+        let theta = arrays::read_row("orientation", &orientation, n)?;
+        let road = &self.0;
+        let found: Vec<(i64, LaneMatch)> = detached(py, || {
+            let below = |i: usize| {
+                let found = road.matching(Pose::new(x[i], y[i], theta[i]), 0.0, angle_max);
+                found.into_iter().map(move |lane| (i as i64, lane))
+            };
+            Ok((0..n).flat_map(below).collect())
+        })?;
+        let ids = found.iter().map(|(_, lane)| road.lanelets()[lane.lanelet].id).collect();
+        Ok((
+            arrays::row(py, found.iter().map(|(pose, _)| *pose).collect()),
+            arrays::row(py, ids),
+            arrays::row(py, found.iter().map(|(_, lane)| lane.s).collect()),
+            arrays::row(py, found.iter().map(|(_, lane)| lane.d).collect()),
+        ))
+    }
+
     /// Whether a footprint at a pose is covered by the road.
     fn covers(&self, shape: &PyShape, x: f64, y: f64, orientation: f64) -> bool {
         self.0.covers(&shape.0, Pose::new(x, y, orientation))
@@ -324,7 +357,8 @@ impl PyScenario {
     }
 
     /// All areas that two ways share, one row each, as a dict of arrays: `junction`, `kind` (code), `lanelet`, `entry`
-    /// and `exit` of both sides, shape (areas, 2) [m], `first` (side, -1: who came first), `reason` (code), `x`, `y` [m].
+    /// and `exit` of both sides, shape (areas, 2) [m], `first` (side, -1: the first to arrive), `reason` (code), `x`, `y` [m],
+    /// `width` that two vehicles have beside each other (infinite unless opposed) [m], `side_by_side` (lanes that merge).
     fn junctions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (road, areas) = (&self.0.road, &self.0.junctions().areas);
         let dict = PyDict::new(py);
@@ -341,6 +375,8 @@ impl PyScenario {
         let centers: Vec<Point> = areas.iter().map(|area| area.hull.center()).collect();
         dict.set_item("x", arrays::row(py, centers.iter().map(|center| center.x).collect()))?;
         dict.set_item("y", arrays::row(py, centers.iter().map(|center| center.y).collect()))?;
+        dict.set_item("width", arrays::row(py, areas.iter().map(|area| area.width).collect()))?;
+        dict.set_item("side_by_side", arrays::row(py, areas.iter().map(|area| area.is_side_by_side).collect()))?;
         Ok(dict)
     }
 }

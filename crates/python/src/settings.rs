@@ -2,7 +2,7 @@
 
 use interdrive_core::criticality::Settings as MeasureSettings;
 use interdrive_core::observation::ObservationSettings;
-use interdrive_core::plan::frenet::FrenetSettings;
+use interdrive_core::plan::frenet::{FrenetSettings, FrenetTarget};
 use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
@@ -35,6 +35,7 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(V2xSettings::default()),
         Box::new(MeasureSettings::default()),
         Box::new(Kinematic::default()),
+        Box::new(FrenetTarget::default()),
         Box::new(ObservationSettings::default()),
         Box::new(RewardWeights::default()),
     ]

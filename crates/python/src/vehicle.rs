@@ -44,6 +44,14 @@ impl PyVehicle {
         let vehicle = Vehicle::for_footprint(kind, length, width).and_then(|vehicle| vehicle.with_limits(&limits));
         vehicle.map(Self).map_err(exception)
     }
+
+    /// The vehicle of a CommonRoad vehicle type, 1 to 4; a top speed replaces its own.
+    #[staticmethod]
+    #[pyo3(signature = (number, *, velocity_max=None))]
+    fn of_type(number: i64, velocity_max: Option<f64>) -> PyResult<Self> {
+        let limits = VehicleLimits { velocity_max, ..VehicleLimits::default() };
+        Vehicle::of_type(number).and_then(|vehicle| vehicle.with_limits(&limits)).map(Self).map_err(exception)
+    }
 }
 
 getters! { PyVehicle {

@@ -251,8 +251,11 @@ impl PyWorld {
         self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
     }
 
-    /// The predictions with what the agents with V2X were told; the same predictions if there is none.
+    /// The predictions in which agents that were told to wait before a junction do so, with what the agents with V2X
+    /// were told; the same predictions if there is none of both.
     fn expect(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPredictions> {
+        let waits = detached(py, || Ok(self.0.with_waits(&predictions.table())))?;
+        let predictions = &waits.map_or_else(|| predictions.again(), PyPredictions::whole);
         if self.0.equipped().is_empty() {
             return Ok(predictions.again());
         }
@@ -353,7 +356,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.WAITS`, `by_id` -1 for none.
+    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let waits: Vec<_> = self.0.recording().waits().collect();
         let dict = PyDict::new(py);
@@ -475,6 +478,8 @@ pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, Py
 getters! { PyWorld {
     /// Ids of the agents with V2X, ascending.
     equipped: Vec<i64> = |this| this.0.equipped().to_vec();
+    /// Ids of the agents that enter junctions when they are told to, ascending.
+    obeying: Vec<i64> = |this| this.0.obeying();
     time_step: i64 = |this| this.0.time_step();
     is_done: bool = |this| this.0.is_done();
     /// Ids of the agents that drive now, ascending.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use interdrive_core::observation::ObservationSettings;
+use interdrive_core::plan::Planner;
 use interdrive_core::worlds::{
     Actions, Autoreset, Buffers, Ended, EpisodeSpec, N_TERMS, RewardWeights, Stage, Worlds, WorldsSettings,
 };
@@ -27,18 +28,22 @@ pub struct PyStage(pub Arc<Stage>);
 
 #[pymethods]
 impl PyStage {
-    /// A scenario with the vehicles that can learn, each with the planner that drives it if it does not.
+    /// A scenario with the vehicles that can learn, each with the planner that drives it if it does not; `learning` drives
+    /// those that learn, as their actions say.
     #[new]
+    #[pyo3(signature = (scenario, agents, planners, learning=None))]
     fn new(
         py: Python<'_>,
         scenario: &PyScenario,
         agents: Vec<PyRef<'_, PyAgent>>,
         planners: Vec<Option<PyRef<'_, PyPlanner>>>,
+        learning: Option<PyRef<'_, PyPlanner>>,
     ) -> PyResult<Self> {
+        let learning = learning.map_or(Planner::External, |planner| planner.0.clone());
         let planners = planners.iter().map(|planner| planner.as_ref().map(|planner| planner.0.clone()));
         let agents: Vec<_> = agents.iter().map(|agent| agent.0.clone()).zip(planners).collect();
         let scenario = Arc::clone(&scenario.0);
-        detached(py, || Stage::new(scenario, agents)).map(|stage| Self(Arc::new(stage)))
+        detached(py, || Stage::new(scenario, agents, &learning)).map(|stage| Self(Arc::new(stage)))
     }
 
     /// What a recorded driver did as inputs of a model, shape (time steps, 2), and where they lead to the next state.
@@ -192,7 +197,7 @@ impl PyWorlds {
     ))]
     fn new(
         stages: Vec<PyRef<'_, PyStage>>,
-        actions: (String, Bound<'_, PyAny>, (usize, usize)),
+        actions: (String, Bound<'_, PyAny>, Vec<usize>),
         observation: &Bound<'_, PyAny>,
         reward: &Bound<'_, PyAny>,
         step: &Bound<'_, PyAny>,
@@ -323,6 +328,8 @@ getters! { PyWorlds {
     num_rows: usize = |this| this.worlds.n_rows();
     /// Numbers of an observation.
     num_observations: usize = |this| this.worlds.settings().n_observations();
+    /// Names of what learners observe about their planner; empty without one.
+    observed: Vec<String> = |this| this.worlds.settings().actions.observed();
     /// Worlds without a queued episode, ascending.
     hungry: Vec<usize> = |this| this.worlds.hungry();
 } }

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from interdrive.config.specs import PlannerSpec, PlannerSpecs, PredictorSpec, PredictorSpecs
 
 #: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
-FORMAT = 4
+FORMAT = 5
 
 #: What vehicles do that could be agents but are not under test.
 TRAFFIC = ("recorded", "velocity_adjusting", "same")

@@ -264,7 +264,12 @@ def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals:
         (found.n_stop_lines, "stop line"),
         (found.n_stop_signs, "stop sign"),
     )
-    table.add_row("control", ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n) or "none")
+    controls = [f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n]
+    if found.n_priority_signs:
+        controls.append(
+            f"signs of priority at the end of {found.n_priority_signs} lanelet{'s' * (found.n_priority_signs != 1)}"
+        )
+    table.add_row("control", ", ".join(controls) or "none")
     for number, junction in enumerate(junctions[:_JUNCTIONS_MAX], start=1):
         parts = [f"{n} {name}" for counts in (junction.kinds, junction.reasons) for name, n in counts]
         place = f"{junction.n_lanelets} lanelets about ({junction.x:.0f}, {junction.y:.0f})"

@@ -34,7 +34,8 @@ def solution(
 ) -> int:
     """Write the drives of the planning problems in RUN as a CommonRoad solution, for the benchmark site.
 
-    The run must have been made with --agents problems, and all problems must be solved. Exit code 1: a check failed.
+    The run must have been made with --agents problems, and all problems must be solved. Problems drive vehicle type 2
+    (BMW 320i); --set agents.vehicle_type=1 drives another one. Exit code 1: a check failed.
     """
     from interdrive.files.solution import write_solution  # noqa: PLC0415 - numpy
     from interdrive.results import load  # noqa: PLC0415 - pyarrow

@@ -53,6 +53,7 @@ class RecordSettings:
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
         candidate_spacing: Time between plans of an agent whose candidates are kept.
         violations: Keep violations of rules of the road (`Run.violations`, violations.parquet).
+        orders: Keep what agents are told before junctions (`Run.orders`, orders.parquet).
         messages: Messages of agents with V2X to keep (`Run.messages`, messages.parquet): none, those that were sent,
             or besides them the links to receivers in range.
     """
@@ -62,6 +63,7 @@ class RecordSettings:
     candidates: int = 0
     candidate_spacing: Annotated[float, "s"] = 0.5
     violations: bool = True
+    orders: bool = True
     messages: Literal["none", "sent", "links"] = "none"
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ try:
 except ImportError as error:
     raise MissingExtraError('interdrive.envs needs gymnasium: pip install "interdrive[rl]"') from error
 
-from interdrive.envs.actions import KinematicGrid
+from interdrive.envs.actions import FrenetWeights, KinematicGrid
 from interdrive.envs.parallel import ParallelDriveEnv, parallel_env
 from interdrive.envs.policies import export_policy
 from interdrive.envs.rows import Rows
@@ -23,12 +23,14 @@ from interdrive.envs.sampling import Hardest, Sampler, Uniform
 from interdrive.envs.settings import EnvSettings
 from interdrive.envs.single import DriveEnv
 from interdrive.envs.vector import DriveVectorEnv
-from interdrive.native_settings import Kinematic, ObservationSettings, RewardWeights
+from interdrive.native_settings import FrenetTarget, Kinematic, ObservationSettings, RewardWeights
 
 __all__ = [
     "DriveEnv",
     "DriveVectorEnv",
     "EnvSettings",
+    "FrenetTarget",
+    "FrenetWeights",
     "Hardest",
     "Kinematic",
     "KinematicGrid",

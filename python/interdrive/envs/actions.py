@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from dataclasses import dataclass, field, fields
+from typing import Literal, TypeAlias
 
 import gymnasium
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.native_settings import Kinematic
+from interdrive.native_settings import Frenet, FrenetTarget, Kinematic
+from interdrive.native_settings import FrenetWeights as CostWeights
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,38 @@ class KinematicGrid:
     steerings: int = 13
 
 
+@dataclass(frozen=True)
+class FrenetWeights:
+    """The sampling planner drives; numbers from -1 to 1, one per term, change weights of its cost.
+
+    Attributes:
+        terms: Terms of the cost whose weights are changed. That of `velocity_offset` is fixed, because only the ratios
+            of weights matter.
+        change: "absolute": the first weight times ten to the power of the number. "additive": the present weight plus a
+            tenth of the first weight times the number, from a thousandth to twice the first weight.
+        planner: The planner with its first weights.
+    """
+
+    terms: tuple[str, ...] = ("prediction", "distance_to_reference", "lateral_jerk", "longitudinal_jerk")
+    change: Literal["absolute", "additive"] = "absolute"
+    planner: Frenet = field(default_factory=Frenet)
+
+    def __post_init__(self) -> None:
+        """Checks names.
+
+        Raises:
+            InputError: A term or change that there is not.
+        """
+        names = [one.name for one in fields(CostWeights) if one.name != "velocity_offset"]
+        for term in self.terms:
+            if term not in names:
+                raise InputError("actions", f"there is no weight {term} to be changed; there are {', '.join(names)}")
+        if self.change not in ("absolute", "additive"):
+            raise InputError("actions", f'change must be "absolute" or "additive", not {self.change!r}')
+
+
 #: What actions mean.
-Actions: TypeAlias = Kinematic | KinematicGrid
+Actions: TypeAlias = Kinematic | KinematicGrid | FrenetTarget | FrenetWeights
 
 
 @dataclass(frozen=True)
@@ -38,13 +69,13 @@ class ActionKind:
     Attributes:
         name: For the core.
         record: Its settings.
-        grid: Numbers of choices.
+        numbers: Numbers of choices, or positions of weights.
         space: Of one action.
     """
 
     name: str
-    record: Kinematic
-    grid: tuple[int, int]
+    record: Kinematic | FrenetTarget | Frenet
+    numbers: tuple[int, ...]
     space: gymnasium.Space[np.ndarray] | gymnasium.spaces.Discrete
 
     def array(self, rows: int) -> np.ndarray:
@@ -67,7 +98,14 @@ def action_kind(actions: Actions) -> ActionKind:
     """
     if isinstance(actions, Kinematic):
         return ActionKind("kinematic", actions, (1, 1), gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32))
+    if isinstance(actions, FrenetWeights):
+        names = [one.name for one in fields(CostWeights)]
+        terms = tuple(names.index(term) for term in actions.terms)
+        space = gymnasium.spaces.Box(-1.0, 1.0, (len(terms),), np.float32)
+        return ActionKind(f"frenet_weights_{actions.change}", actions.planner, terms, space)
+    if isinstance(actions, FrenetTarget):
+        return ActionKind("frenet_target", actions, (1, 1), gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32))
     if isinstance(actions, KinematicGrid):
         grid = (actions.accelerations, actions.steerings)
         return ActionKind("kinematic_grid", actions.model, grid, gymnasium.spaces.Discrete(grid[0] * grid[1]))
-    raise InputError("actions", f"Kinematic or KinematicGrid expected, not {actions!r}")
+    raise InputError("actions", f"Kinematic, KinematicGrid, FrenetTarget or FrenetWeights expected, not {actions!r}")

@@ -107,7 +107,7 @@ class Engine:
             raise InputError("predictor", f"{predictor.name} cannot be used here; use a native one")
         self.worlds = _core.Worlds(
             [stage.core for stage in self.stages],
-            actions=(self.kind.name, self.kind.record, self.kind.grid),
+            actions=(self.kind.name, self.kind.record, self.kind.numbers),
             observation=settings.observation,
             reward=settings.reward,
             step=simulation.step,
@@ -123,6 +123,7 @@ class Engine:
             slots=self.slots,
         )
         self.num_worlds = num_worlds
+        self.observed = self.worlds.observed
         self.rows = num_worlds * self.slots
         n = self.worlds.num_observations
         self.buffers = Buffers(self.rows, n, self.kind.array(self.rows), buf or {}, keep_final=keep_final)

@@ -44,17 +44,17 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         setup = setup_of(settings, learners="all")
         self.render_mode = None
         self._engine = Engine(setup, num_worlds=1, autoreset="disabled", sampler=sampler)
-        self._views = Views(setup.settings.observation)
+        self._views = Views(setup.settings.observation, self._engine.observed)
         self._copy = setup.settings.copy
         self.possible_agents = [f"agent_{i}" for i in range(self._engine.slots)]
         self._row = {name: row for row, name in enumerate(self.possible_agents)}
         self.agents: list[str] = []
-        self._observation_space = observation_space(setup.settings.observation)
+        self._observation_space = observation_space(setup.settings.observation, self._engine.observed)
         space = self._engine.kind.space
         # One object per agent: sampling from one does not change the samples of another.
         self._action_spaces = {name: type(space)(**_arguments(space)) for name in self.possible_agents}
         self._observation_spaces = {
-            name: observation_space(setup.settings.observation) for name in self.possible_agents
+            name: observation_space(setup.settings.observation, self._engine.observed) for name in self.possible_agents
         }
 
     @property

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.envs.actions import Actions, action_kind
+from interdrive.errors import InputError
 from interdrive.native_settings import Kinematic, ObservationSettings
 from interdrive.planners.policy import FORMAT, layout_hash, policy_planner
 from interdrive.storage.weights import write_weights
@@ -39,15 +40,17 @@ def export_policy(
         activation: "tanh" or "relu", after each hidden layer.
 
     Raises:
-        InputError: The layers do not fit together, or to observation and actions.
+        InputError: The layers do not fit together, or to what is observed, or actions are not of the model.
     """
     kind = action_kind(actions or Kinematic())
+    if not isinstance(kind.record, Kinematic):
+        raise InputError("actions", "a policy as a planner needs those of the single-track model")
     observed = replace(observation or ObservationSettings(), form="flat")
     metadata = {
         "format": str(FORMAT),
         "kind": "layers",
         "activation": activation,
-        "actions": json.dumps([kind.name, asdict(kind.record), list(kind.grid)]),
+        "actions": json.dumps([kind.name, asdict(kind.record), list(kind.numbers)]),
         "observation": json.dumps(asdict(observed)),
         "layout": layout_hash(observed),
     }

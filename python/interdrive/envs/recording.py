@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from interdrive.config.binding import flatten
 from interdrive.envs.actions import KinematicGrid
 from interdrive.errors import InputError
+from interdrive.native_settings import Kinematic
 from interdrive.results import Run
 from interdrive.run import Plans
 from interdrive.run.assemble import agent_record, digest, no_timings, outcomes_of, states_of
@@ -86,7 +87,7 @@ def recorded_actions(engine: Engine, agent_id: int) -> tuple[NDArray[np.float32]
         recorded state.
 
     Raises:
-        InputError: It cannot be an agent.
+        InputError: It cannot be an agent, or actions are not those of the model.
     """
     episode = engine.episodes[0]
     stage = engine.stages[0 if episode is None else episode.stage]
@@ -95,4 +96,6 @@ def recorded_actions(engine: Engine, agent_id: int) -> tuple[NDArray[np.float32]
         raise InputError(f"agent {agent_id}", f"cannot be an agent of {stage.scenario.name}")
     actions = engine.setup.actions
     model = actions.model if isinstance(actions, KinematicGrid) else actions
+    if not isinstance(model, Kinematic):
+        raise InputError("recorded_actions", "only Kinematic and KinematicGrid can be inverted")
     return stage.core.recorded_actions(ids.index(agent_id), model)

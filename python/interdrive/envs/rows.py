@@ -86,7 +86,7 @@ class Rows:
         self.slots = self._engine.slots
         self.num_worlds = num_worlds
         self.num_agents = self._engine.rows
-        self.single_observation_space = observation_space(setup.settings.observation)
+        self.single_observation_space = observation_space(setup.settings.observation, self._engine.observed)
         self.single_action_space = self._engine.kind.space
         for name, array in self._engine.buffers.arrays.items():
             setattr(self, name, array)

@@ -53,10 +53,12 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
         if num_envs < 1:
             raise InputError("num_envs", f"must be at least 1, not {num_envs}")
         self._engine = Engine(setup, num_worlds=num_envs, autoreset="same_step", keep_final=True, sampler=sampler)
-        self._views = Views(setup.settings.observation)
+        self._views = Views(setup.settings.observation, self._engine.observed)
         # Asked for by the constructor of the base class.
         self.render_mode = None
-        super().__init__(num_envs, observation_space(setup.settings.observation), self._engine.kind.space)
+        super().__init__(
+            num_envs, observation_space(setup.settings.observation, self._engine.observed), self._engine.kind.space
+        )
 
     def reset(self) -> Any:  # noqa: ANN401 - an array or a dict of them
         """Begins an episode in all worlds, with the seeds of `seed()` if that was called since the last reset.

@@ -60,9 +60,9 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         only_one(setup.learners, "DriveEnv")
         self.render_mode = None
         self._engine = Engine(setup, num_worlds=1, autoreset="disabled")
-        self._views = Views(setup.settings.observation)
+        self._views = Views(setup.settings.observation, self._engine.observed)
         self._copy = setup.settings.copy
-        self.observation_space = observation_space(setup.settings.observation)
+        self.observation_space = observation_space(setup.settings.observation, self._engine.observed)
         self.action_space = self._engine.kind.space
         buffers = self._engine.buffers
         self._actions, self._observation = buffers.actions, buffers.observations[0]

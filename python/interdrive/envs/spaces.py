@@ -10,14 +10,16 @@ import numpy as np
 from interdrive import _core
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from interdrive.native_settings import ObservationSettings
 
 
-def observation_space(settings: ObservationSettings) -> gymnasium.Space[Any]:
-    """The space of one observation."""
-    blocks = _core.observation_blocks(settings)
+def observation_space(settings: ObservationSettings, planner: Sequence[str] = ()) -> gymnasium.Space[Any]:
+    """The space of one observation; `planner` names what is observed of the learner's planner."""
+    blocks = _core.observation_blocks(settings, list(planner))
     if settings.form == "flat":
         n = sum(max(rows, 1) * columns for _, rows, columns in blocks)
         return _box((n,))
@@ -33,12 +35,12 @@ def _box(shape: tuple[int, ...]) -> gymnasium.spaces.Box:
 class Views:
     """Observations as views of an array of rows."""
 
-    def __init__(self, settings: ObservationSettings) -> None:
-        """For these settings."""
+    def __init__(self, settings: ObservationSettings, planner: Sequence[str] = ()) -> None:
+        """For these settings, and what is observed of the learner's planner."""
         self._flat = settings.form == "flat"
         self._parts: list[tuple[str, slice, tuple[int, ...]]] = []
         first = 0
-        for name, rows, columns in _core.observation_blocks(settings):
+        for name, rows, columns in _core.observation_blocks(settings, list(planner)):
             n = max(rows, 1) * columns
             self._parts.append((name, slice(first, first + n), (rows, columns) if rows else (columns,)))
             first += n

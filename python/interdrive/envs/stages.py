@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from interdrive import _core
 from interdrive.batches.plan import scenario_files
 from interdrive.config.agent_config import agent_configs, core_agent, run_config
+from interdrive.envs.actions import FrenetWeights
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
 from interdrive.planners import native_planner
@@ -197,7 +198,9 @@ def _stage(scenario: Scenario, setup: Setup) -> Stage:
             raise InputError("traffic", f"{config.planner.name} is not a native planner")
         planners.append(None if config.planner.native == "recorded" else native)
         handles.append(core_agent(agent, config, None))
-    core = _core.Stage(recorded, handles, planners)
+    actions = setup.actions
+    learning = native_planner(actions.planner) if isinstance(actions, FrenetWeights) else None
+    core = _core.Stage(recorded, handles, planners, learning)
     starts = tuple(_starts(core, scenario, setup.settings))
     return Stage(scenario, road, tuple(agents), configs, core, recorded, starts)
 

@@ -70,9 +70,9 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.num_envs = num_envs
         same = name == "SAME_STEP"
         self._engine = Engine(setup, num_worlds=num_envs, autoreset=_MODES[name], keep_final=same, sampler=sampler)
-        self._views = Views(setup.settings.observation)
+        self._views = Views(setup.settings.observation, self._engine.observed)
         self._copy = setup.settings.copy
-        self.single_observation_space = observation_space(setup.settings.observation)
+        self.single_observation_space = observation_space(setup.settings.observation, self._engine.observed)
         self.single_action_space = self._engine.kind.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

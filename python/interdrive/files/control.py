@@ -181,6 +181,11 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
     )
 
 
+def is_priority_sign(sign: Foreign, facts: Facts) -> bool:
+    """Whether the sign tells who goes first."""
+    return not _RANKS.keys().isdisjoint(_names(sign, facts))
+
+
 def _names(sign: Foreign, facts: Facts) -> set[str]:
     """Names of the elements of a sign, also of those that commonroad-io does not know in its country."""
     elements = [element.traffic_sign_element_id for element in sign.traffic_sign_elements]

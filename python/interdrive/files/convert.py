@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files.control import control, is_sign, priorities
+from interdrive.files.control import control, is_priority_sign, is_sign, priorities
 from interdrive.files.document import Facts
 from interdrive.files.motion import Track, completed, track, wrapped
 from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
@@ -105,7 +105,7 @@ def converted(
         planning_problems=planning_problems,
         path=path,
         sha256=sha256,
-        notes=(*notes.lines(), *_not_obeyed(scenario.lanelet_network)),
+        notes=(*notes.lines(), *_not_obeyed(scenario.lanelet_network, facts)),
         incomings=_incomings(scenario.lanelet_network),
         traffic_lights=lights,
         stop_lines=lines,
@@ -149,14 +149,18 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
         adjacent_right_same_direction=right_same,
         speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
         types=tuple(tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or ())) for lanelet in lanelets),
+        left_marking=tuple(str(lanelet.line_marking_left_vertices.value) for lanelet in lanelets),
+        right_marking=tuple(str(lanelet.line_marking_right_vertices.value) for lanelet in lanelets),
     )
 
 
-def _not_obeyed(network: Foreign) -> tuple[str, ...]:
+def _not_obeyed(network: Foreign, facts: Facts) -> tuple[str, ...]:
     """One line if there are signs besides those that planners obey."""
-    count = sum(not is_sign(sign, (*_LIMITS, "STOP")) for sign in network.traffic_signs)
+    count = sum(not (is_sign(sign, _LIMITS) or is_priority_sign(sign, facts)) for sign in network.traffic_signs)
     what = "1 traffic sign is" if count == 1 else f"{count} traffic signs are"
-    return (f"{what} not obeyed: planners know speed limits, stop signs and traffic lights only",) if count else ()
+    return (
+        (f"{what} not obeyed: planners know speed limits, signs of priority and traffic lights only",) if count else ()
+    )
 
 
 def _incomings(network: Foreign) -> tuple[Incoming, ...]:

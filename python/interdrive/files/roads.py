@@ -184,10 +184,15 @@ def _from_arrays(scenario: Scenario) -> Element:
     root = Element("commonRoad")
     for row, number in enumerate(lanelets.ids.tolist()):
         lanelet = SubElement(root, "lanelet", id=str(number))
-        for tag, bound in (("leftBound", lanelets.left[row]), ("rightBound", lanelets.right[row])):
+        for tag, bound, markings in (
+            ("leftBound", lanelets.left[row], lanelets.left_marking),
+            ("rightBound", lanelets.right[row], lanelets.right_marking),
+        ):
             side = SubElement(lanelet, tag)
             for x, y in bound.tolist():
                 _add_point(side, x, y)
+            if markings:
+                SubElement(side, "lineMarking").text = markings[row]
         for tag, relations in (("predecessor", lanelets.predecessors[row]), ("successor", lanelets.successors[row])):
             for other in relations:
                 if other in known:

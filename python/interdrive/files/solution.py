@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.files.content import content_of_file
 
@@ -42,33 +42,8 @@ _SAME = 1e-3
 _BENCHMARK_ID = re.compile(r"(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+(_\d+)*(_[TSPI](-\d+)+)?")
 
 
-@dataclass(frozen=True)
-class VehicleType:
-    """A vehicle type of CommonRoad: footprint, and the distances of the axles from its centre of gravity [m]."""
-
-    number: int
-    name: str
-    length: float
-    width: float
-    front: float
-    rear: float
-
-    @property
-    def wheelbase(self) -> float:
-        """Distance of the axles [m]."""
-        return self.front + self.rear
-
-
-#: Vehicle types by number (commonroad-vehicle-models 3.0.2).
-VEHICLES = {
-    vehicle.number: vehicle
-    for vehicle in (
-        VehicleType(1, "Ford Escort", 4.298, 1.674, 0.883_92, 1.508_76),
-        VehicleType(2, "BMW 320i", 4.508, 1.610, 1.156_195_706_4, 1.422_717_093_6),
-        VehicleType(3, "VW Vanagon", 4.569, 1.844, 1.150_791_602_4, 1.321_136_397_6),
-        VehicleType(4, "truck", 5.100, 2.550, 1.800, 1.800),
-    )
-}
+#: Vehicle types by number; `Vehicle.of_type` of the core has their sizes and limits.
+VEHICLES = {1: "Ford Escort", 2: "BMW 320i", 3: "VW Vanagon", 4: "truck"}
 
 
 def write_solution(
@@ -88,7 +63,7 @@ def write_solution(
         run: A run whose agents are all planning problems of its scenario (`agents="problems"`), all solved.
         cost: Cost function, one of `COSTS`.
         model: Vehicle model: "KS" (kinematic single-track), "ST" (single-track) or "PM" (point mass).
-        vehicle: Vehicle type, 1 to 4; by default the one that was driven.
+        vehicle: Vehicle type, 1 to 4; by default the one that was driven (setting `agents.vehicle_type`).
         date: When it was computed; left out by default. Parts of seconds are dropped.
         processor: Name of the processor that computed it; left out by default.
 
@@ -126,7 +101,7 @@ def write_solution(
     lines = ["<?xml version='1.0' encoding='utf-8'?>"]
     lines.append(f"<CommonRoadSolution {' '.join(f'{name}={quoteattr(value)}' for name, value in about.items())}>")
     for (problem, agent), number in zip(drives, driven, strict=True):
-        lines += _trajectory(run, problem, agent, model, VEHICLES[number])
+        lines += _trajectory(run, problem, agent, model, _core.Vehicle.of_type(number))
     lines.append("</CommonRoadSolution>")
     return ("\n".join(lines) + "\n").encode()
 
@@ -168,12 +143,13 @@ def _driven_type(run: RunRecord, agent: AgentRecord, wanted: int | None) -> int:
     row = int(np.searchsorted(states.participant_id, agent.id))
     size = float(states.length[row]), float(states.width[row])
     about = f"{run.scenario.name}: agent {agent.id} drove a vehicle of {size[0]:g} m by {size[1]:g} m"
-    for number, of_type in VEHICLES.items():
+    for number, name in VEHICLES.items():
+        of_type = _core.Vehicle.of_type(number)
         if abs(size[0] - of_type.length) <= _SAME and abs(size[1] - of_type.width) <= _SAME:
             if wanted not in (None, number):
-                raise InputError(f"{about}, type {number} ({of_type.name}), not type {wanted}")
+                raise InputError(f"{about}, type {number} ({name}), not type {wanted}")
             return number
-    raise InputError(f"{about}, which is no vehicle type of CommonRoad")
+    raise InputError(f"{about}, which is no vehicle type of CommonRoad; drive one: --set agents.vehicle_type=2")
 
 
 def _starts_at(run: RunRecord, agent: AgentRecord, problem: PlanningProblem) -> bool:
@@ -194,7 +170,7 @@ def _version(run: RunRecord) -> str:
 
 
 def _trajectory(
-    run: RunRecord, problem: PlanningProblem, agent: AgentRecord, model: str, vehicle: VehicleType
+    run: RunRecord, problem: PlanningProblem, agent: AgentRecord, model: str, vehicle: _core.Vehicle
 ) -> list[str]:
     states = run.states
     row = int(np.searchsorted(states.participant_id, agent.id))
@@ -206,7 +182,7 @@ def _trajectory(
     time = columns + states.first_time_step
     steering = steering_angles(velocity, yaw_rate, vehicle.wheelbase)
     # The states of these models are those of the centre, which moves aside in a turn; ours are those of the rear axle.
-    slip = np.arctan(vehicle.rear * np.tan(steering) / vehicle.wheelbase)
+    slip = np.arctan(vehicle.rear_axle_to_center * np.tan(steering) / vehicle.wheelbase)
     if model == "PM":
         speed, direction = velocity / np.cos(slip), heading + slip
         fields = {"xVelocity": speed * np.cos(direction), "yVelocity": speed * np.sin(direction)}

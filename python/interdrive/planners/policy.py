@@ -50,8 +50,8 @@ def _planner(path: Path, _changed: int, _size: int) -> _core.Planner:
         raise InputError(f"{path}: format {told.get('format', 'unknown')}, this version reads {FORMAT}")
     try:
         observation = ObservationSettings(**json.loads(told["observation"]))
-        name, record, grid = json.loads(told["actions"])
-        actions = (str(name), Kinematic(**record), (int(grid[0]), int(grid[1])))
+        name, record, numbers = json.loads(told["actions"])
+        actions = (str(name), Kinematic(**record), tuple(int(number) for number in numbers))
         activation = told["activation"]
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: its metadata cannot be read ({error})") from error

@@ -18,6 +18,7 @@ from interdrive.report.contract import FORMAT
 from interdrive.report.events import Event, events_of
 from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
+from interdrive.report.priorities import pack_priorities
 from interdrive.report.tables import (
     pack_candidates,
     pack_plans,
@@ -67,6 +68,7 @@ def run_contents(folder: str | Path) -> Contents:
     pack_states(packer, run, origin)
     pack_road(packer, run, origin)
     pack_stop_lines(packer, run, origin)
+    pack_priorities(packer, run.scenario, origin)
     settings = _settings(results.info)
     replan_every = int(settings.get("step.replan_every", 1))
     pack_plans(packer, run, origin, results.plans, replan_every)

@@ -9,6 +9,7 @@ import numpy as np
 
 from interdrive.criticality import MEASURES, measure_named
 from interdrive.report.planning import made_at
+from interdrive.run import RULES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,14 +23,6 @@ THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
 
 #: Plans of these kinds are events when they begin. (An emergency plan brakes or evades; see docs/planner_frenet.md.)
 _EMERGENCIES = {"emergency_braking": "falls back on an emergency plan", "infeasible": "finds no feasible plan"}
-
-#: Rules of the road that are broken, with the value of the violation.
-_VIOLATIONS = {
-    "speeding": "is {:.1f}\N{NO-BREAK SPACE}m/s too fast",
-    "red_light": "passes a light that has been red for {:.1f}\N{NO-BREAK SPACE}s",
-    "stop_sign": "passes a stop sign, {:.1f}\N{NO-BREAK SPACE}m/s at least",
-    "wrong_way": "drives {:.0f}\N{NO-BREAK SPACE}m the wrong way",
-}
 
 _ENDS = {
     "goal_reached": "reaches its goal",
@@ -123,9 +116,10 @@ def _violations(run: Run, table: ArrowTable) -> Iterator[Event]:
     """Rules of the road that agents and replayed vehicles broke, when each violation begins."""
     for row in table.to_pylist():
         if row["source"] != "recording":
-            number, value = row["participant_id"], row["value"]
-            text = f"{number} {_VIOLATIONS[row['rule']].format(value)}"
-            yield Event(row["first_time_step"] - run.states.first_time_step, "violation", (_row(run, number),), text)
+            number, partner = row["participant_id"], row["partner_id"]
+            text = f"{number} {RULES[row['rule']].words.format(value=row['value'], partner=partner)}"
+            rows = tuple(_row(run, one) for one in (number, partner) if one is not None)
+            yield Event(row["first_time_step"] - run.states.first_time_step, "violation", rows, text)
 
 
 def _critical(run: Run, measured: Measured) -> Iterator[Event]:

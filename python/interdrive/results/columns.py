@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from interdrive.run import RULES
 from interdrive.storage.tables import Column
 
 if TYPE_CHECKING:
@@ -103,14 +104,19 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("rule", "label", "one of interdrive.run.VIOLATIONS"),
         Column("first_time_step", "integer", "first time step of the violation"),
         Column("last_time_step", "integer", "last time step of the violation"),
-        Column("lanelet_id", "integer", "lanelet below the vehicle, or that of the line", nullable=True),
+        Column("lanelet_id", "integer", "lanelet below the vehicle, of the line, or into the area", nullable=True),
+        Column("partner_id", "integer", "participant whose right of way it took", nullable=True),
         Column("x", "number", "centre of the vehicle at the first time step [m]"),
         Column("y", "number", "centre of the vehicle at the first time step [m]"),
-        Column(
-            "value",
-            "number",
-            "largest excess of a speed limit [m/s], time since red [s], least speed at a stop sign [m/s], way [m]",
-        ),
+        Column("value", "number", "; ".join(f"{name}: {rule.value}" for name, rule in RULES.items())),
+    ),
+    "orders": (
+        Column("agent_id", "integer", "agent that was told to wait before a junction"),
+        Column("first_time_step", "integer", "first time step of the order"),
+        Column("last_time_step", "integer", "last time step of the order, included"),
+        Column("kind", "label", "one of interdrive.run.ORDERS: yield, exit (no room behind the junction) or queue"),
+        Column("by_id", "integer", "participant because of which it waited", nullable=True),
+        Column("stop_s", "number", "arc length on its reference path that its front was not to pass [m]"),
     ),
     "messages": (
         Column("time_step", "integer", "time step of sending"),
@@ -140,4 +146,4 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates", "violations", "messages")
+ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages")

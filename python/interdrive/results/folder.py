@@ -11,6 +11,7 @@ from interdrive.results.information import information, read_information
 from interdrive.results.tables import (
     candidates_table,
     messages_table,
+    orders_table,
     outcome_table,
     plans_table,
     predictions_table,
@@ -72,6 +73,7 @@ class Results:
     predictions: pa.Table | None = None
     candidates: pa.Table | None = None
     violations: pa.Table | None = None
+    orders: pa.Table | None = None
     messages: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
@@ -110,6 +112,7 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
             ("predictions", predictions_table(run)),
             ("candidates", candidates_table(run)),
             ("violations", violations_table(run)),
+            ("orders", orders_table(run)),
             ("messages", messages_table(run)),
         ):
             if table is None:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 #: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area. 3: routes; states and outcomes with
 #: time_s, criticality with participant_id instead of agent_id, outcomes with reason, off_lanelets and off_lanelets_s,
 #: run.json with whole goals, outcomes with traceback, plans with rejection and
-#: rejection_x, rejection_y, rejection_overhang.
-FORMAT = 3
+#: rejection_x, rejection_y, rejection_overhang. 4: violations with partner_id and of more rules, orders.
+FORMAT = 4
 
 
 class ScenarioInformation(TypedDict):
@@ -79,7 +79,8 @@ class RunInformation(SoftwareInformation):
         views: Name of the table of visibility intervals, None if there is none.
         predictions: Name of the table of predictions, None if there is none.
         candidates: Name of the table of candidates, None if there is none.
-        violations: The same for violations. messages: The same for V2X messages.
+        violations: The same for violations. orders: The same for orders at junctions.
+        messages: The same for V2X messages.
         cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
@@ -95,6 +96,7 @@ class RunInformation(SoftwareInformation):
     predictions: str | None
     candidates: str | None
     violations: str | None
+    orders: str | None
     messages: str | None
     cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
@@ -122,6 +124,7 @@ def information(run: RunRecord) -> RunInformation:
         "predictions": None if run.predictions is None else "predictions.parquet",
         "candidates": None if run.candidates is None else "candidates.parquet",
         "violations": None if run.violations is None else "violations.parquet",
+        "orders": None if run.orders is None else "orders.parquet",
         "messages": None if run.messages is None else "messages.parquet",
         "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],

@@ -16,6 +16,7 @@ from interdrive.run import (
     SERVICES,
     AgentRecord,
     Messages,
+    Orders,
     Outcomes,
     Plans,
     RecordedCandidates,
@@ -79,6 +80,7 @@ def read_run(folder: str | Path) -> RunRecord:
         views=None if results.views is None else Views(**_columns(results.views)),
         predictions=None if results.predictions is None else _predictions(_columns(results.predictions)),
         candidates=None if results.candidates is None else _candidates(_columns(results.candidates)),
+        orders=None if results.orders is None else _orders(_columns(results.orders)),
         messages=None if results.messages is None else _messages(_columns(results.messages)),
         cooperation=results.info.get("cooperation"),
     )
@@ -101,9 +103,17 @@ def _columns(table: ArrowTable) -> dict[str, Any]:
 
 
 def _violations(column: dict[str, Any]) -> Violations:
-    lanelet = np.nan_to_num(column["lanelet_id"].astype(np.float64), nan=-1.0).astype(np.int64)
+    ids = {
+        name: np.nan_to_num(column[name].astype(np.float64), nan=-1.0).astype(np.int64)
+        for name in ("lanelet_id", "partner_id")
+    }
     texts = {name: tuple(column[name].tolist()) for name in ("source", "rule")}
-    return Violations(**{**column, **texts, "lanelet_id": lanelet})
+    return Violations(**{**column, **texts, **ids})
+
+
+def _orders(column: dict[str, Any]) -> Orders:
+    by = np.nan_to_num(column["by_id"].astype(np.float64), nan=-1.0).astype(np.int64)
+    return Orders(**{**column, "kind": tuple(column["kind"].tolist()), "by_id": by})
 
 
 def _messages(column: dict[str, Any]) -> Messages:

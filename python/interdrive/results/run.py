@@ -46,6 +46,7 @@ _TABLES = {
     "predictions": tables.predictions_table,
     "candidates": tables.candidates_table,
     "violations": tables.violations_table,
+    "orders": tables.orders_table,
     "messages": tables.messages_table,
 }
 

@@ -11,6 +11,7 @@ from interdrive.config.binding import bind, flatten
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError, ResultsError
 from interdrive.native_settings import RulesSettings, ViewSettings
+from interdrive.results.columns import ON_DEMAND
 from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:
@@ -210,7 +211,7 @@ _INFORMATION = _Table(
         "settings": _SETTINGS,
         "seed": _OneOf((_WHOLE, _NULL)),
         "finished": _TRUTH,
-        **dict.fromkeys(("views", "predictions", "candidates", "violations", "messages"), _OneOf((_TEXT, _NULL))),
+        **dict.fromkeys(ON_DEMAND, _OneOf((_TEXT, _NULL))),
         "cooperation": _OneOf((_TableOf(_ANYTHING), _NULL)),
         "agents": _ListOf(_AGENT),
         "versions": _TableOf(_OneOf((_TEXT, _NULL))),

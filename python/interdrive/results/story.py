@@ -10,7 +10,7 @@ from interdrive.criticality import measure_named
 from interdrive.errors import InputError
 from interdrive.run.goals import said_time
 from interdrive.run.phases import emergency_steps, phases
-from interdrive.run.reasons import said_count, said_list, said_name, said_obstruction
+from interdrive.run.reasons import said_count, said_list, said_name, said_obstruction, said_order
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
@@ -93,7 +93,9 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
     speed = states.velocity[row, first - states.first_time_step : last + 1 - states.first_time_step]
     speed = speed[np.isfinite(speed)]
     text = f"{said_time(run, first):>5} to {said_time(run, last):>5} s  {phase.kind}"
-    if phase.leader_id >= 0:
+    if phase.order is not None:
+        text += f" before a junction: {said_order(run, *phase.order)}"
+    elif phase.leader_id >= 0:
         text += f" behind {said_name(run, phase.leader_id)}"
     elif phase.red_lanelet_id >= 0:
         text += f" at a red light (stop line of lanelet {phase.red_lanelet_id})"

@@ -169,10 +169,18 @@ def violations_table(run: RunRecord) -> pa.Table | None:
     if found is None:
         return None
     columns = {column.name: getattr(found, column.name) for column in COLUMNS["violations"]}
-    lanelet = np.ma.masked_equal(found.lanelet_id, -1)
-    return _table(
-        "violations", **columns | {"source": labels(found.source), "rule": labels(found.rule), "lanelet_id": lanelet}
-    )
+    texts = {name: labels(getattr(found, name)) for name in ("source", "rule")}
+    ids = {name: np.ma.masked_equal(getattr(found, name), -1) for name in ("lanelet_id", "partner_id")}
+    return _table("violations", **columns | texts | ids)
+
+
+def orders_table(run: RunRecord) -> pa.Table | None:
+    """Orders to wait before junctions, one row each, as an Arrow table; None if they were not recorded."""
+    found = run.orders
+    if found is None:
+        return None
+    columns = {column.name: getattr(found, column.name) for column in COLUMNS["orders"]}
+    return _table("orders", **columns | {"kind": labels(found.kind), "by_id": np.ma.masked_equal(found.by_id, -1)})
 
 
 def messages_table(run: RunRecord) -> pa.Table | None:

@@ -9,7 +9,7 @@ import numpy as np
 from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.results.columns import COLUMNS
-from interdrive.run import OUTCOMES, PLAN_STATUS, SERVICES, VIOLATIONS, Violations
+from interdrive.run import ORDERS, OUTCOMES, PLAN_STATUS, SERVICES, VIOLATIONS, Violations
 from interdrive.scenario import KINDS, limits
 from interdrive.storage import check_order, check_table
 from interdrive.storage.checks import Damage, refuse
@@ -32,6 +32,7 @@ LABELS: Mapping[tuple[str, str], Sequence[str]] = {
     ("plans", "status"): PLAN_STATUS,
     ("violations", "source"): Violations.SOURCES,
     ("violations", "rule"): VIOLATIONS,
+    ("orders", "kind"): ORDERS[1:],
     ("messages", "service"): SERVICES,
 }
 
@@ -44,6 +45,7 @@ ORDER: Mapping[str, Sequence[str]] = {
     "views": ("observer_id", "seen_id", "first_time_step"),
     "predictions": ("time_step", "participant_id", "mode", "point"),
     "candidates": ("time_step", "agent_id", "candidate", "point"),
+    "orders": ("agent_id", "first_time_step"),
 }
 
 #: Largest position [m].
@@ -185,10 +187,22 @@ def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> Non
 def _check_violations(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     violations = found["violations"]
     _known("participant_id", violations["participant_id"], found["states"]["participant_id"], "has no states")
+    partners = violations["partner_id"]
+    _known("partner_id", partners[partners >= 0], found["states"]["participant_id"], "has no states")
     first, last = violations["first_time_step"], violations["last_time_step"]
     refuse("last_time_step", last, last < first, "is before the first one")
     for name in ("x", "y"):
         refuse(name, violations[name], np.abs(violations[name]) > _POSITION_MAX, "is too large")
+
+
+def _check_orders(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    orders, states = found["orders"], found["states"]
+    _known("agent_id", orders["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
+    _known("by_id", orders["by_id"][orders["by_id"] >= 0], states["participant_id"], "has no states")
+    first, last = orders["first_time_step"], orders["last_time_step"]
+    refuse("last_time_step", last, last < first, "is before the first one")
+    for name in ("first_time_step", "last_time_step"):
+        refuse(name, orders[name], ~_is_recorded(orders[name], states), "is not in states.parquet")
 
 
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
@@ -220,6 +234,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
     "predictions": _check_predictions,
     "candidates": _check_candidates,
     "violations": _check_violations,
+    "orders": _check_orders,
 }
 
 

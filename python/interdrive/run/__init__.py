@@ -1,15 +1,16 @@
 """Results of a simulation as arrays, and their assembly."""
 
 from interdrive.run.record import (
+    ORDERS,
     OUTCOMES,
     PHASES,
     PLAN_STATUS,
     SERVICES,
     VIA,
-    VIOLATIONS,
     AgentRecord,
     Json,
     Messages,
+    Orders,
     Outcomes,
     Plans,
     RecordedCandidates,
@@ -21,17 +22,21 @@ from interdrive.run.record import (
     Views,
     Violations,
 )
+from interdrive.run.rules import RULES, VIOLATIONS
 
 __all__ = [
+    "ORDERS",
     "OUTCOMES",
     "PHASES",
     "PLAN_STATUS",
+    "RULES",
     "SERVICES",
     "VIA",
     "VIOLATIONS",
     "AgentRecord",
     "Json",
     "Messages",
+    "Orders",
     "Outcomes",
     "Plans",
     "RecordedCandidates",

@@ -59,6 +59,8 @@ class Phase:
             their order.
         red_lanelet_id: While it stood without a vehicle ahead: the lanelet of the stop line before it, if its light was
             red or yellow most of the time; -1 otherwise.
+        order: While it slowed or stood: why (one of `ORDERS`) it was told most of the time to wait before a junction,
+            and because of which participant (-1 for none); None if it was not, or only by the vehicle ahead.
     """
 
     kind: PhaseKind
@@ -67,6 +69,7 @@ class Phase:
     leader_id: int = -1
     crossing_ids: tuple[int, ...] = ()
     red_lanelet_id: int = -1
+    order: tuple[str, int] | None = None
 
     @property
     def n_steps(self) -> int:
@@ -92,11 +95,12 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
     for kind, length in _merged(kinds, shortest):
         inside = columns[at : at + length]
         leader = _leader_in(run, path, row, inside, standing=kind == "standing")
+        first, last = (int(column) + states.first_time_step for column in (inside[0], inside[-1]))
+        order = _order(run, agent.id, first, last) if kind in ("slowing", "standing") else None
         is_first = kind == "standing" and leader < 0
         red = _red_line(run, agent, row, inside) if is_first else -1
-        crossing = _crossing(run, path, row, inside) if is_first and red < 0 else ()
-        first, last = (int(column) + states.first_time_step for column in (inside[0], inside[-1]))
-        found.append(Phase(kind, first, last, leader, crossing, red))
+        crossing = _crossing(run, path, row, inside) if is_first and red < 0 and order is None else ()
+        found.append(Phase(kind, first, last, leader, crossing, red, order))
         at += length
     return tuple(found)
 
@@ -207,6 +211,22 @@ def _red_line(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> in
         if -_BEYOND_LINE <= along <= _BEFORE_LINE and 2 * np.count_nonzero(red) > len(columns):
             return line.lanelet_id
     return -1
+
+
+def _order(run: RunRecord, agent_id: int, first: int, last: int) -> tuple[str, int] | None:
+    """Why and for which participant an agent was told to wait in most of some time steps; None if it was not."""
+    orders = run.orders
+    if orders is None:
+        return None
+    begin, end = np.maximum(orders.first_time_step, first), np.minimum(orders.last_time_step, last)
+    long: dict[tuple[str, int], int] = {}
+    for place in np.flatnonzero((orders.agent_id == agent_id) & (end >= begin)).tolist():
+        if orders.kind[place] != "queue":
+            told = orders.kind[place], int(orders.by_id[place])
+            long[told] = long.get(told, 0) + int(end[place] - begin[place]) + 1
+    if not long or 2 * sum(long.values()) <= last - first + 1:
+        return None
+    return max(long, key=lambda told: (long[told], -told[1]))
 
 
 def _near(run: RunRecord, row: int, column: int, reach: float) -> Ints:

@@ -121,7 +121,7 @@ def _causes(run: RunRecord, agent: AgentRecord) -> tuple[str, ...]:
     stood = stop.n_steps if stop is not None and stop.n_steps * dt >= _LONG else 0
     behind: dict[int, tuple[int, int]] = {}
     for phase in done:
-        if phase.leader_id >= 0:
+        if phase.leader_id >= 0 and phase.order is None:
             total, standing = behind.get(phase.leader_id, (0, 0))
             behind[phase.leader_id] = total + phase.n_steps, standing + phase.n_steps * (phase.kind == "standing")
     number = max(behind, key=lambda number: (behind[number][0], -number), default=-1)
@@ -145,6 +145,8 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
     """A stop: how long, behind which vehicle, at which light, for which crossing participants, or without a sample."""
     seconds = said_time(run, stop.n_steps)
     lasted = f"stood for {seconds} s"
+    if stop.order is not None:
+        return f"{lasted} before a junction: {said_order(run, *stop.order)}"
     if stop.leader_id >= 0:
         return f"stood behind {said_name(run, stop.leader_id)} for {seconds} s"
     if stop.red_lanelet_id >= 0:
@@ -153,6 +155,12 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"
     return f"{lasted} without a vehicle ahead" + (f": {none}" if none else ", as planned")
+
+
+def said_order(run: RunRecord, kind: str, by: int) -> str:
+    """Why an agent was told to wait before a junction."""
+    name = said_name(run, by) if by >= 0 else "others"
+    return f"no room behind it, because of {name}" if kind == "exit" else f"it gave way to {name}"
 
 
 def no_sample(run: RunRecord, agent_id: int, first: int | None = None, last: int | None = None) -> str:

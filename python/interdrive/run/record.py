@@ -297,10 +297,6 @@ class Timings(Tabular):
     seconds: Floats
 
 
-#: Rules of the road whose violations are recorded.
-VIOLATIONS = ("speeding", "red_light", "stop_sign", "wrong_way")
-
-
 @dataclass(frozen=True, repr=False)
 class Violations(Tabular):
     """Violations of rules of the road, one row each; sorted by source, participant, rule and time.
@@ -308,12 +304,12 @@ class Violations(Tabular):
     Attributes:
         source: One of `SOURCES`: an agent, a replayed vehicle, or the recording of a vehicle that became an agent.
         participant_id: Participant that broke the rule, shape (violations,).
-        rule: One of `VIOLATIONS`.
+        rule: One of `interdrive.run.VIOLATIONS`.
         first_time_step: First time step of the violation. last_time_step: Last one.
-        lanelet_id: Lanelet below the vehicle, or that of the line; -1 for none.
+        lanelet_id: Lanelet below the vehicle, that of the line, or that on which it enters the area; -1 for none.
+        partner_id: The participant whose right of way it took; -1 for none.
         x: Centre of the vehicle at the first time step [m]. y: Centre [m].
-        value: Largest excess of the speed limit [m/s], time since the light turned red [s], least speed before the
-            line of a stop sign [m/s], distance driven the wrong way [m].
+        value: What it is says `interdrive.run.RULES`, by rules.
     """
 
     _rows = ("source", "violations")
@@ -325,6 +321,7 @@ class Violations(Tabular):
     first_time_step: Ints
     last_time_step: Ints
     lanelet_id: Ints
+    partner_id: Ints
     x: Floats
     y: Floats
     value: Floats
@@ -332,6 +329,33 @@ class Violations(Tabular):
     def count(self, rule: str, source: str = "agent") -> int:
         """Number of violations of a rule by one source."""
         return sum(pair == (rule, source) for pair in zip(self.rule, self.source, strict=True))
+
+
+#: What agents are told before junctions; the position is the code of the core. A yield is because of a vehicle that
+#: uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane waits.
+ORDERS = ("go", "yield", "exit", "queue")
+
+
+@dataclass(frozen=True, repr=False)
+class Orders(Tabular):
+    """Orders to wait before junctions, one row per stretch of time, sorted by agent and time.
+
+    Attributes:
+        agent_id: The agent, shape (orders,).
+        first_time_step: First time step of the stretch. last_time_step: Last one, included.
+        kind: One of `ORDERS`, but for "go".
+        by_id: The participant because of which it waits; -1 for none.
+        stop_s: Arc length on its reference path that its front must not pass [m].
+    """
+
+    _rows = ("agent_id", "orders")
+
+    agent_id: Ints
+    first_time_step: Ints
+    last_time_step: Ints
+    kind: tuple[str, ...]
+    by_id: Ints
+    stop_s: Floats
 
 
 #: Services of V2X messages; the position is the code in `Messages.service`.
@@ -445,6 +469,7 @@ class RunRecord:
         predictions: Predictions available to agents; None unless `record.predictions` is set.
         candidates: Candidates of agents; None unless `record.candidates` is set.
         violations: Violations of rules of the road; None if `record.violations` is not set.
+        orders: Orders to wait before junctions; None if no agent enters them by order or `record.orders` is not set.
         messages: V2X messages; None unless `record.messages` is set.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
@@ -463,5 +488,6 @@ class RunRecord:
     predictions: RecordedPredictions | None = None
     candidates: RecordedCandidates | None = None
     violations: Violations | None = None
+    orders: Orders | None = None
     messages: Messages | None = None
     cooperation: Mapping[str, Json] | None = None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from interdrive import _core
-from interdrive.errors import InputError
+from interdrive.errors import InputError, check_between
 from interdrive.scenario.inspection import candidates
 from interdrive.scenario.limits import LARGEST_VELOCITY
 from interdrive.scenario.model import KINDS, GoalState, InitialState, Shape
@@ -21,8 +21,11 @@ if TYPE_CHECKING:
 
     from interdrive.scenario.model import PlanningProblem, Scenario
 
-#: Footprint of a planning problem's vehicle: BMW 320i, CommonRoad vehicle type 2 [m].
-PLANNING_PROBLEM_LENGTH, PLANNING_PROBLEM_WIDTH = 4.508, 1.610
+#: CommonRoad vehicle type of a planning problem's vehicle without other wishes: BMW 320i.
+_USUAL_TYPE = 2
+
+#: The types that are trucks; others are cars.
+_TRUCKS = (4,)
 
 #: Recorded accelerations are differences of noisy positions in many data sets; an agent starts with at most this value
 #: [m/s²].
@@ -31,13 +34,20 @@ _START_ACCELERATION_MAX = 3.0
 
 @dataclass(frozen=True)
 class AgentSettings:
-    """Which recorded vehicles can become agents.
+    """Which recorded vehicles can become agents, and what planning problems drive.
 
     Attributes:
         min_displacement: A vehicle must get at least this far away from its start.
+        vehicle_type: CommonRoad vehicle type that planning problems drive: 1 (Ford Escort), 2 (BMW 320i),
+            3 (VW Vanagon), 4 (truck). 0: the recorded vehicle at their start, otherwise type 2.
     """
 
     min_displacement: Annotated[float, "m"] = 10.0
+    vehicle_type: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        check_between("vehicle_type", self.vehicle_type, 0, 4)
 
 
 @dataclass(frozen=True)
@@ -114,6 +124,7 @@ class _Proposal:
     initial_state: InitialState
     goal: tuple[GoalState, ...]
     velocity_max: float
+    vehicle_type: int = 0  # 0: limits that fit the footprint
 
 
 #: What chooses agents, for messages.
@@ -278,7 +289,7 @@ def _proposals(
             reasons[problem.id] = "its planning problem has no goal"
             notes.append(f"planning problem {problem.id} has no goal and is left out")
             continue
-        proposal, note = _from_problem(scenario, problem, taken)
+        proposal, note = _from_problem(scenario, problem, taken, agent_settings.vehicle_type)
         driven_by_problem.update(i for i in proposal.names if i in obstacles.ids)
         taken.add(proposal.id)
         if note:
@@ -301,11 +312,15 @@ def _proposals(
     return [p for p in proposals if p not in late], reasons, notes
 
 
-def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int]) -> tuple[_Proposal, str]:
-    """The agent of a planning problem; if a recorded vehicle is at its start, this vehicle becomes the agent."""
+def _from_problem(
+    scenario: Scenario, problem: PlanningProblem, taken: set[int], vehicle_type: int
+) -> tuple[_Proposal, str]:
+    """The agent of a planning problem; if a recorded vehicle is at its start, the agent takes its place."""
     state, obstacles = problem.initial_state, scenario.obstacles
-    shape = Shape("rectangle", length=PLANNING_PROBLEM_LENGTH, width=PLANNING_PROBLEM_WIDTH)
-    kind, agent_id, note = "car", problem.id, ""
+    driven = vehicle_type or _USUAL_TYPE
+    size = _core.Vehicle.of_type(driven)
+    shape = Shape("rectangle", length=size.length, width=size.width)
+    kind, agent_id, note = "truck" if driven in _TRUCKS else "car", problem.id, ""
     names: tuple[int, ...] = (problem.id,)
     column = state.time_step
     if 0 <= column < obstacles.n_steps:
@@ -313,13 +328,16 @@ def _from_problem(scenario: Scenario, problem: PlanningProblem, taken: set[int])
         same = obstacles.valid[:, column] & ~obstacles.is_static & (distance < 1.0)
         for row in np.flatnonzero(same)[:1]:
             agent_id = int(obstacles.ids[row])
-            kind, shape, names = obstacles.kinds[row], obstacles.shapes[row], (problem.id, agent_id)
+            names = (problem.id, agent_id)
+            if not vehicle_type:
+                driven, kind, shape = 0, obstacles.kinds[row], obstacles.shapes[row]
             note = f"planning problem {problem.id} starts where recorded vehicle {agent_id} is: they are one agent"
     if agent_id == problem.id and problem.id in {int(i) for i in obstacles.ids} and not note:
         agent_id = max(taken) + 1
         note = f"planning problem {problem.id} has the id of an obstacle elsewhere: its agent is {agent_id}"
         names = (agent_id,)
-    return _Proposal(agent_id, names, "planning problem", kind, shape, state, problem.goal, state.velocity), note
+    found = _Proposal(agent_id, names, "planning problem", kind, shape, state, problem.goal, state.velocity, driven)
+    return found, note
 
 
 def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: int, settings: GoalSettings) -> _Proposal:
@@ -403,12 +421,10 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
         route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal)
     except InputError as error:
         raise error.within(f"agent {proposal.id}") from None
-    length, width = core_shape(proposal.shape).extent
-    code = KINDS.index(proposal.kind)
-    vehicle = _core.Vehicle(code, length, width)
+    vehicle = _vehicle(proposal)
     velocity_max = min(1.2 * proposal.velocity_max, LARGEST_VELOCITY)
     if velocity_max > vehicle.velocity_max:
-        vehicle = _core.Vehicle(code, length, width, velocity_max=velocity_max)
+        vehicle = _vehicle(proposal, velocity_max)
     acceleration = float(np.clip(state.acceleration, -_START_ACCELERATION_MAX, _START_ACCELERATION_MAX))
     yaw_rate = state.yaw_rate
     if not math.isfinite(yaw_rate):
@@ -429,6 +445,14 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
         route=route,
         native_goal=goal,
     )
+
+
+def _vehicle(proposal: _Proposal, velocity_max: float | None = None) -> _core.Vehicle:
+    """Of a type, or with limits that fit the footprint; a top speed replaces its own."""
+    if proposal.vehicle_type:
+        return _core.Vehicle.of_type(proposal.vehicle_type, velocity_max=velocity_max)
+    length, width = core_shape(proposal.shape).extent
+    return _core.Vehicle(KINDS.index(proposal.kind), length, width, velocity_max=velocity_max)
 
 
 def _yaw_rate_max(vehicle: _core.Vehicle, velocity: float) -> float:

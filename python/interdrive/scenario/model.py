@@ -96,6 +96,8 @@ class Lanelets:
         adjacent_right_same_direction: Whether it runs in the same direction, shape (lanelets,).
         speed_limit: Speed limit [m/s], nan where the file states none, shape (lanelets,).
         types: CommonRoad's lanelet types per lanelet, for figures and files.
+        left_marking: CommonRoad's name of the line on the left bound of each, such as "solid"; empty: none is known.
+        right_marking: The same on the right bound.
     """
 
     ids: Ints
@@ -109,6 +111,8 @@ class Lanelets:
     adjacent_right_same_direction: Bools
     speed_limit: Floats
     types: tuple[tuple[str, ...], ...]
+    left_marking: tuple[str, ...] = ()
+    right_marking: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Lanelets: {len(self.ids)}>"

@@ -91,7 +91,10 @@ def verdicts(
 
 def _at_crossing(verdict: Verdict, broken: Violations, who: int, whom: int, dt: float, time: float) -> Verdict:
     """The same where ways cross: the one that had to yield is at fault, and the other one did not come too late."""
-    own, others = (_last_violation(broken, number, verdict.instant, dt, time) for number in (who, whom))
+    own, others = (
+        _last_violation(broken, number, other, verdict.instant, dt, time)
+        for number, other in ((who, whom), (whom, who))
+    )
     if own is not None:
         rule, before = own
         return replace(verdict, kind=rule, words=f"{_TOLD[rule]} {before:.1f} s before the contact with {whom}")
@@ -102,13 +105,13 @@ def _at_crossing(verdict: Verdict, broken: Violations, who: int, whom: int, dt: 
 
 
 def _last_violation(
-    broken: Violations, number: int, instant: float, dt: float, time: float
+    broken: Violations, number: int, other: int, instant: float, dt: float, time: float
 ) -> tuple[str, float] | None:
-    """The last rule that a participant broke instead of yielding, and how long before the contact [s]."""
+    """The last rule that a participant broke instead of yielding to another, and how long before the contact [s]."""
     rules, sources = np.array(broken.rule, dtype=object), np.array(broken.source, dtype=object)
     before = instant - broken.first_time_step * dt
     counts = (broken.participant_id == number) & (sources != "recording") & (before >= 0.0) & (before <= time)
-    counts &= np.isin(rules, YIELD_RULES)
+    counts &= np.isin(rules, YIELD_RULES) & ((broken.partner_id == other) | (rules != "right_of_way"))
     if not counts.any():
         return None
     last = int(np.flatnonzero(counts)[before[counts].argmin()])

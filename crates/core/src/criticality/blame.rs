@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::footing::{is_against_the_lane, is_within_one_lane};
+use super::footing::{is_against_the_lane, is_within_another_lane, is_within_one_lane, lanes_at};
 use super::traffic::Traffic;
 use crate::collision::{first_contact, pose_between};
 use crate::error::{Error, Result};
@@ -304,6 +304,15 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     if entered && is_flank && angle < ALONGSIDE && !is_one_lane {
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
+    // One that leaves its lane beside an agent that keeps its own is not cut off, however much faster it is.
+    if other_drives
+        && other.speed() > STANDING
+        && into_ours.step >= into_theirs.step
+        && !is_within_one_lane(road, other.shape, there)
+        && keeps_lane_beside(pair, into_theirs.step)
+    {
+        return verdict(FaultKind::None, Some(&into_ours));
+    }
     // The other one came first, and so late that nothing could be done.
     if into_ours.step > 0 && into_ours.step < into_theirs.step && into_ours.gap < into_ours.needed {
         return verdict(FaultKind::None, Some(&into_ours));
@@ -319,6 +328,16 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     verdict(FaultKind::None, if is_front { Some(&into_ours) } else { entered.then_some(&into_theirs) })
+}
+
+/// From a step to the contact both head the same way, and the agent is within a lane that is not the other one's.
+fn keeps_lane_beside(pair: &Pair<'_>, step: usize) -> bool {
+    let (agent, road) = (&pair.agent, &pair.traffic.road);
+    let theirs = lanes_at(road, pair.other.poses[step].position);
+    agent.poses[step..].iter().zip(&pair.other.poses[step..]).all(|(here, there)| {
+        wrap_angle(there.orientation - here.orientation).abs() < ALONGSIDE
+            && is_within_another_lane(road, agent.shape, *here, &theirs)
+    })
 }
 
 /// Side of the agent that touches.

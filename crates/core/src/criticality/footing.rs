@@ -27,6 +27,17 @@ pub fn is_within_one_lane(road: &RoadNetwork, shape: &Shape, pose: Pose) -> bool
     })
 }
 
+/// All of the footprint is in one lane, and nothing of it on lanelets given by index.
+pub fn is_within_another_lane(road: &RoadNetwork, shape: &Shape, pose: Pose, than: &[usize]) -> bool {
+    let is_apart = |position: Point| road.lanelets_at(position).iter().all(|lanelet| !than.contains(lanelet));
+    is_apart(pose.position) && corners(shape, pose).into_iter().all(is_apart) && is_within_one_lane(road, shape, pose)
+}
+
+/// The lanelets below a position, with those before and behind them.
+pub fn lanes_at(road: &RoadNetwork, position: Point) -> Vec<usize> {
+    road.lanelets_at(position).into_iter().flat_map(|lanelet| lane_of(road, lanelet)).collect()
+}
+
 /// A lanelet with those before and behind it.
 fn lane_of(road: &RoadNetwork, lanelet: usize) -> Vec<usize> {
     let (mut lane, mut ends) = (vec![lanelet], vec![(lanelet, true), (lanelet, false)]);

@@ -15,6 +15,8 @@ const INSIDE: f64 = 40.0;
 const TURN: f64 = 25.0 / 180.0 * PI;
 /// Ways that arrive within this angle come from the same side, within this one of PI against each other [rad].
 const SAME_SIDE: f64 = 30.0 / 180.0 * PI;
+/// What a stop sign is worth.
+const STOP: u8 = 1;
 /// A limit that is higher by this makes the main road [m/s].
 const LIMIT_STEP: f64 = 4.0;
 /// A lanelet that keeps straighter by this angle goes on, the other one ends [rad].
@@ -103,11 +105,21 @@ fn chord(road: &RoadNetwork, lanelet: usize, from: f64, to: f64) -> f64 {
     if chord.norm() > 1e-6 { chord.angle() } else { road.heading_at(lanelet, to) }
 }
 
-/// Headings of all arrivals, by junctions.
-pub(super) fn arrivals(found: &Junctions, approaches: &[[Approach; 2]]) -> Vec<Vec<f64>> {
-    let mut arrivals = vec![Vec::new(); found.n_junctions];
+/// All ways that arrive at a junction.
+#[derive(Debug, Clone)]
+pub(super) struct Arrivals {
+    headings: Vec<f64>,
+    /// Each of them has a stop sign.
+    all_stop: bool,
+}
+
+/// The arrivals of every junction.
+pub(super) fn arrivals(found: &Junctions, approaches: &[[Approach; 2]]) -> Vec<Arrivals> {
+    let mut arrivals = vec![Arrivals { headings: Vec::new(), all_stop: true }; found.n_junctions];
     for (area, both) in found.areas.iter().zip(approaches) {
-        arrivals[area.junction].extend(both.iter().map(|approach| approach.heading));
+        let here = &mut arrivals[area.junction];
+        here.headings.extend(both.iter().map(|approach| approach.heading));
+        here.all_stop &= both.iter().all(|approach| approach.rank == STOP);
     }
     arrivals
 }
@@ -121,7 +133,7 @@ pub(super) fn come_from_the_same_side([a, b]: &[Approach; 2]) -> bool {
 pub(super) fn decide(
     area: &Area,
     [a, b]: &[Approach; 2],
-    arrivals: &[f64],
+    arrivals: &Arrivals,
     (road, control): (&RoadNetwork, &Control),
 ) -> (Option<usize>, Reason) {
     let priorities = &control.priorities;
@@ -137,8 +149,7 @@ pub(super) fn decide(
         if let Some(first) = greater(f64::from(a.rank), f64::from(b.rank)) {
             return (Some(first), Reason::Sign);
         }
-        // A stop sign at both ways in.
-        if a.rank == 1 && b.rank == 1 {
+        if arrivals.all_stop {
             return (None, Reason::Arrival);
         }
     }
@@ -153,7 +164,7 @@ pub(super) fn decide(
         let has_signs = a.rank != 3 || b.rank != 3 || a.has_lights || b.has_lights;
         if !has_signs
             && angle.abs() > SAME_SIDE
-            && let Some(first) = main_road([a, b], arrivals, control)
+            && let Some(first) = main_road([a, b], &arrivals.headings, control)
         {
             return (Some(first), Reason::MainRoad);
         }

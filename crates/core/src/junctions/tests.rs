@@ -102,6 +102,19 @@ fn without_signs_a_left_turn_waits_for_oncoming_traffic_and_all_for_the_right() 
 }
 
 #[test]
+fn two_opposite_stop_signs_do_not_change_who_of_both_goes_first() {
+    let road = open(t_junction());
+    let stops_at = |lanelets: &[usize]| {
+        let ranks = lanelets.iter().map(|lanelet| (*lanelet, [1, 1, 1])).collect();
+        let found = junctions(&road, Priorities { ranks, ..Priorities::default() });
+        let oncoming = |order: &&(i64, i64, Reason)| order.2 == Reason::Oncoming;
+        (orders(&road, &found).iter().filter(oncoming).count(), orders(&road, &found).len())
+    };
+    assert_eq!(stops_at(&[0, 1]), (2, 6), "west and east, but not north");
+    assert_eq!(stops_at(&[0, 1, 2]), (0, 0), "at an all-way stop the first to arrive goes");
+}
+
+#[test]
 fn where_main_roads_are_derived_the_stem_of_a_t_waits() {
     let road = open(t_junction());
     let found = junctions(&road, Priorities { derives_main_road: true, ..Priorities::default() });

@@ -1,5 +1,7 @@
 //! Actions of learners: numbers that become plans.
 
+use super::frenet::FrenetTarget;
+use super::weights::WeightActions;
 use crate::error::{Error, Result};
 use crate::trajectory::State;
 use crate::vehicle::Vehicle;
@@ -12,6 +14,10 @@ pub enum ActionSpace {
     Kinematic(Kinematic),
     /// The same as one of a grid of choices: (numbers of the first, of the second), both odd.
     KinematicGrid(Kinematic, (usize, usize)),
+    /// Three numbers from -1 to 1: the end of a sample in the frame of the path.
+    FrenetTarget(FrenetTarget),
+    /// Numbers that change the cost weights of the sampling planner that drives the learner.
+    FrenetWeights(Box<WeightActions>),
 }
 
 impl ActionSpace {
@@ -19,6 +25,8 @@ impl ActionSpace {
     pub fn size(&self) -> Option<usize> {
         match self {
             Self::Kinematic(_) => Some(2),
+            Self::FrenetTarget(_) => Some(3),
+            Self::FrenetWeights(actions) => Some(actions.terms.len()),
             Self::KinematicGrid(..) => None,
         }
     }
@@ -26,8 +34,8 @@ impl ActionSpace {
     /// Number of choices.
     pub fn n_choices(&self) -> usize {
         match self {
-            Self::Kinematic(_) => 0,
             Self::KinematicGrid(_, (pedals, wheels)) => pedals * wheels,
+            _ => 0,
         }
     }
 
@@ -38,6 +46,8 @@ impl ActionSpace {
     pub fn check(&self) -> Result<()> {
         match self {
             Self::Kinematic(model) => model.validate(),
+            Self::FrenetTarget(target) => target.validate(),
+            Self::FrenetWeights(actions) => actions.check(),
             Self::KinematicGrid(model, (pedals, wheels)) => {
                 model.validate()?;
                 let odd = |n: usize| n % 2 == 1 && (3..=1001).contains(&n);
@@ -59,8 +69,32 @@ pub enum Action<'a> {
     Choice(i32),
 }
 
+impl Action<'_> {
+    /// So many numbers; `None` if they are not that, or not finite.
+    pub fn numbers<const N: usize>(&self) -> Option<[f64; N]> {
+        let Self::Numbers(given) = self else { return None };
+        let numbers: [f32; N] = (*given).try_into().ok()?;
+        numbers.iter().all(|number| number.is_finite()).then(|| numbers.map(f64::from))
+    }
+}
+
 impl ActionSpace {
-    /// The state after `dt` [s]; `None` if the action is not a number. `path_curvature` [1/m] is that of the path at the
+    /// It moves the vehicle by the single-track model, so that nothing but its state has to be known.
+    pub fn is_kinematic(&self) -> bool {
+        matches!(self, Self::Kinematic(_) | Self::KinematicGrid(..))
+    }
+
+    /// The weights that it changes, if it does.
+    pub fn weights(&self) -> Option<&WeightActions> {
+        if let Self::FrenetWeights(actions) = self { Some(actions) } else { None }
+    }
+
+    /// Names of what a learner observes about its planner; empty without one.
+    pub fn observed(&self) -> Vec<String> {
+        self.weights().map_or_else(Vec::new, WeightActions::observed)
+    }
+
+    /// The state after `dt` [s] by the single-track model; `None` if the action is not a number. `path_curvature` [1/m] is that of the path at the
     /// rear axle.
     pub fn next_state(
         &self,
@@ -71,9 +105,7 @@ impl ActionSpace {
         dt: f64,
     ) -> Option<Moved> {
         let (model, inputs) = match (self, action) {
-            (Self::Kinematic(model), Action::Numbers(numbers)) => {
-                (model, [f64::from(numbers[0]), f64::from(numbers[1])])
-            }
+            (Self::Kinematic(model), action) => (model, action.numbers()?),
             (Self::KinematicGrid(model, (pedals, wheels)), Action::Choice(choice)) => {
                 let choice = usize::try_from(choice).ok()?;
                 let number = |i: usize, n: usize| -1.0 + 2.0 * i as f64 / (n - 1) as f64;
@@ -81,9 +113,6 @@ impl ActionSpace {
             }
             _ => return None,
         };
-        if !inputs.iter().all(|number| number.is_finite()) {
-            return None;
-        }
         Some(model.step(vehicle, state, inputs, path_curvature, dt))
     }
 }

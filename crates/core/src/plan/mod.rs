@@ -18,6 +18,7 @@ mod polynomial;
 mod recorded;
 mod recorded_path;
 mod velocity_adjusting;
+pub mod weights;
 
 pub use car_following::CarFollowing;
 pub use idm::IdmSettings;
@@ -221,6 +222,11 @@ impl PlanningMemory {
     /// Roughly how much work the last plan was, to compare plans with: 0 where it was little.
     pub(crate) fn effort(&self) -> usize {
         self.effort
+    }
+
+    /// What the sampling planner is asked to tell about its next choice, and told about the last one.
+    pub(crate) fn told(&mut self) -> &mut frenet::Told {
+        self.frenet.told()
     }
 }
 

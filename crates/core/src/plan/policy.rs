@@ -70,6 +70,9 @@ impl Policy {
         observation: ObservationSettings,
     ) -> Result<Self> {
         space.check()?;
+        if !space.is_kinematic() {
+            return Err(Error::invalid("actions: a policy as a planner needs those of the single-track model"));
+        }
         observation.validate()?;
         let mut n_in = layout::length(&observation, &[]);
         let mut made = Vec::new();

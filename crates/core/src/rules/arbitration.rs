@@ -25,7 +25,7 @@ const STICKY_LEAD: f64 = 0.3;
 const STICKY_LAG: f64 = 0.15;
 /// Room that is left behind a passage beside the length of the vehicle [m]; the last vehicle ahead brakes so hard [m/s²].
 const ROOM: f64 = 1.0;
-const LEADER_BRAKING: f64 = 4.5;
+const LEADER_BRAKING: f64 = 2.0;
 /// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s].
 const FOLLOWING: f64 = 2.0;
 const FOLLOWING_TIME: f64 = 1.0;

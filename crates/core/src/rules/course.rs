@@ -146,6 +146,12 @@ impl Course {
         Self { passages: groups.into_iter().map(passage).collect(), stations }
     }
 
+    /// All areas in driving order: number and own side, and the arc lengths where they begin and end [m].
+    pub fn crossings(&self) -> impl Iterator<Item = (usize, usize, f64, f64)> {
+        let all = self.passages.iter().flat_map(|passage| &passage.areas);
+        all.map(|crossed| (crossed.area, crossed.side, crossed.entry, crossed.exit))
+    }
+
     /// An agent with its front at an arc length [m] is near or in one of the passages, at its speed [m/s].
     pub fn is_near(&self, front: f64, velocity: f64, length: f64) -> bool {
         let reach = reach(velocity);

@@ -6,8 +6,8 @@ use crate::junctions::Junctions;
 
 /// Accelerations of an early entry and of a late exit [m/s²], and the share of the speed there.
 const EARLY: f64 = 2.0;
-const LATE: f64 = 1.2;
-const SLOW: f64 = 0.7;
+const LATE: f64 = 1.5;
+const SLOW: f64 = 0.9;
 /// An agent that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
 const REACTING: f64 = 0.5;

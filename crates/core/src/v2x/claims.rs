@@ -6,6 +6,7 @@
 //! Shah et al., arXiv 2304.04958. A pairwise rule could let three wait in a circle; the total order cannot: the least claim
 //! yields to none, so its agent goes, its claim ends, and the next one is the least.
 
+mod order;
 mod zone;
 
 use std::sync::Arc;
@@ -15,6 +16,8 @@ use super::inbox::Inbox;
 use super::message::{Body, Claim, Message, PlanPoint};
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
+pub(crate) use order::Crossing;
+use order::{Claimant, before, common};
 use zone::{Own, Zone};
 
 /// An agent claims within this distance of the zone [m], and the way in which it stops.
@@ -97,6 +100,12 @@ pub(crate) struct Negotiator<'a> {
     pub(crate) velocity: f64,
     /// Length and width [m].
     pub(crate) extent: (f64, f64),
+    /// Junction areas on its path.
+    pub(crate) crossings: &'a [Crossing],
+    /// It enters junctions by the order of the rules.
+    pub(crate) is_ordered: bool,
+    /// Arc length on its path that its front must not pass now by the rules [m].
+    pub(crate) line: f64,
 }
 
 /// What an agent has claimed, and why it holds.
@@ -109,16 +118,15 @@ pub(super) struct Standpoint {
     /// What it tells.
     pub(super) claim: Option<Claim>,
     pub(super) yields_to: Vec<i64>,
+    pub(super) areas: Vec<(usize, usize)>,
+    pub(super) is_ordered: bool,
     pub(super) bar: Option<Bar>,
     /// Last time step with a zone.
     last_zone: i64,
     /// Steps that it has stood without yielding.
     stood: u32,
-}
-
-/// Order of claims: committed ones first, then by arrival, then by id.
-fn key(claim: Option<&Claim>, id: i64) -> (bool, i64, i64) {
-    claim.map_or((true, i64::MAX, id), |claim| (!claim.is_committed, claim.arrival, id))
+    /// It does not use its right of way.
+    is_waived: bool,
 }
 
 /// What an agent needs to know at a time step.
@@ -126,6 +134,17 @@ pub(super) struct Situation<'a> {
     pub(super) now: i64,
     pub(super) dt: f64,
     pub(super) settings: &'a V2xSettings,
+    /// By area of a junction: the side that goes first by the rules of the road.
+    pub(super) first: &'a [Option<usize>],
+}
+
+impl Negotiator<'_> {
+    /// The junction areas on the way that it tells, and its side of each, ascending.
+    fn areas(&self, situation: &Situation<'_>) -> impl Iterator<Item = (usize, usize)> {
+        let end = self.rear + situation.settings.way_ahead;
+        let on_way = self.crossings.iter().filter(move |one| one.exit > self.rear && one.entry < end);
+        on_way.map(|one| (one.area, one.side))
+    }
 }
 
 /// The newest plan of every other agent whose way may meet that of the agent.
@@ -145,9 +164,13 @@ impl Standpoint {
         agreements: &mut Vec<Agreement>,
     ) {
         let Situation { now, dt, .. } = *situation;
-        let zones = zones(agent, inbox, situation);
-        self.yields_to.clear();
+        let yielded = std::mem::take(&mut self.yields_to);
         self.bar = None;
+        self.is_ordered = agent.is_ordered;
+        self.areas.clear();
+        self.areas.extend(agent.areas(situation));
+        self.is_waived &= agent.velocity < STANDING;
+        let zones = zones(agent, &self.areas, inbox, situation);
         if zones.is_empty() {
             if self.claimed.is_some() && (now - self.last_zone) as f64 * dt >= NO_ZONE - 1e-9 {
                 self.claimed = None;
@@ -184,12 +207,14 @@ impl Standpoint {
         }
         let blocked = (begin, end + agent.extent.0 + ROOM);
         let is_blocked = !is_committed && lane.is_blocked(blocked.0.max(agent.front), blocked.1);
-        self.claim = self.claimed.map(|(arrival, _)| Claim { n: self.n, arrival, is_committed });
-        let mine = key(self.claim.as_ref(), agent.id);
-        let first = zones.iter().filter(|zone| zone.claim.is_some_and(|claim| key(Some(&claim), zone.id) < mine));
+        let is_waived = self.is_waived;
+        let claim = |(arrival, _)| Claim { n: self.n, arrival, is_committed, is_waived };
+        // An agent that the rules stop before the zone does not claim it now.
+        self.claim = self.claimed.filter(|_| agent.line >= begin || is_committed).map(claim);
+        let first = self.first(agent, &zones, inbox, &yielded, situation.first);
         let mut stop = f64::INFINITY;
         let mut going = None;
-        for zone in first {
+        for zone in &first {
             self.yields_to.push(zone.id);
             // Nothing is to be done for another one that has left before the agent arrives.
             let arrives = (zone.begin - agent.front) / agent.velocity.max(SLOWEST);
@@ -207,7 +232,7 @@ impl Standpoint {
         self.stood = if holds || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
         if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && !is_committed {
             self.claim_anew(agent, begin, end, (now, dt), now + 1);
-            self.stood = 0;
+            (self.stood, self.is_waived) = (0, true);
         }
         if holds {
             let bar = bar(agent, stop, stopping, situation);
@@ -217,6 +242,30 @@ impl Standpoint {
                 Agreement { holding: agent.id, going, first: now, last: now, bar: bar.pose, claim: self.n },
             );
         }
+    }
+
+    /// The zones with others that go first. An agent without a claim lets all go that have one.
+    fn first(
+        &self,
+        agent: &Negotiator<'_>,
+        zones: &[Zone],
+        inbox: &Inbox,
+        yielded: &[i64],
+        first: &[Option<usize>],
+    ) -> Vec<Zone> {
+        let Some(claim) = self.claim else {
+            return zones.iter().filter(|zone| zone.claim.is_some()).copied().collect();
+        };
+        let mut all = vec![Claimant { id: agent.id, claim, areas: &self.areas, yields_to: yielded }];
+        all.extend(plans(inbox, agent.place).filter_map(|(_, message)| match &message.body {
+            Body::Mcm { claim: Some(claim), areas, yields_to, .. } => {
+                Some(Claimant { id: message.sender, claim: *claim, areas, yields_to })
+            }
+            _ => None,
+        }));
+        let goes = before(&all, 0, first);
+        let is_first = |zone: &&Zone| all.iter().zip(&goes).any(|(one, goes)| *goes && one.id == zone.id);
+        zones.iter().filter(is_first).copied().collect()
     }
 
     fn claim_anew(&mut self, agent: &Negotiator<'_>, begin: f64, end: f64, (now, dt): (i64, f64), after: i64) {
@@ -237,13 +286,17 @@ fn note(agreements: &mut Vec<Agreement>, new: Agreement) {
     }
 }
 
-/// The zones that an agent shares with others whose plans it received, by sender.
-fn zones(agent: &Negotiator<'_>, inbox: &Inbox, situation: &Situation<'_>) -> Vec<Zone> {
+/// The zones that an agent shares with others whose plans it received, by sender. `ours` are the areas on its way.
+fn zones(agent: &Negotiator<'_>, ours: &[(usize, usize)], inbox: &Inbox, situation: &Situation<'_>) -> Vec<Zone> {
     let mut own: Option<Own> = None;
     let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * DECELERATION);
     let mut found = Vec::new();
     for (_, message) in plans(inbox, agent.place) {
-        let Body::Mcm { status, way, claim, spacing, points, .. } = &message.body else { continue };
+        let Body::Mcm { status, way, claim, spacing, points, areas, is_ordered, .. } = &message.body else { continue };
+        if agent.is_ordered && *is_ordered && common(ours, areas).next().is_some() {
+            // The order of the rules decides about both.
+            continue;
+        }
         let age = (situation.now - message.time_step) as f64 * situation.dt;
         let there = super::trigger::interpolated(points, *spacing, age);
         let far = reach + situation.settings.way_ahead;

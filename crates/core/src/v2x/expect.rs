@@ -4,7 +4,7 @@
 //! the predictor, and every agent knows which of them are its own.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use super::know::{Known, Via, moved};
 use super::message::{Body, Message, Object, PlanPoint};
@@ -12,7 +12,7 @@ use super::network::Network;
 use super::trigger::interpolated;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
-use crate::predict::{Each, told, write};
+use crate::predict::{told as write_told, write};
 use crate::road::RoadNetwork;
 use crate::scene::{Scene, ViewLimits};
 use crate::trajectory::{Predictions, State};
@@ -106,28 +106,21 @@ struct Additional {
 }
 
 impl Network {
-    /// What all agents expect: `table` is that of a predictor, with a row for each participant present.
+    /// What all agents expect: `table` is that of a predictor, with a row for each participant present. `visible` are the
+    /// places among those present that each observer sees.
     pub(crate) fn expect(
         &self,
         (scene, road): (&Scene, &RoadNetwork),
         table: &Predictions,
         observers: &[Observer<'_>],
-        each: Each<'_>,
+        visible: &[&[usize]],
     ) -> Expectations {
-        let positions = scene.positions();
-        let visible: Vec<OnceLock<Vec<usize>>> = observers.iter().map(|_| OnceLock::new()).collect();
-        each(observers.len(), &|i| {
-            let mut seen = Vec::new();
-            scene.see(observers[i].row, observers[i].view, &positions, &mut seen);
-            visible[i].set(seen).expect("every agent looks once");
-        });
         let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
         let senders: Vec<Option<usize>> = ids.iter().map(|id| self.place(*id)).collect();
         let mut more = Additional { plans: vec![Vec::new(); self.ids().len()], ..Additional::default() };
         let mut known = BTreeMap::new();
         for (observer, visible) in observers.iter().zip(visible) {
-            let visible = visible.into_inner().expect("every agent has looked");
-            let found = self.knowledge(scene, observer, (&visible, &ids, &senders), &mut more);
+            let found = self.knowledge(scene, observer, (visible, &ids, &senders), &mut more);
             known.insert(observer.id, found);
         }
         let n = ids.len();
@@ -136,7 +129,7 @@ impl Network {
             match filling {
                 Filling::Plan(message, age, off) => self.write_plan(&mut all, n + i, message, *age, *off),
                 Filling::Told(age, is_static) => {
-                    told(&mut all, n + i, (extra.kind, *is_static), &extra.state, *age, (self.dt, road));
+                    write_told(&mut all, n + i, (extra.kind, *is_static), &extra.state, *age, (self.dt, road));
                 }
             }
         }
@@ -163,6 +156,7 @@ impl Network {
             known.push(Known { id: ids[place], via: Via::Sensors, age, row, seen: Some(place) });
         }
         let is_seen = |known: &[Known], id: i64| known[..visible.len()].binary_search_by_key(&id, |k| k.id).is_ok();
+        let mut told: Vec<Known> = Vec::new();
         for (sender, heard) in inbox.heard.iter().enumerate() {
             let id = self.ids()[sender];
             let newest = match (&heard.cam, &heard.mcm) {
@@ -183,29 +177,22 @@ impl Network {
                     age(newest),
                 ),
             };
-            if !would_see(scene, observer, &more.extras[row]) {
-                known.push(Known { id, via: Via::Cam, age, row: ids.len() + row, seen: None });
-            }
+            told.push(Known { id, via: Via::Cam, age, row, seen: None });
         }
+        keep_unseen(scene, observer, &mut told, &more.extras);
+        known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
         let n_heard = known.len();
-        let mut reports = inbox.objects.iter().peekable();
-        while let Some((&(id, sender), &(time_step, object))) = reports.next() {
-            let mut newest = (time_step, self.ids()[sender], object);
-            while let Some(((_, sender), (time_step, object))) = reports.next_if(|((other, _), _)| *other == id) {
-                if *time_step > newest.0 {
-                    newest = (*time_step, self.ids()[*sender], *object);
-                }
-            }
+        for (&id, (time_step, sender, object)) in &inbox.objects {
             let is_heard = known[visible.len()..n_heard].binary_search_by_key(&id, |k| k.id).is_ok();
             if id == observer.id || is_seen(&known, id) || is_heard {
                 continue;
             }
-            let row = self.told_row(&newest.2, newest.0, newest.1, scene, more);
-            if !would_see(scene, observer, &more.extras[row]) {
-                let age = (scene.time_step - newest.0) as f64 * self.dt;
-                known.push(Known { id, via: Via::Cpm, age, row: ids.len() + row, seen: None });
-            }
+            let row = self.told_row(object, *time_step, self.ids()[*sender], scene, more);
+            let age = (scene.time_step - time_step) as f64 * self.dt;
+            told.push(Known { id, via: Via::Cpm, age, row, seen: None });
         }
+        keep_unseen(scene, observer, &mut told, &more.extras);
+        known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
         if let Some(bar) = &self.standpoints[observer.place].bar {
             let Pose { position, orientation } = bar.pose;
             let state = State { x: position.x, y: position.y, orientation, ..State::default() };
@@ -318,7 +305,16 @@ impl Network {
     }
 }
 
-/// The agent's sensors would see a participant where it was told to be.
-fn would_see(scene: &Scene, observer: &Observer<'_>, extra: &Extra) -> bool {
-    scene.would_see(observer.row, observer.view, &extra.shape, extra.state.pose(), extra.is_static)
+/// Drops what the agent's sensors would see where it was told to be; the rows are those of `extras`.
+fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, extras: &[Extra]) {
+    if told.is_empty() {
+        return;
+    }
+    let body = |known: &Known| {
+        let extra = &extras[known.row];
+        (&extra.shape, extra.state.pose(), extra.is_static)
+    };
+    let bodies: Vec<_> = told.iter().map(body).collect();
+    let mut seen = scene.would_see(observer.row, observer.view, &bodies).into_iter();
+    told.retain(|_| seen.next() == Some(false));
 }

@@ -1,5 +1,6 @@
 //! What an agent has received: of each sender and service the newest message.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -17,8 +18,8 @@ pub(super) struct Heard {
 pub(super) struct Inbox {
     /// By the sender's place among the equipped agents.
     pub(super) heard: Vec<Heard>,
-    /// Newest report by object and sender, with its time step.
-    pub(super) objects: BTreeMap<(i64, usize), (i64, Object)>,
+    /// Newest report by object, with its time step and sender; of equally new ones that of the smaller id.
+    pub(super) objects: BTreeMap<i64, (i64, usize, Object)>,
 }
 
 impl Inbox {
@@ -34,10 +35,10 @@ impl Inbox {
             Body::Mcm { .. } => &mut heard.mcm,
             Body::Cpm(objects) => {
                 for object in objects {
-                    let (time_step, kept) =
-                        self.objects.entry((object.id, sender)).or_insert((message.time_step, *object));
-                    if *time_step < message.time_step {
-                        (*time_step, *kept) = (message.time_step, *object);
+                    let new = (message.time_step, sender, *object);
+                    let kept = self.objects.entry(object.id).or_insert(new);
+                    if (kept.0, Reverse(kept.1)) < (new.0, Reverse(sender)) {
+                        *kept = new;
                     }
                 }
                 return;
@@ -57,6 +58,6 @@ impl Inbox {
                 }
             }
         }
-        self.objects.retain(|_, (time_step, _)| *time_step >= before);
+        self.objects.retain(|_, (time_step, ..)| *time_step >= before);
     }
 }

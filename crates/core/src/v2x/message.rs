@@ -71,6 +71,8 @@ pub struct Claim {
     pub arrival: i64,
     /// The agent can no longer stop before.
     pub is_committed: bool,
+    /// The agent has stood although it yields to none, and leaves its right of way to others.
+    pub is_waived: bool,
 }
 
 /// What a message says besides its sender.
@@ -94,6 +96,10 @@ pub enum Body {
         claim: Option<Claim>,
         /// Ids of the agents that it lets go first.
         yields_to: Vec<i64>,
+        /// The junction areas on the way and the sender's side of each, ascending, if it negotiates.
+        areas: Vec<(usize, usize)>,
+        /// The sender enters junctions by the order of the rules.
+        is_ordered: bool,
     },
     /// Objects.
     Cpm(Vec<Object>),

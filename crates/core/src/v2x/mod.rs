@@ -20,7 +20,7 @@ mod trigger;
 
 pub use channel::{reception, steps_to_arrival};
 pub use claims::{Agreement, Bar};
-pub(crate) use claims::{Negotiator, Neighbour};
+pub(crate) use claims::{Crossing, Negotiator, Neighbour};
 pub use draw::{equipped, uniform};
 pub(crate) use expect::Observer;
 pub use expect::{Expectations, Extra};

@@ -56,6 +56,8 @@ pub(crate) struct Network {
     queue: VecDeque<Vec<Delivery>>,
     /// Claims and bars, by place.
     pub(super) standpoints: Vec<Standpoint>,
+    /// By area of a junction: the side that goes first by the rules of the road.
+    first: Vec<Option<usize>>,
     agreements: Vec<Agreement>,
     log: Log,
     /// Memory: bytes that each agent hears in a step; links of a message; points of a plan.
@@ -65,7 +67,14 @@ pub(crate) struct Network {
 }
 
 impl Network {
-    pub(crate) fn new(settings: V2xSettings, seed: u64, dt: f64, ids: Vec<i64>, level: Logged) -> Self {
+    /// `first` is the side that goes first by the rules of the road, by area of a junction.
+    pub(crate) fn new(
+        settings: V2xSettings,
+        (seed, dt): (u64, f64),
+        ids: Vec<i64>,
+        first: Vec<Option<usize>>,
+        level: Logged,
+    ) -> Self {
         let n = ids.len();
         Self {
             settings,
@@ -76,6 +85,7 @@ impl Network {
             inboxes: vec![Inbox::new(n); n],
             queue: VecDeque::new(),
             standpoints: vec![Standpoint::default(); n],
+            first,
             agreements: Vec::new(),
             log: Log { level, ..Log::default() },
             heard: vec![0; n],
@@ -100,8 +110,8 @@ impl Network {
     /// Renews claims and bars at a time step, from what has arrived. `around` gives the participants that an agent
     /// knows of.
     pub(crate) fn negotiate(&mut self, now: i64, agents: &[Negotiator<'_>], around: &dyn Fn(usize) -> Vec<Neighbour>) {
-        let Self { settings, dt, inboxes, standpoints, agreements, .. } = self;
-        let situation = Situation { now, dt: *dt, settings };
+        let Self { settings, dt, inboxes, standpoints, agreements, first, .. } = self;
+        let situation = Situation { now, dt: *dt, settings, first };
         standpoints.iter_mut().for_each(|standpoint| standpoint.bar = None);
         for (i, agent) in agents.iter().enumerate() {
             let inbox = &inboxes[agent.place];
@@ -151,7 +161,7 @@ impl Network {
         let points = &mut self.points;
         sample(speaker.plan, self.dt, (spacing, plan_horizon), points);
         let sent = &mut self.sent[speaker.place];
-        let Standpoint { claim, yields_to, .. } = &self.standpoints[speaker.place];
+        let Standpoint { claim, yields_to, areas, is_ordered, .. } = &self.standpoints[speaker.place];
         if !sent.is_claim_news(claim.as_ref()) && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt)) {
             return None;
         }
@@ -171,6 +181,8 @@ impl Network {
             way,
             claim: *claim,
             yields_to: yields_to.clone(),
+            areas: areas.clone(),
+            is_ordered: *is_ordered,
         })
     }
 

@@ -98,6 +98,8 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
         way: vec![PlanPoint::default(); 21],
         claim: None,
         yields_to: vec![],
+        areas: vec![],
+        is_ordered: false,
     };
     let cut = |max_bytes| {
         let mut message = Message { time_step: 0, sender: 1, body: body.clone() };

@@ -1,14 +1,18 @@
 //! Messages between agents: what they send in a step, and what they expect from what they received.
 
 use std::cell::OnceCell;
+use std::sync::OnceLock;
 
-use super::{Drive, World};
+use super::{Agent, Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
-use crate::predict::{self, completed};
+use crate::predict::completed;
+use crate::rules::Course;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
-use crate::v2x::{self, Agreement, Expectations, Log, Negotiator, Neighbour, Network, Object, Observer, Speaker};
+use crate::v2x::{
+    self, Agreement, Crossing, Expectations, Log, Negotiator, Neighbour, Network, Object, Observer, Speaker,
+};
 
 /// Past time steps from which speeds are observed.
 const OBSERVED: usize = 3;
@@ -26,9 +30,29 @@ impl World {
                 equipped.push(drive.agent.id);
             }
         }
+        self.sights.clear();
+        self.sights.resize_with(equipped.len(), OnceLock::new);
         if !equipped.is_empty() {
-            self.network = Some(Box::new(Network::new(settings, seed, self.scenario.dt, equipped, level)));
+            let first = if settings.negotiate { self.note_crossings() } else { Vec::new() };
+            let draws = (seed, self.scenario.dt);
+            self.network = Some(Box::new(Network::new(settings, draws, equipped, first, level)));
         }
+    }
+
+    /// Notes the junction areas on the ways of the equipped agents; returns the side of each area that goes first by the
+    /// rules of the road.
+    fn note_crossings(&mut self) -> Vec<Option<usize>> {
+        let junctions = self.scenario.junctions();
+        for drive in self.drives.iter_mut().filter(|drive| drive.place.is_some()) {
+            let Agent { route, vehicle, .. } = &*drive.agent;
+            let map = (&*self.scenario.road, junctions);
+            let course = Course::along(route, map, &drive.way.limits, (vehicle.length, vehicle.width));
+            drive.crossings =
+                course.crossings().map(|(area, side, entry, exit)| Crossing { area, side, entry, exit }).collect();
+            drive.crossings.sort_by_key(|crossing| (crossing.area, crossing.side));
+            drive.crossings.dedup_by_key(|crossing| crossing.area);
+        }
+        junctions.areas.iter().map(|area| area.first).collect()
     }
 
     /// Ids of the agents with V2X, ascending.
@@ -51,23 +75,29 @@ impl World {
         self.check_scene(scene)?;
         self.check_time_step("predictions", predictions.time_step)?;
         let Some(network) = &self.network else { return Ok(None) };
-        let observer = |(place, drive): (usize, &'_ Drive)| (drive.agent.id, place, drive.row);
         let found: Vec<(usize, &Drive)> = self.talking().collect();
-        let observers: Vec<Observer<'_>> = found
-            .iter()
-            .map(|(place, drive)| {
-                let (id, place, row) = observer((*place, drive));
-                Observer { id, place, row, view: &drive.agent.view }
-            })
-            .collect();
+        let mut observers = Vec::with_capacity(found.len());
+        for &(place, drive) in &found {
+            observers.push(Observer { id: drive.agent.id, place, row: drive.row, view: &drive.agent.view });
+        }
         let table = completed(predictions, scene);
-        let looks_far = observers.iter().any(|observer| observer.view.occlusion);
-        let around = (scene, &*self.scenario.road);
-        Ok(Some(if looks_far {
-            network.expect(around, &table, &observers, &|n, work| self.threads.each(n, |_, i| work(i)))
-        } else {
-            network.expect(around, &table, &observers, &predict::one_by_one)
-        }))
+        let positions = scene.positions();
+        let look = |i: usize| _ = self.sight(found[i].1, scene, &positions);
+        if observers.iter().any(|observer| observer.view.occlusion) {
+            self.threads.each(found.len(), |_, i| look(i));
+        }
+        let visible: Vec<&[usize]> = found.iter().map(|(_, drive)| self.sight(drive, scene, &positions)).collect();
+        Ok(Some(network.expect((scene, &*self.scenario.road), &table, &observers, &visible)))
+    }
+
+    /// What an equipped agent sees now, as places among those present. It looks once per time step.
+    fn sight(&self, drive: &Drive, scene: &Scene, positions: &[Point]) -> &[usize] {
+        let place = drive.place.expect("an equipped agent");
+        self.sights[place].get_or_init(|| {
+            let mut seen = Vec::new();
+            scene.see(drive.row, &drive.agent.view, positions, &mut seen);
+            seen
+        })
     }
 
     /// Equipped agents that drive now, with their places among the equipped ones.
@@ -100,7 +130,7 @@ impl World {
             is_emergency: plans.status[row] == PlanStatus::EmergencyBraking,
             path: &drive.agent.route.path,
             rear_s: drive.s + drive.agent.vehicle.rear_axle_to_center - 0.5 * drive.agent.vehicle.length,
-            objects: scene.map_or_else(Vec::new, |scene| objects(scene, drive)),
+            objects: scene.map_or_else(Vec::new, |scene| self.objects(scene, drive)),
         }
     }
 
@@ -108,6 +138,7 @@ impl World {
     pub(super) fn file_messages(&mut self) {
         let now = self.time_step;
         let Some(mut network) = self.network.take() else { return };
+        self.sights.iter_mut().for_each(|sight| *sight = OnceLock::new());
         network.file(now);
         if network.settings().negotiate {
             self.negotiate(&mut network);
@@ -134,7 +165,7 @@ impl World {
                 let half_width = 0.5 * scene.participants.shape[row].extent().1;
                 Neighbour { pose: scene.state(row).pose(), velocity: scene.observed_velocity(row), half_width, place }
             };
-            scene.visible_from(drive.row, &drive.agent.view).into_iter().map(neighbour).collect()
+            self.sight(drive, scene, &scene.positions()).iter().map(|place| neighbour(scene.present[*place])).collect()
         };
         network.negotiate(self.time_step, &agents, &around);
     }
@@ -155,17 +186,21 @@ impl World {
             pose: state.pose(),
             velocity: state.velocity,
             extent: drive.agent.shape.extent(),
+            crossings: &drive.crossings,
+            is_ordered: !drive.course.stations.is_empty(),
+            line: self.line(drive).min(self.hold(drive).map_or(f64::INFINITY, |hold| drive.front() + hold.distance)),
         }
     }
-}
 
-/// What an agent's sensors see, as it tells others.
-fn objects(scene: &Scene, drive: &Drive) -> Vec<Object> {
-    let participants = &scene.participants;
-    let object = |row: usize| {
-        let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
-        let extent = participants.shape[row].extent();
-        Object::rounded(participants.ids[row], participants.kind[row], &state, extent, participants.is_static[row])
-    };
-    scene.visible_from(drive.row, &drive.agent.view).into_iter().map(object).collect()
+    /// What an agent's sensors see, as it tells others.
+    fn objects(&self, scene: &Scene, drive: &Drive) -> Vec<Object> {
+        let participants = &scene.participants;
+        let object = |place: &usize| {
+            let row = scene.present[*place];
+            let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
+            let extent = participants.shape[row].extent();
+            Object::rounded(participants.ids[row], participants.kind[row], &state, extent, participants.is_static[row])
+        };
+        self.sight(drive, scene, &scene.positions()).iter().map(object).collect()
+    }
 }

@@ -18,6 +18,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
+use crate::plan::frenet::{self, CostWeights};
 use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
@@ -26,7 +27,7 @@ use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, StopSign, 
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
-use crate::v2x::Network;
+use crate::v2x::{Crossing, Network};
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
@@ -83,6 +84,8 @@ struct Drive {
     row: usize,
     /// Place among the agents with V2X.
     place: Option<usize>,
+    /// The junction areas on its path, if it negotiates.
+    crossings: Vec<Crossing>,
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,
@@ -94,6 +97,9 @@ struct Drive {
     contact_fraction: f64,
     /// Effort of its last plan, 0 if that was kept: agents with the largest effort are planned first. Affects run time only.
     effort: AtomicUsize,
+    /// Cost weights in the place of those of its planner, and the terms of its last choice.
+    weights: Option<CostWeights>,
+    terms: Mutex<Option<[f64; frenet::N_TERMS]>>,
 }
 
 impl Drive {
@@ -157,6 +163,8 @@ pub struct World {
     recording: Recording,
     /// Messages; `None` if no agent has V2X.
     network: Option<Box<Network>>,
+    /// What the equipped agents see at this time step, once they have looked, by place.
+    sights: Vec<OnceLock<Vec<usize>>>,
     threads: Threads,
     /// Memory of the planners, one per thread.
     memories: Vec<Mutex<PlanningMemory>>,

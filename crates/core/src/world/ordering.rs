@@ -1,11 +1,14 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
 use super::{Drive, World};
+use crate::geometry::Pose;
 use crate::plan::Planner;
+use crate::predict::{Waiting, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Way};
 use crate::scenario::Scenario;
 use crate::scene::Scene;
+use crate::trajectory::Predictions;
 use crate::world::Agent;
 
 /// A body is on lanelets that lead its way within this angle [rad].
@@ -29,7 +32,9 @@ const PAST: usize = 4;
 
 /// The planner of an agent does what the rules say.
 fn obeys(planner: &Planner, rules: &RulesSettings) -> bool {
-    rules.enabled && rules.precedence && !matches!(planner, Planner::Recorded | Planner::VelocityAdjusting(_))
+    rules.enabled
+        && rules.precedence
+        && !matches!(planner, Planner::Recorded | Planner::VelocityAdjusting(_) | Planner::Policy(_))
 }
 
 /// What arbitration knows about the way of an agent; empty if it does not obey.
@@ -47,6 +52,12 @@ impl World {
         self.orders.get_or_init(|| if self.has_passages { self.arbitrate() } else { Vec::new() })
     }
 
+    /// Ids of the agents that enter junctions when they are told to.
+    pub fn obeying(&self) -> Vec<i64> {
+        let drives = self.drives.iter().filter(|drive| !drive.course.stations.is_empty());
+        drives.map(|drive| drive.agent.id).collect()
+    }
+
     /// What an agent has been told.
     pub(super) fn hold(&self, drive: &Drive) -> Option<Hold> {
         let orders = self.orders();
@@ -57,6 +68,24 @@ impl World {
             release: order.release,
             by: order.by,
         })
+    }
+
+    /// Predictions in which the agents that were told to wait before a junction do so; `None` if none was. Right of way
+    /// is public: who expects others to keep to it needs no plan of theirs.
+    pub fn with_waits(&self, predictions: &Predictions) -> Option<Predictions> {
+        let mut found: Option<Predictions> = None;
+        for order in self.orders().iter().filter(|order| order.stop.is_finite()) {
+            let drive = &self.drives[self.drive_index(order.id).expect("orders are for agents")];
+            let (Some(row), Some(state)) = (predictions.row(order.id), &self.states[drive.row]) else { continue };
+            let mouth = drive.agent.route.path.at(order.stop);
+            let waiting = Waiting {
+                line: Pose { position: mouth.position, orientation: mouth.theta },
+                release: order.release,
+                to_front: 0.5 * drive.agent.vehicle.length,
+            };
+            wait(found.get_or_insert_with(|| predictions.clone()), row, state, &waiting, self.scenario.dt);
+        }
+        found
     }
 
     fn arbitrate(&self) -> Vec<Order> {
@@ -129,7 +158,7 @@ impl World {
     }
 
     /// Arc length of the stop line that holds an agent [m].
-    fn line(&self, drive: &Drive) -> f64 {
+    pub(super) fn line(&self, drive: &Drive) -> f64 {
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
         self.lines(drive).stop(&drive.way, drive.front(), velocity)
     }

@@ -7,13 +7,14 @@ use std::sync::{MutexGuard, OnceLock, PoisonError};
 use super::{Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
-use crate::plan::frenet::{self, Candidates};
+use crate::plan::frenet::{self, Candidates, CostWeights, FrenetSettings, FrenetTarget};
 use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
 use crate::trajectory::{Plans, Predictions, Trajectory};
 use crate::v2x::{Expectations, Extra, Known};
+use crate::vehicle::single_track::Moved;
 
 impl World {
     /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
@@ -128,7 +129,17 @@ impl World {
         let mut others: Vec<Other<'_>> = std::mem::take(&mut memory.others);
         crowd.see(drive, scene, &mut memory.visible, &mut others);
         let request = self.request(drive, &others, expected);
-        let plan = plan::plan(&drive.agent.planner, &drive.prepared, &request, memory);
+        let plan = match (&drive.agent.planner, drive.weights) {
+            (Planner::Frenet(settings), Some(weights)) => {
+                let planner = Planner::Frenet(Box::new(FrenetSettings { weights, ..**settings }));
+                memory.told().is_asked = true;
+                let plan = plan::plan(&planner, &drive.prepared, &request, memory);
+                let told = std::mem::take(memory.told());
+                *drive.terms.lock().unwrap_or_else(PoisonError::into_inner) = told.terms;
+                plan
+            }
+            (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),
+        };
         drive.effort.store(memory.effort(), Ordering::Relaxed);
         others.clear();
         // An empty list is handed on as memory: collecting in place allocates nothing.
@@ -165,11 +176,41 @@ impl World {
         }
     }
 
+    /// An agent, by its position among the agents, plans with other cost weights from now on.
+    pub(crate) fn weigh(&mut self, index: usize, weights: CostWeights) {
+        self.drives[index].weights = Some(weights);
+    }
+
+    /// The terms of the last choice of an agent that plans with weights of its own; `None` if nothing was chosen.
+    pub(crate) fn terms(&self, index: usize) -> Option<[f64; frenet::N_TERMS]> {
+        *self.drives[index].terms.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The next state of an agent, by its position among the agents, that drives a sample with a given end. It looks at
+    /// nothing but its path.
+    pub(crate) fn aim(&self, index: usize, target: &FrenetTarget, numbers: [f64; 3]) -> Moved {
+        let drive = &self.drives[index];
+        let predictions = Predictions { time_step: self.time_step, ..Predictions::default() };
+        let prediction_index = PredictionIndex::of(&predictions, &[]);
+        let rules = self.lines(drive);
+        target.drive(&self.request_with(drive, &[], (&predictions, &prediction_index), rules), numbers, &mut Vec::new())
+    }
+
     fn request<'a>(
         &'a self,
         drive: &'a Drive,
         others: &'a [Other<'a>],
+        expected: (&'a Predictions, &'a PredictionIndex),
+    ) -> PlanRequest<'a> {
+        self.request_with(drive, others, expected, self.rules(drive))
+    }
+
+    fn request_with<'a>(
+        &'a self,
+        drive: &'a Drive,
+        others: &'a [Other<'a>],
         (predictions, prediction_index): (&'a Predictions, &'a PredictionIndex),
+        rules: Rules<'a>,
     ) -> PlanRequest<'a> {
         PlanRequest {
             time_step: self.time_step,
@@ -188,7 +229,7 @@ impl World {
             prediction_index,
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
-            rules: self.rules(drive),
+            rules,
             last_time_step: drive.last_time_step(self.settings.step.grace_factor),
         }
     }

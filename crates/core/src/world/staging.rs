@@ -90,6 +90,7 @@ impl World {
             scenario,
             settings,
             network: None,
+            sights: Vec::new(),
             threads: Threads::new(settings.threads)?,
             memories: (0..settings.threads).map(|_| Mutex::default()).collect(),
             prediction_memory: predict::Memory::default(),
@@ -110,12 +111,15 @@ impl World {
             stop_sign: StopSign::default(),
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
             place: None,
+            crossings: Vec::new(),
             outcome: Outcome::running(staged.agent.start_time_step),
             s: staged.start_s,
             plan: None,
             was_on_road: false,
             contact_fraction: f64::INFINITY,
             effort: AtomicUsize::new(0),
+            weights: None,
+            terms: Mutex::new(None),
             agent: Arc::clone(&staged.agent),
         }));
         if !Arc::ptr_eq(&self.scenario, scenario) {

@@ -9,6 +9,9 @@ use crate::error::Result;
 use crate::geometry::Point;
 use crate::observation::{self, Body, ObservationMemory, Observer, PathTable};
 use crate::plan::Planner;
+use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
+use crate::plan::learned::{Action, ActionSpace};
+use crate::plan::weights::WeightActions;
 use crate::recording::OutcomeKind;
 use crate::scene::{Participants, Scene};
 use crate::trajectory::{PlanStatus, Plans, State, States};
@@ -33,6 +36,12 @@ struct Learner {
     has_ended: bool,
     state: State,
     limited: bool,
+    /// Its action was not a number.
+    is_refused: bool,
+    /// Cost weights of its planner, their change in this decision, and whether its last plan was chosen, or brakes.
+    weights: CostWeights,
+    weight_change: f64,
+    status: PlanStatus,
     /// Arc length of its centre at first, and from there to its goal [m].
     start_q: f64,
     way: f64,
@@ -136,6 +145,10 @@ impl Episode {
                 has_ended: false,
                 state: driver.state.unwrap_or_default(),
                 limited: false,
+                is_refused: false,
+                weights: settings.actions.weights().map_or_else(CostWeights::default, |own| own.planner.weights),
+                weight_change: 0.0,
+                status: PlanStatus::None,
                 start_q,
                 way: (goal - start_q).max(WAY_MIN),
                 progress: 0.0,
@@ -161,6 +174,9 @@ impl Episode {
         for learner in &mut self.learners {
             learner.has_ended = false;
         }
+        if let Some(own) = settings.actions.weights() {
+            self.weigh(own, actions);
+        }
         for _ in 0..n {
             self.plan(actions, settings)?;
             self.world.step(&self.plans)?;
@@ -179,32 +195,56 @@ impl Episode {
         Ok(())
     }
 
+    /// Changes the cost weights of all learners that drive, once in a decision.
+    fn weigh(&mut self, own: &WeightActions, actions: &Actions<'_>) {
+        for (slot, learner) in self.learners.iter_mut().enumerate().filter(|(_, learner)| learner.is_driving) {
+            let Action::Numbers(numbers) = actions.of(slot) else { continue };
+            learner.is_refused = !numbers.iter().all(|number| number.is_finite());
+            if !learner.is_refused {
+                let numbers = numbers.iter().map(|number| f64::from(*number));
+                (learner.weights, learner.weight_change) = own.changed(&learner.weights, numbers);
+                self.world.weigh(learner.agent, learner.weights);
+            }
+        }
+    }
+
     /// Writes the plans of all agents that drive.
     fn plan(&mut self, actions: &Actions<'_>, settings: &WorldsSettings) -> Result<()> {
         let dt = self.world.scenario().dt;
         if self.has_traffic {
             let horizon = ((settings.horizon / dt).round() as usize).max(1);
             let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
+            let predictions = self.world.with_waits(&predictions).unwrap_or(predictions);
             self.plans = self.world.plan(&self.scene, &predictions)?;
         } else {
             self.plans.clear(self.world.time_step(), self.world.driving_ids());
         }
         for (slot, learner) in self.learners.iter_mut().enumerate().filter(|(_, learner)| learner.is_driving) {
+            if settings.actions.weights().is_some() {
+                let row = self.plans.row(learner.id).expect("a learner that drives has a row of its plans");
+                learner.status = self.plans.status[row];
+                if learner.is_refused {
+                    refuse(&mut self.plans, row);
+                }
+                continue;
+            }
             let driver = self.world.driver(learner.agent);
             let curvature = driver.agent.route.path.curvature_at(driver.s);
             let action = actions.of(slot);
-            match settings.actions.next_state(action, &driver.agent.vehicle, &learner.state, curvature, dt) {
+            let moved = match &settings.actions {
+                ActionSpace::FrenetTarget(target) => {
+                    action.numbers().map(|numbers| self.world.aim(learner.agent, target, numbers))
+                }
+                space => space.next_state(action, &driver.agent.vehicle, &learner.state, curvature, dt),
+            };
+            match moved {
                 Some(moved) => {
                     learner.limited = moved.limited;
                     self.plans.set_row(learner.id, &[learner.state, moved.state])?;
                 }
                 None => {
-                    let id = learner.id;
-                    let time_step = self.world.time_step();
-                    let message = format!("agent {id}, time step {time_step}: the action is not a number");
-                    let row = self.plans.row(id).expect("a learner that drives has a row of its plans");
-                    self.plans.status[row] = PlanStatus::Error;
-                    self.plans.message[row] = message;
+                    let row = self.plans.row(learner.id).expect("a learner that drives has a row of its plans");
+                    refuse(&mut self.plans, row);
                 }
             }
         }
@@ -253,6 +293,7 @@ impl Episode {
         amounts[term::PATH_OFFSET] = (0.5 * offset.abs()).min(1.0) * dt;
         amounts[term::OVERSPEED] = (state.velocity / driver.limits.at(q) - 1.0).max(0.0) * dt;
         amounts[term::LIMITED] = f64::from(u8::from(learner.limited));
+        amounts[term::WEIGHT_CHANGE] = learner.weight_change;
         if let Some(term) = term_of(outcome.kind, outcome.off_road) {
             amounts[term] = 1.0;
             if outcome.kind == OutcomeKind::Collision {
@@ -279,6 +320,8 @@ impl Episode {
         }
         let learner = &mut self.learners[slot];
         learner.progress = progress;
+        // Once in a decision.
+        learner.weight_change = 0.0;
         learner.distance += before.pose().position.distance(state.pose().position);
         learner.total += reward;
         learner.components.iter_mut().zip(&amounts).for_each(|(sum, amount)| *sum += amount);
@@ -325,6 +368,11 @@ impl Episode {
     /// Writes what a learner observes now.
     fn observe(&mut self, slot: usize, settings: &WorldsSettings, out: &mut [f32]) {
         let learner = &self.learners[slot];
+        let (out, planner) =
+            out.split_at_mut(out.len() - settings.actions.weights().map_or(0, WeightActions::n_observed));
+        if let Some(own) = settings.actions.weights() {
+            observe_planner(own, learner, self.world.terms(learner.agent), planner);
+        }
         let driver = self.world.driver(learner.agent);
         let observer = Observer {
             state: &learner.state,
@@ -418,5 +466,26 @@ impl Episode {
                 components: learner.components,
             });
         }
+    }
+}
+
+/// The plan of a learner whose action is not a number.
+fn refuse(plans: &mut Plans, row: usize) {
+    let (id, time_step) = (plans.ids[row], plans.time_step);
+    plans.status[row] = PlanStatus::Error;
+    plans.message[row] = format!("agent {id}, time step {time_step}: the action is not a number");
+}
+
+/// Writes what a learner observes about its planner: weights, terms of its last choice, how that came about.
+fn observe_planner(own: &WeightActions, learner: &Learner, terms: Option<[f64; N_COSTS]>, out: &mut [f32]) {
+    let powers = own.powers(&learner.weights).map(|power| (power / 3.0).clamp(-1.0, 1.0));
+    // An infinite amount is 1.
+    let shares = terms.unwrap_or_default().map(|amount| 1.0 - 1.0 / (1.0 + amount));
+    let is = |flag: bool| f64::from(u8::from(flag));
+    let none = learner.status == PlanStatus::None;
+    let planned = learner.status == PlanStatus::Planned;
+    let status = [is(planned), is(!planned && !none), is(none)];
+    for (out, number) in out.iter_mut().zip(powers.chain(shares).chain(status)) {
+        *out = number as f32;
     }
 }

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex};
 use crate::error::{Error, Result};
 use crate::observation::{ObservationSettings, layout};
 use crate::plan::learned::ActionSpace;
+use crate::plan::weights::WeightActions;
 use crate::predict::Predictor;
 use crate::recording::OutcomeKind;
 use crate::world::{StepSettings, Threads, World};
@@ -65,7 +66,7 @@ pub struct WorldsSettings {
 impl WorldsSettings {
     /// Numbers of an observation.
     pub fn n_observations(&self) -> usize {
-        layout::length(&self.observation, &[])
+        layout::length(&self.observation, &[]) + self.actions.weights().map_or(0, WeightActions::n_observed)
     }
 }
 

@@ -44,11 +44,13 @@ settings! {
         recorded: f64 = 0.0, ANY;
         /// 1 in a step in which the vehicle could not do what was asked for.
         limited: f64 = 0.0, ANY;
+        /// Mean absolute change of the logarithms (base 10) of cost weights in a decision.
+        weight_change: f64 = 0.0, ANY;
     }
 }
 
 /// Number of terms.
-pub const N_TERMS: usize = 18;
+pub const N_TERMS: usize = 19;
 
 impl RewardWeights {
     /// Names of the terms.
@@ -71,6 +73,7 @@ impl RewardWeights {
         "headway",
         "recorded",
         "limited",
+        "weight_change",
     ];
 
     /// The weights in the order of the names.
@@ -94,6 +97,7 @@ impl RewardWeights {
             self.headway,
             self.recorded,
             self.limited,
+            self.weight_change,
         ]
     }
 }
@@ -115,6 +119,7 @@ pub(super) mod term {
     pub(crate) const HEADWAY: usize = 15;
     pub(crate) const RECORDED: usize = 16;
     pub(crate) const LIMITED: usize = 17;
+    pub(crate) const WEIGHT_CHANGE: usize = 18;
 }
 
 /// The term of an outcome; `None` while it runs.
@@ -151,5 +156,6 @@ mod tests {
         assert_eq!(numbered.as_array(), std::array::from_fn(|i| i as f64));
         assert_eq!(RewardWeights::NAMES[term::RECORDED], "recorded");
         assert_eq!(RewardWeights::NAMES[term::LIMITED], "limited");
+        assert_eq!(RewardWeights::NAMES[term::WEIGHT_CHANGE], "weight_change");
     }
 }

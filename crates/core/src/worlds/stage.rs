@@ -50,11 +50,11 @@ pub(super) struct Cast {
 
 impl Stage {
     /// From all vehicles that can learn, each with the planner that drives it if it does not; without one it replays its
-    /// recording.
+    /// recording. Learners have the planner `learning`, or none (`External`).
     ///
     /// # Errors
     /// `InvalidInput`: an id twice, or a planner that needs a recording that is not there.
-    pub fn new(scenario: Arc<Scenario>, mut agents: Vec<(Agent, Option<Planner>)>) -> Result<Self> {
+    pub fn new(scenario: Arc<Scenario>, mut agents: Vec<(Agent, Option<Planner>)>, learning: &Planner) -> Result<Self> {
         agents.sort_by_key(|(agent, _)| agent.id);
         let all: Vec<Agent> = agents.iter().map(|(agent, _)| agent.clone()).collect();
         check_agents(&all, scenario.obstacles.states.first_time_step)?;
@@ -65,7 +65,7 @@ impl Stage {
                 Some(planner) => Some(StagedAgent::new(Agent { planner, ..agent.clone() }, &scenario)?),
                 None => None,
             };
-            let learner = StagedAgent::new(Agent { planner: Planner::External, ..agent }, &scenario)?;
+            let learner = StagedAgent::new(Agent { planner: learning.clone(), ..agent }, &scenario)?;
             Ok(Player { learner, table, traffic, row })
         };
         let players = agents.into_iter().map(player).collect::<Result<_>>()?;

@@ -19,7 +19,7 @@ _HEIGHT = 110.0 * MM
 
 #: What is drawn: column, its interval, factor, axis.
 _MEASURES = (
-    ("reached_change", ("reached_low", "reached_high"), 100.0, "in time, change [points]"),
+    ("reached_change", ("reached_low", "reached_high"), 100.0, "in time [points]"),
     ("time_lost", ("time_low", "time_high"), 1.0, "time lost [s]"),
     ("min_ttc", None, 1.0, "min. TTC, median [s]"),
 )

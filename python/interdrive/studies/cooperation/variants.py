@@ -14,19 +14,28 @@ if TYPE_CHECKING:
 
     from interdrive.config.binding import Setting
 
-#: Shipped scenarios, and files below the folder of recorded scenarios: junctions, merges, narrow streets.
+#: Shipped scenarios, and files below the folder of recorded scenarios. Of each category the two with the most recorded
+#: vehicles that can become agents, of those that last 3 s or longer and have at most 25 vehicles (in one category only
+#: one has two or more); then four in which agents are known to wait for each other.
 SHIPPED = ("t_junction", "lane_merge", "intersection")
 RECORDED = (
-    "t_junction/ZAM_Tjunction-1_42_T-1.xml",
-    "t_junction/ZAM_Tjunction-1_27_T-1.xml",
-    "merge/ZAM_Zip-1_56_T-1.xml",
-    "merge/ZAM_Merge-1_1_T-1.xml",
-    "urban/CHN_Sha-4_3_T-1.xml",
-    "urban/DEU_Muc-28_1_T-1.xml",
-    "urban/DEU_Muc-2_1_T-1.xml",
-    "urban/DEU_Ffb-1_3_T-1.xml",
+    "highway/USA_US101-5_1_T-1.xml",
+    "highway/USA_US101-4_1_T-1.xml",
     "intersection/USA_Lanker-1_1_T-1.xml",
-    "intersection/USA_Peach-4_8_T-1.xml",
+    "intersection/USA_Peach-4_1_T-1.xml",
+    "merge/ZAM-Ramp-1_1-T-1.xml",
+    "merge/ZAM_Zip-1_56_T-1.xml",
+    "overtaking/OSC_Overtake-1_1_T-1.xml",
+    "t_junction/ZAM_Tjunction-1_102_T-1.xml",
+    "t_junction/ZAM_Tjunction-1_1_T-1.xml",
+    "urban/DEU_Muc-21_2_T-1.xml",
+    "urban/CHN_Sha-9_2_T-1.xml",
+    "vulnerable/RUS_Bicycle-10_1_T-1.xml",
+    "vulnerable/RUS_Bicycle-3_1_T-1.xml",
+    "t_junction/ZAM_Tjunction-1_42_T-1.xml",
+    "urban/CHN_Sha-4_3_T-1.xml",
+    "urban/CHN_Sha-12_1_T-1.xml",
+    "urban/DEU_Muc-28_1_T-1.xml",
 )
 
 _SHARES, _DELAYS, _LOSSES = (0.25, 0.5, 0.75), (0.1, 0.2, 0.3, 0.5, 1.0), (0.1, 0.2, 0.3, 0.4, 0.5)

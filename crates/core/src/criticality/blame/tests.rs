@@ -99,6 +99,35 @@ fn f6_a_neighbour_that_drifts_into_the_lane_is_at_fault_and_who_keeps_the_lane_i
 }
 
 #[test]
+fn a_faster_neighbour_that_leaves_its_lane_is_not_cut_off_by_who_keeps_the_lane() {
+    let drifting = |id| car(id, 17.0, 18.0, 0.0, |k| 3.5 - 0.1 * k as f64);
+    let keeping = |id| car(id, 30.0, 10.0, 0.0, |_| 0.0);
+    assert_eq!(verdict(two_lanes(), keeping(AGENT), drifting(OTHER)).kind, FaultKind::None);
+    assert_eq!(verdict(two_lanes(), drifting(AGENT), keeping(OTHER)).kind, FaultKind::CutOff);
+    // Who changes to a lane does not keep it, even if it is in it in the end, and the follower swerves.
+    let changing = car(AGENT, 36.0, 10.0, 0.0, |k| if k < 10 { 3.5 } else { 1.5 - 0.15 * (k - 10).min(10) as f64 });
+    let swerving = car(OTHER, 22.0, 15.0, 0.0, |k| if k < 15 { 0.0 } else { -1.0 });
+    assert_eq!(verdict(two_lanes(), changing, swerving).kind, FaultKind::CutOff);
+}
+
+#[test]
+fn where_lanes_join_keeping_one_s_lane_is_no_right_to_go_first() {
+    // Lane 3 joins lane 1 at a flat angle; who comes along it is in its lane all the way, and the other one swerves.
+    let mut lanes = parallel_lanes(2, 300.0);
+    lanes.push(lane(3, &straight((0.0, -6.0), (60.0, -0.5))));
+    let joining = Actor::car(
+        AGENT,
+        (0..120).map(|k| {
+            let x = 30.0 + 0.8 * k as f64;
+            state(x, -6.0 + x / 60.0 * 5.5, 0.0914, 8.0)
+        }),
+    );
+    let swerving = car(OTHER, 0.0, 18.0, 0.0, |k| 0.03 * k as f64);
+    let found = verdict(closed(lanes), joining, swerving);
+    assert_eq!(found.kind, FaultKind::CutOff, "{found:?}");
+}
+
+#[test]
 fn f7_overtaking_into_oncoming_traffic_is_the_wrong_side() {
     let overtaking = |id| car(id, 20.0, 15.0, 0.0, |k| if k < 10 { 0.0 } else { 3.5 });
     let oncoming = |id| car(id, 150.0, 12.0, PI, |_| 3.5);

@@ -3,7 +3,7 @@
 use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
 use super::search::SearchSpace;
-use super::settings::{N_TABLE_TERMS, N_TERMS};
+use super::settings::N_TERMS;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
 /// lateral position), then stops, then braking, then the shifted previous plan, if there is one.
@@ -95,15 +95,7 @@ impl Candidates {
                 rejection = Rejection::OffRoad;
             }
         }
-        let mut terms = [f64::NAN; N_TERMS];
-        if can_be_driven {
-            terms[..N_TABLE_TERMS].copy_from_slice(&evaluation.table_terms(sample));
-            terms[N_TABLE_TERMS..N_TERMS - 1].copy_from_slice(&evaluation.world_terms(sample));
-            let points = evaluation.points().iter().enumerate().skip(1);
-            let (obstacles, request) = (&*evaluation.tables.obstacles, evaluation.problem.request);
-            let cost = |(i, point)| obstacles.prediction_cost(point, i, request);
-            terms[N_TERMS - 1] = points.map(cost).sum();
-        }
+        let terms = if can_be_driven { evaluation.terms(sample) } else { [f64::NAN; N_TERMS] };
         let weights = evaluation.problem.settings.weights.as_array();
         self.cost.push(terms.iter().zip(weights).map(|(term, weight)| term * weight).sum());
         self.terms.extend(terms);

@@ -12,7 +12,7 @@ use super::grid::SampleGrid;
 use super::obstacles::Contact;
 use super::obstacles::Obstacles;
 use super::search::{Entry, Refined, SearchSpace};
-use super::settings::{FrenetSettings, N_TABLE_TERMS, N_WORLD_TERMS};
+use super::settings::{FrenetSettings, N_TABLE_TERMS, N_TERMS, N_WORLD_TERMS};
 use super::terms::{FrenetMotion, has_world_terms, weighted_world_terms, world_terms};
 use super::warm_start::WarmStart;
 use crate::collision::departs_road;
@@ -306,6 +306,17 @@ impl<'a> Evaluation<'a> {
         };
         let (points, request) = (&self.tables.memory.points, self.problem.request);
         world_terms(points, motion, self.tables.obstacles.distance_cost(points, request), request.dt)
+    }
+
+    /// All terms of the cost of the sample that was written last.
+    pub(super) fn terms(&self, sample: usize) -> [f64; N_TERMS] {
+        let mut terms = [0.0; N_TERMS];
+        terms[..N_TABLE_TERMS].copy_from_slice(&self.table_terms(sample));
+        terms[N_TABLE_TERMS..N_TERMS - 1].copy_from_slice(&self.world_terms(sample));
+        let (obstacles, request) = (&*self.tables.obstacles, self.problem.request);
+        let points = self.points().iter().enumerate().skip(1);
+        terms[N_TERMS - 1] = points.map(|(i, point)| obstacles.prediction_cost(point, i, request)).sum();
+        terms
     }
 
     /// The terms of a sample that need only its profile and its end offset.

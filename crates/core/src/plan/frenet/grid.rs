@@ -16,7 +16,7 @@ use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
 /// it gets within the horizon, so its path does not depend on how far it gets.
-const ARC_MIN: f64 = 5.0;
+pub(super) const ARC_MIN: f64 = 5.0;
 /// Slow agents return to the path so gently that the wheels turn fast enough at this share of the speed that they have
 /// or want: on a shorter way they could not become faster, on a longer one they would stay beside the path.
 const TURNING_SPEED: f64 = 0.8;

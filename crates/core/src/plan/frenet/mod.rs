@@ -30,12 +30,14 @@ mod evaluation;
 mod fallback;
 mod obstruction;
 mod candidates;
+mod single;
 #[cfg(test)]
 mod tests;
 
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
 pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
+pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult};
@@ -43,7 +45,7 @@ use crate::trajectory::{Obstruction, PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
-use grid::{Inputs, SampleGrid};
+use grid::{ARC_MIN, Inputs, SampleGrid};
 use obstacles::{Contact, Obstacles};
 use targets::Targets;
 use warm_start::WarmStart;
@@ -60,9 +62,30 @@ pub struct FrenetMemory {
     evaluation: EvaluationMemory,
     road: Vec<u32>,
     effort: usize,
+    told: Told,
+}
+
+/// The terms of the chosen sample, for those who ask.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Told {
+    /// Whether they are asked for.
+    pub(crate) is_asked: bool,
+    /// Without weights; `None` if no sample was chosen.
+    pub(crate) terms: Option<[f64; N_TERMS]>,
+}
+
+impl Told {
+    fn tell(&mut self, evaluation: &Evaluation, sample: usize) {
+        self.terms = self.is_asked.then(|| evaluation.terms(sample));
+    }
 }
 
 impl FrenetMemory {
+    /// What is asked, and what was told about the last plan.
+    pub(crate) fn told(&mut self) -> &mut Told {
+        &mut self.told
+    }
+
     /// Trajectories that the last plan examined as a whole, in all its attempts.
     pub(crate) fn effort(&self) -> usize {
         self.effort
@@ -109,6 +132,7 @@ impl Premises {
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
     memory.effort = 0;
+    memory.told.terms = None;
     let mut result = attempt(request, settings, memory, Premises::STATED);
     let off_road_cost = memory.evaluation.off_road_cost;
     if result.status != PlanStatus::Planned {
@@ -145,8 +169,9 @@ fn faster(
     let start = Start::new(request, premises.knows_yaw_rate(request, settings)).ok()?;
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, effort, .. } =
-        memory;
+    let FrenetMemory {
+        samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, effort, told, ..
+    } = memory;
     let (start, limits, path, keeps_clear) = (&start, &limits, &request.route.path, premises.keeps_clear);
     samples.narrow(&Inputs { start, targets: &targets, limits, settings, path, is_narrow: true });
     costs.prepare(samples, targets.velocity, &settings.weights, path);
@@ -158,6 +183,7 @@ fn faster(
     *effort += evaluation.tables.memory.n_trajectories();
     let (sample, cost) = choice?;
     evaluation.write_if_drivable(sample);
+    told.tell(&evaluation, sample);
     Some(PlanResult::planned(trajectory(request, start, evaluation.points()), cost))
 }
 
@@ -187,8 +213,17 @@ fn attempt(
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, road, effort } =
-        memory;
+    let FrenetMemory {
+        samples,
+        costs,
+        obstacles,
+        warm_start,
+        queue,
+        evaluation: evaluation_memory,
+        road,
+        effort,
+        told,
+    } = memory;
     prepare(
         request,
         settings,
@@ -204,6 +239,7 @@ fn attempt(
     *effort += evaluation.tables.memory.n_trajectories();
     if let Some((sample, cost)) = choice {
         evaluation.write_if_drivable(sample);
+        told.tell(&evaluation, sample);
         let trajectory = trajectory(request, start, evaluation.points());
         return PlanResult::planned(trajectory, cost);
     }
@@ -335,15 +371,19 @@ fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reas
 
 /// States of the footprint centre; headings continue that of the present state without jumps.
 fn trajectory(request: &PlanRequest, start: &Start, points: &[Waypoint]) -> Trajectory {
-    let state = |point: &Waypoint| State {
+    let mut points: Vec<State> = points.iter().map(|point| state(point, start)).collect();
+    points[0] = request.state;
+    Trajectory { points }
+}
+
+/// State of the footprint centre.
+fn state(point: &Waypoint, start: &Start) -> State {
+    State {
         x: point.center.x,
         y: point.center.y,
         orientation: point.theta() + start.heading_shift,
         velocity: point.velocity,
         acceleration: point.acceleration,
         yaw_rate: point.curvature * point.velocity,
-    };
-    let mut points: Vec<State> = points.iter().map(state).collect();
-    points[0] = request.state;
-    Trajectory { points }
+    }
 }

@@ -8,6 +8,7 @@ mod golden;
 mod kinematics;
 mod narrow;
 mod passing;
+mod single;
 mod starts;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};

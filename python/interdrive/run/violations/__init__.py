@@ -1,0 +1,84 @@
+"""Which rules of the road agents, replayed vehicles and recorded drivers broke."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from interdrive.run.record import Violations
+from interdrive.run.rules import VIOLATIONS
+from interdrive.run.violations.drives import Drives, Row, driven, recorded
+from interdrive.run.violations.grants import Grants
+from interdrive.run.violations.junction_rules import keep_clear, right_of_way, uses
+from interdrive.run.violations.lanes import lane_rules
+from interdrive.run.violations.lines import line_rules, passings
+from interdrive.run.violations.markings import has_closed_markings, solid_lines
+from interdrive.run.violations.ways import Ways
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Set
+
+    from interdrive import _core
+    from interdrive.run.record import RunRecord
+
+#: Columns of numbers.
+_KINDS: Mapping[str, type] = {
+    **dict.fromkeys(("participant_id", "first_time_step", "last_time_step", "lanelet_id", "partner_id"), np.int64),
+    **dict.fromkeys(("x", "y", "value"), np.float64),
+}
+
+__all__ = ["Grants", "violations"]
+
+
+def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any], grants: Grants) -> Violations:
+    """All violations of a run, sorted by source, participant, rule and time.
+
+    Cars, trucks, buses, motorcycles and taxis are judged, whichever planner drives them; of agents that replace a
+    recorded vehicle the recording, too. Speed limits and directions are those of the lanelets below the centre.
+
+    Args:
+        run: The run; its violations are not read.
+        road: Its road network.
+        areas: What ways share, as `_core.Scenario.junctions` tells.
+        grants: Which agents enter junctions when they are told to, and when they were not.
+    """
+    ended = run.outcomes
+    pairs = [(int(i), int(j)) for i, j in zip(ended.agent_id, ended.partner_id, strict=True) if j >= 0]
+    collisions = {*pairs, *((j, i) for i, j in pairs)}
+    rows = _broken(driven(run), run, road, areas, collisions, grants)
+    rows += _broken(recorded(run), run, road, areas, set(), Grants({}, {}))
+    rows.sort(key=lambda row: (Violations.SOURCES.index(row.source), row.participant_id, VIOLATIONS.index(row.rule)))
+    return Violations(
+        source=tuple(row.source for row in rows),
+        rule=tuple(row.rule for row in rows),
+        **{name: np.array([getattr(row, name) for row in rows], dtype=kind) for name, kind in _KINDS.items()},
+    )
+
+
+def _broken(
+    drives: Drives,
+    run: RunRecord,
+    road: _core.RoadNetwork,
+    areas: Mapping[str, Any],
+    collisions: Set[tuple[int, int]],
+    grants: Grants,
+) -> list[Row]:
+    """Rules that these broke, in the order of the rules for every vehicle."""
+    if not drives.judged:
+        return []
+    lanelets = run.scenario.lanelets
+    passed = passings(drives, run.scenario, road)
+    rows = lane_rules(drives, road) + line_rules(drives, passed, road)
+    has_lines = has_closed_markings(lanelets)
+    if not len(areas["junction"]) and not has_lines:
+        return rows
+    collided = {number for pair in collisions for number in pair}
+    routes = {agent.id: agent.route_lanelet_ids for agent in run.agents if agent.id in collided}
+    ways = Ways(drives, lanelets, road, routes)
+    used = uses(drives, ways, areas)
+    rows += right_of_way(drives, ways, areas, used, passed, collisions, road)
+    rows += keep_clear(drives, areas, used, grants, road)
+    if has_lines:
+        rows += solid_lines(drives, ways, lanelets, road)
+    return rows

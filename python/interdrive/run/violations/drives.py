@@ -1,0 +1,134 @@
+"""The drives that are judged, and rows of violations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from interdrive import _core
+    from interdrive.run.record import RunRecord
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int64]
+    Bools = NDArray[np.bool_]
+
+_VEHICLES = ("car", "truck", "bus", "motorcycle", "priority_vehicle", "taxi")
+_FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "valid")
+
+
+class Row(NamedTuple):
+    """A violation; the fields are the columns of `Violations`."""
+
+    source: str
+    participant_id: int
+    rule: str
+    first_time_step: int
+    last_time_step: int
+    lanelet_id: int
+    partner_id: int
+    x: float
+    y: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Motion of vehicles that share a road, tables of shape (vehicles, time steps).
+
+    Attributes:
+        sources: One of `Violations.SOURCES` each; "" for those that are not judged.
+        ids: Their ids, ascending. kinds: One of `interdrive.scenario.KINDS` each.
+        first_time_step: Time step of column 0. dt: Time between columns [s].
+        length: Footprint length [m], shape (vehicles,). width: Footprint width [m].
+        valid: Whether the vehicle is present.
+        x: Centre [m]. y: Centre [m]. orientation: Heading [rad]. velocity: Speed [m/s]. acceleration: [m/s²].
+    """
+
+    sources: tuple[str, ...]
+    ids: Ints
+    kinds: tuple[str, ...]
+    first_time_step: int
+    dt: float
+    length: Floats
+    width: Floats
+    valid: Bools
+    x: Floats
+    y: Floats
+    orientation: Floats
+    velocity: Floats
+    acceleration: Floats
+
+    @property
+    def judged(self) -> list[int]:
+        """Positions of those that are judged."""
+        return [k for k, source in enumerate(self.sources) if source]
+
+    @cached_property
+    def front(self) -> tuple[Floats, Floats]:
+        """Centres of the fronts [m]."""
+        ahead = 0.5 * self.length[:, None]
+        return self.x + ahead * np.cos(self.orientation), self.y + ahead * np.sin(self.orientation)
+
+    def row(
+        self,
+        k: int,
+        rule: str,
+        columns: tuple[int, int],
+        value: float,
+        *,
+        road: _core.RoadNetwork,
+        lanelet: int | None = None,
+        partner: int = -1,
+    ) -> Row:
+        """A violation by a vehicle from one column to another; the lanelet is the one below it unless it is given."""
+        x, y = float(self.x[k, columns[0]]), float(self.y[k, columns[0]])
+        first, last = (column + self.first_time_step for column in columns)
+        lanelet = next(iter(road.lanelets_at(x, y)), -1) if lanelet is None else lanelet
+        return Row(self.sources[k], int(self.ids[k]), rule, first, last, lanelet, partner, x, y, value)
+
+
+def driven(run: RunRecord) -> Drives:
+    """Agents and replayed vehicles of a run."""
+    states = run.states
+    rows = np.flatnonzero(np.isin(states.kinds, _VEHICLES) & ~states.is_static)
+    return Drives(
+        sources=tuple("agent" if is_agent else "replayed" for is_agent in states.is_agent[rows].tolist()),
+        ids=states.participant_id[rows],
+        kinds=tuple(states.kinds[row] for row in rows),
+        first_time_step=states.first_time_step,
+        dt=run.scenario.dt,
+        length=states.length[rows],
+        width=states.width[rows],
+        **{name: getattr(states, name)[rows] for name in _FIELDS},
+    )
+
+
+def recorded(run: RunRecord) -> Drives:
+    """The same vehicles as they were recorded; those that became agents are judged."""
+    states, obstacles = run.states, run.scenario.obstacles
+    vehicles = np.isin(states.kinds, _VEHICLES) & ~states.is_static
+    rows = np.flatnonzero(np.isin(obstacles.ids, states.participant_id[vehicles]) & ~obstacles.is_static)
+    place = np.searchsorted(states.participant_id, obstacles.ids[rows])
+    return Drives(
+        sources=tuple("recording" if is_agent else "" for is_agent in states.is_agent[place].tolist()),
+        ids=obstacles.ids[rows],
+        kinds=tuple(obstacles.kinds[row] for row in rows),
+        first_time_step=0,
+        dt=run.scenario.dt,
+        length=states.length[place],
+        width=states.width[place],
+        **{name: getattr(obstacles, name)[rows] for name in _FIELDS},
+    )
+
+
+def stretches(holds: Bools, least: float = 1.0) -> list[tuple[int, int]]:
+    """First and last positions of runs of true values that are at least so long."""
+    change = np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))
+    starts, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1) - 1
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= least - 1e-9]

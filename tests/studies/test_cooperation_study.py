@@ -1,0 +1,70 @@
+"""The study of cooperation: what it drives, and how its runs become a table by variant."""
+
+from types import MappingProxyType
+
+import pytest
+
+from interdrive.config.binding import bind
+from interdrive.config.schema import SimulationSettings
+from interdrive.files import shipped_scenario
+from interdrive.storage import arrow_table
+from interdrive.studies.cooperation import (
+    COLUMNS,
+    CooperationStudy,
+    Variant,
+    cooperation_study,
+    cooperation_variants,
+    save_cooperation,
+    summary_table,
+)
+
+
+def study_of(*rows):
+    """A study with the given cells of its runs; all others are zero."""
+    kinds = {"label": "", "truth": False}
+    whole = [{column.name: row.get(column.name, kinds.get(column.kind, 0)) for column in COLUMNS} for row in rows]
+    table = arrow_table(COLUMNS, {column.name: [row[column.name] for row in whole] for column in COLUMNS})
+    return CooperationStudy(table, "frenet", "neural", MappingProxyType({}), ())
+
+
+def test_shares_delays_and_losses_span_what_is_asked():
+    variants = cooperation_variants()
+    assert {v.penetration for v in variants} == {0, 0.25, 0.5, 0.75, 1}
+    assert max(v.delay for v in variants) == 1.0
+    assert max(v.loss for v in variants) == 0.5
+    assert len({v.name for v in variants}) == len(variants)
+    assert all(v.is_drawn == (v.loss > 0 or 0 < v.penetration < 1) for v in variants)
+
+
+def test_changes_are_means_over_scenarios_of_differences_to_no_v2x():
+    both = {"agents": 4, "variant": "100%", "penetration": 1.0}
+    study = study_of(
+        {"scenario": "a", "variant": "0%", "agents": 4, "reached": 4, "time": 10.0},
+        {"scenario": "b", "variant": "0%", "agents": 4, "reached": 1, "time": 20.0, "collisions": 1},
+        {"scenario": "a", **both, "reached": 3, "time": 11.0},
+        {"scenario": "b", **both, "reached": 3, "time": 17.0},
+    )
+    none, full = summary_table(study).to_pylist()
+    assert (none["reached"], none["reached_change"], none["collisions"]) == (0.625, 0.0, 1)
+    assert (full["reached"], full["collisions"]) == (0.75, 0)
+    assert full["reached_change"] == pytest.approx((-0.25 + 0.5) / 2)
+    assert (full["reached_low"], full["reached_high"]) == (-0.25, 0.5), "of two scenarios each can be all of a sample"
+    assert full["time_lost"] == pytest.approx(-1.0)
+
+
+def test_seeds_are_driven_where_something_is_drawn_and_the_folder_has_all_of_it(tmp_path):
+    variants = (Variant(0.0), Variant(0.5), Variant(1.0, negotiate=True))
+    settings = bind(SimulationSettings(), {"step.max_steps": 5})
+    study = cooperation_study(
+        [shipped_scenario("lane_merge")], variants, seeds=2, settings=settings, predictor="lane_following"
+    )
+    runs = study.table.to_pylist()
+    assert [(run["variant"], run["seed"]) for run in runs] == [
+        ("0%", 0), ("50%", 0), ("50%", 1), ("100%_negotiate", 0)
+    ]  # fmt: skip
+    assert [run["equipped"] for run in runs] == [0, 4, 4, 7]
+    folder = save_cooperation(study, tmp_path / "study")
+    page = (folder / "cooperation.md").read_text().splitlines()
+    assert len(page) == 2 + len(variants)
+    assert page[2].startswith("| 0 % | no | 0 | 0 % |") and page[4].startswith("| 100 % | yes |")
+    assert (folder / "cooperation.png").stat().st_size > 10_000
