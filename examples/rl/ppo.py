@@ -113,6 +113,17 @@ class Batch:
         return found
 
 
+class Mixed(envs.Uniform):
+    """Half of the episodes are of the shipped scenarios, however many others there are."""
+
+    def draw(self, rng: np.random.Generator) -> int:
+        """Position of the next scenario."""
+        own, n = len(SCENARIOS), self._n
+        if n == own or rng.random() < 0.5:
+            return int(rng.integers(own))
+        return own + int(rng.integers(n - own))
+
+
 class Fleet:
     """Worlds in which half of the episodes begin where the scenarios do, and half anywhere in the recordings.
 
@@ -122,7 +133,9 @@ class Fleet:
 
     def __init__(self, seed: int, **settings: object) -> None:
         self.halves = [
-            envs.Rows(WORLDS // 2, slots=SLOTS, seed=seed + i, keep_final=True, start=start, **settings)
+            envs.Rows(
+                WORLDS // 2, slots=SLOTS, seed=seed + i, keep_final=True, sampler=Mixed(), start=start, **settings
+            )
             for i, start in ((0, "first"), (1000, "random"))
         ]
         for rows in self.halves:

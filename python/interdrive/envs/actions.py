@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -11,6 +11,9 @@ import numpy as np
 from interdrive.errors import InputError
 from interdrive.native_settings import Frenet, FrenetTarget, Kinematic
 from interdrive.native_settings import FrenetWeights as CostWeights
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,33 @@ class ActionKind:
     def shape(self) -> tuple[int, ...]:
         """Shape of one action."""
         return self.space.shape or ()
+
+
+_MOST = int(np.iinfo(np.int32).max)
+
+
+def put(actions: NDArray[Any], given: Any) -> None:  # noqa: ANN401 - whatever the user gives
+    """Writes what was given into an array of actions; what was given stays as it is.
+
+    Raises:
+        InputError: It has another shape, or is no numbers, or for choices no whole numbers.
+    """
+    try:
+        shape = np.shape(given)
+    except ValueError:
+        raise InputError("actions", f"rows of different lengths given, shape {actions.shape} expected") from None
+    if shape != actions.shape:
+        raise InputError("actions", f"shape {shape} given, {actions.shape} expected")
+    if actions.dtype == np.int32:
+        choices = np.asarray(given)
+        if choices.dtype.kind not in "iu":
+            raise InputError("actions", f"whole numbers expected, not {choices.dtype}")
+        # What does not fit is still not among the choices.
+        given = np.clip(choices, -1 - _MOST, _MOST)
+    try:
+        actions[...] = given
+    except (TypeError, ValueError):
+        raise InputError("actions", "numbers expected") from None
 
 
 def action_kind(actions: Actions) -> ActionKind:

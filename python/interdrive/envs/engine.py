@@ -43,6 +43,21 @@ class Episode:
     learners: tuple[int, ...]
 
 
+def checked_seed(seed: Any) -> int | None:  # noqa: ANN401 - whatever the user gives
+    """The seed, or None.
+
+    Raises:
+        InputError: It is no whole number, or negative.
+    """
+    if seed is None:
+        return None
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
+        raise InputError(f"seed must be a whole number, is {seed!r}")
+    if seed < 0:
+        raise InputError(f"seed must not be negative, is {seed}")
+    return int(seed)
+
+
 class Buffers:
     """Arrays that the core writes, one row per learner; `given` replaces those of the same names."""
 
@@ -142,8 +157,7 @@ class Engine:
         Raises:
             InputError: The seed is negative.
         """
-        if seed is not None and seed < 0:
-            raise InputError(f"seed must not be negative, is {seed}")
+        checked_seed(seed)
         if seed is not None or self.rngs[world] is None:
             self.rngs[world] = gymnasium.utils.seeding.np_random(seed)[0]
             self._queued[world] = None

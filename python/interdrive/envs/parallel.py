@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, public
 from interdrive.envs.recording import recorded_actions, run_of
 from interdrive.envs.settings import setup_of
@@ -105,13 +106,10 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         for name in actions:
             if name not in self._row:
                 raise InputError("actions", f'"{name}" is not one of the {len(self._row)} possible agents')
-        shape = buffers.actions.shape[1:]
         for name in self.agents:
             if name not in actions:
                 raise InputError("actions", f'there is none for "{name}"')
-            if np.shape(actions[name]) != shape:
-                raise InputError("actions", f"shape {np.shape(actions[name])} given, {shape} expected")
-            buffers.actions[self._row[name]] = actions[name]
+            put(buffers.actions[self._row[name], ...], actions[name])
         self._engine.step()
         drove = self.agents
         infos: dict[str, dict[str, Any]] = {name: {} for name in drove}

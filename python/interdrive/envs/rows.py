@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.spaces import observation_space
@@ -116,9 +117,7 @@ class Rows:
             `observations`; everything else is in the arrays.
         """
         if actions is not None and actions is not self.actions:
-            if np.shape(actions) != self.actions.shape:
-                raise InputError("actions", f"shape {np.shape(actions)} given, {self.actions.shape} expected")
-            self.actions[...] = actions
+            put(self.actions, actions)
         self._engine.step()
         return self.observations
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import only_one
@@ -76,10 +77,7 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Takes the actions of the next step."""
-        expected = self._engine.buffers.actions
-        if np.shape(actions) != expected.shape:
-            raise InputError("actions", f"shape {np.shape(actions)} given, {expected.shape} expected")
-        expected[...] = actions
+        put(self._engine.buffers.actions, actions)
 
     def step_wait(self) -> tuple[Any, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """One decision in all worlds.

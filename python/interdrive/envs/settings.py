@@ -114,6 +114,11 @@ _GROUPS: dict[str, type] = {
 }
 
 
+def _are_ids(wanted: Any) -> bool:  # noqa: ANN401 - whatever the user gives
+    """Whether it is at least one id."""
+    return isinstance(wanted, Sequence) and len(wanted) > 0 and all(isinstance(one, int) for one in wanted)
+
+
 def setup_of(given: Mapping[str, Any], *, learners: Learners) -> Setup:
     """What an environment is made with, from its keywords; nested settings have dotted names ("reward.collision").
 
@@ -128,6 +133,8 @@ def setup_of(given: Mapping[str, Any], *, learners: Learners) -> Setup:
         raise InputError("scenarios", "must be given: files, folders or names of shipped scenarios")
     wanted = given.get("learners", learners)
     if isinstance(wanted, str) and wanted not in get_args(Literal["all"]):
+        raise InputError("learners", f"a number, 'all' or ids expected, not {wanted!r}")
+    if not isinstance(wanted, str | int) and not _are_ids(wanted):
         raise InputError("learners", f"a number, 'all' or ids expected, not {wanted!r}")
     if isinstance(wanted, bool) or (isinstance(wanted, int) and wanted < 1):
         raise InputError("learners", f"must be at least 1, not {wanted}")

@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
-import numpy as np
 
-from interdrive.envs.engine import Engine, public
+from interdrive.envs.actions import put
+from interdrive.envs.engine import Engine, checked_seed, public
 from interdrive.envs.recording import recorded_actions, run_of
 from interdrive.envs.settings import setup_of
 from interdrive.envs.spaces import Views, observation_space
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from interdrive.results import Run
@@ -65,7 +66,8 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         self.observation_space = observation_space(setup.settings.observation, self._engine.observed)
         self.action_space = self._engine.kind.space
         buffers = self._engine.buffers
-        self._actions, self._observation = buffers.actions, buffers.observations[0]
+        # A view even if an action is one number.
+        self._action, self._observation = buffers.actions[0, ...], buffers.observations[0]
         self._rewards, self._ends, self._cuts = buffers.rewards, buffers.terminals, buffers.truncations
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -78,9 +80,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         Returns:
             Observation and an empty info.
         """
-        if seed is not None and seed < 0:
-            raise InputError(f"seed must not be negative, is {seed}")
-        super().reset(seed=seed)
+        super().reset(seed=checked_seed(seed))
         self._engine.rngs[0] = self.np_random
         self._engine.reset()
         return self._views.of(self._observation, copy=self._copy), {}
@@ -91,10 +91,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         Returns:
             Observation, reward, whether the episode has ended, whether it was cut, and the info, empty until then.
         """
-        given = np.shape(action)
-        if given != self._actions.shape[1:]:
-            raise InputError("actions", f"shape {given} given, {self._actions.shape[1:]} expected")
-        self._actions[0] = action
+        put(self._action, action)
         self._engine.step()
         observation = self._views.of(self._observation, copy=self._copy)
         ended, cut = bool(self._ends[0]), bool(self._cuts[0])

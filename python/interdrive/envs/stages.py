@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from interdrive import _core
 from interdrive.batches.plan import scenario_files
 from interdrive.config.agent_config import agent_configs, core_agent, run_config
+from interdrive.config.specs import resolved_predictor
 from interdrive.envs.actions import FrenetWeights
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
@@ -209,8 +210,9 @@ def _configs(scenario: Scenario, setup: Setup, agents: list[Agent]) -> dict[int,
     given: Any = setup.traffic
     is_by_id = isinstance(given, Mapping) and "planner" not in given
     traffic: PlannersSpec = {"default": "recorded", **given} if is_by_id else given
+    predictor = resolved_predictor(setup.predictor, setup.settings.simulation.predictor)
     try:
-        config = run_config(setup.settings.simulation, traffic, setup.predictor)
+        config = run_config(setup.settings.simulation, traffic, predictor)
         chosen = agent_configs(config, {}, {}, {}, agents, {agent.id for agent in agents})[0]
         driven = agent_configs(config, {}, {}, {}, agents, set(scenario.obstacles.ids.tolist()))[0]
         # What has no recording to replay is there only if it learns.

@@ -8,7 +8,8 @@ import gymnasium
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
-from interdrive.envs.engine import Engine, public
+from interdrive.envs.actions import put
+from interdrive.envs.engine import Engine, checked_seed, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import no_rendering, only_one
 from interdrive.envs.spaces import Views, observation_space
@@ -89,15 +90,19 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         Returns:
             Observations and an empty info.
         """
-        if seed is None or isinstance(seed, int):
-            seeds = [None if seed is None else seed + i for i in range(self.num_envs)]
+        seeds: list[int | None]
+        if isinstance(seed, list | tuple):
+            seeds = [checked_seed(one) for one in seed]
         else:
-            seeds = list(seed)
+            first = checked_seed(seed)
+            seeds = [None if first is None else first + i for i in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise InputError("seed", f"{len(seeds)} given for {self.num_envs} worlds")
-        if isinstance(seed, int) and seed < 0:
-            raise InputError(f"seed must not be negative, is {seed}")
         mask: NDArray[np.bool_] | None = (options or {}).get("reset_mask")
+        if mask is not None:
+            mask = np.asarray(mask)
+            if mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+                raise InputError("reset_mask", f"{self.num_envs} booleans expected, one per world")
         for world in range(self.num_envs):
             if mask is None or mask[world]:
                 self._engine.seed(world, seeds[world])
@@ -115,10 +120,7 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             them.
         """
         buffers = self._engine.buffers
-        given = np.shape(actions)
-        if given != buffers.actions.shape:
-            raise InputError("actions", f"shape {given} given, {buffers.actions.shape} expected")
-        buffers.actions[...] = actions
+        put(buffers.actions, actions)
         self._engine.step()
         infos: dict[str, Any] = {}
         if buffers.terminals.any() or buffers.truncations.any():
