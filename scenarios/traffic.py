@@ -117,6 +117,10 @@ def drive(path: Path, s: Floats, size: tuple[str, float, float], left: Floats | 
 def conflict(first: Vehicle, second: Vehicle, along: float, aside: float) -> bool:
     """Whether two footprints, each grown by margins ahead and aside [m], overlap at any common time step."""
     n = min(len(first.x), len(second.x))
+    # Most are far apart all the time.
+    reach = sum(0.5 * np.hypot(v.length + 2.0 * along, v.width + 2.0 * aside) for v in (first, second))
+    if np.hypot(first.x[:n] - second.x[:n], first.y[:n] - second.y[:n]).min(initial=np.inf) > reach:
+        return False
     corners = [_corners(vehicle, n, along, aside) for vehicle in (first, second)]
     apart = np.zeros(n, dtype=np.bool_)
     for vehicle in (first, second):

@@ -3,7 +3,8 @@
     python scenarios/varied.py out/varied --number 40 --seed 0
 
 Every seed is another scenario: three or four arms at any angles, straight or curved, lanes of any usual width, traffic
-that crosses. Some vehicles stop and let others pass; at their first speed they would hit one of them.
+that crosses; every other one is small, with slow traffic. Some vehicles stop and let others pass; at their first speed
+they would hit one of them.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +20,39 @@ from curves import Floats, Pose, of_curvature, samples
 from curves import Path as Curve
 from document import Goal, Made, document
 from network import Incoming, Network
-from traffic import FINE, SIZES, Vehicle, distance_over_time, distance_through_zone, drive, free
+from traffic import DT, FINE, SIZES, Vehicle, distance_over_time, distance_through_zone, drive, free
 
 ARM, VERTICES = 120.0, 60
-DURATION = 14.0
-#: Least angle between two arms [rad], and the tightest curve of a way through the junction [1/m].
-ANGLE_MIN, CURVATURE_MAX = np.deg2rad(60.0), 0.17
+#: Least angle between two arms [rad].
+ANGLE_MIN = np.deg2rad(60.0)
 #: Those who wait stop so far before the junction [m].
 STOP = 3.0
 #: Vehicles with priority, and those that yield: at most so many of each.
 PASSING, YIELDING = 5, 3
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a junction is like.
+
+    Attributes:
+        box: From its middle to where the arms begin, at least and at most [m].
+        curvature_max: The tightest curve of a way through it [1/m].
+        pace: Speeds, as a share of those in a usual town.
+        duration: Of the scenario [s].
+    """
+
+    box: tuple[float, float] = (14.0, 20.0)
+    curvature_max: float = 0.17
+    pace: float = 1.0
+    duration: float = 14.0
+
+
+def kind(seed: int, chance: np.random.Generator) -> Kind:
+    """Every other seed is a small junction with slow traffic."""
+    if seed % 2 == 0:
+        return Kind()
+    return Kind(box=(9.0, 14.0), curvature_max=0.3, pace=float(chance.uniform(0.3, 0.6)), duration=22.0)
 
 
 def entering(arm: int) -> int:
@@ -45,7 +70,7 @@ def inside(arm: int, beyond: int) -> int:
     return 10 * (arm + 1) + 2 + beyond
 
 
-def network(chance: np.random.Generator) -> tuple[Network, int]:
+def network(like: Kind, chance: np.random.Generator) -> tuple[Network, int]:
     """Roads and the number of arms."""
     while True:
         n = int(chance.integers(3, 5))
@@ -53,15 +78,15 @@ def network(chance: np.random.Generator) -> tuple[Network, int]:
         apart = np.diff(np.append(directions, directions[0] + 2.0 * np.pi))
         if apart.min() < ANGLE_MIN:
             continue
-        roads = _roads(directions, chance)
+        roads = _roads(directions, like, chance)
         if roads is not None:
             return roads, n
 
 
-def _roads(directions: Floats, chance: np.random.Generator) -> Network | None:
+def _roads(directions: Floats, like: Kind, chance: np.random.Generator) -> Network | None:
     """A junction with arms in these directions; None if a way through it is too tight."""
     roads = Network(speed_limit=50.0 / 3.6)
-    width, box = chance.uniform(3.0, 4.0), chance.uniform(14.0, 20.0)
+    width, box = chance.uniform(3.0, 4.0), chance.uniform(*like.box)
     for arm, direction in enumerate(directions):
         out = _arm(Pose(0.0, 0.0, float(direction)).ahead(box), chance)
         # Lanelets side by side have the same number of vertices, also in a bend.
@@ -77,7 +102,7 @@ def _roads(directions: Floats, chance: np.random.Generator) -> Network | None:
         for beyond in others:
             first, second = roads.lanelets[entering(arm)].center, roads.lanelets[leaving(beyond)].center
             way = _joining(first.end, Pose(*second.points[0], second.heading[0]))
-            if np.abs(np.diff(way.heading) / np.diff(way.s)).max() > CURVATURE_MAX:
+            if np.abs(np.diff(way.heading) / np.diff(way.s)).max() > like.curvature_max:
                 return None
             roads.add(
                 inside(arm, beyond), way, spacing=1.0, width=width, kinds=("urban", "intersection"),
@@ -128,15 +153,16 @@ def _joining(start: Pose, end: Pose) -> Curve:
 def make(seed: int) -> Made:
     """The scenario of a seed; the last one that yields is its planning problem."""
     chance = np.random.default_rng(seed)
+    like = kind(seed, chance)
     while True:
-        roads, arms = network(chance)
+        roads, arms = network(like, chance)
         ways = list(itertools.permutations(range(arms), 2))
-        vehicles = _passing(roads, ways, chance)
-        yielding = _yielding(roads, ways, vehicles, chance)
+        vehicles = _passing(roads, ways, like, chance)
+        yielding = _yielding(roads, ways, vehicles, like, chance)
         if yielding:
             break
     (ego, way), *others = reversed(yielding)
-    goal = Goal(time_step=(60, 140), lanelets=(leaving(way[1]),))
+    goal = Goal(time_step=(60, round(like.duration / DT)), lanelets=(leaving(way[1]),))
     vehicles += [vehicle for vehicle, _ in others]
     tags = ("urban", "intersection", "two_lane", "oncoming_traffic")
     return Made(f"ZAM_InterdriveVaried-{seed + 1}_1_T-1", tags, roads, vehicles, [(ego, goal)])
@@ -146,7 +172,7 @@ def _path(roads: Network, way: tuple[int, int]) -> Curve:
     return roads.path([entering(way[0]), inside(*way), leaving(way[1])])
 
 
-def _passing(roads: Network, ways: list[tuple[int, int]], chance: np.random.Generator) -> list[Vehicle]:
+def _passing(roads: Network, ways: list[tuple[int, int]], like: Kind, chance: np.random.Generator) -> list[Vehicle]:
     """Vehicles that keep clear of each other without waiting."""
     found: list[Vehicle] = []
     for _ in range(12 * PASSING):
@@ -155,11 +181,11 @@ def _passing(roads: Network, ways: list[tuple[int, int]], chance: np.random.Gene
         way = ways[chance.integers(len(ways))]
         bent = roads.lanelets[inside(*way)].center
         sharp = float(np.abs(np.diff(bent.heading) / np.diff(bent.s)).max())
-        before = chance.uniform(8.0, 13.0)
+        before = like.pace * chance.uniform(8.0, 13.0)
         within = min(before, float(np.sqrt(2.5 / max(sharp, 1e-3))))
-        speeds = (before, within, chance.uniform(9.0, 13.0))
-        start = ARM - chance.uniform(25.0, 95.0)
-        s = distance_through_zone(start, speeds, (ARM, ARM + bent.length), DURATION)
+        speeds = (before, within, like.pace * chance.uniform(9.0, 13.0))
+        start = ARM - like.pace * chance.uniform(25.0, 95.0)
+        s = distance_through_zone(start, speeds, (ARM, ARM + bent.length), like.duration)
         vehicle = drive(_path(roads, way), s, ("car", *SIZES["car"][chance.integers(4)]))
         if free(vehicle, found, along=6.0):
             found.append(vehicle)
@@ -167,7 +193,7 @@ def _passing(roads: Network, ways: list[tuple[int, int]], chance: np.random.Gene
 
 
 def _yielding(
-    roads: Network, ways: list[tuple[int, int]], passing: list[Vehicle], chance: np.random.Generator
+    roads: Network, ways: list[tuple[int, int]], passing: list[Vehicle], like: Kind, chance: np.random.Generator
 ) -> list[tuple[Vehicle, tuple[int, int]]]:
     """Vehicles that would hit one with priority if they kept their speed, and wait until they hit none."""
     found: list[tuple[Vehicle, tuple[int, int]]] = []
@@ -176,15 +202,20 @@ def _yielding(
             break
         way = ways[chance.integers(len(ways))]
         path, size = _path(roads, way), ("car", *SIZES["car"][chance.integers(4)])
-        speed, standing = chance.uniform(6.0, 10.0), chance.uniform(3.0, 5.0)
+        speed, standing = like.pace * chance.uniform(6.0, 10.0), chance.uniform(3.0, 5.0)
         start = ARM - STOP - 0.5 * size[1] - 0.5 * speed * standing
-        held = start + speed * np.arange(0.0, DURATION + 0.5 * FINE, FINE)
+        held = start + speed * np.arange(0.0, like.duration + 0.5 * FINE, FINE)
         if start < 5.0 or free(drive(path, held, size), passing, along=0.0, aside=0.0):
             continue
         others = passing + [vehicle for vehicle, _ in found]
-        for go in np.arange(standing + 0.5, 8.5, 0.5):
-            knots = [(0.0, speed), (standing, 0.0), (go, 0.0), (go + 3.0, 4.8), (go + 4.5, 5.2), (go + 8.0, 10.0)]
-            vehicle = drive(path, start + distance_over_time(knots, DURATION), size)
+        # All that follow are the same until it stands.
+        arriving = start + distance_over_time([(0.0, speed), (standing, 0.0)], standing)
+        if not free(drive(path, arriving, size), others, along=5.0):
+            continue
+        for go in np.arange(standing + 0.5, like.duration - 5.5, 0.5 / like.pace):
+            later = [(3.0, 4.8), (4.5, 5.2), (8.0, 10.0)]
+            knots = [(0.0, speed), (standing, 0.0), (go, 0.0), *((go + t, like.pace * v) for t, v in later)]
+            vehicle = drive(path, start + distance_over_time(knots, like.duration), size)
             if free(vehicle, others, along=5.0):
                 found.append((vehicle, way))
                 break

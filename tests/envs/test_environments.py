@@ -95,7 +95,7 @@ def test_many_worlds_in_one_call_equal_as_many_single_environments(mode):
     a, b = native.reset(seed=5), several.reset(seed=5)
     np.testing.assert_array_equal(a[0], b[0])
     ends = 0
-    for _ in range(200):
+    for _ in range(500):
         given = actions(rng, n, 2)
         a, b = native.step(given), several.step(given)
         for ours, theirs in zip(a[:4], b[:4], strict=True):
@@ -263,6 +263,20 @@ def test_a_learner_does_not_observe_what_others_will_do():
         env = alone(cars=recorded)
         seen.append([env.reset(seed=0)[0]] + [env.step(np.zeros(2, np.float32))[0] for _ in range(20)])
     np.testing.assert_array_equal(seen[0], seen[1])
+
+
+def test_a_learner_does_not_observe_what_another_is_about_to_do():
+    seen = []
+    for pedal in (1.0, -1.0):
+        env = envs.parallel_env(scenarios="lane_merge", learners=2)
+        observed = [env.reset(seed=0)[0]["agent_0"]]
+        for step in range(6):
+            given = {"agent_0": np.zeros(2), "agent_1": np.array([0.0 if step < 5 else pedal, 0.0])}
+            observed.append(env.step(given)[0]["agent_0"])
+        seen.append(np.array(observed))
+    # The sixth decision shows after it was taken, not when the other had made up its mind.
+    np.testing.assert_array_equal(seen[0][:6], seen[1][:6])
+    assert not np.array_equal(seen[0][6], seen[1][6])
 
 
 def test_scenarios_are_divided_by_place_and_both_parts_together_are_all():

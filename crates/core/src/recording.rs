@@ -102,6 +102,8 @@ pub struct Recording {
     first_time_step: i64,
     /// One block of participants per time step.
     columns: VecDeque<Vec<Option<State>>>,
+    /// Memory of columns of an earlier recording.
+    spare: Vec<Vec<Option<State>>>,
     /// Largest number of columns; earlier ones are forgotten.
     columns_max: usize,
     plans: Vec<Plans>,
@@ -127,7 +129,8 @@ impl Recording {
     /// Nothing recorded yet.
     pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
         let (columns, plans, sightings) = (VecDeque::new(), Vec::new(), BTreeMap::new());
-        Self { ids, first_time_step, columns, columns_max: usize::MAX, plans, sightings, waits: BTreeMap::new() }
+        let (spare, waits) = (Vec::new(), BTreeMap::new());
+        Self { ids, first_time_step, columns, spare, columns_max: usize::MAX, plans, sightings, waits }
     }
 
     /// Becomes a recording without anything in it, of at most so many columns; memory is reused.
@@ -135,7 +138,7 @@ impl Recording {
         self.ids.clear();
         self.ids.extend_from_slice(ids);
         (self.first_time_step, self.columns_max) = (first_time_step, columns_max);
-        self.columns.clear();
+        self.spare.extend(self.columns.drain(..));
         self.plans.clear();
         self.sightings.clear();
         self.waits.clear();
@@ -143,12 +146,13 @@ impl Recording {
 
     /// Adds the states of the next time step, one per participant.
     pub(crate) fn push(&mut self, states: &[Option<State>]) {
-        let mut column = Vec::new();
-        if self.columns.len() == self.columns_max {
-            column = self.columns.pop_front().unwrap_or_default();
-            column.clear();
+        let mut column = if self.columns.len() == self.columns_max {
             self.first_time_step += 1;
-        }
+            self.columns.pop_front().unwrap_or_default()
+        } else {
+            self.spare.pop().unwrap_or_default()
+        };
+        column.clear();
         column.extend_from_slice(states);
         self.columns.push_back(column);
     }

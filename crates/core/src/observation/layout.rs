@@ -155,9 +155,9 @@ pub fn blocks(settings: &ObservationSettings, planner: &[String]) -> Vec<Block> 
     found
 }
 
-/// Numbers of an observation, without the picture.
-pub fn length(settings: &ObservationSettings, planner: &[String]) -> usize {
-    blocks(settings, planner).iter().map(Block::len).sum()
+/// Numbers of an observation, without the picture and without what planners with weights add.
+pub fn length(settings: &ObservationSettings) -> usize {
+    EGO.len() + GOAL.len() + settings.route * ROUTE.len() + settings.partners * PARTNER.len()
 }
 
 /// Every number of an observation in its order. `planner` names those of the block that planners with weights add.
@@ -192,7 +192,7 @@ mod tests {
         let settings = ObservationSettings::default();
         let names: Vec<_> = blocks(&settings, &[]).iter().map(|block| (block.name, block.len())).collect();
         assert_eq!(names, [("ego", 16), ("goal", 12), ("route", 128), ("partners", 168)]);
-        assert_eq!((length(&settings, &[]), layout(&settings, &[]).len()), (324, 324));
+        assert_eq!((length(&settings), layout(&settings, &[]).len()), (324, 324));
     }
 
     #[test]

@@ -65,7 +65,7 @@ impl World {
 
     fn observed(&self, state: &State, bodies: &[Body]) -> Vec<f32> {
         let settings = ObservationSettings::default();
-        let mut out = vec![9.0; layout::length(&settings, &[])];
+        let mut out = vec![9.0; layout::length(&settings)];
         let table = PathTable::new(&self.route, &self.goal, &self.road);
         let axle = CAR.rear_axle_from_center(state.pose());
         let observer = Observer {

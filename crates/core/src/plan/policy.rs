@@ -74,7 +74,7 @@ impl Policy {
             return Err(Error::invalid("actions: a policy as a planner needs those of the single-track model"));
         }
         observation.validate()?;
-        let mut n_in = layout::length(&observation, &[]);
+        let mut n_in = layout::length(&observation);
         let mut made = Vec::new();
         for layer in layers {
             let n_out = layer.bias.len();
@@ -134,7 +134,7 @@ pub(super) fn plan(
         last_time_step: request.last_time_step,
     };
     memory.inputs.clear();
-    memory.inputs.resize(layout::length(&policy.observation, &[]), 0.0);
+    memory.inputs.resize(layout::length(&policy.observation), 0.0);
     observe(&observer, memory.bodies.iter(), &policy.observation, &mut memory.observation, &mut memory.inputs);
     let outputs = policy.outputs(memory);
     let mut numbers = [0.0; 2];

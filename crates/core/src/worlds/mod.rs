@@ -66,7 +66,7 @@ pub struct WorldsSettings {
 impl WorldsSettings {
     /// Numbers of an observation.
     pub fn n_observations(&self) -> usize {
-        layout::length(&self.observation, &[]) + self.actions.weights().map_or(0, WeightActions::n_observed)
+        layout::length(&self.observation) + self.actions.weights().map_or(0, WeightActions::n_observed)
     }
 }
 

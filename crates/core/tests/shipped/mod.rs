@@ -38,6 +38,12 @@ struct Proposal {
 /// A world in which the first vehicles by id, at most `agents`, plan with `planner`: planning problems, and recorded
 /// vehicles with a goal where their recording ends. Other recorded vehicles stay recorded.
 pub fn world(document: &str, agents: usize, planner: &Planner, settings: WorldSettings) -> World {
+    let (scenario, agents) = cast(document, agents, planner);
+    World::new(scenario, agents, settings).expect("a world")
+}
+
+/// The scenario, and the first vehicles by id, at most `agents`, as agents with `planner`.
+pub fn cast(document: &str, agents: usize, planner: &Planner) -> (Arc<Scenario>, Vec<Agent>) {
     let lanelets: Vec<LaneletInput> = elements(document, "lanelet").map(lanelet).collect();
     let areas: Vec<(i64, Shape)> = lanelets.iter().map(|one| (one.id, polygon(one))).collect();
     let road = Arc::new(RoadNetwork::new(lanelets, RoadSettings::default()).expect("a road"));
@@ -46,7 +52,7 @@ pub fn world(document: &str, agents: usize, planner: &Planner, settings: WorldSe
     proposals.sort_by_key(|proposal| proposal.id);
     let agents = proposals.into_iter().take(agents).map(|proposal| agent(proposal, &road, planner)).collect();
     let scenario = Scenario::new(DT, road, obstacles).expect("a scenario");
-    World::new(Arc::new(scenario), agents, settings).expect("a world")
+    (Arc::new(scenario), agents)
 }
 
 fn agent(proposal: Proposal, road: &RoadNetwork, planner: &Planner) -> Agent {
