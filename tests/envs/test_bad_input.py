@@ -55,8 +55,8 @@ def choosing():
         (
             lambda: single(predictor="guess"),
             (
-                "unknown predictor 'guess': there are constant_velocity, ground_truth, lane_following, neural, walenet, "
-                "or module:object"
+                "unknown predictor 'guess': there are constant_velocity, ground_truth, lane_following, neural, "
+                "walenet, or module:object"
             ),
         ),
         (lambda: single().run(), "run: nothing was recorded; make the environment with record=True"),

@@ -210,9 +210,10 @@ def _configs(scenario: Scenario, setup: Setup, agents: list[Agent]) -> dict[int,
     given: Any = setup.traffic
     is_by_id = isinstance(given, Mapping) and "planner" not in given
     traffic: PlannersSpec = {"default": "recorded", **given} if is_by_id else given
-    predictor = resolved_predictor(setup.predictor, setup.settings.simulation.predictor)
+    # Refused here, or it would be called traffic below.
+    resolved_predictor(setup.predictor, setup.settings.simulation.predictor)
     try:
-        config = run_config(setup.settings.simulation, traffic, predictor)
+        config = run_config(setup.settings.simulation, traffic, setup.predictor)
         chosen = agent_configs(config, {}, {}, {}, agents, {agent.id for agent in agents})[0]
         driven = agent_configs(config, {}, {}, {}, agents, set(scenario.obstacles.ids.tolist()))[0]
         # What has no recording to replay is there only if it learns.
