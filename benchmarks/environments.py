@@ -1,6 +1,6 @@
 """Speed of environments with random actions and autoreset, one thread and more; see docs/environments.md.
 
-python benchmarks/environments.py [SCENARIOS] [--threads 1,2] [--seconds 2] [--runs 5]
+python benchmarks/environments.py [SCENARIOS] [--threads 1,2] [--seconds 2] [--runs 5] [--peers]
 
 Prints medians of some runs after 100 steps. SCENARIOS is a folder with USA_US101-23_1_T-1.xml; without one only the
 shipped scenario is measured. `--clock cpu` counts the time of the processor, for a machine that does other things as
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import gymnasium
 import numpy as np
+from peers.environment import environment, measured
 
 from interdrive import envs, simulate
 
@@ -112,6 +113,13 @@ def several(seconds: float, runs: int, clock: Clock) -> float:
     return statistics.median(found)
 
 
+def highway(seconds: float, runs: int) -> dict[str, float]:
+    """Agent-steps per second of highway-env with 24 learners, if all observe and if one does."""
+    python = environment("highway", ["highway-env==1.12.1"])
+    script = Path(__file__).parent / "peers" / "highway_inside.py"
+    return measured([str(python), str(script), str(seconds), str(runs)], timeout=600.0)
+
+
 def planning(traffic: str, runs: int) -> float:
     """Seconds per step that predictions and plans of the traffic take in a run, on one thread, as long as all drive."""
     found = []
@@ -134,6 +142,9 @@ def main() -> None:
     arguments.add_argument("--seconds", type=float, default=2.0)
     arguments.add_argument("--runs", type=int, default=5)
     arguments.add_argument("--clock", choices=("wall", "cpu"), default="wall")
+    arguments.add_argument(
+        "--peers", action="store_true", help="measures highway-env beside it, in an environment of its own"
+    )
     given = arguments.parse_args()
     clock = time.perf_counter if given.clock == "wall" else time.process_time
     threads = [int(one) for one in given.threads.split(",")]
@@ -145,6 +156,8 @@ def main() -> None:
             ("T1: USA_US101-23, 24 learners, 64 worlds", {"scenarios": us101, "slots": 24}),
             ("T2: USA_US101-23, 1 learner, 64 worlds", {"scenarios": us101, "learners": 1}),
             *cases,
+            ("T5: T1 with FrenetTarget", {"scenarios": us101, "slots": 24, "actions": envs.FrenetTarget()}),
+            ("T6: T1 with FrenetWeights", {"scenarios": us101, "slots": 24, "actions": envs.FrenetWeights()}),
         ]
     cases += [(f"T4: T3 with {traffic}", {**junction, "traffic": traffic}) for traffic in TRAFFIC]
     alone: dict[str, float] = {}
@@ -156,9 +169,15 @@ def main() -> None:
                 alone[name] = worlds
             print(f"| {name} | {n} | {agents:,.0f} | {worlds:,.0f} |", flush=True)
     print(f"| T7: T3 by gymnasium.make, one world | 1 | {single(given.seconds, given.runs, clock):,.0f} | |")
-    print(f"| T3 by gymnasium's SyncVectorEnv | 1 | {several(given.seconds, given.runs, clock):,.0f} | |\n")
+    print(f"| T3 by gymnasium's SyncVectorEnv | 1 | {several(given.seconds, given.runs, clock):,.0f} | |")
+    if given.peers:
+        found = highway(given.seconds, given.runs)
+        for name in ("all", "one"):
+            n = f"{found[name]:,.0f} | {found[name] / 24:,.0f}"
+            print(f"| highway-env, 24 learners, {name} of them observe{'s' * (name == 'one')} | 1 | {n} |")
+    print()
     for name, settings in cases:
-        if name not in alone:
+        if name not in alone or name.startswith(("T5", "T6")):
             continue
         if name.startswith("T4"):
             traffic = str(settings["traffic"])
