@@ -1,22 +1,25 @@
 //! What an agent does when no sample is admissible, in this order:
 //!
 //! 1. It stands (at most 0.1 m/s): it stays.
-//! 2. Full braking that stays on the road: along the path of the previous plan, if the agent is still on it, on the arc
-//!    of the present steering, or straight on. If that hits a participant, drivable samples that stay on the road
-//!    count, too, if they hit with no more kinetic energy and no larger difference of velocities. The least
-//!    severe contact counts: the difference of velocities, where one second more counts like 2 m/s less.
+//! 2. Full braking that stays on the road: along the path of the previous plan, if the agent is still on it, turning the
+//!    wheels towards the reference path as fast as they turn, on the arc of the present steering, or straight on. If
+//!    that hits a participant, drivable samples that stay on the road count, too, if they hit with no more kinetic energy
+//!    and no larger difference of velocities. The least severe contact counts: the difference of velocities, where one
+//!    second more counts like 2 m/s less.
 //! 3. Full braking on the arc next to that of the present steering which stays on the road (as far as the tyres hold; the
 //!    steering jumps).
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
-use super::super::frame::{Waypoint, start_curvature};
+use super::super::frame::{Waypoint, project, start_curvature};
+use super::super::path_motion::point_at;
 use super::super::polynomial::Braking;
 use super::super::{PlanRequest, PlanResult};
 use super::obstacles::Contact;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::{State, Trajectory};
+use crate::vehicle::Vehicle;
 
 /// Slower agents stand [m/s].
 pub(super) const AGENT_STOPPED_SPEED: f64 = 0.1;
@@ -27,6 +30,9 @@ const FULL_BRAKING: f64 = 0.9;
 /// The previous plan's path is taken if it passes the agent this closely: [m], [rad].
 const POSITION_TOLERANCE: f64 = 0.3;
 const HEADING_TOLERANCE: f64 = 0.1;
+/// Towards the reference path, the wheels point to its point this far ahead: time [s], at least a distance [m].
+const AIM_TIME: f64 = 0.7;
+const AIM_DISTANCE: f64 = 4.0;
 
 /// How bad a contact is [m/s]; the least is best.
 pub(super) fn severity(contact: &Contact, dt: f64) -> f64 {
@@ -48,11 +54,12 @@ pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) ->
     PlanResult::infeasible(Trajectory { points: vec![request.state; n_points] }, message)
 }
 
-/// Full braking as the present steering allows it, as far as it stays on the road: along the previous plan's path, on the
-/// present arc, straight on.
+/// Full braking as the present steering allows it, as far as it stays on the road: along the previous plan's path, towards
+/// the reference path, on the present arc, straight on.
 pub(super) fn full_braking(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>) -> Vec<Vec<State>> {
     let present = start_curvature(&request.state, request.vehicle).unwrap_or(0.0);
-    let mut found: Vec<Vec<State>> = along_previous(request, n_points).into_iter().collect();
+    let mut found: Vec<Vec<State>> =
+        along_previous(request, n_points).into_iter().chain(towards_path(request, n_points)).collect();
     found.push(along_arc(request, n_points, present));
     if present != 0.0 {
         found.push(along_arc(request, n_points, 0.0));
@@ -78,7 +85,8 @@ pub(super) fn waypoints(points: &[State], d: f64) -> Vec<Waypoint> {
 pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
     let mut first = None;
     let arcs = curvatures(request).into_iter().map(|curvature| along_arc(request, n_points, curvature));
-    for points in along_previous(request, n_points).into_iter().chain(arcs) {
+    let steered = along_previous(request, n_points).into_iter().chain(towards_path(request, n_points));
+    for points in steered.chain(arcs) {
         if stays_on_road(request, &points, scratch) {
             return PlanResult::braking(Trajectory { points });
         }
@@ -148,6 +156,44 @@ fn along_arc(request: &PlanRequest, n_points: usize, curvature: f64) -> Vec<Stat
     let mut points: Vec<State> = (0..n_points).map(at).collect();
     points[0] = state;
     points
+}
+
+/// The wheels turn towards a point of the reference path as fast as they can, as far as the tyres hold.
+fn towards_path(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> {
+    let (state, vehicle, path) = (request.state, request.vehicle, &request.route.path);
+    if state.velocity <= AGENT_STOPPED_SPEED {
+        return None;
+    }
+    let mut axle = vehicle.rear_axle_from_center(state.pose());
+    let (s, _) = project(path, axle, request.s_hint)?;
+    let (_, braking) = braking(request);
+    let mut curvature = start_curvature(&state, vehicle)?;
+    let (mut heading, mut driven) = (state.orientation, 0.0);
+    let mut points = Vec::with_capacity(n_points);
+    points.push(state);
+    for i in 1..n_points {
+        let [distance, velocity, acceleration, _] = braking.at(i as f64 * request.dt);
+        let travel = distance - driven;
+        let ahead = AIM_DISTANCE.max(AIM_TIME * velocity);
+        let aim = point_at(path, s + driven + ahead).position - axle;
+        // The arc that is tangential to the heading and leads to the aim.
+        let wanted = 2.0 * Point::from_angle(heading).cross(aim) / aim.norm_squared().max(1.0);
+        let next = turned(vehicle, curvature, wanted, velocity, request.dt);
+        let turn = 0.5 * (curvature + next) * travel;
+        axle = axle + Point::from_angle(heading + 0.5 * turn) * travel;
+        (heading, curvature, driven) = (heading + turn, next, distance);
+        let Point { x, y } = axle + Point::from_angle(heading) * vehicle.rear_axle_to_center;
+        points.push(State { x, y, orientation: heading, velocity, acceleration, yaw_rate: curvature * velocity });
+    }
+    Some(points)
+}
+
+/// Curvature after `dt` [s] if the wheels turn from one towards another, within the limits of steering and tyres.
+fn turned(vehicle: &Vehicle, from: f64, wanted: f64, velocity: f64, dt: f64) -> f64 {
+    let angle = |curvature: f64| (vehicle.wheelbase * curvature).atan();
+    let limit = vehicle.curvature_max().min(vehicle.lateral_acceleration_max / velocity.powi(2).max(1e-6));
+    let (now, reach) = (angle(from), vehicle.steering_rate_max * dt);
+    angle(wanted.clamp(-limit, limit)).clamp(now - reach, now + reach).tan() / vehicle.wheelbase
 }
 
 /// The previous plan's path, moved onto the present pose, driven with full braking.

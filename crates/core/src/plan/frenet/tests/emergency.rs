@@ -6,8 +6,8 @@ use super::super::fallback;
 use super::{Car, Drive};
 use crate::geometry::Pose;
 use crate::plan::frenet::FrenetSettings;
-use crate::road::testing::{open, straight, tapered_lane};
-use crate::trajectory::PlanStatus;
+use crate::road::testing::{arc, open, straight, tapered_lane};
+use crate::trajectory::{PlanStatus, State};
 
 /// Own speed at the contact [m/s], and that which full braking from the first emergency on would have left there; `None`
 /// if there is no contact within 3 s.
@@ -80,13 +80,13 @@ fn an_agent_with_a_faster_car_ahead_of_it_in_its_way_does_not_accelerate_into_it
 }
 
 #[test]
-fn full_braking_is_offered_along_the_last_plan_and_on_the_present_arc_and_straight_on() {
+fn full_braking_is_offered_along_the_last_plan_and_towards_the_path_and_on_the_present_arc_and_straight_on() {
     let mut drive = Drive::on_three_lanes(40.0, 8.0);
     let result = drive.plan(&FrenetSettings::default());
     drive.step(result);
     drive.state.yaw_rate = 0.4;
     let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
-    assert_eq!(found.len(), 3);
+    assert_eq!(found.len(), 4);
     for points in &found {
         let first = Pose { ..points[0].pose() };
         assert_eq!((first, points[0].velocity), (drive.state.pose(), drive.state.velocity));
@@ -94,7 +94,28 @@ fn full_braking_is_offered_along_the_last_plan_and_on_the_present_arc_and_straig
         let distance = points[30].pose().position.distance(first.position);
         assert!(distance < 8.0 * 8.0 / (2.0 * 0.9 * 11.5) + 2.0, "{distance}");
     }
-    assert!(found[1][30].orientation > 0.05 && found[2][30].orientation == drive.state.orientation);
+    assert!(found[2][30].orientation > 0.05 && found[3][30].orientation == drive.state.orientation);
+}
+
+#[test]
+fn full_braking_before_a_bend_turns_the_wheels_into_it_as_fast_as_they_turn() {
+    // 20 m straight on, then a bend of 12 m radius to the left; no earlier plan, the wheels point straight ahead.
+    let mut center = straight((0.0, 0.0), (20.0, 0.0));
+    center.extend(arc((20.0, 12.0), 12.0, -FRAC_PI_2, 0.0).into_iter().skip(1));
+    let drive = Drive::along(&center, 18.0, 9.0);
+    let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
+    let (towards, straight_on) = (&found[0], found.last().expect("braking"));
+    let from_path = |points: &[State]| {
+        let pose = points[30].pose();
+        let axle = drive.vehicle.rear_axle_from_center(pose);
+        (drive.route.path.project(axle).expect("beside it").1.abs(), pose.orientation)
+    };
+    let ((near, heading), (far, ahead)) = (from_path(towards), from_path(straight_on));
+    assert!(near < 0.5 * far && heading > 0.1 && ahead.abs() < 0.02, "{near} m, {heading} rad; {far} m");
+    let steering = |p: &State| (drive.vehicle.wheelbase * p.yaw_rate / p.velocity).atan();
+    let moving: Vec<f64> = towards.iter().filter(|p| p.velocity > 0.1).map(steering).collect();
+    let rate = moving.windows(2).map(|w| (w[1] - w[0]).abs() / 0.1).fold(0.0, f64::max);
+    assert!(rate > 0.1 && rate <= drive.vehicle.steering_rate_max + 1e-9, "{rate} rad/s");
 }
 
 #[test]
