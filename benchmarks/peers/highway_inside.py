@@ -4,8 +4,8 @@ python highway_inside.py SECONDS RUNS
 
 All 24 vehicles learn, act ten times per second with continuous actions, and observe 13 vehicles each, as ours do; there
 are no others and no pictures. An episode ends with the first contact, as highway-env has it, and because with random
-actions most of the time would be spent on resets, these do not count. Observations are tables of pandas, which take most
-of the time of a step, so the same is measured with one vehicle that observes.
+actions most of the time would be spent on resets, these do not count. Observations are tables of pandas, which take
+most of the time of a step, so the same is measured with one vehicle that observes.
 """
 
 import json

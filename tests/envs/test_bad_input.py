@@ -74,7 +74,7 @@ def test_a_folder_without_scenarios_is_named(tmp_path):
         envs.DriveEnv(scenarios=tmp_path)
 
 
-def test_who_enters_later_cannot_learn_from_the_first_step_on():
+def test_a_vehicle_that_enters_later_cannot_learn_from_the_first_step_on():
     late = world(
         straight_road(300.0), cars=[Car(5, 20.0, 0.0, 8.0, last=80), Car(7, 60.0, 0.0, 8.0, first=20, last=80)]
     )

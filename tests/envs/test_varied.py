@@ -26,10 +26,7 @@ def compare():
 def varied():
     sys.path.insert(0, str(ROOT / "scenarios"))
     try:
-        spec = importlib.util.spec_from_file_location("varied", ROOT / "scenarios/varied.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        yield module
+        yield importlib.import_module("varied")
     finally:
         sys.path.remove(str(ROOT / "scenarios"))
 
@@ -61,7 +58,7 @@ def test_roads_bend_and_their_lanes_differ_in_width(made):
     assert 3.0 <= min(widths) <= max(widths) <= 4.0
 
 
-def test_who_keeps_the_speed_hits_others_where_planners_do_not(made, compare):
+def test_vehicles_that_keep_their_speed_hit_others_where_planners_do_not(made, compare):
     held, planned = Counter(), Counter()
     for path in made:
         held += compare.driven(path, compare.hold_speed)
