@@ -191,9 +191,8 @@ ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see do
 browser: $(VENV)/.installed .venv-browser/.chromium ## opens reports in Chromium; skipped where there is none, which is a failure in CI
 	.venv-browser/bin/python -m pytest -q -s --confcutdir=tests/browser tests/browser
 
-# `npm ci` refuses the lock file because of packages for other platforms that npm itself leaves out of it.
 report_bundle: ## builds the front end of reports (needs node and npm); says whether what is committed was current
-	cd frontend && npm install --no-audit --no-fund --silent && npm run --silent check && npm run --silent build
+	cd frontend && npm ci --no-audit --no-fund --silent && npm run --silent check && npm run --silent build
 	git diff --exit-code --stat -- python/interdrive/report/bundle
 
 versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with the oldest libraries that pyproject.toml allows
