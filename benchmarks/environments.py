@@ -113,6 +113,22 @@ def several(seconds: float, runs: int, clock: Clock) -> float:
     return statistics.median(found)
 
 
+def costs(settings: dict[str, object], seconds: float, runs: int, clock: Clock) -> dict[str, float]:
+    """What each of the observations that are off by default adds to the time per agent-step [s], one thread.
+
+    All take turns, so that a machine that becomes slower does so for all of them.
+    """
+    extra: dict[str, object] = {"nothing": {}, "edges": 32, "predictions": True, "raster": True}
+    found: dict[str, list[float]] = {name: [] for name in extra}
+    for _ in range(runs):
+        for name, value in extra.items():
+            asked = {} if name == "nothing" else {f"observation.{name}": value}
+            agents, _ = rates(envs.Rows(8, **settings, **asked), seconds, 1, clock)
+            found[name].append(1 / agents)
+    least = {name: min(one) for name, one in found.items()}
+    return {name: least[name] - least["nothing"] for name in extra if name != "nothing"}
+
+
 def highway(seconds: float, runs: int) -> dict[str, float]:
     """Agent-steps per second of highway-env with 24 learners, if all observe and if one does."""
     python = environment("highway", ["highway-env==1.12.1"])
@@ -176,6 +192,9 @@ def main() -> None:
             n = f"{found[name]:,.0f} | {found[name] / 24:,.0f}"
             print(f"| highway-env, 24 learners, {name} of them observe{'s' * (name == 'one')} | 1 | {n} |")
     print()
+    if given.scenarios is not None:
+        for name, added in costs({"scenarios": us101, "slots": 24}, given.seconds, given.runs, clock).items():
+            print(f"observation.{name} in T1: {1e6 * added:.1f} us more per agent-step" + " (T9)" * (name == "raster"))
     for name, settings in cases:
         if name not in alone or name.startswith(("T5", "T6")):
             continue

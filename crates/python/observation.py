@@ -18,8 +18,9 @@ MARKS = "<!-- written by crates/python/observation.py -->\n", "<!-- end -->\n"
 def table() -> str:
     """One row per number of a block, of the first row where there are several."""
     lines = ["| block | number | unit | divided by |", "|---|---|---|---|"]
-    sizes = {name: rows for name, rows, _ in _core.observation_blocks(ObservationSettings())}
-    for block, row, name, unit, scale in _core.observation_layout(ObservationSettings()):
+    whole = ObservationSettings(edges=32, predictions=True)
+    sizes = {name: rows for name, rows, _ in _core.observation_blocks(whole)}
+    for block, row, name, unit, scale in _core.observation_layout(whole):
         if row:
             continue
         rows = f" x {sizes[block]}" if sizes[block] else ""

@@ -30,6 +30,7 @@ __all__ = [
     "CODES",
     "LIGHT_DECELERATION",
     "NEURAL",
+    "RASTER",
     "REWARDS",
     "STOP_REACH",
     "Agent",
@@ -85,6 +86,7 @@ STOP_REACH: float
 #: mirrored world of every feature; `slots`: names of the paths; `path_mirror_columns`, `mirror_slots`: their order in a
 #: mirrored world.
 NEURAL: dict[str, Any]
+RASTER: tuple[int, int, int]
 REWARDS: list[str]
 
 @final
@@ -680,7 +682,9 @@ class Worlds:
         outcomes: NDArray[np.int8],
         agent_ids: _Ints,
         components: _Singles | None = None,
+        raster: NDArray[np.uint8] | None = None,
         final_observations: _Singles | None = None,
+        final_raster: NDArray[np.uint8] | None = None,
     ) -> None: ...
     def queue(self, world: int, stage: int, first_time_step: int, learners: Sequence[int]) -> None: ...
     def reset(self, worlds: Sequence[bool]) -> None: ...

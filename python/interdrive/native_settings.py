@@ -539,11 +539,17 @@ class ObservationSettings:
         form: "flat": one vector. "dict": blocks by name.
         route: Number of places on the path ahead. Between 0 and 16.
         partners: Number of other participants, the nearest that are seen. Between 0 and 256.
+        edges: Number of pieces of road edges, the nearest within 50 m. Between 0 and 256.
+        predictions: Where the other participants are expected in 1, 2 and 3 s, as the predictor says.
+        raster: A picture from above as well.
     """
 
     form: Literal["flat", "dict"] = "flat"
     route: int = 16
     partners: int = 12
+    edges: int = 0
+    predictions: bool = False
+    raster: bool = False
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

@@ -86,3 +86,8 @@ def test_without_the_library_the_adapter_says_what_to_install(monkeypatch):
     monkeypatch.delitem(sys.modules, "interdrive.envs.puffer", raising=False)
     with pytest.raises(MissingExtraError, match="pip install pufferlib"):
         importlib.import_module("interdrive.envs.puffer")
+
+
+def test_pictures_do_not_fit_into_its_array(puffer):
+    with pytest.raises(InputError, match="PufferLib takes one array of numbers"):
+        puffer(1, scenarios="t_junction", **{"observation.raster": True})

@@ -4,9 +4,11 @@ mod coverage;
 mod edges;
 mod follow;
 mod grid;
+mod ground;
 mod judge;
 mod lanelet;
 mod open_ends;
+mod pieces;
 mod surface;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -17,6 +19,9 @@ pub use edges::Segment;
 pub(crate) use follow::Chains;
 pub use judge::RoadJudge;
 pub use lanelet::Lanelet;
+pub use pieces::EdgePieces;
+
+use std::sync::OnceLock;
 
 use crate::error::Result;
 use crate::geometry::{Aabb, Point, Pose, wrap_angle};
@@ -24,6 +29,7 @@ use crate::limits::LANELET_LENGTH_MAX;
 use crate::settings::{between, settings};
 use coverage::DrivableArea;
 use follow::LaneCurve;
+use ground::GroundMap;
 use surface::{Surface, strip};
 
 /// A lanelet as a file states it.
@@ -100,6 +106,9 @@ pub struct RoadNetwork {
     straightest_predecessors: Vec<Vec<usize>>,
     curves: Vec<LaneCurve>,
     area: DrivableArea,
+    /// Made when they are asked for first.
+    pieces: OnceLock<EdgePieces>,
+    ground: OnceLock<GroundMap>,
 }
 
 impl RoadNetwork {
@@ -134,6 +143,8 @@ impl RoadNetwork {
             straightest_successors,
             straightest_predecessors,
             curves: Vec::new(),
+            pieces: OnceLock::new(),
+            ground: OnceLock::new(),
         };
         road.curves = (0..road.lanelets.len()).map(|i| LaneCurve::of(&road, i)).collect();
         if settings.judge != RoadJudge::Body {

@@ -79,7 +79,9 @@ impl Arrays {
             outcomes: &mut self.outcomes,
             agent_ids: &mut self.agent_ids,
             components: &mut self.components,
+            rasters: &mut [],
             final_observations: &mut [],
+            final_rasters: &mut [],
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use interdrive_core::observation::ObservationSettings;
+use interdrive_core::observation::{LAYERS, ObservationSettings, SIDE};
 use interdrive_core::plan::Planner;
 use interdrive_core::worlds::{
     Actions, Autoreset, Buffers, Ended, EpisodeSpec, N_TERMS, RewardWeights, Stage, Worlds, WorldsSettings,
@@ -105,7 +105,9 @@ struct Arrays {
     outcomes: Py<PyArrayDyn<i8>>,
     agent_ids: Py<PyArrayDyn<i64>>,
     components: Option<Py<PyArrayDyn<f32>>>,
+    raster: Option<Py<PyArrayDyn<u8>>>,
     final_observations: Option<Py<PyArrayDyn<f32>>>,
+    final_raster: Option<Py<PyArrayDyn<u8>>>,
 }
 
 type Written<'py, T> = PyReadwriteArrayDyn<'py, T>;
@@ -167,7 +169,9 @@ impl PyWorlds {
         let (mut outcomes, mut agent_ids) =
             (Some(written(py, &arrays.outcomes)?), Some(written(py, &arrays.agent_ids)?));
         let mut components = arrays.components.as_ref().map(|array| written(py, array)).transpose()?;
+        let mut raster = arrays.raster.as_ref().map(|array| written(py, array)).transpose()?;
         let mut final_observations = arrays.final_observations.as_ref().map(|array| written(py, array)).transpose()?;
+        let mut final_raster = arrays.final_raster.as_ref().map(|array| written(py, array)).transpose()?;
         let actions = match &arrays.actions {
             ActionArray::Numbers(..) => Actions::Numbers(slice(&mut numbers), size),
             ActionArray::Choices(_) => Actions::Choices(slice(&mut choices)),
@@ -182,7 +186,9 @@ impl PyWorlds {
             outcomes: slice(&mut outcomes),
             agent_ids: slice(&mut agent_ids),
             components: slice(&mut components),
+            rasters: slice(&mut raster),
             final_observations: slice(&mut final_observations),
+            final_rasters: slice(&mut final_raster),
         };
         detached(py, || work(worlds, buffers))
     }
@@ -239,7 +245,7 @@ impl PyWorlds {
     /// Checks the caller's arrays once and keeps them: every reset and step writes into them.
     #[pyo3(signature = (
         *, actions, observations, rewards, terminals, truncations, masks, outcomes, agent_ids, components=None,
-        final_observations=None
+        raster=None, final_observations=None, final_raster=None
     ))]
     fn bind(
         &mut self,
@@ -252,7 +258,9 @@ impl PyWorlds {
         outcomes: &Bound<'_, PyAny>,
         agent_ids: &Bound<'_, PyAny>,
         components: Option<&Bound<'_, PyAny>>,
+        raster: Option<&Bound<'_, PyAny>>,
         final_observations: Option<&Bound<'_, PyAny>>,
+        final_raster: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let (rows, n) = (self.worlds.n_rows(), self.worlds.settings().n_observations());
         let actions = match self.worlds.settings().actions.size() {
@@ -269,8 +277,12 @@ impl PyWorlds {
             outcomes: bound("outcomes", outcomes, &[rows])?,
             agent_ids: bound("agent_ids", agent_ids, &[rows])?,
             components: components.map(|array| bound("components", array, &[rows, N_TERMS])).transpose()?,
+            raster: raster.map(|array| bound("raster", array, &[rows, LAYERS, SIDE, SIDE])).transpose()?,
             final_observations: final_observations
                 .map(|array| bound("final_observations", array, &[rows, n]))
+                .transpose()?,
+            final_raster: final_raster
+                .map(|array| bound("final_raster", array, &[rows, LAYERS, SIDE, SIDE]))
                 .transpose()?,
         });
         Ok(())
@@ -334,9 +346,10 @@ getters! { PyWorlds {
     hungry: Vec<usize> = |this| this.worlds.hungry();
 } }
 
-/// Names of the terms of a reward.
+/// Names of the terms of a reward; layers, rows and columns of a picture.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("REWARDS", RewardWeights::NAMES.to_vec())?;
+    module.add("RASTER", (LAYERS, SIDE, SIDE))?;
     module.add_class::<PyStage>()?;
     module.add_class::<PyWorlds>()
 }

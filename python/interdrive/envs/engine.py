@@ -13,6 +13,7 @@ from interdrive import _core
 from interdrive.config.specs import resolved_predictor
 from interdrive.envs.actions import action_kind
 from interdrive.envs.sampling import Uniform
+from interdrive.envs.spaces import Views, observation_space
 from interdrive.envs.stages import most_learners, stages_of
 from interdrive.errors import InputError
 from interdrive.predictors import native_predictor
@@ -61,8 +62,18 @@ def checked_seed(seed: Any) -> int | None:  # noqa: ANN401 - whatever the user g
 class Buffers:
     """Arrays that the core writes, one row per learner; `given` replaces those of the same names."""
 
-    def __init__(self, rows: int, n: int, actions: NDArray[Any], given: Mapping[str, Any], *, keep_final: bool) -> None:
+    def __init__(
+        self,
+        rows: int,
+        n: int,
+        actions: NDArray[Any],
+        given: Mapping[str, Any],
+        *,
+        has_raster: bool,
+        keep_final: bool,
+    ) -> None:
         """Makes those that are not given."""
+        pictures = (rows, *_core.RASTER)
         made: dict[str, NDArray[Any]] = {
             "actions": actions,
             "observations": np.zeros((rows, n), dtype=np.float32),
@@ -74,8 +85,12 @@ class Buffers:
             "agent_ids": np.full(rows, -1, np.int64),
             "components": np.zeros((rows, len(_core.REWARDS)), np.float32),
         }
+        if has_raster:
+            made["raster"] = np.zeros(pictures, np.uint8)
         if keep_final:
             made["final_observations"] = np.zeros((rows, n), np.float32)
+        if keep_final and has_raster:
+            made["final_raster"] = np.zeros(pictures, np.uint8)
         for name in given:
             if name not in made:
                 raise InputError(f"buf.{name}", f"there is no such array; there are {', '.join(made)}")
@@ -141,7 +156,11 @@ class Engine:
         self.observed = self.worlds.observed
         self.rows = num_worlds * self.slots
         n = self.worlds.num_observations
-        self.buffers = Buffers(self.rows, n, self.kind.array(self.rows), buf or {}, keep_final=keep_final)
+        has_raster = settings.observation.raster
+        actions = self.kind.array(self.rows)
+        self.buffers = Buffers(self.rows, n, actions, buf or {}, has_raster=has_raster, keep_final=keep_final)
+        self.observation_space = observation_space(settings.observation, self.observed)
+        self.views = Views(settings.observation, self.buffers.arrays, self.observed, copy=settings.copy)
         self.worlds.bind(**self.buffers.arrays)
         self.sampler: Sampler = sampler or Uniform()
         self.sampler.begin(len(self.stages))

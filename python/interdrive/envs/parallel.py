@@ -11,7 +11,7 @@ from interdrive.envs.engine import Engine, public
 from interdrive.envs.recording import recorded_actions, run_of
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import no_rendering
-from interdrive.envs.spaces import Views, observation_space
+from interdrive.envs.spaces import observation_space
 from interdrive.errors import InputError, MissingExtraError
 
 try:
@@ -29,6 +29,12 @@ if TYPE_CHECKING:
 class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
     """Several vehicles learn together; `possible_agents` are agent_0, agent_1, ... by ascending CommonRoad id.
 
+    Attributes:
+        possible_agents: Names of the most agents that learn at once.
+        agents: Names of those that drive.
+        agent_ids: CommonRoad ids of those that drove at the episode's first step, by name. They are not in the infos of
+            a reset: if there are any, TorchRL takes nothing but numbers.
+
     Args:
         render_mode: None.
         sampler: Draws the scenarios.
@@ -45,12 +51,11 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         setup = setup_of(settings, learners="all")
         self.render_mode = None
         self._engine = Engine(setup, num_worlds=1, autoreset="disabled", sampler=sampler)
-        self._views = Views(setup.settings.observation, self._engine.observed)
-        self._copy = setup.settings.copy
+        self._views = self._engine.views
         self.possible_agents = [f"agent_{i}" for i in range(self._engine.slots)]
         self._row = {name: row for row, name in enumerate(self.possible_agents)}
         self.agents: list[str] = []
-        self._observation_space = observation_space(setup.settings.observation, self._engine.observed)
+        self.agent_ids: dict[str, int] = {}
         space = self._engine.kind.space
         # One object per agent: sampling from one does not change the samples of another.
         self._action_spaces = {name: type(space)(**_arguments(space)) for name in self.possible_agents}
@@ -82,14 +87,14 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         """Begins an episode.
 
         Returns:
-            Observations, and infos with the CommonRoad id, by agent.
+            Observations and empty infos by agent.
         """
         self._engine.seed(0, seed)
         self._engine.reset()
         buffers = self._engine.buffers
         self.agents = [name for name, row in self._row.items() if buffers.masks[row]]
-        ids = buffers.agent_ids
-        return self._observed(self.agents), {name: {"agent_id": int(ids[self._row[name]])} for name in self.agents}
+        self.agent_ids = {name: int(buffers.agent_ids[self._row[name]]) for name in self.agents}
+        return self._observed(self.agents), {name: {} for name in self.agents}
 
     def step(
         self, actions: dict[str, Any]
@@ -126,7 +131,7 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         )
 
     def state(self) -> NDArray[np.float32]:
-        """All observations in the order of `possible_agents`; zeros for those that have ended."""
+        """All observed numbers in the order of `possible_agents`, without pictures; zeros for those that have ended."""
         masks = self._engine.buffers.masks
         whole: NDArray[np.float32] = np.where(masks[:, None], self._engine.buffers.observations, 0.0).ravel()
         return whole
@@ -150,8 +155,7 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         """Has nothing to close."""
 
     def _observed(self, names: list[str]) -> dict[str, Any]:
-        observations = self._engine.buffers.observations
-        return {name: self._views.of(observations[self._row[name]], copy=self._copy) for name in names}
+        return {name: self._views.of(self._row[name]) for name in names}
 
 
 def _arguments(space: Any) -> dict[str, Any]:  # noqa: ANN401 - a box or a discrete space

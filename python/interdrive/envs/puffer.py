@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.envs.rows import Rows
-from interdrive.errors import MissingExtraError
+from interdrive.errors import InputError, MissingExtraError
 
 try:
     from pufferlib import PufferEnv
@@ -53,6 +53,8 @@ class DrivePuffer(PufferEnv):  # type: ignore[misc]
     ) -> None:
         given = None if buf is None else {name: buf[name] for name in _SHARED}
         self.rows = Rows(num_worlds, slots=slots, seed=seed, buf=given, sampler=sampler, **settings)
+        if self.rows.single_observation_space.shape is None:
+            raise InputError("observation", "PufferLib takes one array of numbers: form flat, without raster")
         # The base class asks for them.
         self.single_observation_space = self.rows.single_observation_space
         self.single_action_space = self.rows.single_action_space

@@ -10,7 +10,6 @@ import numpy as np
 from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, public
 from interdrive.envs.settings import setup_of
-from interdrive.envs.spaces import observation_space
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +43,9 @@ class Rows:
         outcomes: (rows,) int8; codes, -1 in unused rows.
         agent_ids: (rows,) int64; -1 in unused rows.
         components: (rows, terms) float32; amounts of the reward.
+        raster: (rows, 4, 96, 96) uint8, with `observation.raster`; zero where `observations` are.
         final_observations: As `observations`, with `keep_final`.
+        final_raster: As `raster`, with `keep_final`.
 
     Raises:
         InputError: The input cannot be used; one line states why.
@@ -59,7 +60,9 @@ class Rows:
     outcomes: NDArray[np.int8]
     agent_ids: NDArray[np.int64]
     components: NDArray[np.float32]
+    raster: NDArray[np.uint8]
     final_observations: NDArray[np.float32]
+    final_raster: NDArray[np.uint8]
 
     def __init__(
         self,
@@ -87,7 +90,7 @@ class Rows:
         self.slots = self._engine.slots
         self.num_worlds = num_worlds
         self.num_agents = self._engine.rows
-        self.single_observation_space = observation_space(setup.settings.observation, self._engine.observed)
+        self.single_observation_space = self._engine.observation_space
         self.single_action_space = self._engine.kind.space
         for name, array in self._engine.buffers.arrays.items():
             setattr(self, name, array)

@@ -16,7 +16,6 @@ from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import only_one
-from interdrive.envs.spaces import Views, observation_space
 from interdrive.errors import InputError, MissingExtraError
 
 try:
@@ -54,12 +53,10 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
         if num_envs < 1:
             raise InputError("num_envs", f"must be at least 1, not {num_envs}")
         self._engine = Engine(setup, num_worlds=num_envs, autoreset="same_step", keep_final=True, sampler=sampler)
-        self._views = Views(setup.settings.observation, self._engine.observed)
+        self._views = self._engine.views
         # Asked for by the constructor of the base class.
         self.render_mode = None
-        super().__init__(
-            num_envs, observation_space(setup.settings.observation, self._engine.observed), self._engine.kind.space
-        )
+        super().__init__(num_envs, self._engine.observation_space, self._engine.kind.space)
 
     def reset(self) -> Any:  # noqa: ANN401 - an array or a dict of them
         """Begins an episode in all worlds, with the seeds of `seed()` if that was called since the last reset.
@@ -73,7 +70,7 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
         self._reset_seeds()
         self._reset_options()
         self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        return self._views.of(self._engine.buffers.observations, copy=True)
+        return self._views.of(slice(None), copy=True)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Takes the actions of the next step."""
@@ -94,10 +91,10 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
                 row = info["row"]
                 infos[row] = {
                     **public(info),
-                    "terminal_observation": self._views.of(buffers.final_observations[row], copy=True),
+                    "terminal_observation": self._views.last(row),
                     "TimeLimit.truncated": bool(buffers.truncations[row]),
                 }
-        return self._views.of(buffers.observations, copy=True), buffers.rewards.copy(), dones, infos
+        return self._views.of(slice(None), copy=True), buffers.rewards.copy(), dones, infos
 
     def update(self, **changes: Any) -> None:  # noqa: ANN401
         """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""

@@ -10,7 +10,6 @@ from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, checked_seed, public
 from interdrive.envs.recording import recorded_actions, run_of
 from interdrive.envs.settings import setup_of
-from interdrive.envs.spaces import Views, observation_space
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,13 +60,12 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         only_one(setup.learners, "DriveEnv")
         self.render_mode = None
         self._engine = Engine(setup, num_worlds=1, autoreset="disabled")
-        self._views = Views(setup.settings.observation, self._engine.observed)
-        self._copy = setup.settings.copy
-        self.observation_space = observation_space(setup.settings.observation, self._engine.observed)
+        self._views = self._engine.views
+        self.observation_space = self._engine.observation_space
         self.action_space = self._engine.kind.space
         buffers = self._engine.buffers
         # A view even if an action is one number.
-        self._action, self._observation = buffers.actions[0, ...], buffers.observations[0]
+        self._action = buffers.actions[0, ...]
         self._rewards, self._ends, self._cuts = buffers.rewards, buffers.terminals, buffers.truncations
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -83,7 +81,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=checked_seed(seed))
         self._engine.rngs[0] = self.np_random
         self._engine.reset()
-        return self._views.of(self._observation, copy=self._copy), {}
+        return self._views.of(0), {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:  # noqa: ANN401 - an array or a number
         """Takes a decision.
@@ -93,7 +91,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         """
         put(self._action, action)
         self._engine.step()
-        observation = self._views.of(self._observation, copy=self._copy)
+        observation = self._views.of(0)
         ended, cut = bool(self._ends[0]), bool(self._cuts[0])
         info = public(self._engine.infos()[0]) if ended or cut else {}
         return observation, float(self._rewards[0]), ended, cut, info

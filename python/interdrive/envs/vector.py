@@ -12,7 +12,6 @@ from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, checked_seed, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import no_rendering, only_one
-from interdrive.envs.spaces import Views, observation_space
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -71,9 +70,8 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.num_envs = num_envs
         same = name == "SAME_STEP"
         self._engine = Engine(setup, num_worlds=num_envs, autoreset=_MODES[name], keep_final=same, sampler=sampler)
-        self._views = Views(setup.settings.observation, self._engine.observed)
-        self._copy = setup.settings.copy
-        self.single_observation_space = observation_space(setup.settings.observation, self._engine.observed)
+        self._views = self._engine.views
+        self.single_observation_space = self._engine.observation_space
         self.single_action_space = self._engine.kind.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -107,7 +105,7 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             if mask is None or mask[world]:
                 self._engine.seed(world, seeds[world])
         self._engine.reset(mask)
-        return self._views.of(self._engine.buffers.observations, copy=self._copy), {}
+        return self._views.of(slice(None)), {}
 
     def step(
         self,
@@ -127,11 +125,10 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             for info in self._engine.infos():
                 row, told = info["row"], public(info)
                 if self._mode == "SAME_STEP":
-                    last = self._views.of(buffers.final_observations[row], copy=True)
-                    told = {"final_obs": last, "final_info": told}
+                    told = {"final_obs": self._views.last(row), "final_info": told}
                 infos = self._add_info(infos, told, row)
         return (
-            self._views.of(buffers.observations, copy=self._copy),
+            self._views.of(slice(None)),
             buffers.rewards.astype(np.float64),
             buffers.terminals.copy(),
             buffers.truncations.copy(),

@@ -5,6 +5,9 @@ use crate::scene::Scene;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
+/// A picture shows where participants were so long ago [s].
+const BEFORE: f64 = 0.5;
+
 /// A participant as an observer sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
@@ -20,6 +23,10 @@ pub struct Body {
     pub size: (f64, f64),
     /// Position among the four classes of an observation.
     pub(super) class: usize,
+    /// Its row in the predictions; `None` if nothing is expected of it.
+    pub predicted: Option<usize>,
+    /// Centre [m] and unit vector along the heading half a second ago; `None` if it was not there or nobody asks.
+    pub(super) before: Option<(Point, Point)>,
 }
 
 impl Body {
@@ -38,17 +45,30 @@ impl Body {
         (size, kind, is_static): ((f64, f64), ParticipantKind, bool),
     ) -> Self {
         let axis = Point::from_angle(pose.orientation);
-        Self { id, position: pose.position, axis, velocity, size, class: class(kind, is_static) }
+        let class = class(kind, is_static);
+        Self { id, position: pose.position, axis, velocity, size, class, predicted: None, before: None }
     }
 }
 
-/// Writes the bodies of all participants present, in the order of `Scene::present`.
-pub fn bodies(scene: &Scene, out: &mut Vec<Body>) {
+/// Writes the bodies of all participants present, in the order of `Scene::present`, which is that of predictions; with
+/// what a picture needs, if there is to be one.
+pub fn bodies(scene: &Scene, is_drawn: bool, out: &mut Vec<Body>) {
+    let then = scene.time_step - past_steps(scene.dt) as i64;
     out.clear();
-    out.extend(scene.present.iter().map(|row| {
+    out.extend(scene.present.iter().enumerate().map(|(place, row)| {
         let state = scene.state(*row);
-        Body::new(scene, *row, &state, scene.observed_velocity(*row))
+        let before = if is_drawn { scene.past.get(*row, then) } else { None };
+        Body {
+            predicted: Some(place),
+            before: before.map(|state| (state.pose().position, Point::from_angle(state.orientation))),
+            ..Body::new(scene, *row, &state, scene.observed_velocity(*row))
+        }
     }));
+}
+
+/// Time steps of the past that a picture needs.
+pub fn past_steps(dt: f64) -> usize {
+    (BEFORE / dt).round() as usize
 }
 
 /// Vehicle, two-wheeler, pedestrian, anything else.

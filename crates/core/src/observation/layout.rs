@@ -108,6 +108,30 @@ pub(super) const PARTNER: Columns = &[
     ("1 for anything else, and for what never moves", "", by(1.0)),
 ];
 
+/// Of a piece of a road edge.
+pub(super) const EDGE: Columns = &[
+    ("1 if there is one", "", by(1.0)),
+    ("its nearest point ahead", "m", by(50.0)),
+    ("its nearest point to the left", "m", by(50.0)),
+    ("sine of its direction minus the observer's heading; the road is on its right", "", by(1.0)),
+    ("cosine of its direction minus the observer's heading", "", by(1.0)),
+    ("half its length", "m", by(5.0)),
+];
+
+/// Of the expected drive of another participant, in the order of the partners.
+pub(super) const PREDICTION: Columns = &[
+    ("probability of the most probable drive", "", by(1.0)),
+    ("centre ahead in 1 s", "m", by(80.0)),
+    ("centre to the left in 1 s", "m", by(80.0)),
+    ("standard deviation in 1 s, mean of both axes", "m", by(10.0)),
+    ("centre ahead in 2 s", "m", by(80.0)),
+    ("centre to the left in 2 s", "m", by(80.0)),
+    ("standard deviation in 2 s, mean of both axes", "m", by(10.0)),
+    ("centre ahead in 3 s", "m", by(80.0)),
+    ("centre to the left in 3 s", "m", by(80.0)),
+    ("standard deviation in 3 s, mean of both axes", "m", by(10.0)),
+];
+
 /// A block of an observation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Block {
@@ -139,6 +163,8 @@ fn blocks_with_columns(settings: &ObservationSettings) -> Vec<(Block, Columns)> 
         ("goal", None, GOAL),
         ("route", Some(settings.route), ROUTE),
         ("partners", Some(settings.partners), PARTNER),
+        ("edges", Some(settings.edges), EDGE),
+        ("predictions", Some(settings.predicted()), PREDICTION),
     ]
     .into_iter()
     .map(|(name, rows, columns)| (Block { name, rows, columns: columns.len() }, columns))
@@ -157,7 +183,7 @@ pub fn blocks(settings: &ObservationSettings, planner: &[String]) -> Vec<Block> 
 
 /// Numbers of an observation, without the picture and without what planners with weights add.
 pub fn length(settings: &ObservationSettings) -> usize {
-    EGO.len() + GOAL.len() + settings.route * ROUTE.len() + settings.partners * PARTNER.len()
+    blocks_with_columns(settings).iter().map(|(block, _)| block.len()).sum()
 }
 
 /// Every number of an observation in its order. `planner` names those of the block that planners with weights add.
@@ -201,5 +227,13 @@ mod tests {
         let blocks: Vec<_> =
             blocks(&settings, &["weight".into()]).iter().map(|block| (block.name, block.len())).collect();
         assert_eq!(blocks[2..], [("partners", 28), ("planner", 1)]);
+    }
+
+    #[test]
+    fn road_edges_and_predictions_follow_the_partners_if_they_are_wanted() {
+        let wanted = ObservationSettings { edges: 32, predictions: true, ..ObservationSettings::default() };
+        let found: Vec<_> = blocks(&wanted, &[]).iter().map(|block| (block.name, block.len())).collect();
+        assert_eq!(found[4..], [("edges", 192), ("predictions", 120)]);
+        assert_eq!(length(&wanted), 324 + 312);
     }
 }

@@ -2,21 +2,26 @@
 //! centre, x ahead, y left). It sees what planners see: present and past, no ids, no plans, no recorded future.
 
 mod crowd;
+mod edges;
 pub mod layout;
+mod partners;
 mod path_table;
+mod raster;
 mod settings;
 #[cfg(test)]
 mod tests;
 
 use crate::geometry::{Point, wrap_angle};
+use crate::road::RoadNetwork;
 use crate::route::Route;
 use crate::rules::SpeedLimits;
 use crate::scenario::Goal;
-use crate::trajectory::State;
+use crate::trajectory::{Predictions, State};
 use crate::vehicle::Vehicle;
 use crate::vehicle::single_track::steering_angle;
-pub use crowd::{Body, bodies};
+pub use crowd::{Body, bodies, past_steps};
 pub use path_table::PathTable;
+pub use raster::{LAYERS, PIXELS, SIDE, draw};
 pub use settings::{AHEAD, Form, ObservationSettings};
 
 /// The path's foot may be this far ahead of or behind the rear axle [m] before the observer counts as beyond its ends.
@@ -37,6 +42,10 @@ pub struct Observer<'a> {
     pub limits: &'a SpeedLimits,
     /// Its goal.
     pub goal: &'a Goal,
+    /// The roads.
+    pub road: &'a RoadNetwork,
+    /// What is expected of others; `None`: nothing.
+    pub predictions: Option<&'a Predictions>,
     /// Arc length of its rear axle on the path [m].
     pub s: f64,
     /// Now.
@@ -50,7 +59,8 @@ pub struct Observer<'a> {
 /// Memory of observers; holds no state.
 #[derive(Debug, Clone, Default)]
 pub struct ObservationMemory {
-    nearest: Vec<(f64, i64, usize)>,
+    partners: Vec<(f64, i64, usize)>,
+    edges: Vec<(f64, usize)>,
 }
 
 /// Writes numbers one after the other.
@@ -104,7 +114,7 @@ impl Frame {
     }
 }
 
-/// Writes the blocks ego, goal, route and partners. `seen` are the participants that the observer sees, in any order.
+/// Writes all blocks. `seen` are the participants that the observer sees, in any order.
 pub fn observe<'a>(
     observer: &Observer<'_>,
     seen: impl Iterator<Item = &'a Body> + Clone,
@@ -118,7 +128,10 @@ pub fn observe<'a>(
     ego(observer, &frame, &mut writer);
     goal(observer, &frame, &mut writer);
     route(observer, &frame, settings.route, &mut writer);
-    partners(observer, &frame, seen, settings.partners, memory, &mut writer);
+    partners::nearest(&frame, seen.clone(), settings.partners, &mut memory.partners);
+    partners::write(observer, &frame, seen.clone(), settings.partners, &memory.partners, &mut writer);
+    edges::write(observer, &frame, settings.edges, &mut memory.edges, &mut writer);
+    partners::write_predictions(observer, &frame, seen, settings.predicted(), &memory.partners, &mut writer);
 }
 
 fn ego(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {
@@ -201,55 +214,4 @@ fn route(observer: &Observer<'_>, frame: &Frame, n: usize, out: &mut Writer<'_>)
         out.put(left, 10.0);
         out.put(right, 10.0);
     }
-}
-
-fn partners<'a>(
-    observer: &Observer<'_>,
-    frame: &Frame,
-    seen: impl Iterator<Item = &'a Body> + Clone,
-    n: usize,
-    memory: &mut ObservationMemory,
-    out: &mut Writer<'_>,
-) {
-    let nearest = &mut memory.nearest;
-    nearest.clear();
-    if n > 0 {
-        for (place, body) in seen.clone().enumerate() {
-            let key = ((body.position - frame.origin).norm_squared(), body.id, place);
-            let is_nearer = |a: &(f64, i64, usize)| (a.0, a.1) > (key.0, key.1);
-            if nearest.len() == n {
-                if !is_nearer(&nearest[n - 1]) {
-                    continue;
-                }
-                nearest.pop();
-            }
-            let mut at = nearest.len();
-            while at > 0 && is_nearer(&nearest[at - 1]) {
-                at -= 1;
-            }
-            nearest.insert(at, key);
-        }
-    }
-    let own = frame.axis * observer.state.velocity;
-    let start = out.next;
-    out.zeros(n * 14);
-    for (place, body) in seen.enumerate() {
-        let Some(rank) = nearest.iter().position(|key| key.2 == place) else { continue };
-        out.next = start + rank * 14;
-        let center = frame.place(body.position);
-        let velocity = frame.turn(body.axis * body.velocity - own);
-        out.flag(true);
-        out.put(center.x, 80.0);
-        out.put(center.y, 80.0);
-        out.turn(frame.axis, body.axis);
-        out.put(body.velocity, 40.0);
-        out.put(velocity.x, 40.0);
-        out.put(velocity.y, 40.0);
-        out.put(body.size.0, 20.0);
-        out.put(body.size.1, 4.0);
-        for class in 0..4 {
-            out.flag(class == body.class);
-        }
-    }
-    out.next = start + n * 14;
 }

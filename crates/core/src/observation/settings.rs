@@ -29,5 +29,18 @@ settings! {
         route: usize = 16, between(0.0, 16.0);
         /// Number of other participants, the nearest that are seen.
         partners: usize = 12, between(0.0, ROWS_MAX);
+        /// Number of pieces of road edges, the nearest within 50 m.
+        edges: usize = 0, between(0.0, ROWS_MAX);
+        /// Where the other participants are expected in 1, 2 and 3 s, as the predictor says.
+        predictions: bool = false;
+        /// A picture from above as well.
+        raster: bool = false;
+    }
+}
+
+impl ObservationSettings {
+    /// Number of participants whose predictions are observed.
+    pub(super) fn predicted(&self) -> usize {
+        if self.predictions { self.partners } else { 0 }
     }
 }

@@ -74,6 +74,9 @@ impl Policy {
             return Err(Error::invalid("actions: a policy as a planner needs those of the single-track model"));
         }
         observation.validate()?;
+        if observation.raster {
+            return Err(Error::invalid("observation.raster: a policy as a planner observes numbers only"));
+        }
         let mut n_in = layout::length(&observation);
         let mut made = Vec::new();
         for layer in layers {
@@ -128,6 +131,8 @@ pub(super) fn plan(
         table,
         limits: &request.rules.way.limits,
         goal: request.goal,
+        road: request.road,
+        predictions: Some(request.predictions),
         s: request.s_hint,
         time_step: request.time_step,
         dt: request.dt,
@@ -157,5 +162,8 @@ pub(super) fn plan(
 
 /// Others are sorted by id, so their order stands for it.
 fn body((order, other): (usize, &Other<'_>)) -> Body {
-    Body::of(order as i64, other.pose, other.velocity, (other.shape.extent(), other.kind, other.is_static))
+    let what = (other.shape.extent(), other.kind, other.is_static);
+    let mut body = Body::of(order as i64, other.pose, other.velocity, what);
+    body.predicted = Some(other.row);
+    body
 }

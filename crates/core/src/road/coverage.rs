@@ -9,7 +9,7 @@ use crate::geometry::{Aabb, Point, Pose};
 
 /// What a grid cell is, as far as that can be said of all of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ground {
+pub(super) enum Ground {
     /// No road edge and nothing drivable.
     OffRoad,
     /// No road edge, all drivable.
@@ -26,7 +26,7 @@ pub(super) struct DrivableArea {
     /// A lane beside the edge bends.
     pub(super) bends: Vec<bool>,
     buckets: Buckets,
-    ground: Vec<Ground>,
+    pub(super) ground: Vec<Ground>,
 }
 
 impl DrivableArea {

@@ -20,6 +20,21 @@ pub struct Segment {
     pub b: Point,
 }
 
+impl Segment {
+    /// Its point nearest to another one.
+    #[inline]
+    pub fn nearest(&self, point: Point) -> Point {
+        let along = self.b - self.a;
+        let fraction = (point - self.a).dot(along) / along.norm_squared();
+        self.a + along * if fraction.is_nan() { 0.0 } else { fraction.clamp(0.0, 1.0) }
+    }
+
+    /// Distance to a point [m].
+    pub fn distance(&self, point: Point) -> f64 {
+        self.nearest(point).distance(point)
+    }
+}
+
 /// A border of a drivable piece; the piece lies to the right of it.
 struct Border<'a> {
     points: &'a [Point],

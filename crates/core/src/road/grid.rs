@@ -43,6 +43,19 @@ impl Grid {
         Self::with_cells_of(2.0 * self.size, aabb)
     }
 
+    /// The same cells, each divided into `parts` per side.
+    pub(super) fn finer(&self, parts: usize) -> Self {
+        let size = self.size / parts as f64;
+        let (columns, rows) = (self.columns * parts, self.rows * parts);
+        Self { origin: self.origin, size, inverse_size: size.recip(), columns, rows }
+    }
+
+    /// The cell around one of those into which these are divided.
+    pub(super) fn around(&self, finer: usize, parts: usize) -> usize {
+        let columns = self.columns * parts;
+        finer / columns / parts * self.columns + finer % columns / parts
+    }
+
     fn with_cells_of(size: f64, aabb: &Aabb) -> Self {
         let extent = aabb.max - aabb.min;
         Self {
@@ -64,6 +77,28 @@ impl Grid {
         let local = (point - self.origin) * self.inverse_size;
         let inside = local.x >= 0.0 && local.y >= 0.0 && local.x < self.columns as f64 && local.y < self.rows as f64;
         inside.then(|| local.y as usize * self.columns + local.x as usize)
+    }
+
+    /// Visits the cells of the points `first + i * step`, `i` below `n`, that lie in the grid. A point on a bound may be told
+    /// to lie on either side of it.
+    #[inline]
+    pub(super) fn visit_row(&self, first: Point, step: Point, n: usize, mut visit: impl FnMut(usize, usize)) {
+        const ONE: f64 = (1_i64 << 32) as f64;
+        const FAR: f64 = (1_i64 << 24) as f64;
+        let (local, step) = ((first - self.origin) * self.inverse_size, step * self.inverse_size);
+        if !(local.x.abs().max(local.y.abs()) < FAR && step.x.abs().max(step.y.abs()) < FAR) {
+            return;
+        }
+        let fixed = |point: Point| ((point.x * ONE) as i64, (point.y * ONE) as i64);
+        let ((mut x, mut y), (dx, dy)) = (fixed(local), fixed(step));
+        for i in 0..n {
+            // Negative numbers are large here.
+            let (column, row) = ((x >> 32) as usize, (y >> 32) as usize);
+            if column < self.columns && row < self.rows {
+                visit(i, row * self.columns + column);
+            }
+            (x, y) = (x + dx, y + dy);
+        }
     }
 
     /// Centre of a cell and four points around it.

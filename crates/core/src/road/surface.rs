@@ -32,8 +32,16 @@ impl Triangle {
     }
 
     /// The point is inside or at most this far [m] away.
+    #[inline]
     pub(super) fn is_within(&self, point: Point, distance: f64) -> bool {
-        self.contains(point) || (0..3).any(|i| self.distance_to_side(i, point) <= distance)
+        // Beyond a side's line by more than the distance: most points are.
+        let reach = distance + SEAM_TOLERANCE;
+        let is_beyond = |i: usize| {
+            let side = self.corners[(i + 1) % 3] - self.corners[i];
+            let offset = side.cross(point - self.corners[i]);
+            offset < 0.0 && offset * offset > reach * reach * side.norm_squared()
+        };
+        !(0..3).any(is_beyond) && (self.contains(point) || (0..3).any(|i| self.distance_to_side(i, point) <= distance))
     }
 
     /// Distance of a point [m], 0 inside.
@@ -109,10 +117,8 @@ impl Surface {
 
     /// The point is inside a triangle or within the tolerance of one.
     pub(super) fn is_near(&self, point: Point) -> bool {
-        self.grid.cell_of(point).is_some_and(|cell| {
-            self.in_cell(cell).any(|triangle| triangle.contains(point))
-                || self.in_cell(cell).any(|triangle| triangle.is_within(point, self.tolerance))
-        })
+        let is_near = |cell: usize| self.in_cell(cell).any(|triangle| triangle.is_within(point, self.tolerance));
+        self.grid.cell_of(point).is_some_and(is_near)
     }
 
     /// The point is inside a triangle or at most this far [m] from one.

@@ -7,15 +7,15 @@ use super::stage::{Cast, Stage};
 use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
 use crate::error::Result;
 use crate::geometry::Point;
-use crate::observation::{self, Body, ObservationMemory, Observer, PathTable};
+use crate::observation::{self, Body, ObservationMemory, Observer, PIXELS, PathTable};
 use crate::plan::Planner;
 use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
 use crate::plan::learned::{Action, ActionSpace};
 use crate::plan::weights::WeightActions;
 use crate::recording::OutcomeKind;
 use crate::scene::{Participants, Scene};
-use crate::trajectory::{PlanStatus, Plans, State, States};
-use crate::world::{Driver, World, WorldSettings};
+use crate::trajectory::{PlanStatus, Plans, Predictions, State, States};
+use crate::world::{Driver, StepSettings, World, WorldSettings};
 
 /// Past time steps in a scene, so that speeds can be observed.
 const HISTORY: usize = 3;
@@ -75,13 +75,17 @@ pub(super) struct Episode {
     last_bodies: Vec<Body>,
     visible: Vec<usize>,
     memory: ObservationMemory,
+    /// Of the scene as it is now, once they are asked for.
+    predictions: Option<Predictions>,
 }
 
 impl Episode {
     /// A world without an episode.
     pub(super) fn new(stage: &Stage, settings: &WorldsSettings) -> Result<Self> {
-        let world_settings =
-            WorldSettings { step: settings.step, keep_recording: settings.record, ..WorldSettings::default() };
+        let drawn = if settings.observation.raster { observation::past_steps(0.1) } else { 0 };
+        // Pictures show the past, too.
+        let step = StepSettings { history_steps: settings.step.history_steps.max(drawn), ..settings.step };
+        let world_settings = WorldSettings { step, keep_recording: settings.record, ..WorldSettings::default() };
         Ok(Self {
             world: World::empty(Arc::clone(&stage.scenario), world_settings)?,
             stage: None,
@@ -104,6 +108,7 @@ impl Episode {
             last_bodies: Vec::new(),
             visible: Vec::new(),
             memory: ObservationMemory::default(),
+            predictions: None,
         })
     }
 
@@ -160,7 +165,7 @@ impl Episode {
         (self.steps, self.spec, self.weights) = (0, spec, settings.rewards.as_array());
         self.stage = Some(Arc::clone(stage));
         self.look(settings);
-        Ok(())
+        self.expect_for_observers(settings)
     }
 
     /// Takes one decision of every learner; rewards add up in `rows`. Observations are not written.
@@ -192,6 +197,21 @@ impl Episode {
                 break;
             }
         }
+        self.expect_for_observers(settings)
+    }
+
+    /// Predicts if that is observed.
+    fn expect_for_observers(&mut self, settings: &WorldsSettings) -> Result<()> {
+        if settings.observation.predictions { self.expect(settings) } else { Ok(()) }
+    }
+
+    /// Predicts what is to come from now on, unless that has been done.
+    fn expect(&mut self, settings: &WorldsSettings) -> Result<()> {
+        if self.predictions.is_none() {
+            let horizon = ((settings.horizon / self.scene.dt).round() as usize).max(1);
+            let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
+            self.predictions = Some(self.world.with_waits(&predictions).unwrap_or(predictions));
+        }
         Ok(())
     }
 
@@ -212,10 +232,9 @@ impl Episode {
     fn plan(&mut self, actions: &Actions<'_>, settings: &WorldsSettings) -> Result<()> {
         let dt = self.world.scenario().dt;
         if self.has_traffic {
-            let horizon = ((settings.horizon / dt).round() as usize).max(1);
-            let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
-            let predictions = self.world.with_waits(&predictions).unwrap_or(predictions);
-            self.plans = self.world.plan(&self.scene, &predictions)?;
+            self.expect(settings)?;
+            let predictions = self.predictions.as_ref().expect("they were just made");
+            self.plans = self.world.plan(&self.scene, predictions)?;
         } else {
             self.plans.clear(self.world.time_step(), self.world.driving_ids());
         }
@@ -253,9 +272,13 @@ impl Episode {
 
     /// Looks at the world as it is now.
     fn look(&mut self, settings: &WorldsSettings) {
-        let history = if self.has_traffic { settings.step.history_at(self.world.scenario().dt) } else { HISTORY };
-        self.world.write_scene(history.max(HISTORY), &mut self.scene);
-        observation::bodies(&self.scene, &mut self.bodies);
+        let dt = self.world.scenario().dt;
+        let predicts = self.has_traffic || settings.observation.predictions;
+        let history = if predicts { settings.step.history_at(dt) } else { HISTORY };
+        let drawn = if settings.observation.raster { observation::past_steps(dt) } else { 0 };
+        self.world.write_scene(history.max(HISTORY).max(drawn), &mut self.scene);
+        self.predictions = None;
+        observation::bodies(&self.scene, settings.observation.raster, &mut self.bodies);
         self.positions.clear();
         self.positions.extend(self.bodies.iter().map(|body| body.position));
         self.last_bodies.clear();
@@ -365,8 +388,8 @@ impl Episode {
         (1.0 - gap / reach).max(0.0)
     }
 
-    /// Writes what a learner observes now.
-    fn observe(&mut self, slot: usize, settings: &WorldsSettings, out: &mut [f32]) {
+    /// Writes what a learner observes now, with a picture if there is room for one.
+    fn observe(&mut self, slot: usize, settings: &WorldsSettings, out: &mut [f32], picture: &mut [u8]) {
         let learner = &self.learners[slot];
         let (out, planner) =
             out.split_at_mut(out.len() - settings.actions.weights().map_or(0, WeightActions::n_observed));
@@ -381,6 +404,8 @@ impl Episode {
             table: &learner.table,
             limits: driver.limits,
             goal: &driver.agent.goal,
+            road: &self.world.scenario().road,
+            predictions: self.predictions.as_ref(),
             s: driver.s,
             time_step: self.scene.time_step,
             dt: self.scene.dt,
@@ -392,15 +417,15 @@ impl Episode {
         } else {
             self.visible.clear();
         }
-        let seen = self.visible.iter().map(|place| &bodies[*place]);
-        if learner.is_driving {
-            observation::observe(&observer, seen, &settings.observation, &mut self.memory, out);
-        } else {
-            let eye = learner.state.pose().position;
-            let radius = driver.agent.view.sensor_radius;
-            let is_seen = |body: &&Body| body.id != learner.id && body.position.distance(eye) <= radius;
-            let seen = seen.chain(self.last_bodies.iter().filter(is_seen));
-            observation::observe(&observer, seen, &settings.observation, &mut self.memory, out);
+        // Those that have just ended are seen by learners that have just ended only: the others look after that.
+        let last = if learner.is_driving { &[][..] } else { &self.last_bodies };
+        let eye = learner.state.pose().position;
+        let radius = driver.agent.view.sensor_radius;
+        let is_seen = |body: &&Body| body.id != learner.id && body.position.distance(eye) <= radius;
+        let seen = self.visible.iter().map(|place| &bodies[*place]).chain(last.iter().filter(is_seen));
+        observation::observe(&observer, seen.clone(), &settings.observation, &mut self.memory, out);
+        if !picture.is_empty() {
+            observation::draw(&observer, seen, picture);
         }
     }
 
@@ -409,19 +434,23 @@ impl Episode {
     /// are zero.
     pub(super) fn write(&mut self, settings: &WorldsSettings, rows: &mut Rows<'_>, keep_last: bool) {
         let n = settings.n_observations();
+        let pixels = if settings.observation.raster { PIXELS } else { 0 };
         for slot in 0..rows.masks.len() {
+            let out = &mut rows.observations[slot * n..(slot + 1) * n];
+            let picture = &mut rows.rasters[slot * pixels..(slot + 1) * pixels];
             let Some(learner) = self.learners.get(slot) else {
-                rows.observations[slot * n..(slot + 1) * n].fill(0.0);
+                out.fill(0.0);
+                picture.fill(0);
                 (rows.masks[slot], rows.agent_ids[slot], rows.outcomes[slot]) = (false, -1, -1);
                 continue;
             };
             let (is_driving, has_ended, id) = (learner.is_driving, learner.has_ended, learner.id);
             (rows.masks[slot], rows.agent_ids[slot]) = (is_driving, id);
-            let out = &mut rows.observations[slot * n..(slot + 1) * n];
             if is_driving || (has_ended && keep_last) {
-                self.observe(slot, settings, out);
+                self.observe(slot, settings, out, picture);
             } else {
                 out.fill(0.0);
+                picture.fill(0);
             }
         }
         self.write_last(settings, rows);
@@ -433,9 +462,11 @@ impl Episode {
         if rows.final_observations.is_empty() {
             return;
         }
+        let pixels = if rows.final_rasters.is_empty() { 0 } else { PIXELS };
         for slot in 0..self.learners.len() {
             if self.learners[slot].has_ended {
-                self.observe(slot, settings, &mut rows.final_observations[slot * n..(slot + 1) * n]);
+                let out = &mut rows.final_observations[slot * n..(slot + 1) * n];
+                self.observe(slot, settings, out, &mut rows.final_rasters[slot * pixels..(slot + 1) * pixels]);
             }
         }
     }

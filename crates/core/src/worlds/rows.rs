@@ -3,6 +3,7 @@
 use super::rewards::N_TERMS;
 use super::{Worlds, WorldsSettings};
 use crate::error::{Error, Result};
+use crate::observation::PIXELS;
 use crate::plan::learned::{Action, ActionSpace};
 
 /// Actions, one row per learner.
@@ -58,8 +59,12 @@ pub struct Buffers<'a> {
     pub agent_ids: &'a mut [i64],
     /// (rows, terms) or empty: amounts of the reward.
     pub components: &'a mut [f32],
+    /// (rows, pixels), or empty if no pictures are observed; zero in rows that have ended or are not used.
+    pub rasters: &'a mut [u8],
     /// (rows, numbers) or empty: last observations of learners that have ended in this call; others are left alone.
     pub final_observations: &'a mut [f32],
+    /// (rows, pixels) or empty: their last pictures.
+    pub final_rasters: &'a mut [u8],
 }
 
 /// The part of a world.
@@ -81,6 +86,7 @@ impl<'a> Buffers<'a> {
         let wrong = |name: &str, given: usize, expected: usize| {
             Err(Error::invalid(format!("{name}: {given} values given, {expected} expected")))
         };
+        let pixels = if settings.observation.raster { rows * PIXELS } else { 0 };
         for (name, given, expected, may_be_empty) in [
             ("observations", self.observations.len(), rows * n, false),
             ("rewards", self.rewards.len(), rows, false),
@@ -90,7 +96,9 @@ impl<'a> Buffers<'a> {
             ("outcomes", self.outcomes.len(), rows, false),
             ("agent_ids", self.agent_ids.len(), rows, false),
             ("components", self.components.len(), rows * N_TERMS, true),
+            ("raster", self.rasters.len(), pixels, false),
             ("final_observations", self.final_observations.len(), rows * n, true),
+            ("final_raster", self.final_rasters.len(), pixels, true),
         ] {
             if given != expected && !(may_be_empty && given == 0) {
                 return wrong(name, given, expected);
@@ -113,6 +121,8 @@ impl<'a> Buffers<'a> {
     pub(super) fn by_world(mut self, slots: usize) -> impl Iterator<Item = Rows<'a>> {
         let rows = self.masks.len();
         let n = self.observations.len() / rows.max(1);
+        // Empty ones stay empty.
+        let pixels = self.rasters.len() / rows.max(1);
         (0..rows / slots).map(move |_| {
             let (actions, rest) = self.actions.split(slots);
             self.actions = rest;
@@ -126,7 +136,9 @@ impl<'a> Buffers<'a> {
                 outcomes: front(&mut self.outcomes, slots),
                 agent_ids: front(&mut self.agent_ids, slots),
                 components: front(&mut self.components, slots * N_TERMS),
+                rasters: front(&mut self.rasters, slots * pixels),
                 final_observations: front(&mut self.final_observations, slots * n),
+                final_rasters: front(&mut self.final_rasters, slots * pixels),
             }
         })
     }
