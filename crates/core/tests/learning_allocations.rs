@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use interdrive_core::observation::{ObservationSettings, layout};
+use interdrive_core::observation::{ObservationSettings, PIXELS, layout};
 use interdrive_core::plan::Planner;
 use interdrive_core::plan::learned::ActionSpace;
 use interdrive_core::predict::{LaneFollowing, Predictor};
@@ -45,6 +45,7 @@ static COUNTING: Counting = Counting;
 struct Arrays {
     actions: Vec<f32>,
     observations: Vec<f32>,
+    rasters: Vec<u8>,
     rewards: Vec<f32>,
     flags: [Vec<bool>; 3],
     outcomes: Vec<i8>,
@@ -53,12 +54,14 @@ struct Arrays {
 }
 
 impl Arrays {
-    fn new(rows: usize) -> Self {
-        let n = layout::length(&ObservationSettings::default());
+    fn new(rows: usize, observation: &ObservationSettings) -> Self {
+        let n = layout::length(observation);
+        let pixels = if observation.raster { PIXELS } else { 0 };
         Self {
             // Slow, so that episodes last.
             actions: [-0.1, 0.0].repeat(rows),
             observations: vec![0.0; rows * n],
+            rasters: vec![0; rows * pixels],
             rewards: vec![0.0; rows],
             flags: std::array::from_fn(|_| vec![false; rows]),
             outcomes: vec![0; rows],
@@ -79,7 +82,7 @@ impl Arrays {
             outcomes: &mut self.outcomes,
             agent_ids: &mut self.agent_ids,
             components: &mut self.components,
-            rasters: &mut [],
+            rasters: &mut self.rasters,
             final_observations: &mut [],
             final_rasters: &mut [],
         }
@@ -88,12 +91,12 @@ impl Arrays {
 
 /// Allocations of a step within episodes, and of those in which all worlds begin anew, or have just begun and keep their
 /// first plans: the most over some steps after warm-up with one thread, the least with more.
-fn taken(stage: &Arc<Stage>, learners: usize, threads: usize) -> (usize, usize) {
+fn taken(stage: &Arc<Stage>, learners: usize, threads: usize, observation: ObservationSettings) -> (usize, usize) {
     const WORLDS: usize = 8;
     const EPISODE: usize = 10;
     let settings = WorldsSettings {
         actions: ActionSpace::Kinematic(Kinematic::default()),
-        observation: ObservationSettings::default(),
+        observation,
         rewards: RewardWeights::default(),
         step: StepSettings::default(),
         predictor: Predictor::LaneFollowing(LaneFollowing::default()),
@@ -106,7 +109,7 @@ fn taken(stage: &Arc<Stage>, learners: usize, threads: usize) -> (usize, usize) 
         threads,
     };
     let mut worlds = Worlds::new(vec![Arc::clone(stage)], settings, WORLDS, learners).expect("worlds");
-    let mut arrays = Arrays::new(WORLDS * learners);
+    let mut arrays = Arrays::new(WORLDS * learners, &observation);
     let first = (stage.ids().count() - learners..stage.ids().count()).collect::<Vec<_>>();
     let refill = |worlds: &mut Worlds| {
         for world in worlds.hungry() {
@@ -142,8 +145,12 @@ fn a_step_of_learners_among_recorded_vehicles_allocates_nothing() {
     let (scenario, agents) = shipped::cast(shipped::T_JUNCTION, 8, &Planner::External);
     let players = agents.into_iter().map(|agent| (agent, None)).collect();
     let stage = Arc::new(Stage::new(scenario, players, &Planner::External).expect("a stage"));
-    for (learners, threads) in [(1, 1), (8, 1), (1, 2), (8, 2)] {
-        let (driving, beginning) = taken(&stage, learners, threads);
+    let usual = ObservationSettings::default();
+    let all = ObservationSettings { edges: 32, raster: true, ..usual };
+    for (learners, threads, observation) in
+        [(1, 1, usual), (8, 1, usual), (1, 2, usual), (8, 2, usual), (8, 1, all), (8, 2, all)]
+    {
+        let (driving, beginning) = taken(&stage, learners, threads, observation);
         println!("{learners} learners, {threads} threads: {driving} per step, {beginning} if 8 worlds begin anew");
         // Two threads share a list of worlds, made anew in every step.
         assert!(driving <= [0, 2][threads - 1], "{learners} learners, {threads} threads: {driving}");

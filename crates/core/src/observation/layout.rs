@@ -183,7 +183,10 @@ pub fn blocks(settings: &ObservationSettings, planner: &[String]) -> Vec<Block> 
 
 /// Numbers of an observation, without the picture and without what planners with weights add.
 pub fn length(settings: &ObservationSettings) -> usize {
-    blocks_with_columns(settings).iter().map(|(block, _)| block.len()).sum()
+    // Asked for in every step, so without memory.
+    let rows = [settings.route, settings.partners, settings.edges, settings.predicted()];
+    let columns = [ROUTE.len(), PARTNER.len(), EDGE.len(), PREDICTION.len()];
+    EGO.len() + GOAL.len() + rows.iter().zip(columns).map(|(rows, columns)| rows * columns).sum::<usize>()
 }
 
 /// Every number of an observation in its order. `planner` names those of the block that planners with weights add.
@@ -234,6 +237,6 @@ mod tests {
         let wanted = ObservationSettings { edges: 32, predictions: true, ..ObservationSettings::default() };
         let found: Vec<_> = blocks(&wanted, &[]).iter().map(|block| (block.name, block.len())).collect();
         assert_eq!(found[4..], [("edges", 192), ("predictions", 120)]);
-        assert_eq!(length(&wanted), 324 + 312);
+        assert_eq!((length(&wanted), layout(&wanted, &[]).len()), (324 + 312, 324 + 312));
     }
 }
