@@ -203,8 +203,10 @@ learning: .venv-rl/.installed ## environments in Stable-Baselines3; its checker,
 	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
 
 learn: .venv-rl/.installed ## trains the policy of docs/environments.md, for up to 10 minutes on two cores
-	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo
-	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(SCENARIOS)
+	.venv-rl/bin/python scenarios/varied.py out/varied --number 40
+	.venv-rl/bin/python scenarios/varied.py out/unseen --number 12 --seed 10000
+	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo --scenarios out/varied
+	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(SCENARIOS) --yielding out/unseen
 
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training

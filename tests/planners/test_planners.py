@@ -28,6 +28,19 @@ def test_a_planner_that_keeps_the_contract_passes_the_check():
     assert ends["a standing car ahead"] == "collision"
 
 
+def test_the_check_has_a_bar_to_wait_before_and_a_car_that_another_agent_reports():
+    told = set()
+
+    class Listening(Straight):
+        def plan(self, view, predictions):
+            told.update(zip(view.via.tolist(), view.ids.tolist(), strict=True))
+            return super().plan(view, predictions)
+
+    check_planner(Listening)
+    assert (3, -1) in told, "a bar"
+    assert (2, 3) in told, "the hidden car, by a message of a third agent"
+
+
 class Leaping(Straight):
     def plan(self, view, predictions):
         plan = super().plan(view, predictions)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from drivers import Straight
+from drivers import Straight, Turning
 
 from interdrive import load, save
 from interdrive.cli import main
 from interdrive.simulation import Simulation, simulate
+from interdrive.testing import problem, straight_road, world
 
 #: A channel on which everything is drawn.
 NOISY = {"v2x.penetration": 1.0, "v2x.loss": 0.3, "v2x.jitter": 0.2, "record.messages": "links", "step.max_steps": 40}
@@ -54,6 +55,70 @@ def test_the_run_folder_has_messages_and_totals(tmp_path):
     # At least one step under way, at most the jitter of 0.2 s.
     under_way = (messages.arrived - messages.time_step)[messages.arrived >= 0]
     assert set(under_way.tolist()) == {1, 2}
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_nothing_leaks_from_an_agent_that_is_neither_seen_nor_heard(seed):
+    # 100 sees 40 m and hears 60 m far; 1 is farther away all the time, 50 is heard.
+    rng = np.random.default_rng(seed)
+    road = straight_road(600.0, lanes=2)
+    lane = float(rng.choice([0.0, 3.5]))
+    here, there = rng.uniform(5.0, 20.0), rng.uniform(180.0, 220.0)
+    speeds = rng.uniform(6.0, 14.0, 3)
+
+    def drives(goal_of_the_far_one, planner_of_the_far_one):
+        limits = (0, 300)
+        problems = [
+            problem(100, here, velocity=speeds[0], goal=(280.0, 0.0), time_step=limits),
+            problem(50, here + 45.0, 3.5, speeds[1], goal=(280.0, 3.5), time_step=limits),
+            problem(1, there, lane, speeds[2], goal=(goal_of_the_far_one, lane), time_step=limits),
+        ]
+        settings = {
+            "v2x.penetration": 1.0,
+            "v2x.negotiate": True,
+            "v2x.range": 60.0,
+            "v2x.loss": 0.2,
+            "view.sensor_radius": 40.0,
+            "step.max_steps": 30,
+        }
+        run = simulate(
+            world(road, problems=problems),
+            planner={"default": "frenet", 1: planner_of_the_far_one},
+            predictor="lane_following",
+            settings=settings,
+            seed=seed,
+            threads=1,
+        )
+        row = run.states.participant_id.tolist().index(100)
+        assert run.cooperation is None or run.cooperation["received_share"] > 0.0
+        return [getattr(run.states, name)[row, :31].tobytes() for name in ("x", "y", "velocity", "orientation")]
+
+    first = drives(320.0, "frenet")
+    assert drives(500.0, "frenet") == first, "another goal"
+    assert drives(320.0, Turning) == first, "another planner"
+
+
+def test_every_participant_in_a_view_is_seen_or_has_been_told_of():
+    told = []
+
+    class Listening(Straight):
+        def plan(self, view, predictions):
+            near = np.hypot(view.x - view.ego.x, view.y - view.ego.y) <= 20.0
+            told.append((view.time_step, view.ids.copy(), view.via.copy(), near))
+            return super().plan(view, predictions)
+
+    settings = {**NOISY, "view.sensor_radius": 20.0, "v2x.cpm": True, "step.max_steps": 30}
+    run = simulate("t_junction", planner={2001: Listening, "default": "frenet"}, settings=settings, threads=1)
+    messages = run.messages
+    mine = (messages.receiver_id == 2001) & (messages.arrived >= 0)
+    by_message = 0
+    for time_step, ids, via, near in told:
+        senders = set(messages.sender_id[mine & (messages.arrived <= time_step)].tolist())
+        assert near[via == 0].all(), "what is seen is within the range of sensors"
+        assert set(ids[via == 1].tolist()) <= senders, "who speaks for itself has been heard"
+        assert senders or not (via == 2).any(), "nobody reports before anything has arrived"
+        by_message += int((via > 0).sum())
+    assert by_message > 20
 
 
 def test_one_agent_can_be_equipped_or_not():

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meetings import four_arms, narrow_street, three_left_turns, two_roads, zip_merge
+from drivers import Straight
+from meetings import four_arms, narrow_street, queue_at_a_crossing, three_left_turns, two_roads, zip_merge
 
 from interdrive.scenario.control import Priorities
 from interdrive.simulation import Simulation
@@ -101,6 +102,43 @@ def test_lost_messages_delay_an_agreement_but_do_not_break_it():
     lossy, _ = drive(four_arms(), "frenet", **AGREEING, v2x__loss=0.5, v2x__jitter=0.3)
     assert set(lossy.outcomes.outcome) == {"goal_reached"}
     assert max(ends(lossy).values()) - max(ends(perfect).values()) <= 30
+
+
+def test_a_bar_is_gone_soon_after_the_other_agent_has_crashed():
+    # Agent 1 arrives first and minds nobody; before the crossing a car runs into its side.
+    scenario = two_roads(ways=(30.0, 42.0), cars=[Car(9, x=-12.0, y=25.0, velocity=10.0, orientation=-0.5 * np.pi)])
+    scenario = replace(scenario, priorities=Priorities(priority_side="none"))
+    run, agreements = drive(scenario, {1: Straight, 2: "idm"}, **AGREEING)
+    ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
+    assert ended == {1: "collision", 2: "goal_reached"}
+    for_1 = agreements["going_id"] == 1
+    assert for_1.any(), "agent 2 has held for agent 1"
+    last = int(agreements["last_time_step"][for_1].max())
+    assert last <= ends(run)[1] + 15, "for 1.5 s after the crash at most"
+
+
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+def test_agents_in_a_queue_arrive_one_after_the_other_and_an_unequipped_leader_is_not_overtaken_by_a_claim(planner):
+    def arrivals(equipped):
+        scenario = replace(queue_at_a_crossing(), priorities=Priorities(priority_side="none"))
+        values = {"step.max_steps": 500, "v2x.negotiate": True, "v2x.penetration": 1.0}
+        simulation = Simulation(
+            scenario,
+            planner=planner,
+            predictor="lane_following",
+            settings=values,
+            v2x=None if equipped else {2: False},
+            threads=1,
+        )
+        run = simulation.run()
+        assert set(run.outcomes.outcome) == {"goal_reached"}
+        return ends(run), simulation.world.agreements()
+
+    with_leader, _ = arrivals(equipped=True)
+    assert with_leader[3] >= with_leader[2] + 15, "the second of the queue crosses 1.5 s later at least"
+    _, agreements = arrivals(equipped=False)
+    # Behind a leader without V2X there is nothing to claim, so 4 holds for neither of them.
+    assert not held(agreements) & {(4, 3), (4, 2)}
 
 
 def test_a_zip_needs_no_agreement():

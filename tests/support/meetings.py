@@ -83,6 +83,17 @@ def two_roads(ways=(30.0, 36.0), speeds=(7.0, 7.0), cars=()):
     return world(lanelets(lanes), cars=cars, problems=problems, steps=250)
 
 
+def queue_at_a_crossing():
+    """Two crossing one-way roads: agents 2 and, 12 m behind it, 3 drive towards +x, agent 4 comes from the side."""
+    lanes = [lane(turned(straight(-100.0, 100.0, 0.0), angle)) for angle in (0.0, 0.5 * np.pi)]
+    problems = []
+    for agent, way, angle in ((2, 30.0, 0.0), (3, 42.0, 0.0), (4, 40.0, 0.5 * np.pi)):
+        (x, y), (gx, gy) = turned([[-way, 0.0], [40.0, 0.0]], angle)
+        area = {"goal": (gx, gy), "goal_size": (10.0, 3.5), "goal_orientation": angle, "time_step": (0, 400)}
+        problems.append(problem(agent, x, y, 7.0, angle, **area))
+    return world(lanelets(lanes), problems=problems, steps=250)
+
+
 def three_left_turns(way=25.0, velocity=6.0):
     """Three agents at a T-junction, each of which crosses the ways of the two others."""
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from interdrive._core import Predictions, View
+    from interdrive.config.specs import PlannerSpec
     from interdrive.planners import Planner, Trajectory
     from interdrive.scenario import Scenario
 
@@ -28,6 +29,16 @@ if TYPE_CHECKING:
 _YAW_NOISE = 0.1
 #: A vehicle that moves less than this per step turns on the spot [m].
 _SPOT = 1e-3
+
+
+#: Others that drive beside the planner under test, and settings, in the worlds with V2X.
+_V2X: dict[str, tuple[list[int], dict[str, float | bool]]] = {
+    "an agreement to wait": ([1], {"v2x.penetration": 1.0, "v2x.negotiate": True}),
+    "a car that only another agent sees": (
+        [1],
+        {"v2x.penetration": 1.0, "v2x.cpm": True, "view.occlusion": True},
+    ),
+}
 
 
 def _worlds() -> dict[str, Scenario]:
@@ -45,6 +56,22 @@ def _worlds() -> dict[str, Scenario]:
             crossing(),
             cars=[Car(1, 0.0, -50.0, 10.0, np.pi / 2)],
             problems=[problem(100, -50.0, goal=(50.0, 0.0), time_step=limits)],
+        ),
+        "an agreement to wait": world(
+            crossing(),
+            problems=[
+                problem(1, 0.0, -30.0, 8.0, 0.5 * np.pi, goal=(0.0, 40.0), goal_size=(3.5, 10.0), time_step=limits),
+                problem(100, -36.0, velocity=8.0, goal=(40.0, 0.0), time_step=limits),
+            ],
+        ),
+        # The car ahead hides the one before it, which the agent in the other lane sees.
+        "a car that only another agent sees": world(
+            road,
+            cars=[Car(2, 45.0, 0.0, 10.0), Car(3, 60.0, 0.0, 10.0)],
+            problems=[
+                problem(1, 50.0, 3.5, goal=(200.0, 3.5), time_step=limits),
+                problem(100, 20.0, goal=(200.0, 0.0), time_step=limits),
+            ],
         ),
     }
 
@@ -119,6 +146,9 @@ def _seen(view: View) -> np.ndarray:
 def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -> dict[str, str]:
     """Drives a planner through small worlds and checks the contract at every step.
 
+    Two of the worlds have V2X: in one the agent is told of a bar before which it has agreed to wait (id -1), in the
+    other of a car that it cannot see itself.
+
     The checks cover shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits
     of speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
     planner with `parallel = True` must be picklable.
@@ -140,10 +170,13 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
     for name, scenario in _worlds().items():
         findings: list[PlannerContractError] = []
         watched = partial(_Watched, factory, seconds_max, findings)
-        run = simulate(scenario, agents=[100], planner={100: watched}, threads=1)
+        others, settings = _V2X.get(name, ([], {}))
+        planners: dict[int, PlannerSpec] = {100: watched, **dict.fromkeys(others, "frenet")}
+        run = simulate(scenario, agents=[*others, 100], planner=planners, settings=settings, threads=1)
         if findings:
             raise PlannerContractError(f"{name}, {findings[0]}") from findings[0].__cause__
-        if run.outcomes.outcome[0] == "planner_error":
-            raise PlannerContractError(f"{name}: {run.outcomes.message[0]}")
-        ends[name] = run.outcomes.outcome[0]
+        # 100 is the largest id.
+        if run.outcomes.outcome[-1] == "planner_error":
+            raise PlannerContractError(f"{name}: {run.outcomes.message[-1]}")
+        ends[name] = run.outcomes.outcome[-1]
     return ends
