@@ -103,7 +103,7 @@ def test_every_participant_in_a_view_is_seen_or_has_been_told_of():
 
     class Listening(Straight):
         def plan(self, view, predictions):
-            near = np.hypot(view.x - view.ego.x, view.y - view.ego.y) <= 20.0
+            near = np.hypot(view.x[:, -1] - view.ego.x, view.y[:, -1] - view.ego.y) <= 20.0
             told.append((view.time_step, view.ids.copy(), view.via.copy(), near))
             return super().plan(view, predictions)
 
