@@ -47,8 +47,10 @@ def build(processors: list[str]) -> None:
         target = f"{processor}-unknown-linux-gnu"
         if target not in installed:
             done("rustup", "target", "add", target)
+        # maturin looks for zig in the active environment and on the path, which may be those of another one.
         done(sys.executable, "-m", "maturin", "build", "--release", "--zig", "--compatibility", "manylinux2014",
-             "--target", target, "--out", DIST)  # fmt: skip
+             "--target", target, "--out", DIST, VIRTUAL_ENV=sys.prefix,
+             PATH=f"{sys.prefix}/bin{os.pathsep}{os.environ['PATH']}")  # fmt: skip
     done(sys.executable, "-m", "maturin", "sdist", "--out", DIST)
 
 

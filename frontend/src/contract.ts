@@ -263,6 +263,11 @@ export const MARKS: Record<string, { marker: string; color: string; text: string
     "color": "#D55E00",
     "text": "broken rule of the road"
   },
+  "hold": {
+    "marker": "s",
+    "color": "#56B4E9",
+    "text": "holds for another agent"
+  },
   "critical": {
     "marker": "P",
     "color": "#CC79A7",

@@ -9,7 +9,13 @@ import type { Layers, State } from "./state";
 import { costRange } from "./traffic";
 
 /** Which layer lacks something where a part of the run is missing. */
-const LAYER_OF: Record<string, keyof Layers> = { plans: "plan", candidates: "candidates", predictions: "predictions", views: "sight" };
+const LAYER_OF: Record<string, keyof Layers> = {
+  plans: "plan",
+  candidates: "candidates",
+  predictions: "predictions",
+  views: "sight",
+  links: "links",
+};
 
 export class Detail {
   readonly root = element("section", { class: "detail", "aria-label": "Selected vehicle" });
@@ -37,6 +43,12 @@ export class Detail {
       ["candidates", "candidates", "Sampled candidates, coloured by cost (C)", run.has("candidate_x")],
       ["predictions", "predictions", "The predictions used for its plan, with 95 % ellipses of at most 8 m (R)", run.has("prediction_x")],
       ["all", "of all", "Predictions of all it sees, not only of its conflict partners (E)", run.has("prediction_x")],
+      [
+        "links",
+        "V2X",
+        "Plans that it has received by V2X, darker the newer, dashed if the last message was lost; bars before which agents hold (M)",
+        run.has("link_rows") || run.has("bar_rows"),
+      ],
       ["sight", "view", "Its sensor radius; participants that it does not see are pale (V)", true],
     ];
     for (const [layer, label, title, there] of kinds) {
@@ -95,6 +107,13 @@ export class Detail {
     }
     const seen = p.agent >= 0 ? run.seen(state.selected, state.step) : undefined;
     if (seen !== undefined) parts.push(`sees ${seen.size}`);
+    const links = run.links(state.selected, state.step);
+    if (links.length) {
+      const oldest = Math.max(...links.map((link) => link.age)) * run.header.dt;
+      parts.push(`has ${links.length} received plan${links.length > 1 ? "s" : ""}, the oldest of ${oldest.toFixed(1)} s ago`);
+    }
+    for (const { holding, going } of run.bars(state.step))
+      if (holding === state.selected) parts.push(going < 0 ? "leaves the way to others" : `holds for ${run.header.participants[going].id}`);
     const [first, last] = run.candidates(state.selected, state.step);
     const at = run.table("candidate_step")[first];
     if (last > first) parts.push(`${last - first} candidates ${at === state.step ? "shown" : `of ${run.time(at)} shown`}`);

@@ -25,7 +25,7 @@ const KEYS: [string, string][] = [
   ["F", "follow the selected vehicle"],
   ["+ − 0", "nearer, further away, show everything"],
   ["W A S D", "move the map"],
-  ["P C R V L", "show plan, candidates, predictions, view, ids"],
+  ["P C R V M L", "show plan, candidates, predictions, view, V2X, ids"],
   ["E", "predictions of all participants or of conflict partners"],
   ["T", "light or dark"],
   ["Shift+A", "larger text"],
@@ -40,7 +40,15 @@ export function helpDialog(): HTMLDialogElement {
   return dialog;
 }
 
-const LAYERS: Record<string, keyof Layers> = { p: "plan", c: "candidates", r: "predictions", e: "all", v: "sight", l: "labels" };
+const LAYERS: Record<string, keyof Layers> = {
+  p: "plan",
+  c: "candidates",
+  r: "predictions",
+  e: "all",
+  v: "sight",
+  m: "links",
+  l: "labels",
+};
 
 export function listenToKeys(parts: Parts): void {
   document.addEventListener("keydown", (event) => {

@@ -12,6 +12,7 @@ const GROUPS: Record<string, string> = {
   infeasible_plan: "emergencies",
   critical: "critical moments",
   violation: "broken rules",
+  hold: "agreements to wait",
 };
 
 export class Panels {

@@ -13,6 +13,22 @@ export interface Pose {
 /** First and last row (excluded) of a table. */
 export type Rows = [number, number];
 
+/** A plan that an agent has received: its sender's row, its age in time steps, and whether the last message was lost. */
+export interface Link {
+  sender: number;
+  age: number;
+  lost: boolean;
+}
+
+/** A place at which an agent holds for another one (row -1: its own way is blocked). */
+export interface Bar {
+  holding: number;
+  going: number;
+  x: number;
+  y: number;
+  heading: number;
+}
+
 const NONE: Rows = [0, 0];
 
 export class Run {
@@ -164,6 +180,29 @@ export class Run {
     const found = new Set<number>();
     const [observer, seen, first, last] = ["observer", "seen", "first", "last"].map((n) => this.table(`view_${n}`));
     for (let i = 0; i < observer.length; i++) if (observer[i] === row && first[i] <= step && step <= last[i]) found.add(seen[i]);
+    return found;
+  }
+
+  /** Plans that an agent has received, at a time step at which it drives. */
+  links(row: number, step: number): Link[] {
+    if (!this.has("link_rows") || step > (this.header.participants[row].end ?? -1)) return [];
+    const [rows, age, lost] = ["rows", "age", "lost"].map((name) => this.table(`link_${name}`));
+    const found: Link[] = [];
+    for (let i = 0; 2 * i < rows.length; i++) {
+      const at = i * this.steps + step;
+      if (rows[2 * i] === row && age[at] > 0) found.push({ sender: rows[2 * i + 1], age: age[at], lost: lost[at] === 1 });
+    }
+    return found;
+  }
+
+  /** Where agents hold at a time step. */
+  bars(step: number): Bar[] {
+    if (!this.has("bar_rows")) return [];
+    const [rows, steps, xy, heading] = ["rows", "steps", "xy", "heading"].map((name) => this.table(`bar_${name}`));
+    const found: Bar[] = [];
+    for (let i = 0; i < heading.length; i++)
+      if (steps[2 * i] <= step && step <= steps[2 * i + 1])
+        found.push({ holding: rows[2 * i], going: rows[2 * i + 1], x: xy[2 * i], y: xy[2 * i + 1], heading: heading[i] });
     return found;
   }
 

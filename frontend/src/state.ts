@@ -11,6 +11,8 @@ export interface Layers {
   /** Predictions of all participants in view, not only of conflict partners. */
   all: boolean;
   sight: boolean;
+  /** Plans that the selected agent has received, and bars before which agents hold. */
+  links: boolean;
 }
 
 export class State {
@@ -26,7 +28,7 @@ export class State {
   theme: Theme = "light";
   /** Size of text and lines. */
   zoom = 1;
-  layers: Layers = { labels: true, plan: true, candidates: true, predictions: true, all: false, sight: true };
+  layers: Layers = { labels: true, plan: true, candidates: true, predictions: true, all: false, sight: true, links: true };
   private readonly listeners: (() => void)[] = [];
 
   constructor(readonly run: Run) {}

@@ -13,6 +13,12 @@ const ELLIPSE = Math.sqrt(-2 * Math.log(0.05));
 /** Larger ellipses say nothing: half of their longer axis [m]. */
 const ELLIPSE_MAX = 8;
 
+/** A plan of this age is as pale as it gets [s]. */
+const AGE_PALE = 1.5;
+
+/** Length of a bar before which an agent holds [m]. */
+const BAR = 3.5;
+
 /** Outcomes that stay in sight. */
 const LOUD = new Set(["collision", "planner_error", "infeasible"]);
 
@@ -59,6 +65,7 @@ export class Traffic {
       if (layers.predictions) this.drawPredictions(ctx, camera, ratio, state);
       if (layers.candidates) this.drawCandidates(ctx, camera, ratio, state);
     }
+    if (layers.links) this.drawLinks(ctx, camera, ratio, state, here);
     this.drawBodies(ctx, camera, ratio, state, layers.sight ? seen : undefined);
     if (layers.plan) this.drawPlans(ctx, camera, ratio, state);
     this.drawOutcomes(ctx, camera, ratio, state);
@@ -271,6 +278,35 @@ export class Traffic {
     ctx.setLineDash([7, 6]);
     ctx.stroke();
     ctx.setLineDash([]);
+  }
+
+  /** Bars before which agents hold; lines to the agents whose plans the selected one has received, paler with their age. */
+  private drawLinks(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State, here: boolean): void {
+    ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+    ctx.strokeStyle = PALETTES[state.theme].goal;
+    const own = here ? this.run.pose(state.selected, state.time) : undefined;
+    for (const { sender, age, lost } of own === undefined ? [] : this.run.links(state.selected, state.step)) {
+      const other = this.run.pose(sender, state.time);
+      if (other === undefined) continue;
+      ctx.globalAlpha = Math.max(0.2, 0.9 - (0.7 * age * this.run.header.dt) / AGE_PALE);
+      ctx.lineWidth = 1.2 * state.zoom;
+      ctx.setLineDash(lost ? [4, 4] : []);
+      ctx.beginPath();
+      ctx.moveTo(...camera.toScreen(own!.x, own!.y));
+      ctx.lineTo(...camera.toScreen(other.x, other.y));
+      ctx.stroke();
+    }
+    ctx.setLineDash([]);
+    ctx.globalAlpha = 1;
+    for (const { holding, x, y, heading } of this.run.bars(state.step)) {
+      const [u, v] = [-Math.sin(heading) * 0.5 * BAR, Math.cos(heading) * 0.5 * BAR];
+      ctx.strokeStyle = agentColor(this.run.header.participants[holding].color, state.theme);
+      ctx.lineWidth = (holding === state.selected ? 6 : 4) * state.zoom;
+      ctx.beginPath();
+      ctx.moveTo(...camera.toScreen(x - u, y - v));
+      ctx.lineTo(...camera.toScreen(x + u, y + v));
+      ctx.stroke();
+    }
   }
 
   private drawGoal(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State): void {

@@ -23,7 +23,7 @@ from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
-from interdrive.run.cooperation import PlanAges, messages_of
+from interdrive.run.cooperation import PlanAges, agreements_of, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import reasons
@@ -332,6 +332,7 @@ class Simulation:
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
             orders=orders_of(self.world.waits()) if self.settings.record.orders and self.world.obeying else None,
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
+            agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
@@ -342,6 +343,10 @@ class Simulation:
             else None
         )
         return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)
+
+    @property
+    def _negotiates(self) -> bool:
+        return self.settings.v2x.negotiate and bool(self.world.equipped)
 
     def _grants(self) -> Grants:
         """What agents were told about junctions."""

@@ -86,7 +86,7 @@ def test_the_planner_of_the_reader_keeps_the_contract(tmp_path):
     assert PYTHON[3:] == PYTHON[3:4], "an example that no test looks at"
     ends = ast.literal_eval(printed(PYTHON[3], tmp_path))
     assert ends["an empty road"] == "goal_reached"
-    assert len(ends) == 4
+    assert len(ends) == 6
     assert "planner_error" not in ends.values()
 
 
@@ -108,7 +108,7 @@ def test_a_run_folder_holds_the_files_of_the_table(console):
     described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
     found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
     others = {"run.png", "run.gif", "criticality_extremes.parquet"}  # asked for, or part of what is described
-    on_demand = {f"{table}.parquet" for table in ("predictions", "candidates", "messages", "orders")}
+    on_demand = {f"{table}.parquet" for table in ("predictions", "candidates", "messages", "agreements", "orders")}
     assert described - on_demand == found - others
 
 

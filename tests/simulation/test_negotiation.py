@@ -7,6 +7,7 @@ import pytest
 from drivers import Straight
 from meetings import four_arms, narrow_street, queue_at_a_crossing, three_left_turns, two_roads, zip_merge
 
+from interdrive import load, save
 from interdrive.scenario.control import Priorities
 from interdrive.simulation import Simulation
 from interdrive.studies.cooperation import deadlocks
@@ -45,6 +46,18 @@ def test_of_equal_claims_the_smaller_id_goes_first(planner):
     assert sorted(ends(run), key=ends(run).get) == [1, 2, 3, 4]
     pairs = set(zip(agreements["holding_id"].tolist(), agreements["going_id"].tolist(), strict=True))
     assert pairs <= {(2, 1), (3, 2), (3, 1), (4, 3), (4, 1), (4, 2)}
+
+
+def test_a_run_keeps_its_agreements_in_its_folder(tmp_path):
+    run, agreements = drive(four_arms(), "idm", **AGREEING, step__max_steps=120)
+    assert sorted(zip(run.agreements.holding_id, run.agreements.going_id, strict=True)) == sorted(
+        zip(agreements["holding_id"], agreements["going_id"], strict=True)
+    )
+    again = load(save(run, tmp_path / "run")).agreements
+    for name in run.agreements.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(again, name), getattr(run.agreements, name))
+    alone, _ = drive(four_arms(), "idm", step__max_steps=3)
+    assert alone.agreements is None
 
 
 def test_one_waits_before_the_narrow_part_until_the_other_one_has_left_it():

@@ -80,6 +80,7 @@ EVENT_MARKS = {
     "emergency_braking": Mark("8", "#E69F00", 4.0, "emergency plan"),
     "infeasible_plan": Mark("v", "#F0E442", 5.0, "no feasible plan found"),
     "violation": Mark("D", "#D55E00", 4.0, "broken rule of the road"),
+    "hold": Mark("s", "#56B4E9", 4.0, "holds for another agent"),
     "critical": Mark("P", "#CC79A7", 6.0, "critical moment"),
 }
 

@@ -15,6 +15,7 @@ from interdrive.plots.style import agent_colors
 from interdrive.plots.vehicles import body_outlines, outlines
 from interdrive.plots.view import View, view_of
 from interdrive.report.contract import FORMAT
+from interdrive.report.cooperation import pack_cooperation
 from interdrive.report.events import Event, events_of
 from interdrive.report.measured import measured_of
 from interdrive.report.packing import Packer
@@ -28,7 +29,7 @@ from interdrive.report.tables import (
     pack_stop_lines,
     pack_views,
 )
-from interdrive.results import read_results, reopen, with_routes
+from interdrive.results import read_results, reopen, with_cooperation, with_routes
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 from interdrive.scoring import score, score_table, stored_score
@@ -79,6 +80,8 @@ def run_contents(folder: str | Path) -> Contents:
         spacing = steps_between(seconds, run.scenario.dt, replan_every)
         packer.header["candidate_step"]["spacing"] = min(spacing, run.states.n_steps)
     pack_predictions(packer, run, origin, results.predictions)
+    told = with_cooperation(run, results)
+    pack_cooperation(packer, told, origin, float(settings.get("v2x.age_max", np.inf)))
     try:
         measured = measured_of(Path(folder), run)
     except InterdriveError as cause:
@@ -103,7 +106,7 @@ def run_contents(folder: str | Path) -> Contents:
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(measure) for measure in MEASURES],
         "events": [
-            _event(event) for event in events_of(run, results.plans, measured, replan_every, results.violations)
+            _event(event) for event in events_of(told, results.plans, measured, replan_every, results.violations)
         ],
         "missing": lacking,
         "info": {
@@ -135,6 +138,9 @@ def _lacking(results: Results) -> list[Missing]:
     if results.views is None:
         text = "Visibility was not recorded; run with --report or --set record.views=true."
         found.append({"what": "views", "text": text})
+    if results.info.get("cooperation") is not None and results.messages is None:
+        text = "Messages were not recorded; run with --report or --set record.messages=links."
+        found.append({"what": "links", "text": text})
     return found
 
 

@@ -42,7 +42,7 @@ class Event:
 
     Attributes:
         step: Column of the states.
-        kind: An outcome, "emergency_braking", "infeasible_plan", "violation", or "critical".
+        kind: An outcome, "emergency_braking", "infeasible_plan", "violation", "hold", or "critical".
         rows: Rows of the states that it is about, the judged one first.
         text: For people.
         value: Of a measure.
@@ -67,6 +67,7 @@ def events_of(
         *_ends(run),
         *_emergencies(run, plans, replan_every),
         *(_violations(run, violations) if violations is not None else ()),
+        *_holds(run),
         *(_critical(run, measured) if measured is not None else ()),
     ]
     return sorted(every, key=lambda event: (event.step, event.rows, event.kind))
@@ -120,6 +121,19 @@ def _violations(run: Run, table: ArrowTable) -> Iterator[Event]:
             text = f"{number} {RULES[row['rule']].words.format(value=row['value'], partner=partner)}"
             rows = tuple(_row(run, one) for one in (number, partner) if one is not None)
             yield Event(row["first_time_step"] - run.states.first_time_step, "violation", rows, text)
+
+
+def _holds(run: Run) -> Iterator[Event]:
+    """Agents that hold before road that others need as well, when they begin to."""
+    found = run.agreements
+    if found is None:
+        return
+    columns = (found.holding_id, found.going_id, found.first_time_step, found.last_time_step)
+    for holding, going, first, last in zip(*(one.tolist() for one in columns), strict=True):
+        seconds = (last - first + 1) * run.scenario.dt
+        what = f"holds for {going}" if going >= 0 else "leaves the way to others: its own is blocked"
+        rows = (_row(run, holding), _row(run, going)) if going >= 0 else (_row(run, holding),)
+        yield Event(first - run.states.first_time_step, "hold", rows, f"{holding} {what} ({seconds:.1f} s)")
 
 
 def _critical(run: Run, measured: Measured) -> Iterator[Event]:

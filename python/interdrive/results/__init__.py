@@ -10,7 +10,7 @@ from __future__ import annotations
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import Results, check_target, holds_run, read_results, save
 from interdrive.results.information import FORMAT, RunInformation, information, software
-from interdrive.results.reader import with_routes
+from interdrive.results.reader import with_cooperation, with_routes
 from interdrive.results.run import Run, RunInterrupted, load, recorded_run, reopen
 from interdrive.results.tables import (
     candidates_table,
@@ -47,5 +47,6 @@ __all__ = [
     "states_table",
     "timing_table",
     "views_table",
+    "with_cooperation",
     "with_routes",
 ]

@@ -131,6 +131,16 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("arrived", "integer", "time step of arrival there; null where it is lost", nullable=True),
         Column("distance", "number", "distance of the receiver [m]", nullable=True),
     ),
+    "agreements": (
+        Column("holding_id", "integer", "agent that held before road that others need as well"),
+        Column("going_id", "integer", "agent for which it held; null: the way behind was blocked", nullable=True),
+        Column("first_time_step", "integer", "first time step in which it held"),
+        Column("last_time_step", "integer", "last one, included"),
+        Column("bar_x", "number", "where it was to stop [m]"),
+        Column("bar_y", "number", "the same [m]"),
+        Column("bar_heading", "number", "its heading there [rad]"),
+        Column("claim", "integer", "number of its claim"),
+    ),
     "routes": (
         Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
@@ -146,4 +156,4 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages")
+ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages", "agreements")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from interdrive.results.columns import COLUMNS, ON_DEMAND
 from interdrive.results.information import information, read_information
 from interdrive.results.tables import (
+    agreements_table,
     candidates_table,
     messages_table,
     orders_table,
@@ -75,6 +76,7 @@ class Results:
     violations: pa.Table | None = None
     orders: pa.Table | None = None
     messages: pa.Table | None = None
+    agreements: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -114,6 +116,7 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
             ("violations", violations_table(run)),
             ("orders", orders_table(run)),
             ("messages", messages_table(run)),
+            ("agreements", agreements_table(run)),
         ):
             if table is None:
                 continue

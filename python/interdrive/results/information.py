@@ -80,7 +80,7 @@ class RunInformation(SoftwareInformation):
         predictions: Name of the table of predictions, None if there is none.
         candidates: Name of the table of candidates, None if there is none.
         violations: The same for violations. orders: The same for orders at junctions.
-        messages: The same for V2X messages.
+        messages: The same for V2X messages. agreements: The same for agreements about shared road.
         cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
@@ -98,6 +98,7 @@ class RunInformation(SoftwareInformation):
     violations: str | None
     orders: str | None
     messages: str | None
+    agreements: str | None
     cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
     notes: list[str]
@@ -126,6 +127,7 @@ def information(run: RunRecord) -> RunInformation:
         "violations": None if run.violations is None else "violations.parquet",
         "orders": None if run.orders is None else "orders.parquet",
         "messages": None if run.messages is None else "messages.parquet",
+        "agreements": None if run.agreements is None else "agreements.parquet",
         "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from interdrive.run import (
     PLAN_STATUS,
     SERVICES,
     AgentRecord,
+    Agreements,
     Messages,
     Orders,
     Outcomes,
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
     from interdrive.storage import ArrowTable
 
     Ints = NDArray[np.int64]
+
+Record = TypeVar("Record", bound=RunRecord)
 
 
 def read_part(folder: str | Path, results: Results | None = None) -> RunRecord:
@@ -74,14 +77,13 @@ def read_run(folder: str | Path) -> RunRecord:
     """
     results = read_results(folder)
     return replace(
-        with_routes(read_part(folder, results), results),
+        with_cooperation(with_routes(read_part(folder, results), results), results),
         plans=stored_plans(results),
         timings=_timings(results),
         views=None if results.views is None else Views(**_columns(results.views)),
         predictions=None if results.predictions is None else _predictions(_columns(results.predictions)),
         candidates=None if results.candidates is None else _candidates(_columns(results.candidates)),
         orders=None if results.orders is None else _orders(_columns(results.orders)),
-        messages=None if results.messages is None else _messages(_columns(results.messages)),
         cooperation=results.info.get("cooperation"),
     )
 
@@ -95,6 +97,15 @@ def with_routes(part: RunRecord, results: Results) -> RunRecord:
         settings=results.info["settings"],
         agents=tuple(replace(agent, reference_path=paths[routes["agent_id"] == agent.id]) for agent in part.agents),
         violations=None if results.violations is None else _violations(_columns(results.violations)),
+    )
+
+
+def with_cooperation(part: Record, results: Results) -> Record:
+    """What `read_part` gave with messages and agreements."""
+    return replace(
+        part,
+        messages=None if results.messages is None else _messages(_columns(results.messages)),
+        agreements=None if results.agreements is None else _agreements(_columns(results.agreements)),
     )
 
 
@@ -123,6 +134,11 @@ def _messages(column: dict[str, Any]) -> Messages:
     }
     service = np.array([SERVICES.index(name) for name in column["service"]], dtype=np.int64)
     return Messages(**{**column, **nulls, "service": service})
+
+
+def _agreements(column: dict[str, Any]) -> Agreements:
+    going = np.nan_to_num(column["going_id"].astype(np.float64), nan=-1.0).astype(np.int64)
+    return Agreements(**{**column, "going_id": going})
 
 
 def _timings(results: Results) -> Timings:

@@ -48,6 +48,7 @@ _TABLES = {
     "violations": tables.violations_table,
     "orders": tables.orders_table,
     "messages": tables.messages_table,
+    "agreements": tables.agreements_table,
 }
 
 

@@ -193,5 +193,14 @@ def messages_table(run: RunRecord) -> pa.Table | None:
     return _table("messages", **columns | nulls | {"service": labels(SERVICES, found.service)})
 
 
+def agreements_table(run: RunRecord) -> pa.Table | None:
+    """Agreements about shared road, one row each, as an Arrow table; None if no agents negotiate."""
+    found = run.agreements
+    if found is None:
+        return None
+    columns = {column.name: getattr(found, column.name) for column in COLUMNS["agreements"]}
+    return _table("agreements", **columns | {"going_id": np.ma.masked_equal(found.going_id, -1)})
+
+
 def _table(name: str, **columns: Any) -> pa.Table:  # noqa: ANN401 - arrays, tuples and Arrow arrays alike
     return arrow_table(COLUMNS[name], columns)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import SERVICES, Messages
+from interdrive.run.record import SERVICES, Agreements, Messages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +26,12 @@ def messages_of(parts: Mapping[str, Any] | None) -> Messages:
         whole = np.empty(0, dtype=np.int64)
         return Messages(*(whole,) * 10, np.empty(0))
     return Messages(**{name: parts[name] for name in Messages.__dataclass_fields__})
+
+
+def agreements_of(parts: Mapping[str, Any]) -> Agreements:
+    """The record of agreements, sorted."""
+    order = np.lexsort((parts["holding_id"], parts["first_time_step"]))
+    return Agreements(**{name: parts[name][order] for name in Agreements.__dataclass_fields__})
 
 
 class PlanAges:

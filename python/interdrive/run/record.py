@@ -393,6 +393,28 @@ class Messages(Tabular):
 
 
 @dataclass(frozen=True)
+class Agreements(Tabular):
+    """Stretches of time in which an agent held for another one, by their first time step, then by who held.
+
+    Attributes:
+        holding_id: Agent that held, shape (rows,).
+        going_id: Agent for which it held; -1: the way behind the road that others need was blocked.
+        first_time_step: First time step. last_time_step: Last one, included.
+        bar_x: Where its front was not to go beyond [m]. bar_y: The same. bar_heading: Heading there [rad].
+        claim: Number of the claim of the agent that held.
+    """
+
+    holding_id: Ints
+    going_id: Ints
+    first_time_step: Ints
+    last_time_step: Ints
+    bar_x: Floats
+    bar_y: Floats
+    bar_heading: Floats
+    claim: Ints
+
+
+@dataclass(frozen=True)
 class AgentRecord:
     """Constant properties of one agent during a run.
 
@@ -471,6 +493,7 @@ class RunRecord:
         violations: Violations of rules of the road; None if `record.violations` is not set.
         orders: Orders to wait before junctions; None if no agent enters them by order or `record.orders` is not set.
         messages: V2X messages; None unless `record.messages` is set.
+        agreements: Which agents held for which; None unless agents negotiate.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
 
@@ -490,4 +513,5 @@ class RunRecord:
     violations: Violations | None = None
     orders: Orders | None = None
     messages: Messages | None = None
+    agreements: Agreements | None = None
     cooperation: Mapping[str, Json] | None = None
