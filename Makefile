@@ -11,7 +11,7 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
@@ -75,9 +75,12 @@ demo: $(VENV)/.installed ## the T-junction: every car plans for itself
 	$(BIN)/interdrive run t_junction --agents all --out demo --overwrite --png --gif --report
 	@echo "open $(CURDIR)/demo/report.html in a browser; the film is $(CURDIR)/demo/run.gif, the picture $(CURDIR)/demo/run.png"
 
-test: $(VENV)/.installed ## all tests but those of `make recorded`
+test: $(VENV)/.installed ## tests of the core and the package, but those of `make long` and `make recorded`
 	cargo test --profile quick --quiet -p interdrive-core
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=20 -m "not recorded" # a module's fixtures are made by one worker
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=20 -m "not recorded and not long" # a module's fixtures are made by one worker
+
+long: $(VENV)/.installed ## tests of batches, whole commands, examples, faults of disks and processes
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=20 -m long
 
 # One process, which reads the files once.
 recorded: $(VENV)/.installed ## tests that read every recorded scenario

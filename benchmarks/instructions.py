@@ -24,7 +24,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 STORED = Path(__file__).with_suffix(".json")
 #: Hot paths of crates/core/benches/instructions.rs, and how often each is done.
-PATHS = {"plan": 4, "predict_lane_following": 10, "predict_neural": 2, "contacts": 20, "step": 5}
+PATHS = {"plan": 4, "predict_lane_following": 10, "predict_neural": 2, "contacts": 20, "step": 5, "step_v2x": 5}
+#: A path may need so many times the instructions of another one.
+RATIOS = {("step_v2x", "step"): 1.05}
 #: Counts may be larger by this share; idle threads and the order of memory make a difference of about 0.1 %.
 TOLERANCE, TOLERANCE_OTHER_RUSTC = 0.03, 0.15
 
@@ -114,6 +116,10 @@ def main() -> int:
     if not same:
         print(f"stored with rustc {stored['rustc']}, counted with {version}")
     worse = compare(now, stored["counts"], TOLERANCE if same else TOLERANCE_OTHER_RUSTC)
+    for (path, base), most in RATIOS.items():
+        ratio = now[path] / now[base]
+        print(f"{path} needs {ratio:.3f} times the instructions of {base}, at most {most:g}")
+        worse += ratio > most
     if worse and not arguments.update:
         print("a hot path needs more instructions; if that is meant: python benchmarks/instructions.py --update")
         return 1

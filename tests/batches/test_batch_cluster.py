@@ -15,6 +15,8 @@ from interdrive.batches.pool import Task
 from interdrive.batches.ray import Cluster
 from interdrive.batches.ray_driver import Driver, NodeError
 
+pytestmark = pytest.mark.long
+
 
 class RayError(Exception):
     """Ray gave a task up."""

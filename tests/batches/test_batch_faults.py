@@ -23,6 +23,8 @@ from interdrive.config.schema import SimulationSettings
 from interdrive.files import shipped_scenario
 from interdrive.planners.workers import uninterrupted
 
+pytestmark = pytest.mark.long
+
 SUPPORT = Path(__file__).parents[1] / "support"
 #: How well the others are predicted does not matter to the fate of processes.
 QUICK = "constant_velocity"

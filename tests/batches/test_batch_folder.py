@@ -26,6 +26,8 @@ from interdrive.cli import main
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def specs():

@@ -21,6 +21,8 @@ from interdrive.config.binding import bind
 from interdrive.config.schema import SimulationSettings
 from interdrive.files import shipped_scenario
 
+pytestmark = pytest.mark.long
+
 FAST = "idm"
 
 

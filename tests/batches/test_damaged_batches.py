@@ -14,6 +14,8 @@ from click.testing import CliRunner
 from interdrive.batches import batch
 from interdrive.cli import main
 
+pytestmark = pytest.mark.long
+
 COMMANDS = (("report", "batch", "--quiet"), ("compare", "batch", "--quiet"), ("sql", "batch", "select * from results"))
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 FOLDER = Path(__file__).parents[2] / "examples"
 LAST_LINES = {
     "01_run.py": "8 of 8 agents reached their goal in time",

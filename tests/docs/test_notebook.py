@@ -3,8 +3,11 @@
 from pathlib import Path
 
 import nbformat
+import pytest
 from jupyter_client.manager import start_new_kernel
 from nbclient import NotebookClient
+
+pytestmark = pytest.mark.long
 
 FILE = Path(__file__).parents[2] / "examples" / "06_notebook.ipynb"
 

@@ -18,6 +18,8 @@ from interdrive.cli import main
 from interdrive.report import is_batch
 from interdrive.results import holds_run
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 README, TOUR = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/tour.md"))
 PYTHON = re.findall(r"```python\n(.*?)```", TOUR, re.DOTALL)

@@ -13,6 +13,8 @@ import pytest
 from interdrive import envs
 from interdrive.testing import bend, problem, world
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 #: Longer decisions, so that their effects can be seen; leaving the road is cheap, so that standing does not pay.
 SETTINGS = {"decision_seconds": 0.5, "reward.off_road": -0.2}

@@ -22,6 +22,8 @@ from interdrive.scenario import Shape, limits
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import straight_road, world
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = Path(os.environ.get("INTERDRIVE_SCENARIOS", ROOT.parent / "shared" / "scenarios"))
 HOSTILE = sorted((SCENARIOS.parent / "robustness").glob("*.xml"))

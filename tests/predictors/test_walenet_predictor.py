@@ -18,6 +18,8 @@ from interdrive.predictors import walenet
 from interdrive.scenario.native import core_road, core_scenario
 from interdrive.testing import Car, straight_road, world
 
+pytestmark = pytest.mark.long
+
 NUMBERS = plain.invented()
 ROAD = straight_road(400.0, lanes=3)
 

@@ -13,6 +13,8 @@ from interdrive.plots import animate_run
 from interdrive.report import write_run_report
 from interdrive.results import read_results
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -25,6 +25,8 @@ from interdrive.report import write_batch_report
 from interdrive.report.batch import batch_contents
 from interdrive.results import holds_run
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -16,6 +16,8 @@ from interdrive.benchmarks.sets import find_files
 from interdrive.cli import main
 from interdrive.files import shipped_scenario
 
+pytestmark = pytest.mark.long
+
 
 def test_released_sets_are_known_by_their_content():
     assert set_names() == ("public-1", "shipped-1")

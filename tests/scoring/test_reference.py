@@ -12,6 +12,8 @@ import interdrive as idr
 from interdrive.benchmarks import read_set, run
 from interdrive.benchmarks.reference import reference_rows, stored_reference
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 
 #: Sets and splits with rows, and planners that they have.

@@ -17,6 +17,8 @@ from interdrive.storage import arrow_table
 from interdrive.studies import runtime
 from interdrive.studies.runtime.measure import STEP_COLUMNS
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def study():

@@ -32,6 +32,8 @@ from interdrive.studies.lateral import lateral_offsets
 from interdrive.studies.measures import collided, distance_of_closest_encounter
 from interdrive.testing import Car, problem, straight_road, world
 
+pytestmark = pytest.mark.long
+
 PAIRS = {"lane_merge": (2001, 1004), "t_junction": (2001, 1001)}
 
 

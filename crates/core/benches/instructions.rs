@@ -9,6 +9,7 @@ use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::Planner;
 use interdrive_core::predict::neural::Neural;
 use interdrive_core::predict::{LaneFollowing, Predictor};
+use interdrive_core::v2x::V2xSettings;
 use interdrive_core::world::{World, WorldSettings};
 
 mod network;
@@ -55,6 +56,14 @@ fn main() {
         // Whole steps, all vehicles plan.
         "step" => {
             let mut world = world(shipped::T_JUNCTION, usize::MAX);
+            steps(&mut world, &following, 10 + times);
+        }
+        // The same with messages, claims and what agents expect because of them.
+        "step_v2x" => {
+            let v2x = V2xSettings { penetration: 1.0, negotiate: true, ..V2xSettings::default() };
+            let settings = WorldSettings { v2x, ..WorldSettings::default() };
+            let planner = Planner::Frenet(Box::default());
+            let mut world = shipped::world(shipped::T_JUNCTION, usize::MAX, &planner, settings);
             steps(&mut world, &following, 10 + times);
         }
         // The same for 25 agents in a part of the town.
