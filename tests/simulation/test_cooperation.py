@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from drivers import Straight, Turning
+from parallel_drivers import Alone, Remembering
 
 from interdrive import load, save
 from interdrive.cli import main
@@ -29,6 +30,27 @@ def test_results_do_not_depend_on_threads_or_on_the_order_of_agents():
         assert other is not None
         for name in first.__dataclass_fields__:
             np.testing.assert_array_equal(getattr(first, name), getattr(other, name))
+
+
+@pytest.mark.parametrize("rules", [{}, {"rules.precedence": True}], ids=["negotiation", "orders"])
+def test_planners_in_processes_of_their_own_change_no_bit(rules):
+    settings = {**NOISY, **rules, "v2x.negotiate": True, "record.orders": bool(rules)}
+    runs = [
+        simulate(
+            "t_junction",
+            agents=[2001, 1001, 1002, 1003],
+            planner={2001: planner, 1002: planner, "default": "frenet"},
+            predictor="lane_following",
+            settings=settings,
+            threads=threads,
+        )
+        for planner, threads in ((Alone, 1), (Remembering, 2))
+    ]
+    assert len({run.digest for run in runs}) == 1
+    for part in ("messages", "agreements", "violations", *(["orders"] if rules else [])):
+        first, second = (getattr(run, part) for run in runs)
+        for name in first.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=f"{part}.{name}")
 
 
 def test_a_channel_that_loses_everything_changes_nothing():
