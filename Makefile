@@ -125,6 +125,7 @@ bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all 
 	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
 	$(BIN)/python benchmarks/criticality.py
 	$(BIN)/python benchmarks/environments.py $(SCENARIOS)
+	$(BIN)/python benchmarks/cooperation.py
 	$(BIN)/python benchmarks/targets.py
 
 # On a quiet machine, about half an hour; PEER is a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4 (left out without).

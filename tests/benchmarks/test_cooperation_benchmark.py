@@ -1,0 +1,19 @@
+"""What V2X costs is measured with and without it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "cooperation.py"
+if not SCRIPT.is_file():
+    pytest.skip("benchmarks/ is part of the repository, not of the package", allow_module_level=True)
+
+
+def test_every_number_of_agents_has_a_row_with_both_times_and_their_ratio():
+    command = [sys.executable, str(SCRIPT), "--agents", "2,3", "--steps", "2", "--repetitions", "1"]
+    _, _, *rows = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    cells = [[float(cell) for cell in row.strip("| ").split("|")] for row in rows]
+    assert [row[0] for row in cells] == [2, 3]
+    assert all(min(row[1:]) > 0 for row in cells)
