@@ -60,7 +60,7 @@ def run_folder() -> str:
     """The tables of a run folder."""
     head = (
         "# Tables of a run folder\n\nEvery table is a Parquet file; its columns carry these descriptions as metadata. "
-        "[The tour](../../tour.md) says which files a run folder has.\n"
+        "[The tour](../../how_to/tour.md) says which files a run folder has.\n"
     )
     tables = (f"## {name}.parquet\n\n{columns(found)}\n" for name, found in COLUMNS.items())
     return "\n".join((head, *tables))
@@ -70,7 +70,7 @@ def data_set() -> str:
     """The data set of a batch."""
     head = (
         "# Data set of a batch\n\n`interdrive batch` collects these columns in `results.parquet`, one row per agent "
-        "of a finished run and one row for a run that did not finish. [Many runs](../../batch.md) says how to query "
+        "of a finished run and one row for a run that did not finish. [Many runs](../batches.md) says how to query "
         "them.\n"
     )
     return f"{head}\n{columns(DATA_SET)}\n"
@@ -100,7 +100,7 @@ def messages() -> str:
     """Every message of an error, by package."""
     head = (
         "# Error messages\n\nEvery error names the file, field or agent and says what to do. The command line prints "
-        "it as one line and ends with exit code 2 ([exit codes](../../command_line.md)); in Python it is one of the "
+        "it as one line and ends with exit code 2 ([exit codes](../command_line.md)); in Python it is one of the "
         "exceptions below, all of them `InterdriveError`. `…` stands for what the message fills in.\n"
     )
     parts = [head]

@@ -21,7 +21,7 @@ from interdrive.results import holds_run
 pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
-README, TOUR = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/tour.md"))
+README, TOUR = ((ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "docs/how_to/tour.md"))
 PYTHON = re.findall(r"```python\n(.*?)```", TOUR, re.DOTALL)
 COMMANDS = [line[2:] for block in re.findall(r"```console\n(.*?)```", TOUR, re.DOTALL) for line in block.splitlines()]
 

@@ -38,7 +38,7 @@ def benchmark(
 
     The number of a planner is 100 times its score among reacting traffic, the mean of scenarios, with an interval over
     places. Files of a set are found by their content; if some are missing, the number is partial and has no rank. See
-    docs/scoring.md.
+    docs/reference/scoring.md.
     """
     from interdrive.cli.batch_report import batch_progress  # noqa: PLC0415 - rich
     from interdrive.cli.score_report import print_benchmark, print_set  # noqa: PLC0415

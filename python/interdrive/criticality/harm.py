@@ -101,7 +101,7 @@ def collisions(run: RecordedRun, *, masses: Mapping[int, float] | None = None, a
     """Harm of every collision of a run.
 
     Impact perfectly plastic; logistic regression over speed change and impact area with the coefficients of the
-    published risk assessment (docs/criticality.md).
+    published risk assessment (docs/reference/criticality.md).
 
     Args:
         run: The run, finished or not.

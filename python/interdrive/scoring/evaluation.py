@@ -115,7 +115,7 @@ class Score:
 
 
 def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSettings | None = None) -> Score:
-    """Scores the agents of a run; definitions: docs/scoring.md.
+    """Scores the agents of a run; definitions: docs/reference/scoring.md.
 
     Args:
         run: A run with its routes, as `simulate` and `load` give it.

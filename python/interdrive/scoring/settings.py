@@ -85,7 +85,7 @@ class ReactionSettings:
 
 @dataclass(frozen=True)
 class ScoringSettings:
-    """What can be chosen; the defaults are those of docs/scoring.md.
+    """What can be chosen; the defaults are those of docs/reference/scoring.md.
 
     Attributes:
         comfort: Bounds of comfort.
