@@ -1,4 +1,4 @@
-"""Conflict areas and what follows from them, as docs/reference/criticality.md defines them, written without the core."""
+"""Conflict areas and what follows from them, as docs/reference/criticality.md defines them, without the core."""
 
 from __future__ import annotations
 
