@@ -166,7 +166,7 @@ environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .ven
 # Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
 FUZZ_SEED ?= 1
 FUZZ_SECONDS ?= 3600
-fuzz: $(VENV)/.installed ## mutated files through everything; see docs/reference/scenario_limits.md
+fuzz: $(VENV)/.installed ## mutated files through everything; see docs/research/robustness.md
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS)/format_edge_cases $(SCENARIOS)/../robustness)
 
 fuzz-smoke: $(VENV)/.installed ## regressions and 300 mutants, the same ones every time, for a minute at most
@@ -184,12 +184,12 @@ third_party: .venv-third/.installed ## drives planners of others; see docs/refer
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
 
 # Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
-planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/reference/batches.md
+planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/research/planners.md
 	-.venv-third/bin/python -m interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners
 	-.venv-third/bin/python -m interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
 	.venv-third/bin/python -m interdrive compare out/planners
 
-ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/reference/batches.md
+ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/how_to/ray.md
 	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster
 
 browser: $(VENV)/.installed .venv-browser/.chromium ## opens reports in Chromium; skipped where there is none, which is a failure in CI
@@ -206,7 +206,7 @@ versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with
 learning: .venv-rl/.installed ## environments in Stable-Baselines3; its checker, its algorithm
 	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
 
-learn: .venv-rl/.installed ## trains the policy of docs/reference/environments.md, for up to 10 minutes on two cores
+learn: .venv-rl/.installed ## trains the policy of docs/research/learning.md, for up to 10 minutes on two cores
 	.venv-rl/bin/python scenarios/varied.py out/varied --number 40
 	.venv-rl/bin/python scenarios/varied.py out/unseen --number 12 --seed 10000
 	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo --scenarios out/varied

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 #: Columns of scores; batches have them, too.
 SCORE_COLUMNS = (
-    Column("score", "number", "from 0 to 1, docs/reference/scoring.md", nullable=True),
+    Column("score", "number", "from 0 to 1", nullable=True),
     Column("score_strict", "number", "the same without excuses for what the recording does itself", nullable=True),
     Column("progress", "number", "along the reference path, as a share of the recording's", nullable=True),
     Column("ttc_term", "number", "1 if the time to contact stayed above its bound, else 0", nullable=True),
