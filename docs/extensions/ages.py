@@ -55,7 +55,6 @@ class Measured:
         """Whether the code is still that which was measured."""
         return fingerprint(self.code, root) == self.sha256
 
-
     def note(self) -> str:
         """What the page says about them."""
         since = "has not changed" if self.is_current() else "**has changed**"
