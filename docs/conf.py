@@ -35,6 +35,8 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 highlight_language = "none"
 
 autodoc_member_order = "bysource"
+autoclass_content = "both"  # what `__init__` says, too
+autodoc_mock_imports = ["stable_baselines3", "pufferlib"]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_class_signature = "mixed"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ast
-import inspect
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -108,23 +106,11 @@ def messages() -> str:
     return "\n".join(parts)
 
 
-def other_names() -> str:
-    """Names of the package that docs/reference/python.md does not have yet."""
-    page = (FOLDER.parent / "python.md").read_text(encoding="utf-8")
-    named = {*re.findall(r"^\.\. auto\w+:: interdrive\.(?:\w+\.)*(\w+)$", page, re.MULTILINE), "__version__"}
-    lines = []
-    for name in sorted(set(interdrive.__all__) - named):
-        thing = getattr(interdrive, name)
-        kind = "autoclass" if inspect.isclass(thing) else "autofunction" if inspect.isfunction(thing) else "autodata"
-        lines += [f".. {kind}:: interdrive.{name}", *(["   :members:"] if kind == "autoclass" else [])]
-    return "\n".join(("## Other names", "", "```{eval-rst}", *lines, "```", "")) if lines else ""
-
-
 def write(_app: Sphinx) -> None:
     """Writes pages that changed, so that Sphinx reads only those again."""
     FOLDER.mkdir(exist_ok=True)
     pages = {"commands": commands, "run_folder": run_folder, "data_set": data_set, "messages": messages}
-    for name, made in {**pages, "other_names": other_names}.items():
+    for name, made in pages.items():
         path, text = FOLDER / f"{name}.md", made()
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")

@@ -419,7 +419,23 @@ def simulate(
     on_planner_error: Literal["end_agent", "raise"] = "end_agent",
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> Run:
-    """Runs a scenario until every agent has its outcome; the arguments are those of `Simulation`.
+    """Runs a scenario until every agent has its outcome.
+
+    Args:
+        scenario: Path of a CommonRoad file, name of a shipped scenario, `interdrive.Scenario`, or a pair of objects of
+            commonroad-io.
+        agents: "all", "reachable", "problems", a number, or ids.
+        planner: A planner for all agents, or a mapping from agent ids (and "default") to planners; see
+            `interdrive.PlannerSpec`.
+        predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
+        views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
+        rules: Mapping from agent ids (and "default") to the rules of the road that they obey.
+        v2x: Mapping from agent ids (and "default") to whether they have V2X.
+        settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
+        seed: Seed for the choice of agents, and of what cooperation draws.
+        threads: Threads that plan; None: the number of cores. Results do not depend on it.
+        on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
+        on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 
     Returns:
         The finished run.

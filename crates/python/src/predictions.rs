@@ -17,7 +17,22 @@ use crate::scene::PyScene;
 /// Id, code of how it is known, age, place among those present; kind, static, length, width and state of others.
 pub type KnownParts = (i64, i64, f64, i64, (i64, bool, f64, f64, [f64; 6]));
 
-/// A table of predictions, or some of its rows: what one agent may know is not copied before it is examined.
+/// The expected motion of participants, as a predictor returns it and a planner gets it; read-only.
+///
+/// Args:
+///     time_step: Time step at which the prediction is made.
+///     ids: Participants, ascending, shape (participants,).
+///     probability: Of each mode, sum 1, shape (participants, modes); a mode with 0 is unused.
+///     x: Means of the footprint's centre [m], world frame, shape (participants, modes, steps); step `k` is
+///         `(k + 1) * dt` later.
+///     y: The same [m].
+///     orientation: Headings [rad], the same shape.
+///     velocity: Speeds along the heading [m/s], the same shape.
+///     covariance: Of the position [m²], world frame, shape (participants, modes, steps, 2, 2), positive definite.
+///     valid: Where there is a prediction, shape (participants, modes, steps).
+///
+/// Raises:
+///     InputError: An array has another shape or type, or values that cannot be a prediction; the first one is named.
 #[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
 pub struct PyPredictions {
     table: Arc<Predictions>,
@@ -81,7 +96,6 @@ impl PyPredictions {
         format!("<Predictions at time step {step}: {} participants, {modes} modes, {steps} points>", self.n_shown())
     }
 
-    /// Checks and keeps the arrays of a predictor from outside.
     #[new]
     #[pyo3(signature = (time_step, ids, probability, x, y, orientation, velocity, covariance, valid))]
     fn new(

@@ -79,6 +79,11 @@ def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = Non
 def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns: int = 2) -> Figure:
     """The picture of `draw_run` for some agents; the others are drawn like recorded traffic.
 
+    Args:
+        run: The run.
+        agents: Ids of the agents to draw; None: all.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
+
     Raises:
         InputError: An id that is no agent of the run.
     """
@@ -107,6 +112,11 @@ def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns:
 def draw_velocity(run: Run, agents: Sequence[int] | None = None, *, columns: int = 1) -> Figure:
     """Velocity of agents over time, with the markers of their outcomes.
 
+    Args:
+        run: The run.
+        agents: Ids of the agents to draw, at most `LINES_MAX`; None: all.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
+
     Raises:
         InputError: An id that is no agent of the run, or more than `LINES_MAX` agents.
     """
@@ -130,6 +140,12 @@ def draw_measures(
     found: Criticality, agents: Sequence[int], measures: Sequence[str] = ("ttc", "thw"), *, columns: int = 1
 ) -> Figure:
     """Criticality measures of agents over time, one panel each; where a line is missing, there is no conflict.
+
+    Args:
+        found: Evaluated measures.
+        agents: Ids of the agents to draw, at most `LINES_MAX`.
+        measures: Names of the measures.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
         InputError: A participant that was not judged, an unknown measure, or more than `LINES_MAX` agents.

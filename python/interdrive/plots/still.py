@@ -100,10 +100,14 @@ def draw_run(run: Run, *, width_mm: float = 180.0, others: str = "recorded traff
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Writes a figure, whole or not at all; the file ending (png, pdf, svg) chooses the format.
+    """Writes a figure, whole or not at all.
+
+    Args:
+        figure: A matplotlib figure.
+        path: File that ends in .png, .pdf or .svg, which chooses the format.
 
     Raises:
-        ResultsError: for another ending or a file that cannot be written.
+        ResultsError: For another ending or a file that cannot be written.
     """
     kind = Path(path).suffix.lower().lstrip(".")
     if kind not in ("png", "pdf", "svg"):

@@ -89,7 +89,7 @@ def read_run(folder: str | Path) -> RunRecord:
 
 
 def with_routes(part: RunRecord, results: Results) -> RunRecord:
-    """What `read_part` gave with settings, routes and violations: all that scores need."""
+    """`part`, as `read_part` gave it, with settings, routes and violations of `results`: all that scores need."""
     routes = _columns(results.routes)
     paths = np.stack([routes["x"], routes["y"]], axis=1)
     return replace(
@@ -101,7 +101,7 @@ def with_routes(part: RunRecord, results: Results) -> RunRecord:
 
 
 def with_cooperation(part: Record, results: Results) -> Record:
-    """What `read_part` gave with messages and agreements."""
+    """`part`, as `read_part` gave it, with messages and agreements of `results`."""
     return replace(
         part,
         messages=None if results.messages is None else _messages(_columns(results.messages)),

@@ -223,7 +223,7 @@ class Views(Tabular):
     last_time_step: Ints
 
     def seen_by(self, observer_id: int, time_step: int) -> list[int]:
-        """Ids of the participants that an agent saw at a time step, ascending."""
+        """Ids of the participants that the agent `observer_id` saw at `time_step`, ascending."""
         now = (self.first_time_step <= time_step) & (time_step <= self.last_time_step)
         seen: list[int] = self.seen_id[now & (self.observer_id == observer_id)].tolist()
         return seen
@@ -418,7 +418,14 @@ class Agreements(Tabular):
 class AgentRecord:
     """Constant properties of one agent during a run.
 
-    `goal` are its alternatives; `reference_path` has shape (points, 2) [m].
+    Attributes:
+        id: Participant id.
+        planner: Name of its planner.
+        origin: "planning problem" or "recorded".
+        start_time_step: Time step at which it starts.
+        goal: Alternatives, of which one must be met.
+        route_lanelet_ids: Lanelets of its route in driving order.
+        reference_path: Path that its planner follows [m], world frame, shape (points, 2).
     """
 
     id: int

@@ -41,7 +41,7 @@ class Measure:
 
 
 def footprint_distances(run: Run, first: int, second: int) -> Floats:
-    """Distance between the footprints of two participants [m] at every recorded time step, shape (time_steps,).
+    """Distance between the footprints of the participants `first` and `second` of a `run` [m], shape (time_steps,).
 
     0 where they share a point; nan while one of them is absent, and everywhere if one of them never takes part.
     """
