@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -106,10 +109,30 @@ def messages() -> str:
     return "\n".join(parts)
 
 
+def constants(module: str) -> str:
+    """The public constants of a module: what the comment above them says, and their value where it is words or a number."""
+    folder = PACKAGE / module
+    source = "\n".join(path.read_text(encoding="utf-8") for path in sorted(folder.rglob("*.py")))
+    rows = []
+    for name in sorted(importlib.import_module(f"interdrive.{module}").__all__):
+        found = re.search(rf"^((?:#: .*\n)*){name}(?:: [^\n=]+)? = ", source, re.MULTILINE)
+        if found is None:
+            continue
+        said = " ".join(line.removeprefix("#: ") for line in found[1].splitlines())
+        value = getattr(importlib.import_module(f"interdrive.{module}"), name)
+        values = value if isinstance(value, tuple) else (value,)
+        plain = name.isupper() and all(isinstance(one, int | str) for one in values)
+        shown = ", ".join(f"`{one}`" for one in values) if plain else ""
+        rows.append(f"| `{name}` | {cell(said)} | {shown} |")
+    return "\n".join(("## Constants", "", "| name | meaning | value |", "|---|---|---|", *rows, "")) if rows else ""
+
+
 def write(_app: Sphinx) -> None:
     """Writes pages that changed, so that Sphinx reads only those again."""
     FOLDER.mkdir(exist_ok=True)
     pages = {"commands": commands, "run_folder": run_folder, "data_set": data_set, "messages": messages}
+    modules = [path.stem for path in (FOLDER.parent / "modules").glob("*.md") if (PACKAGE / path.stem).is_dir()]
+    pages |= {f"constants_{name}": partial(constants, name) for name in modules}
     for name, made in pages.items():
         path, text = FOLDER / f"{name}.md", made()
         if not path.exists() or path.read_text(encoding="utf-8") != text:

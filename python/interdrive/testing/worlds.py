@@ -21,6 +21,7 @@ from interdrive.scenario import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+#: Footprint of the recorded cars.
 CAR = Shape("rectangle", length=4.5, width=1.8)
 
 
