@@ -110,7 +110,7 @@ def messages() -> str:
 
 
 def constants(module: str) -> str:
-    """The public constants of a module: what the comment above them says, and their value where it is words or a number."""
+    """The public constants of a module: the comment above them, and their value where it is words or a number."""
     folder = PACKAGE / module
     source = "\n".join(path.read_text(encoding="utf-8") for path in sorted(folder.rglob("*.py")))
     rows = []
