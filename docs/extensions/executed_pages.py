@@ -3,8 +3,9 @@
 A page of docs/tutorials is run from top to bottom in an empty folder: `python` blocks share their names, lines of
 `console` blocks that begin with `$ ` are commands of interdrive, the other lines what they print. `# prints: TEXT` in a
 block of Python is a line that it prints; `...` stands for anything, and the site shows what was printed in its place.
-A name after the language of a block (```python NAME) also writes the block to that file. Pictures of the page are those
-that its run left, by their own name or, with `<!-- NAME is PATH -->`, at a path that may have wildcards.
+A block with a name after its language (```python NAME) is only written to that file, from which others import. Pictures
+of the page are those that its run left, by their own name or, with `<!-- NAME is PATH -->`, at a path that may have
+wildcards.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def run_python(block: Block, names: dict[str, Any]) -> str:
     """Runs a block of Python in the working folder and returns it with what was printed in place of `...`."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        exec(compile(block.text, block.file or "<page>", "exec"), names)
+        exec(compile(block.text, "<page>", "exec"), names)
     said = re.findall(r"^# prints: (.*)$", block.text, re.MULTILINE)
     if not agrees(printed.getvalue(), "\n".join(said)):
         raise PageError(f"printed:\n{printed.getvalue()}\npage:\n{said}")
@@ -113,12 +114,15 @@ def run(page: Path, pictures: Path) -> None:
             for block in blocks_of(text):
                 if block.file:
                     (folder / block.file).write_text(block.text, encoding="utf-8")
-                done = run_commands(block.text, folder) if block.language == "console" else run_python(block, names)
-                made_blocks.append(done)
+                if block.language == "console":
+                    made_blocks.append(run_commands(block.text, folder))
+                else:
+                    made_blocks.append(block.text if block.file else run_python(block, names))
         finally:
             os.chdir(before)
             sys.path.remove(made)
-            del sys.modules["page"]
+            for name in ("page", *(Path(block.file).stem for block in blocks_of(text) if block.file)):
+                sys.modules.pop(name, None)
         pictures.mkdir(exist_ok=True)
         places = dict(PLACE.findall(text))
         for name in PICTURE.findall(text):
