@@ -18,6 +18,7 @@ version = release
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "generated_pages", "executed_pages", "ages"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["extensions", "figures", "reference/generated"]
+default_role = "code"  # `x` in docstrings
 nitpicky = False
 suppress_warnings = ["toc.not_included"]  # a new page is found by search before it has its place
 
