@@ -116,8 +116,8 @@ locks: ## the newest versions that fit, in fresh environments, written to locks/
 	$(MAKE) LOCKED= $(LOCKS:%=.%/.tools)
 	for name in $(LOCKS); do .uv/bin/uv pip freeze --quiet --python .$$name/bin/python > locks/$$name.txt; done
 
-help: ## all targets
-	@sed -n 's/^\([a-z_-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+help: ## lists all targets
+	@sed -n 's/^\([a-z_-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 
 bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all criticality measures; targets
 	$(BIN)/python benchmarks/table.py
@@ -154,14 +154,14 @@ driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? be
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py
 
-mutants: ## breaks formulas, contacts, outcomes and limits on purpose: which changes do the unit tests not notice?
+mutants: ## breaks formulas, contacts, outcomes and limits on purpose, and lists what no unit test notices
 	cargo mutants --version > /dev/null 2>&1 || cargo install cargo-mutants --locked
 	$(PYTHON) benchmarks/mutants.py
 
 oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/research/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 -n auto --dist loadfile tests/oracles
 
-environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .venv-training .venv-release,$(ENVIRONMENTS))) .venv-browser/.chromium ## all that CI needs
+environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .venv-training .venv-release,$(ENVIRONMENTS))) .venv-browser/.chromium ## all environments that CI needs
 
 # Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
 FUZZ_SEED ?= 1
@@ -180,7 +180,7 @@ fuzz-core: ## new paths through the core, FUZZ_MINUTES for each target; see fuzz
 	  -max_total_time=$$((60 * $(FUZZ_MINUTES))) -timeout=25 -rss_limit_mb=2048 -malloc_limit_mb=512 -max_len=2000 \
 	  -len_control=0 || exit 1; done
 
-third_party: .venv-third/.installed ## drives planners of others; see docs/reference/planners_third_party.md
+third_party: .venv-third/.installed ## tests of third-party planners; see docs/reference/planners_third_party.md
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
 
 # Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
@@ -203,7 +203,7 @@ versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with
 	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/project/test_versions.py
 
 # Not a part of CI: torch with CUDA, the only one that its machines can get, has 3 GB.
-learning: .venv-rl/.installed ## environments in Stable-Baselines3; its checker, its algorithm
+learning: .venv-rl/.installed ## tests of environments in Stable-Baselines3: its checker, its algorithm
 	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
 
 learn: .venv-rl/.installed ## trains the policy of docs/research/learning.md, for up to 10 minutes on two cores
