@@ -60,12 +60,6 @@ def test_the_site_shows_what_was_printed_in_place_of_dots(tmp_path):
     assert "# prints: 2 cars" in executed_pages.with_output(path.read_text(), made)
 
 
-def test_every_tutorial_is_in_the_index():
-    index = (ROOT / "docs" / "tutorials" / "index.md").read_text(encoding="utf-8").splitlines()
-    pages = {path.stem for path in (ROOT / "docs" / "tutorials").glob("*.md")}
-    assert pages - {"index"} == {line for line in index if line in pages}
-
-
 def test_a_link_to_a_missing_page_picture_or_heading_is_found(tmp_path):
     (tmp_path / "index.html").write_text('<a href="b.html#here">b</a><a href="b.html#there">b</a><img src="c.png">')
     (tmp_path / "b.html").write_text('<h1 id="here">b</h1><a href="https://example.org/x">out</a>')
@@ -105,6 +99,19 @@ def test_a_comment_does_not_make_tables_old(tmp_path):
     before = ages.fingerprint(("plan.rs",), tmp_path)
     (tmp_path / "plan.rs").write_text("// Plans.\nfn plan() {}\n")
     assert ages.fingerprint(("plan.rs",), tmp_path) == before
+
+
+def test_every_page_of_research_says_when_it_was_measured():
+    dated_in_words = {"index", "ages", "performance_log", "oracles"}
+    pages = {path.stem for path in (ROOT / "docs" / "research").glob("*.md")} - dated_in_words
+    assert {f"research/{page}.md" for page in pages} <= {one.page for one in ages.stored()}
+
+
+def test_every_page_is_in_the_index_of_its_folder():
+    for folder in ("tutorials", "how_to", "concepts", "reference", "research", "development"):
+        index = (ROOT / "docs" / folder / "index.md").read_text(encoding="utf-8").splitlines()
+        pages = {path.stem for path in (ROOT / "docs" / folder).glob("*.md")} - {"index"}
+        assert pages - {"ages"} <= set(index), folder
 
 
 def test_the_code_of_all_measured_tables_is_there():
