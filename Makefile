@@ -139,10 +139,10 @@ performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/r
 	if [ -n "$(PEER)" ]; then $(BIN)/python benchmarks/peers/handler.py $(PEER) > out/handler.md; fi
 	$(BIN)/python benchmarks/targets.py out/study_runtime --memory --document
 
-cooperation: $(VENV)/.optimised ## the study of docs/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
+cooperation: $(VENV)/.optimised ## the study of docs/concepts/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
 	$(BIN)/interdrive study cooperation --seeds 3 --out out/study_cooperation --overwrite
 
-driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/driving.md
+driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/research/driving.md
 	$(BIN)/python benchmarks/driving $(SCENARIOS)
 
 driving_side_by_side: $(VENV)/.optimised ## the same agents with other predictors and among traffic that interacts less: a quarter of an hour

@@ -1,4 +1,4 @@
-"""What V2X costs: CPU time per step with and without it, see docs/cooperation.md.
+"""What V2X costs: CPU time per step with and without it, see docs/concepts/cooperation.md.
 
 python benchmarks/cooperation.py [--agents 24,1000] [--steps 25] [--repetitions 3]
 
