@@ -93,6 +93,16 @@ def test_claims_follow_the_rules_of_the_road_and_the_arrival_only_where_there_is
     assert held(agreements) == {(3 - first, first)}
 
 
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+@pytest.mark.parametrize(("way", "holds"), [(12.0, False), (30.0, True), (70.0, False)])
+def test_an_agent_of_a_side_road_holds_only_if_both_would_be_at_the_crossing_at_the_same_time(planner, way, holds):
+    # The agent on the main road needs 5 s to the crossing.
+    scenario = replace(two_roads(ways=(way, 35.0)), priorities=MAIN_ROAD)
+    run, agreements = drive(scenario, planner, **AGREEING)
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert held(agreements) == ({(1, 2)} if holds else set())
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_no_claim_of_a_side_road_goes_before_one_of_the_main_road(seed):
     rng = np.random.default_rng(seed)
@@ -119,7 +129,7 @@ def test_lost_messages_delay_an_agreement_but_do_not_break_it():
 
 def test_a_bar_is_gone_soon_after_the_other_agent_has_crashed():
     # Agent 1 arrives first and minds nobody; before the crossing a car runs into its side.
-    scenario = two_roads(ways=(30.0, 42.0), cars=[Car(9, x=-12.0, y=25.0, velocity=10.0, orientation=-0.5 * np.pi)])
+    scenario = two_roads(ways=(30.0, 36.0), cars=[Car(9, x=-12.0, y=25.0, velocity=10.0, orientation=-0.5 * np.pi)])
     scenario = replace(scenario, priorities=Priorities(priority_side="none"))
     run, agreements = drive(scenario, {1: Straight, 2: "idm"}, **AGREEING)
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))

@@ -9,6 +9,7 @@ mod meeting;
 
 pub use course::Course;
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
+pub(crate) use meeting::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;
 

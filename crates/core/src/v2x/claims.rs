@@ -18,7 +18,7 @@ use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
 pub(crate) use order::Crossing;
 use order::{Claimant, before, common};
-use zone::{Own, Zone};
+use zone::{Own, Shared, Window, Zone};
 
 /// An agent claims within this distance of the zone [m], and the way in which it stops.
 const CLAIM_DISTANCE: f64 = 40.0;
@@ -28,8 +28,6 @@ const DECELERATION: f64 = 3.0;
 const SLOWEST: f64 = 2.0;
 /// One behind another one arrives this much later [s].
 const HEADWAY: f64 = 2.0;
-/// An agent that arrives so much later than the other one leaves [s] need not hold.
-const MARGIN: f64 = 1.0;
 /// An agent this far from its reference path [m] does not claim.
 const OFF_PATH: f64 = 1.5;
 /// A claim ends when there was no zone for this long [s].
@@ -216,9 +214,7 @@ impl Standpoint {
         let mut going = None;
         for zone in &first {
             self.yields_to.push(zone.id);
-            // Nothing is to be done for another one that has left before the agent arrives.
-            let arrives = (zone.begin - agent.front) / agent.velocity.max(SLOWEST);
-            if zone.begin < stop && arrives < zone.cleared + MARGIN {
+            if zone.begin < stop && zone.is_contested() {
                 (stop, going) = (zone.begin, Some(zone.id));
             }
         }
@@ -308,11 +304,12 @@ fn zones(agent: &Negotiator<'_>, ours: &[(usize, usize)], inbox: &Inbox, situati
         if own.only_merges(agent, &theirs) {
             continue;
         }
-        if let Some((begin, end, left)) = own.shared(agent, &theirs) {
+        if let Some(Shared { ours: (begin, end), theirs: (enters, leaves) }) = own.shared(agent, &theirs) {
+            let ours = Window::of((begin - agent.front, end - agent.rear), agent.velocity);
             // A way begins at the rear end at the time of sending.
-            let speed = there.velocity;
-            let cleared = if speed < SLOWEST { f64::INFINITY } else { left / speed - age };
-            found.push(Zone { id: message.sender, begin, end, cleared, claim: *claim });
+            let since = there.velocity * age;
+            let theirs = Window::of((enters - status.length - since, leaves - since), there.velocity);
+            found.push(Zone { id: message.sender, begin, end, ours, theirs, claim: *claim });
         }
     }
     found

@@ -3,6 +3,7 @@
 use super::{Negotiator, pose};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
+use crate::rules::{EARLY, LATE, travel_time};
 use crate::v2x::message::{Claim, PlanPoint, WAY_SPACING};
 
 /// Distance of the stations of an agent's own path [m].
@@ -19,6 +20,12 @@ const ROUNDING: f64 = 0.2;
 const MERGING: f64 = 3.0;
 /// Vehicles that merge share this much road [m].
 const MERGE: f64 = 12.0;
+/// Slower vehicles accelerate to this speed [m/s] on their way through a zone.
+const PASSING: f64 = 6.0;
+/// An agent that has left a zone so long before another one can enter it [s] need not hold for it ...
+const LEAD: f64 = 0.5;
+/// ... and neither need one that enters it so long after the other one has left it [s].
+const LAG: f64 = 0.3;
 
 /// A stretch of an agent's path that another one needs, too [m].
 #[derive(Debug, Clone, Copy)]
@@ -27,10 +34,43 @@ pub(super) struct Zone {
     pub(super) id: i64,
     pub(super) begin: f64,
     pub(super) end: f64,
-    /// Time until the other one has left it at its present speed [s].
-    pub(super) cleared: f64,
+    /// When both are in it if they do not stop.
+    pub(super) ours: Window,
+    pub(super) theirs: Window,
     /// What the other one claims.
     pub(super) claim: Option<Claim>,
+}
+
+impl Zone {
+    /// Both would be in it at the same time, or nearly.
+    pub(super) fn is_contested(&self) -> bool {
+        self.ours.enter < self.theirs.leave + LAG && self.theirs.enter < self.ours.leave + LEAD
+    }
+}
+
+/// When a vehicle is in a zone: from the earliest time at which its front enters it to the latest one at which its rear end
+/// leaves it, if it does not stop [s from now].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    pub(super) enter: f64,
+    pub(super) leave: f64,
+}
+
+impl Window {
+    /// Of a vehicle whose front is so far before the zone, and its rear end so far before the end of it [m], at its speed
+    /// [m/s].
+    pub(super) fn of((to_enter, to_leave): (f64, f64), velocity: f64) -> Self {
+        let time = |distance, acceleration| travel_time(distance, velocity, PASSING.max(velocity), acceleration);
+        Self { enter: time(to_enter, EARLY), leave: time(to_leave, LATE) }
+    }
+}
+
+/// A stretch that two ways share [m].
+pub(super) struct Shared {
+    /// Arc lengths on the agent's path.
+    pub(super) ours: (f64, f64),
+    /// Arc lengths on the other one's way, from where its rear end was.
+    pub(super) theirs: (f64, f64),
 }
 
 /// Way and width of another one, and where it is now.
@@ -69,15 +109,14 @@ impl Own {
         }
     }
 
-    /// First and last arc length of the stretch that both need, and the distance until the other one's rear end has left
-    /// it [m]; `None` if there is none, or one follows the other.
-    pub(super) fn shared(&self, agent: &Negotiator<'_>, theirs: &Theirs<'_>) -> Option<(f64, f64, f64)> {
+    /// The stretch that both need; `None` if there is none, or one follows the other.
+    pub(super) fn shared(&self, agent: &Negotiator<'_>, theirs: &Theirs<'_>) -> Option<Shared> {
         let half_width = 0.5 * (theirs.width + ROOM);
         let boxes: Vec<OrientedBox> =
             theirs.way.windows(2).map(|pair| between(&pair[0], &pair[1], half_width)).collect();
         let reach = 0.5 * STATION + 2.0 + half_width + self.stations[0].half_width + 2.0;
         let mut run: Option<(usize, usize)> = None;
-        let (mut is_same, mut leaves) = (true, 0);
+        let (mut is_same, mut enters, mut leaves) = (true, usize::MAX, 0);
         let mut k = 0;
         while k < self.stations.len() {
             let own = &self.stations[k];
@@ -94,6 +133,7 @@ impl Own {
                     Some((_, last)) if (k - *last) as f64 * STATION <= GAP + STATION => *last = k,
                     Some(_) => break,
                 }
+                enters = enters.min(first);
                 leaves = boxes.iter().rposition(|other| other.overlaps(own)).unwrap_or(first).max(leaves);
                 is_same &= wrap_angle(other.axis.angle() - own.axis.angle()).abs() <= SAME_HEADING;
             }
@@ -101,13 +141,15 @@ impl Own {
         }
         let (first, last) = run?;
         let begin = agent.rear + first as f64 * STATION;
+        let enters = enters as f64 * WAY_SPACING;
         if !is_same {
-            let left = (leaves + 1) as f64 * WAY_SPACING;
-            return Some((begin, agent.rear + (last + 1) as f64 * STATION, left));
+            let end = agent.rear + (last + 1) as f64 * STATION;
+            return Some(Shared { ours: (begin, end), theirs: (enters, (leaves + 1) as f64 * WAY_SPACING) });
         }
         // Those that drive merge by their plans, which both know; holding would only slow them down.
         let drives = agent.velocity.min(theirs.at.velocity) > MERGING;
-        (!drives && !self.follows(agent, theirs, half_width)).then_some((begin, begin + MERGE, f64::INFINITY))
+        let merge = Shared { ours: (begin, begin + MERGE), theirs: (enters, enters + MERGE) };
+        (!drives && !self.follows(agent, theirs, half_width)).then_some(merge)
     }
 
     /// One of the two is already in the other's corridor, ahead of it.
@@ -141,4 +183,30 @@ fn between(from: &PlanPoint, to: &PlanPoint, half_width: f64) -> OrientedBox {
     let (way, length) = (b - a, a.distance(b));
     let axis = if length > 1e-6 { way * (1.0 / length) } else { Point::from_angle(from.orientation) };
     OrientedBox { center: (a + b) * 0.5, axis, half_length: 0.5 * length, half_width }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_lasts_from_the_earliest_entry_to_the_latest_exit() {
+        // At 10 m/s the speed stays; from 2 to 6 m/s it needs 2 s and 8 m, or 2.67 s and 10.67 m.
+        assert_eq!(Window::of((20.0, 35.0), 10.0), Window { enter: 2.0, leave: 3.5 });
+        let slow = Window::of((8.0, 20.0), 2.0);
+        assert!((slow.enter - 2.0).abs() < 1e-9 && (slow.leave - (8.0 / 3.0 + 28.0 / 3.0 / 6.0)).abs() < 1e-9);
+        assert_eq!(Window::of((-1.0, -0.5), 10.0), Window { enter: 0.0, leave: 0.0 }, "it has left");
+    }
+
+    #[test]
+    fn a_zone_is_contested_unless_one_leaves_it_before_the_other_enters() {
+        let ours = Window { enter: 2.0, leave: 3.0 };
+        let contested = |enter, leave| {
+            let theirs = Window { enter, leave };
+            Zone { id: 1, begin: 0.0, end: 1.0, ours, theirs, claim: None }.is_contested()
+        };
+        assert!(contested(2.5, 4.0) && contested(0.0, 9.0));
+        assert!(contested(3.4, 5.0) && !contested(3.6, 5.0), "it has left so long before");
+        assert!(contested(0.0, 1.8) && !contested(0.0, 1.6), "it arrives so long after");
+    }
 }
