@@ -156,12 +156,14 @@ impl World {
         let scene = OnceCell::new();
         let drives: Vec<(usize, &Drive)> = self.talking().collect();
         let agents: Vec<Negotiator<'_>> = drives.iter().map(|(place, drive)| self.negotiator(*place, drive)).collect();
+        let mut places = vec![None; self.states.len()];
+        self.drives.iter().for_each(|drive| places[drive.row] = drive.place);
         let around = |i: usize| {
             let (_, drive) = drives[i];
             // Most of the time there is nothing to agree about.
             let scene: &Scene = scene.get_or_init(|| self.scene_with_past(OBSERVED));
             let neighbour = |row: usize| {
-                let place = self.drives.iter().find(|drive| drive.row == row).and_then(|drive| drive.place);
+                let place = places[row];
                 let half_width = 0.5 * scene.participants.shape[row].extent().1;
                 Neighbour { pose: scene.state(row).pose(), velocity: scene.observed_velocity(row), half_width, place }
             };
