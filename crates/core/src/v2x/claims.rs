@@ -79,6 +79,7 @@ pub(super) struct Standpoint {
     /// What it tells.
     pub(super) claim: Option<Claim>,
     pub(super) yields_to: Vec<i64>,
+    pub(super) passes: Vec<i64>,
     pub(super) areas: Vec<(usize, usize)>,
     pub(super) is_ordered: bool,
     pub(super) bar: Option<Bar>,
@@ -126,6 +127,7 @@ impl Standpoint {
     ) {
         let Situation { now, dt, .. } = *situation;
         let yielded = std::mem::take(&mut self.yields_to);
+        self.passes.clear();
         self.bar = None;
         self.is_ordered = agent.is_ordered;
         self.areas.clear();
@@ -149,49 +151,53 @@ impl Standpoint {
         let begin = zones.iter().map(|zone| zone.begin).fold(f64::INFINITY, f64::min);
         let end = zones.iter().map(|zone| zone.end).fold(0.0, f64::max);
         let lane = Lane::of(agent, around());
-        let ahead = lane.next(agent.front, begin);
         let stopping = agent.velocity.powi(2) / (2.0 * DECELERATION);
-        let is_committed = agent.front > begin || (begin - agent.front < stopping && ahead.is_none());
+        let is_passed = |begin: f64| {
+            agent.front > begin || (begin - agent.front < stopping && lane.next(agent.front, begin).is_none())
+        };
+        self.passes.extend(zones.iter().filter(|zone| is_passed(zone.passage.0)).map(|zone| zone.id));
         let arrival_of = |place: usize| match inbox.heard[place].mcm.as_ref().map(|message| &message.body) {
             Some(Body::Mcm { claim: Some(claim), .. }) => Some(claim.arrival),
             _ => None,
         };
         // One with a claim may be ahead, one without makes claims pointless.
-        let after = match ahead {
+        let after = match lane.next(agent.front, begin) {
             None => Some(i64::MIN),
             Some(other) => other.place.and_then(arrival_of).map(|arrival| arrival + (HEADWAY / dt).ceil() as i64),
         };
         let is_near = begin - agent.front <= CLAIM_DISTANCE + stopping && agent.offset.abs() < OFF_PATH;
-        if let (None, Some(after), true) = (self.claimed, after, is_near || is_committed) {
+        if let (None, Some(after), true) = (self.claimed, after, is_near || !self.passes.is_empty()) {
             self.claim_anew(agent, begin, end, (now, dt), after);
         }
         if let Some((_, until)) = &mut self.claimed {
             *until = until.max(end);
         }
-        let blocked = (begin, end + agent.extent.0 + ROOM);
-        let is_blocked = !is_committed && lane.is_blocked(blocked.0.max(agent.front), blocked.1);
         let is_waived = self.is_waived;
-        let claim = |(arrival, _)| Claim { n: self.n, arrival, is_committed, is_waived };
+        let claim = |(arrival, _)| Claim { n: self.n, arrival, is_waived };
         // An agent that the rules stop before the zone does not claim it now.
-        self.claim = self.claimed.filter(|_| agent.line >= begin || is_committed).map(claim);
+        self.claim = self.claimed.filter(|_| agent.line >= begin || !self.passes.is_empty()).map(claim);
         let first = self.first(agent, &zones, inbox, &yielded, situation.first);
+        self.yields_to.extend(first.iter().map(|zone| zone.id));
         let mut stop = f64::INFINITY;
         let mut going = None;
-        for zone in &first {
-            self.yields_to.push(zone.id);
-            if zone.begin < stop && zone.is_contested() {
-                (stop, going) = (zone.begin, Some(zone.id));
+        for zone in first.iter().filter(|zone| !self.passes.contains(&zone.id)) {
+            if zone.passage.0 < stop && zone.is_contested() {
+                (stop, going) = (zone.passage.0, Some(zone.id));
             }
         }
-        if is_blocked {
-            self.claim = None;
-            if begin <= stop {
-                (stop, going) = (begin, None);
+        let ahead = zones.iter().map(|zone| zone.passage).filter(|passage| !is_passed(passage.0));
+        if let Some((mouth, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))
+            && mouth <= stop
+            && lane.is_blocked(mouth.max(agent.front), exit + agent.extent.0 + ROOM)
+        {
+            (stop, going) = (mouth, None);
+            if self.passes.is_empty() {
+                self.claim = None;
             }
         }
-        let holds = stop.is_finite() && !is_committed;
+        let holds = stop.is_finite();
         self.stood = if holds || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
-        if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && !is_committed {
+        if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && self.passes.is_empty() {
             self.claim_anew(agent, begin, end, (now, dt), now + 1);
             (self.stood, self.is_waived) = (0, true);
         }
@@ -217,10 +223,11 @@ impl Standpoint {
         let Some(claim) = self.claim else {
             return zones.iter().filter(|zone| zone.claim.is_some()).copied().collect();
         };
-        let mut all = vec![Claimant { id: agent.id, claim, areas: &self.areas, yields_to: yielded }];
+        let mut all =
+            vec![Claimant { id: agent.id, claim, areas: &self.areas, yields_to: yielded, passes: &self.passes }];
         all.extend(plans(inbox, agent.place).filter_map(|(_, message)| match &message.body {
-            Body::Mcm { claim: Some(claim), areas, yields_to, .. } => {
-                Some(Claimant { id: message.sender, claim: *claim, areas, yields_to })
+            Body::Mcm { claim: Some(claim), areas, yields_to, passes, .. } => {
+                Some(Claimant { id: message.sender, claim: *claim, areas, yields_to, passes })
             }
             _ => None,
         }));

@@ -161,11 +161,14 @@ impl Network {
         let points = &mut self.points;
         sample(speaker.plan, self.dt, (spacing, plan_horizon), points);
         let sent = &mut self.sent[speaker.place];
-        let Standpoint { claim, yields_to, areas, is_ordered, .. } = &self.standpoints[speaker.place];
-        if !sent.is_claim_news(claim.as_ref()) && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt)) {
+        let Standpoint { claim, yields_to, passes, areas, is_ordered, .. } = &self.standpoints[speaker.place];
+        if !sent.is_claim_news(claim.as_ref(), passes)
+            && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt))
+        {
             return None;
         }
-        sent.note_plan(now, points, spacing, *claim);
+        sent.note_plan(now, points, spacing);
+        sent.note_claim(*claim, passes);
         let n_way = (way_ahead / WAY_SPACING) as usize + 1;
         let way = (0..n_way).map(|i| {
             let at = speaker.path.at(speaker.rear_s + i as f64 * WAY_SPACING);
@@ -181,6 +184,7 @@ impl Network {
             way,
             claim: *claim,
             yields_to: yields_to.clone(),
+            passes: passes.clone(),
             areas: areas.clone(),
             is_ordered: *is_ordered,
         })

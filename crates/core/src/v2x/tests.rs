@@ -98,6 +98,7 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
         way: vec![PlanPoint::default(); 21],
         claim: None,
         yields_to: vec![],
+        passes: vec![],
         areas: vec![],
         is_ordered: false,
     };

@@ -3,7 +3,7 @@
 use super::lane::Neighbour;
 use super::order::common;
 use super::overlap::{Overlap, Own, Theirs};
-use super::{CLAIM_DISTANCE, DECELERATION, Negotiator, Situation, plans};
+use super::{CLAIM_DISTANCE, DECELERATION, Negotiator, ROOM, Situation, plans};
 use crate::geometry::Point;
 use crate::rules::{EARLY, LATE, travel_time};
 use crate::v2x::inbox::Inbox;
@@ -24,6 +24,8 @@ pub(super) struct Zone {
     pub(super) id: i64,
     pub(super) begin: f64,
     pub(super) end: f64,
+    /// Begin and end of the passage that it belongs to.
+    pub(super) passage: (f64, f64),
     /// When both are in it if they do not stop.
     pub(super) ours: Window,
     pub(super) theirs: Window,
@@ -99,10 +101,28 @@ pub(super) fn zones<'a>(
         {
             let ours = Window::of((begin - agent.front, end - agent.rear), agent.velocity);
             let theirs = Window::of(theirs, at.velocity);
-            found.push(Zone { id: message.sender, begin, end, ours, theirs, claim: *claim });
+            found.push(Zone { id: message.sender, begin, end, passage: (begin, end), ours, theirs, claim: *claim });
         }
     }
+    join(&mut found, agent.extent.0 + ROOM);
     found
+}
+
+/// Joins zones to passages: between two of these there is room to stand [m].
+fn join(zones: &mut [Zone], room: f64) {
+    let mut order: Vec<usize> = (0..zones.len()).collect();
+    order.sort_by(|a, b| zones[*a].begin.total_cmp(&zones[*b].begin));
+    let mut passages: Vec<(f64, f64)> = Vec::new();
+    for zone in order.iter().map(|i| &zones[*i]) {
+        match passages.last_mut() {
+            Some((_, end)) if zone.begin < *end + room => *end = end.max(zone.end),
+            _ => passages.push((zone.begin, zone.end)),
+        }
+    }
+    for zone in zones {
+        let within = passages.iter().rfind(|(begin, _)| *begin <= zone.begin);
+        zone.passage = *within.expect("every zone is in a passage");
+    }
 }
 
 #[cfg(test)]
@@ -119,11 +139,28 @@ mod tests {
     }
 
     #[test]
+    fn zones_between_which_there_is_no_room_to_stand_are_one_passage() {
+        let nowhere = Window { enter: 0.0, leave: 0.0 };
+        let zone = |(begin, end)| Zone {
+            id: 1,
+            begin,
+            end,
+            passage: (begin, end),
+            ours: nowhere,
+            theirs: nowhere,
+            claim: None,
+        };
+        let mut zones = [(20.0, 24.0), (50.0, 55.0), (10.0, 22.0), (30.0, 32.0)].map(zone);
+        join(&mut zones, 7.0);
+        assert_eq!(zones.map(|zone| zone.passage), [(10.0, 32.0), (50.0, 55.0), (10.0, 32.0), (10.0, 32.0)]);
+    }
+
+    #[test]
     fn a_zone_is_contested_unless_one_leaves_it_before_the_other_enters() {
         let ours = Window { enter: 2.0, leave: 3.0 };
         let contested = |enter, leave| {
             let theirs = Window { enter, leave };
-            Zone { id: 1, begin: 0.0, end: 1.0, ours, theirs, claim: None }.is_contested()
+            Zone { id: 1, begin: 0.0, end: 1.0, passage: (0.0, 1.0), ours, theirs, claim: None }.is_contested()
         };
         assert!(contested(2.5, 4.0) && contested(0.0, 9.0));
         assert!(contested(3.4, 5.0) && !contested(3.6, 5.0), "it has left so long before");
