@@ -21,7 +21,7 @@ use super::message::{Body, Claim, Message, PlanPoint};
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 pub use bar::{Agreement, Bar};
-use bar::{bar, note};
+use bar::{Stop, bar, note};
 use lane::Lane;
 pub(crate) use lane::Neighbour;
 pub(crate) use order::Crossing;
@@ -178,36 +178,28 @@ impl Standpoint {
         self.claim = self.claimed.filter(|_| agent.line >= begin || !self.passes.is_empty()).map(claim);
         let first = self.first(agent, &zones, inbox, &yielded, situation.first);
         self.yields_to.extend(first.iter().map(|zone| zone.id));
-        let mut stop = f64::INFINITY;
-        let mut going = None;
-        for zone in first.iter().filter(|zone| !self.passes.contains(&zone.id)) {
-            if zone.passage.0 < stop && zone.is_contested() {
-                (stop, going) = (zone.passage.0, Some(zone.id));
-            }
-        }
+        let contested = first.iter().filter(|zone| zone.is_contested() && !self.passes.contains(&zone.id));
+        let mut stop = Stop::soonest(agent, contested);
         let ahead = zones.iter().map(|zone| zone.passage).filter(|passage| !is_passed(passage.0));
         if let Some((mouth, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))
-            && mouth <= stop
+            && stop.is_none_or(|stop| mouth <= stop.at)
             && lane.is_blocked(mouth.max(agent.front), exit + agent.extent.0 + ROOM)
         {
-            (stop, going) = (mouth, None);
+            stop = Some(Stop { at: mouth, release: f64::INFINITY, going: None });
             if self.passes.is_empty() {
                 self.claim = None;
             }
         }
-        let holds = stop.is_finite();
-        self.stood = if holds || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
+        self.stood = if stop.is_some() || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
         if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && self.passes.is_empty() {
             self.claim_anew(agent, begin, end, (now, dt), now + 1);
             (self.stood, self.is_waived) = (0, true);
         }
-        if holds {
-            let bar = bar(agent, stop, stopping, situation);
+        if let Some(stop) = stop {
+            let bar = bar(agent, &stop, stopping, situation);
             self.bar = Some(bar);
-            note(
-                agreements,
-                Agreement { holding: agent.id, going, first: now, last: now, bar: bar.pose, claim: self.n },
-            );
+            let (holding, going, claim) = (agent.id, stop.going, self.n);
+            note(agreements, Agreement { holding, going, first: now, last: now, bar: bar.pose, claim });
         }
     }
 

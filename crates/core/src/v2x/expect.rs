@@ -83,6 +83,8 @@ pub(crate) struct Observer<'a> {
     pub(crate) place: usize,
     pub(crate) row: usize,
     pub(crate) view: &'a ViewLimits,
+    /// Its planner knows of no place where to hold, so it needs to see a bar there.
+    pub(crate) needs_bar: bool,
 }
 
 /// What fills an additional row.
@@ -92,6 +94,8 @@ enum Filling {
     Plan(Arc<Message>, f64, Point),
     /// A state of this age [s], of a participant that never moves or may move.
     Told(f64, bool),
+    /// A bar that opens after a time [s].
+    Bar(f64),
 }
 
 /// The additional rows so far.
@@ -130,6 +134,12 @@ impl Network {
                 Filling::Plan(message, age, off) => self.write_plan(&mut all, n + i, message, *age, *off),
                 Filling::Told(age, is_static) => {
                     write_told(&mut all, n + i, (extra.kind, *is_static), &extra.state, *age, (self.dt, road));
+                }
+                Filling::Bar(release) => {
+                    write_told(&mut all, n + i, (extra.kind, true), &extra.state, 0.0, (self.dt, road));
+                    let closed = (release / self.dt).ceil().max(1.0) as usize;
+                    let start = all.offset(n + i, 0);
+                    all.valid[start..start + all.n_steps].iter_mut().skip(closed).for_each(|valid| *valid = false);
                 }
             }
         }
@@ -193,13 +203,13 @@ impl Network {
         }
         keep_unseen(scene, observer, &mut told, &more.extras);
         known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
-        if let Some(bar) = &self.standpoints[observer.place].bar {
+        if let Some(bar) = self.standpoints[observer.place].bar.filter(|_| observer.needs_bar) {
             let Pose { position, orientation } = bar.pose;
             let state = State { x: position.x, y: position.y, orientation, ..State::default() };
             let shape = Shape::rectangle(bar.extent.0, bar.extent.1);
             let kind = ParticipantKind::ConstructionZone;
-            more.extras.push(Extra { id: BAR, kind, state, shape, is_static: true });
-            more.fillings.push(Filling::Told(0.0, true));
+            more.extras.push(Extra { id: BAR, kind, state, shape, is_static: bar.release.is_infinite() });
+            more.fillings.push(Filling::Bar(bar.release));
             known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
         }
         known.sort_by_key(|known| known.id);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::V2xSettings;
 use super::channel::{Way, reception};
-use super::claims::{Agreement, Negotiator, Neighbour, Situation, Standpoint};
+use super::claims::{Agreement, Bar, Negotiator, Neighbour, Situation, Standpoint};
 use super::inbox::Inbox;
 use super::log::{Log, Logged, Row};
 use super::message::{Body, Message, Object, PlanPoint, Status, WAY_SPACING, objects_max};
@@ -117,6 +117,11 @@ impl Network {
             let inbox = &inboxes[agent.place];
             standpoints[agent.place].renew(agent, inbox, &situation, &|| around(i), agreements);
         }
+    }
+
+    /// Where an agent holds, by its place.
+    pub(crate) fn bar(&self, place: usize) -> Option<&Bar> {
+        self.standpoints[place].bar.as_ref()
     }
 
     /// Ids of the equipped agents, ascending.

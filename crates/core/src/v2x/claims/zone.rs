@@ -1,5 +1,6 @@
 //! The road that an agent needs together with another one, and when both are there.
 
+use super::bar::Stop;
 use super::lane::Neighbour;
 use super::order::common;
 use super::overlap::{Overlap, Own, Theirs};
@@ -31,12 +32,32 @@ pub(super) struct Zone {
     pub(super) theirs: Window,
     /// What the other one claims.
     pub(super) claim: Option<Claim>,
+    /// The other one can no longer stop before it.
+    pub(super) is_passed: bool,
 }
 
 impl Zone {
     /// Both would be in it at the same time, or nearly.
     pub(super) fn is_contested(&self) -> bool {
         self.ours.enter < self.theirs.leave + LAG && self.theirs.enter < self.ours.leave + LEAD
+    }
+
+    /// How much later the agent has to come [s]; infinite if it is open when the other one goes.
+    fn delay(&self) -> f64 {
+        if self.is_passed { self.theirs.leave + LAG - self.ours.enter } else { f64::INFINITY }
+    }
+}
+
+impl Stop {
+    /// Before the nearest passage with one of these zones, until the agent comes too late for all of them.
+    pub(super) fn soonest<'a>(agent: &Negotiator<'_>, zones: impl Iterator<Item = &'a Zone>) -> Option<Self> {
+        let later = |a: &&Zone, b: &&Zone| {
+            b.passage.0.total_cmp(&a.passage.0).then(a.delay().total_cmp(&b.delay())).then(b.id.cmp(&a.id))
+        };
+        let zone = zones.max_by(later)?;
+        let at = zone.passage.0;
+        let enter = Window::of((at - agent.front, 0.0), agent.velocity).enter;
+        Some(Self { at, release: enter + zone.delay(), going: Some(zone.id) })
     }
 }
 
@@ -70,7 +91,9 @@ pub(super) fn zones<'a>(
     let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * DECELERATION);
     let mut found = Vec::new();
     for (place, message) in plans(inbox, agent.place) {
-        let Body::Mcm { status, way, claim, spacing, points, areas, is_ordered, .. } = &message.body else { continue };
+        let Body::Mcm { status, way, claim, spacing, points, passes, areas, is_ordered, .. } = &message.body else {
+            continue;
+        };
         if agent.is_ordered && *is_ordered && common(ours, areas).next().is_some() {
             // The order of the rules decides about both.
             continue;
@@ -100,8 +123,10 @@ pub(super) fn zones<'a>(
             own.overlap(agent, &Theirs::new(way, (status.length, status.width), at))
         {
             let ours = Window::of((begin - agent.front, end - agent.rear), agent.velocity);
+            let is_passed = theirs.0 <= 0.0 || passes.contains(&agent.id);
             let theirs = Window::of(theirs, at.velocity);
-            found.push(Zone { id: message.sender, begin, end, passage: (begin, end), ours, theirs, claim: *claim });
+            let (id, passage) = (message.sender, (begin, end));
+            found.push(Zone { id, begin, end, passage, ours, theirs, claim: *claim, is_passed });
         }
     }
     join(&mut found, agent.extent.0 + ROOM);
@@ -160,7 +185,8 @@ mod tests {
         let ours = Window { enter: 2.0, leave: 3.0 };
         let contested = |enter, leave| {
             let theirs = Window { enter, leave };
-            Zone { id: 1, begin: 0.0, end: 1.0, passage: (0.0, 1.0), ours, theirs, claim: None }.is_contested()
+            Zone { id: 1, begin: 0.0, end: 1.0, passage: (0.0, 1.0), ours, theirs, claim: None, is_passed: false }
+                .is_contested()
         };
         assert!(contested(2.5, 4.0) && contested(0.0, 9.0));
         assert!(contested(3.4, 5.0) && !contested(3.6, 5.0), "it has left so long before");
