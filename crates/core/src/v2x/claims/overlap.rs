@@ -122,7 +122,8 @@ impl Own {
         }
         // Those that drive merge by their plans, which both know; holding would only slow them down.
         let drives = agent.velocity.min(theirs.at.velocity) > MERGING;
-        let merge = Overlap { ours: (begin, begin + MERGE), theirs: (enters - theirs.length, enters + MERGE) };
+        // The agent may follow once the other one is ahead of it, but leaves more road to one that follows.
+        let merge = Overlap { ours: (begin, begin + MERGE), theirs: (enters - theirs.length, enters) };
         (!drives && !self.follows(agent, theirs, half_width)).then_some(merge)
     }
 
