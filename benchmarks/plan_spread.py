@@ -4,7 +4,8 @@
 
 Drives every scenario of a folder (that of INTERDRIVE_SCENARIOS) with all agents and prints Markdown: root mean squares
 of driven - planned position along and across the planned heading, by planner and time after the plan, for ordinary plans
-and for those of emergencies; then the spread that covers them, as `v2x.plan_sigma` + rate x time.
+and for those of emergencies, and the distance that 68 % of the plans keep (one standard deviation if they were normally
+distributed); for the latter the least rate with which `v2x.plan_sigma` and rate x time cover it.
 """
 
 from __future__ import annotations
@@ -27,11 +28,13 @@ from interdrive.simulation import simulate
 
 #: Times after the plan [s].
 LEADS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-#: Status of a plan and its lead -> number of plans, sums of the squared distances along and across [m²].
-Sums = dict[tuple[str, float], np.ndarray]
+#: Share of normally distributed values that are within one standard deviation.
+SHARE = 0.6827
+#: Status of a plan and its lead -> distances along and across [m], shape (2, plans).
+Deviations = dict[tuple[str, float], np.ndarray]
 
 
-def drive(path: Path, planner: str, predictor: str) -> Sums:
+def drive(path: Path, planner: str, predictor: str) -> Deviations:
     """Deviations of all agents of a scenario."""
     try:
         run = simulate(path, planner=planner, predictor=predictor, threads=1, settings={"record.violations": False})
@@ -40,7 +43,7 @@ def drive(path: Path, planner: str, predictor: str) -> Sums:
     states, plans, dt = run.states, run.plans, run.scenario.dt
     row_of = {agent: row for row, agent in enumerate(states.participant_id.tolist())}
     rows = np.array([row_of[agent] for agent in plans.agent_id.tolist()], dtype=int)
-    found: Sums = {}
+    found: Deviations = {}
     for lead in LEADS:
         ahead = round(lead / dt)
         if ahead >= plans.x.shape[1]:
@@ -55,12 +58,11 @@ def drive(path: Path, planner: str, predictor: str) -> Sums:
         for code, status in enumerate(PLAN_STATUS):
             chosen = there & (plans.status == code)
             if chosen.any():
-                squares = [chosen.sum(), np.sum(along[chosen] ** 2), np.sum(across[chosen] ** 2)]
-                found[status, lead] = np.array(squares, dtype=float)
+                found[status, lead] = np.array([along[chosen], across[chosen]], dtype=np.float32)
     return found
 
 
-def spread(values: dict[float, float], sigma: float) -> float:
+def growth(values: dict[float, float], sigma: float) -> float:
     """Least rate [m/s] with which sqrt(sigma² + (rate x time)²) is nowhere below the values [m]."""
     return max(np.sqrt(max(value**2 - sigma**2, 0.0)) / lead for lead, value in values.items())
 
@@ -76,22 +78,24 @@ def main() -> None:
         arguments.error(f"no folder is given, and {FOLDER_VARIABLE} names none")
     files = [path for path, _ in found_files([given.folder])]
     sigma = V2xSettings().plan_sigma
-    print("| planner | plans | | " + " | ".join(f"{lead:g} s" for lead in LEADS) + " | spread |")
-    print("|---|---|---|" + "--:|" * len(LEADS) + "---|")
+    print("| planner | plans | | measure | " + " | ".join(f"{lead:g} s" for lead in LEADS) + " | rate [m/s] |")
+    print("|---|---|---|---|" + "--:|" * len(LEADS) + "--:|")
     with ProcessPoolExecutor(given.workers, multiprocessing.get_context("spawn")) as pool:
         for planner in given.planners.split(","):
-            total: Sums = defaultdict(lambda: np.zeros(3))
+            total: dict[tuple[str, float], list[np.ndarray]] = defaultdict(list)
             for found in pool.map(drive, files, [planner] * len(files), [given.predictor] * len(files)):
                 for key, values in found.items():
-                    total[key] += values
+                    total[key].append(values)
             for status in dict.fromkeys(status for status, _ in total):
-                number = int(max(total[status, lead][0] for lead in LEADS))
-                for name, place in (("along", 1), ("across", 2)):
-                    known = {lead: total[status, lead] for lead in LEADS if total[status, lead][0]}
-                    rms = {lead: float(np.sqrt(sums[place] / sums[0])) for lead, sums in known.items()}
-                    cells = " | ".join(f"{rms[lead]:.2f}" if lead in rms else "" for lead in LEADS)
-                    rate = f"{sigma:g} m, {spread(rms, sigma):.2f} m/s"
-                    print(f"| {planner} | {number} {status} | {name} [m] | {cells} | {rate} |", flush=True)
+                by_lead = {lead: np.concatenate(total[status, lead], axis=1) for lead in LEADS if total[status, lead]}
+                number = max(values.shape[1] for values in by_lead.values())
+                for place, name in enumerate(("along", "across")):
+                    rms = {lead: float(np.sqrt(np.mean(values[place] ** 2))) for lead, values in by_lead.items()}
+                    most = {lead: float(np.quantile(abs(values[place]), SHARE)) for lead, values in by_lead.items()}
+                    for measure, found, rate in (("RMS", rms, ""), ("68 %", most, f"{growth(most, sigma):.2f}")):
+                        cells = " | ".join(f"{found[lead]:.2f}" if lead in found else "" for lead in LEADS)
+                        head = f"| {planner} | {number} {status} | {name} [m] | {measure}"
+                        print(f"{head} | {cells} | {rate} |", flush=True)
 
 
 if __name__ == "__main__":
