@@ -242,8 +242,9 @@ impl Network {
     }
 
     fn planned(&self, scene: &Scene, message: &Arc<Message>, seen: Option<usize>) -> Option<(Extra, Filling)> {
-        let Body::Mcm { status, spacing, points, .. } = &message.body else { return None };
-        if ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
+        let Body::Mcm { status, is_emergency, spacing, points, .. } = &message.body else { return None };
+        // The next plan of an emergency is another one: it says no more than a short plan.
+        if *is_emergency || ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
             return None;
         }
         let age = (scene.time_step - message.time_step) as f64 * self.dt;

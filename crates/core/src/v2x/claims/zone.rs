@@ -174,6 +174,7 @@ mod tests {
             ours: nowhere,
             theirs: nowhere,
             claim: None,
+            is_passed: false,
         };
         let mut zones = [(20.0, 24.0), (50.0, 55.0), (10.0, 22.0), (30.0, 32.0)].map(zone);
         join(&mut zones, 7.0);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::predict::{Predictor, Spread};
-use crate::trajectory::Predictions;
+use crate::trajectory::{PlanStatus, Predictions};
 use crate::v2x::{Expectations, Known, V2xSettings, Via};
 
 const DT: f64 = 0.1;
@@ -26,12 +26,19 @@ fn drive(from: State, acceleration: f64, seconds: f64) -> Vec<State> {
 
 /// One step in which agents follow these plans from now on; all others stay at their speeds.
 fn follow(world: &mut World, given: &[(i64, Vec<State>)]) {
+    follow_as(world, given, PlanStatus::Planned);
+}
+
+/// The same with plans of a status.
+fn follow_as(world: &mut World, given: &[(i64, Vec<State>)], status: PlanStatus) {
     let mut plans = Plans::none(world.time_step(), world.driving(), 31);
     for id in world.driving() {
         let now = state(world, id).expect("a driving agent is present");
         let plan =
             given.iter().find(|(agent, _)| *agent == id).map_or_else(|| drive(now, 0.0, 3.0), |(_, plan)| plan.clone());
         plans.set_row(id, &plan).expect("it drives");
+        let row = plans.ids.binary_search(&id).expect("it drives");
+        plans.status[row] = status;
     }
     world.step(&plans).expect("plans of all driving agents");
 }
@@ -91,6 +98,19 @@ fn a_plan_counts_for_as_long_as_its_sender_follows_it() {
         let known = of(&found, 1, 2).expect("in sight");
         assert_eq!(known.age > 0.0, follows, "{aside} m");
         assert_eq!(known.row == 1, !follows, "otherwise the row of the predictor");
+    }
+}
+
+#[test]
+fn the_plan_of_an_emergency_is_not_expected_to_be_followed() {
+    for (status, counts) in [(PlanStatus::Planned, true), (PlanStatus::EmergencyBraking, false)] {
+        let follower = agent(1, at(10.0, 0.0, 10.0), vec![far()]);
+        let leader = agent(2, at(60.0, 0.0, 10.0), vec![far()]);
+        let mut world = connected(vec![follower, leader], &[], V2xSettings::default());
+        follow_as(&mut world, &[(2, drive(at(60.0, 0.0, 10.0), -6.0, 4.0))], status);
+        let (_, found) = expected(&world);
+        let known = of(&found, 1, 2).expect("in sight");
+        assert_eq!(known.row != 1, counts, "{status:?}: a row of its own");
     }
 }
 
