@@ -2,10 +2,10 @@
 
     python benchmarks/plan_spread.py [FOLDER] [--planners frenet,idm] [--predictor neural]
 
-Drives every scenario of a folder (that of INTERDRIVE_SCENARIOS) with all agents and prints Markdown: root mean squares
-of driven - planned position along and across the planned heading, by planner and time after the plan, for ordinary plans
-and for those of emergencies, and the distance that 68 % of the plans keep (one standard deviation if they were normally
-distributed); for the latter the least rate with which `v2x.plan_sigma` and rate x time cover it.
+Drives every scenario of a folder (that of INTERDRIVE_SCENARIOS) with all agents and prints Markdown, for ordinary plans
+and for those of emergencies: root mean squares of driven - planned position along and across the planned heading, by
+planner and time after the plan; the distance that 68 % of the plans keep (one standard deviation if they were normally
+distributed); and the least rate with which `v2x.plan_sigma` and rate x time cover that.
 """
 
 from __future__ import annotations

@@ -79,6 +79,23 @@ def test_the_run_folder_has_messages_and_totals(tmp_path):
     assert set(under_way.tolist()) == {1, 2}
 
 
+def test_recorded_predictions_have_the_received_plans_with_sender_and_age(tmp_path):
+    settings = {"v2x.penetration": 1.0, "v2x.delay": 0.3, "record.predictions": True, "step.max_steps": 12}
+    run = load(save(simulate("t_junction", agents=[2001, 1001], settings=settings, threads=1), tmp_path / "run"))
+    found, plans = run.predictions, run.plans
+    assert found is not None
+    told = np.flatnonzero(found.sender_id >= 0)
+    assert set(found.sender_id[told].tolist()) == {1001, 2001}
+    np.testing.assert_array_equal(found.participant_id[told], found.sender_id[told])
+    np.testing.assert_allclose(found.age[told], 0.3)
+    assert np.isnan(found.age[found.sender_id < 0]).all() and (found.sender_id < 0).any(), "the predictor's rows"
+    row = told[-1]
+    plan = np.flatnonzero((plans.agent_id == found.sender_id[row]) & (plans.time_step == found.time_step[row] - 3))[0]
+    # Two seconds from now are 2.3 s after the plan.
+    ahead = found.point.tolist().index(20)
+    assert np.hypot(found.x[row, ahead] - plans.x[plan, 23], found.y[row, ahead] - plans.y[plan, 23]) < 0.05
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_nothing_leaks_from_an_agent_that_is_neither_seen_nor_heard(seed):
     # 100 sees 40 m and hears 60 m far; 1 is farther away all the time, 50 is heard.

@@ -44,6 +44,10 @@ pub struct Extra {
     pub shape: Shape,
     /// Never moves.
     pub is_static: bool,
+    /// The agent that told it, or that holds before it.
+    pub sender: i64,
+    /// Age of what was told [s].
+    pub age: f64,
 }
 
 /// What all agents expect and know at a time step.
@@ -208,7 +212,8 @@ impl Network {
             let state = State { x: position.x, y: position.y, orientation, ..State::default() };
             let shape = Shape::rectangle(bar.extent.0, bar.extent.1);
             let kind = ParticipantKind::ConstructionZone;
-            more.extras.push(Extra { id: BAR, kind, state, shape, is_static: bar.release.is_infinite() });
+            let is_static = bar.release.is_infinite();
+            more.extras.push(Extra { id: BAR, kind, state, shape, is_static, sender: observer.id, age: 0.0 });
             more.fillings.push(Filling::Bar(bar.release));
             known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
         }
@@ -268,7 +273,8 @@ impl Network {
             state = now;
         }
         let shape = Shape::rectangle(status.length, status.width);
-        let extra = Extra { id: message.sender, kind: status.kind, state, shape, is_static: false };
+        let (id, kind) = (message.sender, status.kind);
+        let extra = Extra { id, kind, state, shape, is_static: false, sender: id, age };
         Some((extra, Filling::Plan(Arc::clone(message), age, off)))
     }
 
@@ -279,7 +285,7 @@ impl Network {
             let Object { id, status, is_static } = *object;
             let state = if is_static { status.state } else { moved(&status, age) };
             let shape = Shape::rectangle(status.length, status.width);
-            more.extras.push(Extra { id, kind: status.kind, state, shape, is_static });
+            more.extras.push(Extra { id, kind: status.kind, state, shape, is_static, sender, age });
             more.fillings.push(Filling::Told(age, is_static));
             more.extras.len() - 1
         })

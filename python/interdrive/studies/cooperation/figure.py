@@ -28,7 +28,8 @@ _MEASURES = (
 def cooperation_figure(study: CooperationStudy) -> Figure:
     """Goals in time, time lost and least time to collision, 180 mm wide.
 
-    They are drawn over penetration, delay and loss, and with occlusion over penetration, by what is sent. Means with 95 % intervals over scenarios, as differences to runs without V2X; medians of the time to collision.
+    They are drawn over penetration, delay and loss, and with occlusion over penetration, by what is sent. Means with
+    95 % intervals over scenarios, as differences to runs without V2X; medians of the time to collision.
     """
     every: list[dict[str, Any]] = summary_table(study).to_pylist()
     rows = [row for row in every if not row["occlusion"]]
