@@ -168,6 +168,26 @@ fn what_another_one_sees_is_known_a_step_later_and_forgotten_when_it_has_left() 
 }
 
 #[test]
+fn what_has_left_is_not_known_any_more_once_the_place_is_seen() {
+    // As before, but the truck leaves with the car: then agent 1 sees that nothing is there.
+    let view = ViewLimits { occlusion: true, ..ViewLimits::default() };
+    let observer = Agent { view, ..agent(1, at(10.0, 0.0, 5.0), vec![far()]) };
+    let witness = Agent { view, ..agent(2, at(60.0, 3.5, 5.0), vec![far()]) };
+    let until_20 = |x: f64| move |k: i32| (k < 20).then(|| at(x + 0.5 * f64::from(k), 0.0, 5.0));
+    let car = Recorded::moving(3, (0..60).map(until_20(45.0)));
+    let truck = Recorded::moving(4, (0..60).map(until_20(30.0)));
+    let mut world =
+        connected(vec![observer, witness], &[car, truck], V2xSettings { cpm: true, ..V2xSettings::default() });
+    let knows = |world: &World| of(&expected(world).1, 1, 3).is_some();
+    while world.time_step() < 19 {
+        follow(&mut world, &[]);
+    }
+    assert!(knows(&world));
+    follow(&mut world, &[]);
+    assert!(!knows(&world), "at once, not 1.5 s later");
+}
+
+#[test]
 fn what_was_not_sent_or_was_lost_is_not_known() {
     for (is_equipped, loss) in [(false, 0.0), (true, 1.0)] {
         let mut world = hidden_car(is_equipped, loss);
