@@ -17,7 +17,7 @@ AGREEING = {"v2x__penetration": 1.0, "v2x__negotiate": True}
 
 
 class Waiting:
-    """Keeps its speed, or brakes before the bar of which it knows."""
+    """Drives at 7 m/s, or brakes before the bar of which it knows."""
 
     def plan(self, view, predictions):
         ego, dt = view.ego, view.dt
@@ -29,7 +29,7 @@ class Waiting:
         for _ in range(31):
             points.append((x, ego.y, ego.orientation, v))
             brake = min(6.0, v**2 / (2.0 * max(room - (x - ego.x), 0.05))) if room < 1.2 * v**2 / 6.0 + 1.0 else 0.0
-            after = max(0.0, v - brake * dt)
+            after = max(0.0, v - brake * dt) if brake else min(7.0, v + 1.5 * dt)
             x, v = x + 0.5 * (v + after) * dt, after
         return Trajectory(*np.array(points).T)
 
@@ -202,20 +202,31 @@ def test_a_zip_of_five_and_five_needs_no_agreement():
     assert np.mean(list(ends(after).values())) <= np.mean(list(ends(before).values())) + 0.5, "time steps of 0.1 s"
 
 
-@pytest.mark.parametrize("planner", ["idm", "frenet", Waiting])
-def test_an_agent_without_room_behind_the_crossing_leaves_it_to_others(planner):
-    scenario = two_roads(ways=(30.0, 36.0), cars=[Car(9, x=6.0)])
-    scenario = replace(scenario, priorities=Priorities(priority_side="none"))
-    run, agreements = drive(scenario, {1: planner, 2: "idm"}, **AGREEING)
+#: Agent 1 has no room behind the crossing, where a car stands; agent 2 comes from the side.
+NO_ROOM = replace(two_roads(ways=(30.0, 36.0), cars=[Car(9, x=6.0)]), priorities=Priorities(priority_side="none"))
+
+
+def waits_at(run):
+    """How far the front of agent 1 is before the road that agent 2 needs, when that has crossed it [m]."""
     states, (first, second) = run.states, np.flatnonzero(run.states.is_agent)
     crossed = int(np.argmax(states.y[second] > 3.0))
     assert 0 < crossed < 250, "the other one crosses while the car stands there"
     front = np.max(states.x[first, :crossed]) + 0.5 * states.length[first]
-    # Both corridors are wider than the vehicles by 0.25 m to each side; the bar is 1 m before the zone.
-    zone = -(0.5 * states.width[second] + 0.5)
-    assert zone - 6.0 < front < zone - 0.7, "it waits a little before the crossing until then"
+    return -(0.5 * states.width[second] + 0.5) - front
+
+
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+def test_an_agent_without_room_behind_the_crossing_leaves_it_to_others(planner):
+    run, agreements = drive(NO_ROOM, {1: planner, 2: "idm"}, **AGREEING)
+    assert 0.7 < waits_at(run) < 3.0, "it waits a little before the crossing"
     assert set(run.outcomes.outcome) == {"goal_reached"}
     assert (1, -1) in held(agreements), "because of the exit, not of another agent"
+
+
+def test_a_planner_in_python_sees_a_bar_where_native_ones_are_told_to_hold():
+    run, agreements = drive(NO_ROOM, {1: Waiting, 2: "idm"}, **AGREEING, step__max_steps=165)
+    assert (1, -1) in held(agreements)
+    assert 0.7 < waits_at(run) < 3.0
 
 
 def test_the_same_bits_for_any_number_of_threads_with_all_services_and_a_poor_channel():
