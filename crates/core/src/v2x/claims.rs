@@ -127,8 +127,8 @@ impl Standpoint {
     ) {
         let Situation { now, dt, .. } = *situation;
         let yielded = std::mem::take(&mut self.yields_to);
+        let has_held = self.bar.take().is_some();
         self.passes.clear();
-        self.bar = None;
         self.is_ordered = agent.is_ordered;
         self.areas.clear();
         self.areas.extend(agent.areas(situation));
@@ -178,7 +178,7 @@ impl Standpoint {
         self.claim = self.claimed.filter(|_| agent.line >= begin || !self.passes.is_empty()).map(claim);
         let first = self.first(agent, &zones, inbox, &yielded, situation.first);
         self.yields_to.extend(first.iter().map(|zone| zone.id));
-        let contested = first.iter().filter(|zone| zone.is_contested() && !self.passes.contains(&zone.id));
+        let contested = first.iter().filter(|zone| zone.is_contested(has_held) && !self.passes.contains(&zone.id));
         let mut stop = Stop::soonest(agent, contested);
         let ahead = zones.iter().map(|zone| zone.passage).filter(|passage| !is_passed(passage.0));
         if let Some((mouth, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))

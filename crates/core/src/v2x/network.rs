@@ -112,7 +112,6 @@ impl Network {
     pub(crate) fn negotiate(&mut self, now: i64, agents: &[Negotiator<'_>], around: &dyn Fn(usize) -> Vec<Neighbour>) {
         let Self { settings, dt, inboxes, standpoints, agreements, first, .. } = self;
         let situation = Situation { now, dt: *dt, settings, first };
-        standpoints.iter_mut().for_each(|standpoint| standpoint.bar = None);
         for (i, agent) in agents.iter().enumerate() {
             let inbox = &inboxes[agent.place];
             standpoints[agent.place].renew(agent, inbox, &situation, &|| around(i), agreements);

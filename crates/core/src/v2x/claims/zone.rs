@@ -6,7 +6,7 @@ use super::order::common;
 use super::overlap::{Overlap, Own, Theirs};
 use super::{CLAIM_DISTANCE, DECELERATION, Negotiator, ROOM, Situation, plans};
 use crate::geometry::Point;
-use crate::rules::{EARLY, LATE, travel_time};
+use crate::rules::{EARLY, LATE, STICKY_LAG, STICKY_LEAD, travel_time};
 use crate::v2x::inbox::Inbox;
 use crate::v2x::message::{Body, Claim, PlanPoint};
 use crate::v2x::trigger::interpolated;
@@ -37,9 +37,10 @@ pub(super) struct Zone {
 }
 
 impl Zone {
-    /// Both would be in it at the same time, or nearly.
-    pub(super) fn is_contested(&self) -> bool {
-        self.ours.enter < self.theirs.leave + LAG && self.theirs.enter < self.ours.leave + LEAD
+    /// Both would be in it at the same time, or nearly. An agent that has not held goes on with smaller gaps.
+    pub(super) fn is_contested(&self, has_held: bool) -> bool {
+        let (lead, lag) = if has_held { (LEAD, LAG) } else { (LEAD - STICKY_LEAD, LAG - STICKY_LAG) };
+        self.ours.enter < self.theirs.leave + lag && self.theirs.enter < self.ours.leave + lead
     }
 
     /// How much later the agent has to come [s]; infinite if it is open when the other one goes.
@@ -184,13 +185,15 @@ mod tests {
     #[test]
     fn a_zone_is_contested_unless_one_leaves_it_before_the_other_enters() {
         let ours = Window { enter: 2.0, leave: 3.0 };
-        let contested = |enter, leave| {
+        let contested = |enter, leave, has_held| {
             let theirs = Window { enter, leave };
-            Zone { id: 1, begin: 0.0, end: 1.0, passage: (0.0, 1.0), ours, theirs, claim: None, is_passed: false }
-                .is_contested()
+            let passage = (0.0, 1.0);
+            Zone { id: 1, begin: 0.0, end: 1.0, passage, ours, theirs, claim: None, is_passed: false }
+                .is_contested(has_held)
         };
-        assert!(contested(2.5, 4.0) && contested(0.0, 9.0));
-        assert!(contested(3.4, 5.0) && !contested(3.6, 5.0), "it has left so long before");
-        assert!(contested(0.0, 1.8) && !contested(0.0, 1.6), "it arrives so long after");
+        assert!(contested(2.5, 4.0, true) && contested(0.0, 9.0, true));
+        assert!(contested(3.4, 5.0, true) && !contested(3.6, 5.0, true), "it has left so long before");
+        assert!(contested(0.0, 1.8, true) && !contested(0.0, 1.6, true), "it arrives so long after");
+        assert!(!contested(3.4, 5.0, false) && !contested(0.0, 1.8, false), "it goes on");
     }
 }
