@@ -131,6 +131,24 @@ def test_no_claim_of_a_side_road_goes_before_one_of_the_main_road(seed):
     assert (2, 1) not in held(agreements)
 
 
+@pytest.mark.parametrize("ordered", [(1, 2), (1,)])
+def test_where_both_agents_enter_on_orders_these_decide_and_otherwise_the_claims(ordered):
+    # Without priorities agent 2 comes from the right, so it goes first either way.
+    simulation = Simulation(
+        two_roads(ways=(30.0, 36.0)),
+        planner="idm",
+        predictor="lane_following",
+        rules={agent: {"precedence": agent in ordered} for agent in (1, 2)},
+        settings={"step.max_steps": 500, "v2x.penetration": 1.0, "v2x.negotiate": True, "record.orders": True},
+        threads=1,
+    )
+    run = simulation.run()
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert min(ends(run), key=ends(run).get) == 2
+    assert run.orders is not None and 1 in run.orders.agent_id, "agent 1 is told to wait"
+    assert held(simulation.world.agreements()) == (set() if ordered == (1, 2) else {(1, 2)})
+
+
 @pytest.mark.parametrize("meeting", [four_arms, three_left_turns, narrow_street])
 def test_agreements_do_not_contradict_the_orders_at_junctions(meeting):
     run, _ = drive(meeting(), "idm", **AGREEING, rules__precedence=True)
