@@ -90,6 +90,6 @@ def _table(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
         lines.append(
             f"| {100 * row['penetration']:.0f} % | {' | '.join(of[name] for name in columns)} |"
             f" {100 * row['reached']:.1f} % | {'' if is_base else change} |"
-            f" {'' if is_base else lost} | {row['collisions']:g} | {ttc} | {row['deadlocks']:g} |"
+            f" {'' if is_base else lost} | {round(row['collisions'], 2):g} | {ttc} | {round(row['deadlocks'], 2):g} |"
         )
     return "\n".join(lines) + "\n"
