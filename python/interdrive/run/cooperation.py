@@ -60,7 +60,7 @@ def cooperation_notes(settings: V2xSettings, equipped: Sequence[int], plans: Pla
     for agent in equipped if settings.mcm else ():
         longest = dt * (int(lengths[plans.agent_id == agent].max(initial=0)) - 1)
         told = int(longest / settings.plan_spacing + 1e-9) * settings.plan_spacing
-        if 0.0 <= longest and told < _SHORTEST_PLAN - 1e-9:
+        if longest >= 0.0 and told < _SHORTEST_PLAN - 1e-9:
             notes.append(f"agent {agent}: its plans are shorter than {_SHORTEST_PLAN:g} s, so others do not use them")
     return notes
 
