@@ -23,7 +23,7 @@ from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
-from interdrive.run.cooperation import PlanAges, agreements_of, messages_of
+from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import reasons
@@ -310,18 +310,20 @@ class Simulation:
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
+        plans = Plans(**self.world.plans())
         run = Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
             outcomes=outcomes,
             states=states,
-            plans=Plans(**self.world.plans()),
+            plans=plans,
             timings=timings_of(self._timings),
             notes=(
                 *self._ended_early(outcomes),
                 *self._notes,
                 *self._planner_notes,
+                *cooperation_notes(self.settings.v2x, self.world.equipped, plans, self.scenario.dt),
                 *(
                     f"{a} and {b} overlap when they enter: their contact counts only after they have separated"
                     for a, b in self._touching

@@ -7,8 +7,10 @@ mod components;
 mod course;
 mod meeting;
 
+pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
 pub use course::Course;
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
+pub(crate) use meeting::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;
 

@@ -184,6 +184,23 @@ impl PyPredictions {
         (arrays::row(py, ages), told.map_or(0, |told| told.known.values().map(Vec::len).sum()))
     }
 
+    /// What was received, each once for all that received it: its rows, sorted by id, sender and age, ids of the senders,
+    /// and ages [s]; bars are left out.
+    fn received<'py>(&self, py: Python<'py>) -> Option<(Self, Row<'py, i64>, Row<'py, f64>)> {
+        let told = self.told.as_deref()?;
+        let mut order: Vec<usize> = (0..told.extras.len()).filter(|i| told.extras[*i].id >= 0).collect();
+        order.sort_by(|a, b| {
+            let (a, b) = (&told.extras[*a], &told.extras[*b]);
+            (a.id, a.sender).cmp(&(b.id, b.sender)).then(a.age.total_cmp(&b.age))
+        });
+        // Who sees the sender expects it a little elsewhere than who does not.
+        order.dedup_by_key(|i| (told.extras[*i].id, told.extras[*i].sender, told.extras[*i].age.to_bits()));
+        let senders = order.iter().map(|i| told.extras[*i].sender).collect();
+        let ages = order.iter().map(|i| told.extras[*i].age).collect();
+        let rows = order.iter().map(|i| told.n_present() + i).collect();
+        Some((Self::rows_told(told, rows), arrays::row(py, senders), arrays::row(py, ages)))
+    }
+
     /// For other processes.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, this) = (slf.py(), slf.get());

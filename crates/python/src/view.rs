@@ -300,8 +300,8 @@ getters! { PyEgo {
     };
     /// Arc length of the rear axle on the reference path [m].
     s: f64 = |this| this.view.get().progress.s;
-    /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign or others
-    /// at a junction; infinite without one.
+    /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign, others
+    /// at a junction or an agreement by V2X; infinite without one.
     stop_s: f64 = |this| this.view.get().progress.stop_s;
     /// For how long it must not [s]; infinite: until it is told otherwise.
     stop_release: f64 = |this| this.view.get().progress.stop_release;

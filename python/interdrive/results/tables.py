@@ -130,10 +130,11 @@ def predictions_table(run: RunRecord) -> pa.Table | None:
     if found is None:
         return None
     points = len(found.point)
-    names = ("time_step", "participant_id", "mode", "probability")
+    names = ("time_step", "participant_id", "age", "mode", "probability")
     return _table(
         "predictions",
         **{name: np.repeat(getattr(found, name), points) for name in names},
+        sender_id=np.ma.masked_equal(np.repeat(found.sender_id, points), -1),
         point=np.tile(found.point, len(found.time_step)),
         x=found.x.ravel(),
         y=found.y.ravel(),

@@ -21,8 +21,8 @@ const TICKET_REACH: f64 = 5.0;
 const STICKY_REACH: f64 = 10.0;
 const BRAKING: f64 = 3.0;
 /// An agent that was granted passage keeps it with gaps that are smaller by this [s].
-const STICKY_LEAD: f64 = 0.3;
-const STICKY_LAG: f64 = 0.15;
+pub(crate) const STICKY_LEAD: f64 = 0.3;
+pub(crate) const STICKY_LAG: f64 = 0.15;
 /// Room that is left behind a passage beside the length of the vehicle [m]; the last vehicle ahead brakes so hard [m/s²].
 const ROOM: f64 = 1.0;
 const LEADER_BRAKING: f64 = 2.0;

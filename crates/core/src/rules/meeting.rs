@@ -5,8 +5,8 @@ use super::course::{Course, Crossed, MARGIN, Passage};
 use crate::junctions::Junctions;
 
 /// Accelerations of an early entry and of a late exit [m/s²], and the share of the speed there.
-const EARLY: f64 = 2.0;
-const LATE: f64 = 1.5;
+pub(crate) const EARLY: f64 = 2.0;
+pub(crate) const LATE: f64 = 1.5;
 const SLOW: f64 = 0.9;
 /// An agent that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
@@ -139,7 +139,7 @@ pub struct Meeting<'a> {
 }
 
 /// Time for a distance [m] from a speed [m/s], with an acceleration [m/s²] up to a largest speed [m/s].
-fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
+pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
     if distance <= 0.0 {
         return 0.0;
     }
