@@ -1,5 +1,5 @@
-//! The plan of before as one more sample: what was found good a moment ago should not be lost because the grid of
-//! samples has moved on. It is tested like all others.
+//! Trajectories that are samples as a whole, beside the grid, and are tested like all others. One is the plan of before:
+//! what was found good a moment ago should not be lost because the grid has moved on. Others are steered (`steered`).
 
 use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
@@ -17,25 +17,52 @@ const VELOCITY_TOLERANCE: f64 = 0.1;
 /// The foot of a point is searched this far around the expected place [m].
 const SEARCH_WINDOW: f64 = 3.0;
 
-/// The shifted old plan with its costs; the memory is reused.
+/// A trajectory that is a sample of its own; the memory is reused.
 #[derive(Debug, Clone, Default)]
-pub(super) struct WarmStart {
+pub(super) struct Whole {
     pub(super) points: Vec<Waypoint>,
     pub(super) motions: Vec<FrenetMotion>,
     /// Terms of the cost: velocity offset, lateral offset, lateral and longitudinal jerk.
     pub(super) terms: [f64; N_TABLE_TERMS],
     /// Weighted sum of the terms.
     pub(super) total: f64,
-    is_valid: bool,
 }
 
-impl WarmStart {
-    /// It can be driven on from here.
-    pub(super) fn is_valid(&self) -> bool {
-        self.is_valid
+/// All of them; the memory is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Wholes {
+    wholes: Vec<Whole>,
+    len: usize,
+}
+
+impl std::ops::Deref for Wholes {
+    type Target = [Whole];
+
+    fn deref(&self) -> &[Whole] {
+        &self.wholes[..self.len]
+    }
+}
+
+impl Wholes {
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
     }
 
-    /// Shifts the request's previous plan to now; it is not valid if it passes a stop line. Beyond its end it goes on with its last speed and curvature.
+    /// One more, which holds what was there before.
+    pub(super) fn push(&mut self) -> &mut Whole {
+        if self.len == self.wholes.len() {
+            self.wholes.push(Whole::default());
+        }
+        self.len += 1;
+        &mut self.wholes[self.len - 1]
+    }
+
+    pub(super) fn pop(&mut self) {
+        self.len -= 1;
+    }
+
+    /// Begins anew with the request's previous plan, shifted to now, unless it passes a stop line or cannot be driven on
+    /// from here. Beyond its end it goes on with its last speed and curvature.
     pub(super) fn shift(
         &mut self,
         request: &PlanRequest,
@@ -44,12 +71,17 @@ impl WarmStart {
         targets: &Targets,
         weights: &CostWeights,
     ) {
-        self.is_valid = self.convert(request, start, limits).is_some_and(|s| s <= targets.s_max.min(targets.gate.0));
-        if self.is_valid {
-            self.sum_up(limits, targets, weights);
+        self.clear();
+        let whole = self.push();
+        if whole.convert(request, start, limits).is_some_and(|s| s <= targets.s_max.min(targets.gate.0)) {
+            whole.sum_up(limits, targets, weights);
+        } else {
+            self.pop();
         }
     }
+}
 
+impl Whole {
     fn convert(&mut self, request: &PlanRequest, start: &Start, limits: &Limits) -> Option<f64> {
         self.points.clear();
         self.motions.clear();
@@ -106,7 +138,7 @@ impl WarmStart {
     }
 
     /// Accelerations and jerks are differences of the speeds.
-    fn sum_up(&mut self, limits: &Limits, targets: &Targets, weights: &CostWeights) {
+    pub(super) fn sum_up(&mut self, limits: &Limits, targets: &Targets, weights: &CostWeights) {
         let n = self.points.len();
         for i in 0..n {
             let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
