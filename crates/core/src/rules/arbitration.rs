@@ -29,6 +29,8 @@ const LEADER_BRAKING: f64 = 2.0;
 /// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s].
 const FOLLOWING: f64 = 2.0;
 const FOLLOWING_TIME: f64 = 1.0;
+/// One that comes second to a merge brakes so gently for a slower one ahead [m/s²].
+const CATCHING_UP: f64 = 2.0;
 /// One that moves slower than this blocks its lane [m/s].
 const BLOCKING: f64 = 1.0;
 /// Width of vehicles that do not obey [m].
@@ -60,6 +62,17 @@ struct Answer {
 
 impl Answer {
     const GO: Self = Self { kind: OrderKind::Go, by: None, delay: 0.0 };
+}
+
+/// The speed of a traveller [m/s], or that of its passage through an area if that is less.
+fn slowed(traveller: &Traveller<'_>, area: usize, velocity: f64) -> f64 {
+    let leads_over = |passage: &&Passage| passage.areas.iter().any(|crossed| crossed.area == area);
+    traveller.course.passages.iter().find(leads_over).map_or(velocity, |passage| velocity.min(passage.speed))
+}
+
+/// Time that a vehicle loses [s] by braking from its speed to that of a slower one ahead [m/s].
+fn catching_up(ahead: f64, velocity: f64) -> f64 {
+    if velocity > ahead { 0.5 * (velocity - ahead).powi(2) / (CATCHING_UP * velocity) } else { 0.0 }
 }
 
 impl Meeting<'_> {
@@ -326,11 +339,14 @@ impl Meeting<'_> {
         if area.kind == AreaKind::Opposed && !conflict(self.junctions, mine.area, traveller.width + width) {
             return 0.0;
         }
+        let [velocity, their_velocity] = [mine, theirs].map(|booking| self.bodies[booking.body].velocity);
+        let merges = area.kind == AreaKind::Merge;
+        let lead =
+            if merges { lead + catching_up(slowed(traveller, mine.area, velocity), their_velocity) } else { lead };
         if mine.leave + lead <= theirs.enter || mine.enter >= theirs.leave + lag {
             return 0.0;
         }
-        let velocity = |booking: &Booking| self.bodies[booking.body].velocity;
-        if area.kind == AreaKind::Merge && velocity(mine) > FOLLOWING && velocity(theirs) > FOLLOWING {
+        if merges && velocity > FOLLOWING && their_velocity > FOLLOWING {
             return (theirs.enter + FOLLOWING_TIME - mine.enter).max(0.0);
         }
         theirs.leave + lag - mine.enter
