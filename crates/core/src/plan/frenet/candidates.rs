@@ -4,6 +4,8 @@ use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
 use super::search::SearchSpace;
 use super::settings::N_TERMS;
+use super::{Bar, length};
+use crate::geometry::Point;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
 /// lateral position), then stops, then braking, then the shifted previous plan, if there is one, then steered samples.
@@ -66,6 +68,13 @@ impl Candidates {
         let admissible = (0..self.len()).filter(|i| self.rejection[*i] == Rejection::Admissible).filter(counts);
         // The first of equals.
         self.chosen = admissible.min_by(|a, b| self.cost[*a].total_cmp(&self.cost[*b]));
+    }
+
+    /// What a plan must beat that replaces a sample.
+    pub(super) fn bar(&self, sample: usize) -> Bar {
+        let points = sample * self.n_points..(sample + 1) * self.n_points;
+        let centers = points.map(|i| Point { x: self.x[i], y: self.y[i] });
+        Bar { cost: self.cost[sample], velocity: self.last_velocity[sample], distance: length(centers) }
     }
 
     /// Evaluates all samples to the end.
