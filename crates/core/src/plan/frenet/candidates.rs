@@ -34,6 +34,8 @@ pub struct Candidates {
     pub end_offset: Vec<f64>,
     /// Speed at the end of the horizon [m/s].
     pub last_velocity: Vec<f64>,
+    /// How many of them are steered, the last ones.
+    pub n_steered: usize,
     /// The chosen sample; `None` if none is admissible.
     pub chosen: Option<usize>,
     /// Desired speed [m/s].
@@ -104,8 +106,9 @@ impl Candidates {
         out
     }
 
-    /// Adds the samples of another evaluation of the same request; its choice counts if there is one.
-    pub(super) fn add(&mut self, mut others: Self) {
+    /// Adds the steered samples of the same request; their choice counts if there is one.
+    pub(super) fn add_steered(&mut self, mut others: Self) {
+        self.n_steered = others.len();
         self.chosen = others.chosen.map(|i| self.len() + i).or(self.chosen);
         let pairs = [
             (&mut self.x, &mut others.x),

@@ -168,7 +168,7 @@ fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f
     for i in 1..n_points {
         let [distance, speed, acceleration, _] = braking.at(i as f64 * request.dt);
         let travel = direction * (distance - driven);
-        let next = turned(vehicle, curvature, wanted(axle, heading, driven, speed), speed, request.dt);
+        let next = turned(vehicle, curvature, wanted(axle, heading, driven, speed), (speed, acceleration), request.dt);
         let turn = 0.5 * (curvature + next) * travel;
         axle = axle + Point::from_angle(heading + 0.5 * turn) * travel;
         (heading, curvature, driven) = (heading + turn, next, distance);
@@ -180,10 +180,12 @@ fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f
     points
 }
 
-/// Curvature after `dt` [s] if the wheels turn from one towards another, within the limits of steering and tyres.
-fn turned(vehicle: &Vehicle, from: f64, wanted: f64, velocity: f64, dt: f64) -> f64 {
+/// Curvature after `dt` [s] if the wheels turn from one towards another at a speed [m/s] and an acceleration [m/s²], within
+/// the limits of steering and tyres.
+fn turned(vehicle: &Vehicle, from: f64, wanted: f64, (velocity, acceleration): (f64, f64), dt: f64) -> f64 {
     let angle = |curvature: f64| (vehicle.wheelbase * curvature).atan();
-    let limit = vehicle.curvature_max().min(vehicle.lateral_acceleration_max / velocity.powi(2).max(1e-6));
+    let held = vehicle.lateral_acceleration_beside(acceleration) / velocity.powi(2).max(1e-6);
+    let limit = vehicle.curvature_max().min(held);
     let (now, reach) = (angle(from), vehicle.steering_rate_max * dt);
     angle(wanted.clamp(-limit, limit)).clamp(now - reach, now + reach).tan() / vehicle.wheelbase
 }

@@ -92,11 +92,12 @@ fn steer(
     for i in 0..limits.n_points {
         let rest = excess * (1.0 - i as f64 / (limits.n_points - 1) as f64);
         let speed = motion.s_dot[i] * (1.0 + rest);
+        let acceleration = motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon();
         if i > 0 {
             let ahead = path.curvature_at(s + before * preview);
             let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
             let wanted = corrected(ahead, d - targets.offset, heading - at.theta, distance);
-            let mut next = limits.turned(curvature, wanted, speed.max(before), SHARE);
+            let mut next = limits.turned(curvature, wanted, (speed.max(before), acceleration), SHARE);
             if i == 1 && start.steers_freely() {
                 // Wheels of a standing vehicle turn before it drives off.
                 next = limits.freely_turned(wanted);
@@ -123,7 +124,7 @@ fn steer(
             tan_offset: sin / cos,
             curvature,
             velocity: speed,
-            acceleration: motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon(),
+            acceleration,
             d,
         });
         before = speed;
