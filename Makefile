@@ -139,7 +139,7 @@ performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/r
 	if [ -n "$(PEER)" ]; then $(BIN)/python benchmarks/peers/handler.py $(PEER) > out/handler.md; fi
 	$(BIN)/python benchmarks/targets.py out/study_runtime --memory --document
 
-cooperation: $(VENV)/.optimised ## the study of docs/concepts/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
+cooperation: $(VENV)/.optimised ## the study of docs/research/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
 	$(BIN)/interdrive study cooperation --seeds 3 --out out/study_cooperation --overwrite
 
 driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/research/driving.md

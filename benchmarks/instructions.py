@@ -24,9 +24,18 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 STORED = Path(__file__).with_suffix(".json")
 #: Hot paths of crates/core/benches/instructions.rs, and how often each is done.
-PATHS = {"plan": 4, "predict_lane_following": 10, "predict_neural": 2, "contacts": 20, "step": 5, "step_v2x": 5}
-#: A path may need so many times the instructions of another one.
-RATIOS = {("step_v2x", "step"): 1.05}
+PATHS = {
+    "plan": 4,
+    "predict_lane_following": 10,
+    "predict_neural": 2,
+    "contacts": 20,
+    "step": 5,
+    "step_messages": 5,
+    "step_v2x": 5,
+}
+#: A path may need so many times the instructions of another one. Agents drive alike in these two; with claims they
+#: drive otherwise, so what claims cost shows in the count of `step_v2x` alone.
+RATIOS = {("step_messages", "step"): 1.03}
 #: Counts may be larger by this share; idle threads and the order of memory make a difference of about 0.1 %.
 TOLERANCE, TOLERANCE_OTHER_RUSTC = 0.03, 0.15
 

@@ -1,4 +1,4 @@
-"""How far agents drive from what they planned, see docs/cooperation.md: the spread of plans that others receive.
+"""How far agents drive from their plans, see docs/research/cooperation.md: the spread of plans that others receive.
 
     python benchmarks/plan_spread.py [FOLDER] [--planners frenet,idm] [--predictor neural]
 

@@ -396,10 +396,10 @@ class V2xSettings:
         loss: Probability that a receiver within range loses a message. Between 0 and 1.
         range: Range of the radio. Positive and at most 1000000.
         fading: Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
-        negotiate: Agents whose ways cross agree about the one that goes first.
+        negotiate: Agents whose ways cross agree which goes first.
         hold_margin: Distance that an agent that yields keeps to the road that both need. Between 0.3 and 5.
         mcm_interval: Time between two messages with the plan, unless the plan changes. Positive and at most 10.
-        max_bytes: Largest message; plans and lists of objects are cut to fit. Between 300 and 65535.
+        max_bytes: Largest message; plans, claims and lists of objects are cut to fit. Between 300 and 65535.
         age_max: Older messages are forgotten. Positive and at most 60.
         plan_spacing: Time between the points of a plan that is sent. Between 0.01 and 10.
         plan_horizon: How much of a plan is sent. Between 1 and 60.

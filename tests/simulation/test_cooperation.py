@@ -62,6 +62,18 @@ def test_a_channel_that_loses_everything_changes_nothing():
     assert digest(penetration=1.0) != digest()
 
 
+def test_plans_that_are_not_believed_if_the_sender_is_in_sight_change_nothing_here():
+    # `step_messages` of benchmarks/instructions.py relies on it, to count what messages cost while agents drive alike.
+    def run(**v2x):
+        settings = {**{f"v2x.{name}": value for name, value in v2x.items()}, "step.max_steps": 40}
+        return simulate("t_junction", predictor="lane_following", settings=settings, threads=1)
+
+    told = run(penetration=1.0, deviation=1e-6)
+    assert told.digest == run().digest
+    assert told.cooperation is not None and told.cooperation["messages"]["mcm"] > 100
+    assert 0.2 < told.cooperation["planned_with_plan"] < 0.8, "only of senders out of sight"
+
+
 def test_the_run_folder_has_messages_and_totals(tmp_path):
     run = simulate("t_junction", agents=[2001, 1001], settings=NOISY, threads=1)
     again = load(save(run, tmp_path / "run"))

@@ -77,6 +77,24 @@ def test_changes_are_means_over_scenarios_of_differences_to_no_v2x():
     assert full["time_lost"] == pytest.approx(-1.0)
 
 
+def test_the_share_of_critical_time_is_a_mean_over_the_seeds_of_a_scenario_then_over_scenarios(tmp_path):
+    half = {"variant": "50%", "penetration": 0.5, "agents": 1}
+    study = study_of(
+        {"scenario": "a", "variant": "0%", "agents": 1, "ttc_share": 0.1},
+        {"scenario": "b", "variant": "0%", "agents": 1, "ttc_share": 0.0},
+        {"scenario": "a", **half, "seed": 0, "ttc_share": 0.2},
+        {"scenario": "a", **half, "seed": 1, "ttc_share": 0.4},
+        {"scenario": "b", **half, "ttc_share": 0.1},
+    )
+    none, some = summary_table(study).to_pylist()
+    assert (none["ttc_share"], none["ttc_change"]) == (0.05, 0.0)
+    assert some["ttc_share"] == pytest.approx(0.2), "not a third of 0.7"
+    assert some["ttc_change"] == pytest.approx((0.2 + 0.1) / 2)
+    assert (some["ttc_low"], some["ttc_high"]) == (pytest.approx(0.1), pytest.approx(0.2))
+    page = (save_cooperation(study, tmp_path / "study") / "cooperation.md").read_text()
+    assert "TTC < 1.5 s" in page and "| 20.00 % |" in page
+
+
 def test_seeds_are_driven_where_something_is_drawn_and_the_folder_has_all_of_it(tmp_path):
     variants = (Variant(0.0), Variant(0.5), Variant(1.0, negotiate=True))
     settings = bind(SimulationSettings(), {"step.max_steps": 5})
@@ -88,6 +106,7 @@ def test_seeds_are_driven_where_something_is_drawn_and_the_folder_has_all_of_it(
         ("0%", 0), ("50%", 0), ("50%", 1), ("100%_negotiate", 0)
     ]  # fmt: skip
     assert [run["equipped"] for run in runs] == [0, 4, 4, 7]
+    assert all((run["ttc_share"] > 0) == (run["min_ttc"] is not None and run["min_ttc"] < 1.5) for run in runs)
     folder = save_cooperation(study, tmp_path / "study")
     page = (folder / "cooperation.md").read_text().splitlines()
     assert len(page) == 2 + len(variants)

@@ -1,4 +1,4 @@
-"""Small worlds in which agents meet without any rule about the one that goes first."""
+"""Small worlds in which agents meet without any rule that says which goes first."""
 
 from __future__ import annotations
 
@@ -149,6 +149,29 @@ def narrow_street(velocity=6.0):
             time_step=(0, 500),
         ),
     ]
+    return world(lanelets([lane(there, 3.0), lane(back, 3.0)]), cars=[], problems=problems)
+
+
+def passing_place(ahead=0, velocity=6.0):
+    """A street of 3 m by 100 m with room for two at both ends and in a bay in its middle; one agent from each end.
+
+    The bay, 20 m long, is on the right of agent 2, whose lane leads through it. Agent 2 (agent 1, if it is negative)
+    starts `ahead` metres farther on.
+    """
+
+    def eased(values):
+        """From 0 to 1 without a kink."""
+        values = np.clip(values, 0.0, 1.0)
+        return values**2 * (3.0 - 2.0 * values)
+
+    x = np.linspace(-110.0, 110.0, 221)
+    ends = -2.0 * eased((np.abs(x) - 50.0) / 15.0)
+    there = np.column_stack([x, ends])
+    back = turned(np.column_stack([x, ends - 4.0 * eased((22.0 - np.abs(x)) / 12.0)]), np.pi)
+    problems = []
+    for agent, points, angle, start in ((1, there, 0.0, 10 - min(ahead, 0)), (2, back, np.pi, 10 + max(ahead, 0))):
+        area = {"goal": tuple(points[-15]), "goal_size": (10.0, 3.5), "goal_orientation": angle}
+        problems.append(problem(agent, *points[start], velocity, angle, **area, time_step=(0, 450)))
     return world(lanelets([lane(there, 3.0), lane(back, 3.0)]), cars=[], problems=problems)
 
 

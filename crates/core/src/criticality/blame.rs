@@ -20,7 +20,7 @@ const ONCOMING: f64 = 0.75 * PI;
 const ALONGSIDE: f64 = 0.25 * PI;
 /// Of two that meet where lanelets cross, the one that turned more within this time before is the one that turns [s].
 const TURN_TIME: f64 = 3.0;
-/// Who is slower stands [m/s].
+/// Vehicles slower than this stand [m/s].
 const STANDING: f64 = 0.05;
 /// Touching within this [m] is touching with the front edge.
 const EDGE: f64 = 2e-3;

@@ -9,9 +9,9 @@ use crate::geometry::{Point, Pose};
 
 /// Farther from straight ahead than this, others count only in the open: 30 degrees.
 const AHEAD_COS: f64 = 0.866_025_403_784_438_6;
-/// Who is more than 150 degrees off is behind.
+/// Others more than 150 degrees off are behind.
 const BEHIND_COS: f64 = -AHEAD_COS;
-/// Who is slower than this stands [m/s].
+/// Vehicles slower than this stand [m/s].
 const STANDING: f64 = 0.005;
 
 /// What is asked about the time to contact.

@@ -1,6 +1,5 @@
 //! Negotiation by claims: agents whose ways cross claim the road that both need, and one total order, which all compute
-//! alike, decides about the one that goes first. Agents that yield know of a bar across their own path; nothing else is
-//! imposed.
+//! alike, decides which goes first. Agents that yield know of a bar across their own path; nothing else is imposed.
 //!
 //! Claims of agents in conflict without infrastructure: Van Middlesworth, Dresner, Stone, AAMAS 2008. Order of arrival:
 //! Shah et al., arXiv 2304.04958. A pairwise rule could let three wait in a circle; the total order cannot: the least claim

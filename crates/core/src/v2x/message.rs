@@ -120,6 +120,12 @@ pub struct Message {
 const CAM_BYTES: usize = 350;
 /// Bytes of an MCM without points, of a point of the plan and of one of the way.
 const MCM_BYTES: [usize; 3] = [150, 10, 8];
+/// Bytes of a claim: number (2), time of arrival (6, as TimestampIts).
+const CLAIM_BYTES: usize = 8;
+/// Bytes of an id (StationId).
+const ID_BYTES: usize = 4;
+/// Bytes of a junction area with a side of it: IntersectionReferenceId (4), number of the area, side.
+const AREA_BYTES: usize = 6;
 /// Bytes of a CPM without objects, and of an object.
 const CPM_BYTES: [usize; 2] = [121, 35];
 
@@ -133,11 +139,16 @@ impl Message {
         }
     }
 
-    /// Its size [B].
+    /// Its size [B]. There is no standard for plans, so the sizes of an MCM are assumptions: 150 for head, state and flags,
+    /// 10 a point of the plan, 8 a point of the way, 8 the claim, 4 an id of those that it yields to or passes, 6 an area.
     pub fn bytes(&self) -> usize {
         match &self.body {
             Body::Cam(_) => CAM_BYTES,
-            Body::Mcm { points, way, .. } => MCM_BYTES[0] + MCM_BYTES[1] * points.len() + MCM_BYTES[2] * way.len(),
+            Body::Mcm { points, way, claim, yields_to, passes, areas, .. } => {
+                let plan = MCM_BYTES[0] + MCM_BYTES[1] * points.len() + MCM_BYTES[2] * way.len();
+                let ids = yields_to.len() + passes.len();
+                plan + CLAIM_BYTES * usize::from(claim.is_some()) + ID_BYTES * ids + AREA_BYTES * areas.len()
+            }
             Body::Cpm(objects) => CPM_BYTES[0] + CPM_BYTES[1] * objects.len(),
         }
     }
@@ -150,16 +161,25 @@ impl Message {
         }
     }
 
-    /// Cuts a plan that is too long: the way first, then the plan, from the far end.
+    /// Cuts a plan that is too long, from the far end: the way, then the plan; then what is agreed with others, the ids of
+    /// those that the sender passes last.
     pub(super) fn cut(&mut self, max_bytes: usize) {
-        let over = self.bytes().saturating_sub(max_bytes);
-        if let Body::Mcm { points, way, .. } = &mut self.body {
-            let from_way = over.div_ceil(MCM_BYTES[2]).min(way.len());
-            way.truncate(way.len() - from_way);
-            let left = over.saturating_sub(from_way * MCM_BYTES[2]);
-            points.truncate(points.len().saturating_sub(left.div_ceil(MCM_BYTES[1])));
+        let mut over = self.bytes().saturating_sub(max_bytes);
+        if let Body::Mcm { points, way, yields_to, passes, areas, .. } = &mut self.body {
+            shorten(way, MCM_BYTES[2], &mut over);
+            shorten(points, MCM_BYTES[1], &mut over);
+            shorten(areas, AREA_BYTES, &mut over);
+            shorten(yields_to, ID_BYTES, &mut over);
+            shorten(passes, ID_BYTES, &mut over);
         }
     }
+}
+
+/// Drops the last entries, of so many bytes each, until a message is no longer `over` its size, or none is left.
+fn shorten<T>(entries: &mut Vec<T>, bytes: usize, over: &mut usize) {
+    let dropped = over.div_ceil(bytes).min(entries.len());
+    entries.truncate(entries.len() - dropped);
+    *over = over.saturating_sub(dropped * bytes);
 }
 
 /// Largest number of objects in a CPM.

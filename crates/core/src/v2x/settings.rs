@@ -24,13 +24,13 @@ settings! {
         range: f64 ["m"] = 300.0, positive(1e6);
         /// Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
         fading: bool = false;
-        /// Agents whose ways cross agree about the one that goes first.
+        /// Agents whose ways cross agree which goes first.
         negotiate: bool = false;
         /// Distance that an agent that yields keeps to the road that both need.
         hold_margin: f64 ["m"] = 1.0, between(0.3, 5.0);
         /// Time between two messages with the plan, unless the plan changes.
         mcm_interval: f64 ["s"] = 0.1, positive(10.0);
-        /// Largest message; plans and lists of objects are cut to fit.
+        /// Largest message; plans, claims and lists of objects are cut to fit.
         max_bytes: usize ["B"] = 1100, between(300.0, 65_535.0);
         /// Older messages are forgotten.
         age_max: f64 ["s"] = 1.5, positive(60.0);

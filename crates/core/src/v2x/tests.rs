@@ -116,6 +116,40 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
 }
 
 #[test]
+fn every_entry_of_a_message_counts_and_what_is_agreed_is_cut_last() {
+    let mcm = |n_yields: i64, n_passes: i64, n_areas| Message {
+        time_step: 0,
+        sender: 1,
+        body: Body::Mcm {
+            status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
+            is_emergency: false,
+            spacing: 0.2,
+            points: vec![PlanPoint::default(); 16],
+            way: vec![PlanPoint::default(); 21],
+            claim: (n_passes > 0).then_some(Claim { n: 1, arrival: 50, is_waived: false }),
+            yields_to: (0..n_yields).collect(),
+            passes: (0..n_passes).collect(),
+            areas: (0..n_areas).map(|area| (area, 0)).collect(),
+            is_ordered: false,
+        },
+    };
+    assert_eq!(mcm(0, 0, 0).bytes(), 478);
+    assert_eq!(mcm(2, 0, 0).bytes(), 478 + 2 * 4);
+    assert_eq!(mcm(0, 100, 0).bytes(), 478 + 8 + 100 * 4);
+    assert_eq!(mcm(0, 0, 3).bytes(), 478 + 3 * 6);
+    let left = |mut message: Message, max_bytes| {
+        message.cut(max_bytes);
+        assert!(message.bytes() <= max_bytes);
+        let Body::Mcm { points, way, yields_to, passes, areas, .. } = message.body else { unreachable!() };
+        (way.len(), points.len(), areas.len(), yields_to.len(), passes.len())
+    };
+    assert_eq!(left(mcm(0, 100, 0), 1100), (21, 16, 0, 0, 100));
+    assert_eq!(left(mcm(0, 200, 0), 1100), (0, 14, 0, 0, 200));
+    assert_eq!(left(mcm(0, 230, 0), 1100), (0, 2, 0, 0, 230));
+    assert_eq!(left(mcm(9, 300, 9), 1100), (0, 0, 0, 0, 235));
+}
+
+#[test]
 fn an_older_message_that_arrives_later_is_dropped_and_old_ones_are_forgotten() {
     let mut inbox = inbox::Inbox::new(2);
     let message = |time_step: i64| {

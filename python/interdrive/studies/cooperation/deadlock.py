@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from collections.abc import Set as AbstractSet
+
     from numpy.typing import NDArray
 
     from interdrive.run import RunRecord, States
@@ -19,7 +22,9 @@ _SPACING = 0.5
 
 
 def deadlocks(run: RunRecord) -> tuple[tuple[int, ...], ...]:
-    """Circles of agents that stand for 10 s, each with the next one as the first vehicle within 8 m ahead of it.
+    """Circles of agents that stand for 10 s, each because of the next one.
+
+    The next one is the first vehicle within 8 m ahead of it, or one for which it holds (an agreement of the run).
 
     Args:
         run: The run.
@@ -29,6 +34,7 @@ def deadlocks(run: RunRecord) -> tuple[tuple[int, ...], ...]:
     """
     states, dt = run.states, run.scenario.dt
     window = round(_DURATION / dt)
+    held = _held_for(run)
     rows: list[int] = np.flatnonzero(states.is_agent).tolist()
     found: set[tuple[int, ...]] = set()
     for step in range(window, states.n_steps, max(1, round(1.0 / dt))):
@@ -36,14 +42,44 @@ def deadlocks(run: RunRecord) -> tuple[tuple[int, ...], ...]:
         still = [
             row for row in rows if states.valid[row, past].all() and (abs(states.velocity[row, past]) < _STANDING).all()
         ]
-        cause = {row: _first_ahead(states, row, step) for row in still}
-        for begin in still:
-            chain = [begin]
-            while (after := cause.get(chain[-1])) is not None and after in cause and after not in chain:
-                chain.append(after)
-            if after is not None and after == begin:
-                found.add(tuple(sorted(states.participant_id[chain].tolist())))
+        causes = {row: set(still) & {_first_ahead(states, row, step), *held(row, step)} for row in still}
+        found.update(tuple(sorted(states.participant_id[circle].tolist())) for circle in _circles(causes))
     return tuple(sorted(found))
+
+
+def _held_for(run: RunRecord) -> Callable[[int, int], list[int]]:
+    """The rows for which a row holds at a column of the states."""
+    agreements, states = run.agreements, run.states
+    if agreements is None:
+        return lambda _row, _step: []
+    row_of = {int(one): row for row, one in enumerate(states.participant_id)}
+    stretches = zip(
+        agreements.holding_id.tolist(),
+        agreements.going_id.tolist(),
+        (agreements.first_time_step - states.first_time_step).tolist(),
+        (agreements.last_time_step - states.first_time_step).tolist(),
+        strict=True,
+    )
+    known = [(row_of[a], row_of[b], first, last) for a, b, first, last in stretches if a in row_of and b in row_of]
+    return lambda row, step: [going for holding, going, a, b in known if holding == row and a <= step <= b]
+
+
+def _circles(causes: Mapping[int, AbstractSet[int]]) -> list[list[int]]:
+    """For every row that is its own cause by way of others, the shortest such way."""
+    found = []
+    for begin in causes:
+        before: dict[int, int] = {}
+        reached = [begin]
+        for row in reached:
+            new = sorted(causes[row] - before.keys())
+            before.update(dict.fromkeys(new, row))
+            reached += [after for after in new if after != begin]
+        if begin in before:
+            circle = [begin]
+            while (row := before[circle[-1]]) != begin:
+                circle.append(row)
+            found.append(circle)
+    return found
 
 
 def _first_ahead(states: States, row: int, step: int) -> int | None:

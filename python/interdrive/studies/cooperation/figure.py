@@ -21,15 +21,15 @@ _HEIGHT = 110.0 * MM
 _MEASURES = (
     ("reached_change", ("reached_low", "reached_high"), 100.0, "in time [points]"),
     ("time_lost", ("time_low", "time_high"), 1.0, "time lost [s]"),
-    ("min_ttc", None, 1.0, "min. TTC, median [s]"),
+    ("ttc_change", ("ttc_low", "ttc_high"), 100.0, "TTC < 1.5 s [points]"),
 )
 
 
 def cooperation_figure(study: CooperationStudy) -> Figure:
-    """Goals in time, time lost and least time to collision, 180 mm wide.
+    """Goals in time, time lost and share of time with a small time to collision, 180 mm wide.
 
     They are drawn over penetration, delay and loss, and with occlusion over penetration, by what is sent. Means with
-    95 % intervals over scenarios, as differences to runs without V2X; medians of the time to collision.
+    95 % intervals over scenarios, as differences to runs without V2X.
     """
     every: list[dict[str, Any]] = summary_table(study).to_pylist()
     rows = [row for row in every if not row["occlusion"]]
@@ -65,8 +65,7 @@ def cooperation_figure(study: CooperationStudy) -> Figure:
             for title, picked in lines:
                 colour = colours.setdefault(title, AGENTS[len(colours)])
                 _draw(panel, picked, (variable, column, interval), factor, colour, title)
-            if interval is not None:
-                panel.axhline(0.0, color=INK, linewidth=0.8, linestyle=":")
+            panel.axhline(0.0, color=INK, linewidth=0.8, linestyle=":")
             if across == 0:
                 panel.set_ylabel(name, fontsize=FONT)
             plain(panel)
@@ -88,7 +87,7 @@ def cooperation_figure(study: CooperationStudy) -> Figure:
 def _draw(
     panel: Axes,
     rows: list[dict[str, Any]],
-    columns: tuple[str, str, tuple[str, str] | None],
+    columns: tuple[str, str, tuple[str, str]],
     factor: float,
     colour: str,
     title: str,
@@ -96,8 +95,6 @@ def _draw(
     variable, column, interval = columns
     ordered = sorted(rows, key=lambda row: row[variable])
     x = [row[variable] for row in ordered]
-    values = factor * np.array([np.nan if row[column] is None else row[column] for row in ordered])
+    values, low, high = (factor * np.array([row[name] for row in ordered]) for name in (column, *interval))
     panel.plot(x, values, "o-", color=colour, linewidth=1.0, markersize=2.2, label=title)
-    if interval is not None:
-        low, high = (factor * np.array([row[name] for row in ordered]) for name in interval)
-        panel.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
+    panel.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)

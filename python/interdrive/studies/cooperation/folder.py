@@ -69,13 +69,12 @@ def page(rows: list[dict[str, Any]]) -> str:
 
 
 def _table(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
-    measures = ("in time", "change [points]", "time lost [s]", "collisions", "min. TTC [s]", "deadlocks")
+    measures = ("in time", "change [points]", "time lost [s]", "collisions", "TTC < 1.5 s", "deadlocks")
     lines = [
         f"| equipped | {' | '.join((*columns, *measures))} |",
         "|---|" + "---|" * len(columns) + "--:|" * len(measures),
     ]
     for row in rows:
-        ttc = "-" if row["min_ttc"] is None else f"{row['min_ttc']:.2f}"
         change = (
             f"{100 * row['reached_change']:+.1f} ({100 * row['reached_low']:+.1f}..{100 * row['reached_high']:+.1f})"
         )
@@ -90,6 +89,7 @@ def _table(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
         lines.append(
             f"| {100 * row['penetration']:.0f} % | {' | '.join(of[name] for name in columns)} |"
             f" {100 * row['reached']:.1f} % | {'' if is_base else change} |"
-            f" {'' if is_base else lost} | {round(row['collisions'], 2):g} | {ttc} | {round(row['deadlocks'], 2):g} |"
+            f" {'' if is_base else lost} | {round(row['collisions'], 2):g} |"
+            f" {100 * row['ttc_share']:.2f} % | {round(row['deadlocks'], 2):g} |"
         )
     return "\n".join(lines) + "\n"

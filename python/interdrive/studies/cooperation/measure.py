@@ -29,7 +29,7 @@ COLUMNS = (
     Column("scenario", "label", "name of the scenario"),
     Column("variant", "label", "name of the variant"),
     Column("penetration", "number", "share of equipped agents"),
-    Column("negotiate", "truth", "agents agree about the one that goes first"),
+    Column("negotiate", "truth", "agents agree which goes first"),
     Column("delay", "number", "delay of messages [s]"),
     Column("loss", "number", "probability that a message is lost"),
     Column("occlusion", "truth", "agents do not see what vehicles hide"),
@@ -44,6 +44,7 @@ COLUMNS = (
     Column("collisions", "integer", "agents that collided with a participant or left the road"),
     Column("time", "number", "mean time of an agent until its outcome [s]"),
     Column("min_ttc", "number", "least time to collision of all agents [s]", nullable=True),
+    Column("ttc_share", "number", "share of the time of all agents with a time to collision of less than 1.5 s"),
     Column("emergency_steps", "integer", "plans that are emergency braking"),
     Column("longest_wait", "number", "longest time that an agent stood [s]"),
     Column("deadlocks", "integer", "circles of agents that stand for 10 s because of each other"),
@@ -54,8 +55,8 @@ COLUMNS = (
     Column("used_share", "number", "share of known participants planned with a received plan", nullable=True),
 )
 
-#: Speed below which an agent stands [m/s].
-_STANDING = 0.3
+#: Speed below which an agent stands [m/s]. A time to collision below this is critical [s].
+_STANDING, _CRITICAL = 0.3, 1.5
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,7 @@ def _row(run: Run, variant: Variant, seed: int, threads: int | None) -> dict[str
     start = np.array([agent.start_time_step for agent in run.agents])
     told = run.cooperation or {}
     messages: Any = told.get("messages", {})
+    ttc = evaluate(run, threads=threads).series["ttc"].value
     return {
         "scenario": run.scenario.name,
         "variant": variant.name,
@@ -154,7 +156,8 @@ def _row(run: Run, variant: Variant, seed: int, threads: int | None) -> dict[str
         "missed": count.get("goal_missed", 0),
         "collisions": count.get("collision", 0),
         "time": float(np.mean(ended.time_step - start) * dt) if len(start) else 0.0,
-        "min_ttc": _min_ttc(run, threads),
+        "min_ttc": float(np.nanmin(ttc)) if np.isfinite(ttc).any() else None,
+        "ttc_share": float(np.sum(ttc < _CRITICAL) / max(1, np.sum(~np.isnan(ttc)))),
         "emergency_steps": int(np.sum(run.plans.status == PLAN_STATUS.index("emergency_braking"))),
         "longest_wait": _longest_wait(run),
         "deadlocks": len(deadlocks(run)),
@@ -164,13 +167,6 @@ def _row(run: Run, variant: Variant, seed: int, threads: int | None) -> dict[str
         "plan_age": told.get("plan_age_mean"),
         "used_share": told.get("planned_with_plan"),
     }
-
-
-def _min_ttc(run: Run, threads: int | None) -> float | None:
-    """Least time to collision of all agents [s]; None if there is none."""
-    found = evaluate(run, threads=threads)
-    values = found.series["ttc"].value
-    return float(np.nanmin(values)) if np.isfinite(values).any() else None
 
 
 def _longest_wait(run: Run) -> float:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _COLUMNS = (
     Column("variant", "label", "name of the variant"),
     Column("penetration", "number", "share of equipped agents"),
-    Column("negotiate", "truth", "agents agree about the one that goes first"),
+    Column("negotiate", "truth", "agents agree which goes first"),
     Column("delay", "number", "delay of messages [s]"),
     Column("loss", "number", "probability that a message is lost"),
     Column("occlusion", "truth", "agents do not see what vehicles hide"),
@@ -29,7 +29,10 @@ _COLUMNS = (
     Column("time_low", "number", "95 % interval of that over scenarios [s]"),
     Column("time_high", "number", "95 % interval of that over scenarios [s]"),
     Column("collisions", "number", "agents that collided or left the road, per seed"),
-    Column("min_ttc", "number", "median over scenarios of the least time to collision [s]", nullable=True),
+    Column("ttc_share", "number", "share of time with a time to collision below 1.5 s, mean over scenarios"),
+    Column("ttc_change", "number", "its difference to no V2X, mean over scenarios"),
+    Column("ttc_low", "number", "95 % interval of that over scenarios"),
+    Column("ttc_high", "number", "95 % interval of that over scenarios"),
     Column("deadlocks", "number", "circles of waiting agents, per seed"),
     Column("used_share", "number", "share of known participants planned with a received plan", nullable=True),
     Column("plan_age", "number", "mean age of these plans [s]", nullable=True),
@@ -58,10 +61,13 @@ def _summary(rows: list[dict[str, Any]], bases: dict[tuple[str, bool], dict[str,
     of = {name: [row for row in rows if row["scenario"] == name] for name in scenarios}
     share = {name: np.mean([row["reached"] / max(1, row["agents"]) for row in mine]) for name, mine in of.items()}
     time = {name: np.mean([row["time"] for row in mine]) for name, mine in of.items()}
+    critical = {name: np.mean([row["ttc_share"] for row in mine]) for name, mine in of.items()}
     reached = [share[name] - base[name]["reached"] / max(1, base[name]["agents"]) for name in scenarios if name in base]
     lost = [time[name] - base[name]["time"] for name in scenarios if name in base]
+    risked = [critical[name] - base[name]["ttc_share"] for name in scenarios if name in base]
     seeds = len({row["seed"] for row in rows})
     (reached_low, reached_high), (time_low, time_high) = _interval(reached), _interval(lost)
+    ttc_low, ttc_high = _interval(risked)
     return {
         **{
             name: rows[0][name]
@@ -76,7 +82,10 @@ def _summary(rows: list[dict[str, Any]], bases: dict[tuple[str, bool], dict[str,
         "time_low": time_low,
         "time_high": time_high,
         "collisions": sum(row["collisions"] for row in rows) / seeds,
-        "min_ttc": _middle([row["min_ttc"] for row in rows]),
+        "ttc_share": float(np.mean(list(critical.values()))),
+        "ttc_change": float(np.mean(risked)) if risked else 0.0,
+        "ttc_low": ttc_low,
+        "ttc_high": ttc_high,
         "deadlocks": sum(row["deadlocks"] for row in rows) / seeds,
         "used_share": _mean([row["used_share"] for row in rows]),
         "plan_age": _mean([row["plan_age"] for row in rows]),
@@ -95,8 +104,3 @@ def _interval(values: list[Any]) -> tuple[float, float]:
 def _mean(values: list[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
-
-
-def _middle(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.median(known)) if known else None

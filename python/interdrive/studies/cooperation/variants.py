@@ -49,7 +49,7 @@ class Variant:
 
     Attributes:
         penetration: Share of equipped agents.
-        negotiate: Agents agree about the one that goes first.
+        negotiate: Agents agree which goes first.
         delay: Delay of messages [s].
         loss: Probability that a message is lost.
         occlusion: Agents do not see what vehicles hide.
