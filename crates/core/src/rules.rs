@@ -3,9 +3,13 @@
 
 mod arbitration;
 mod circles;
+mod claims;
 mod components;
 mod course;
+mod gaps;
 mod meeting;
+mod room;
+mod windows;
 
 pub use course::Course;
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
