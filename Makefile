@@ -116,8 +116,8 @@ locks: ## the newest versions that fit, in fresh environments, written to locks/
 	$(MAKE) LOCKED= $(LOCKS:%=.%/.tools)
 	for name in $(LOCKS); do .uv/bin/uv pip freeze --quiet --python .$$name/bin/python > locks/$$name.txt; done
 
-help: ## all targets
-	@sed -n 's/^\([a-z_-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+help: ## lists all targets
+	@sed -n 's/^\([a-z_-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 
 bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all criticality measures; targets
 	$(BIN)/python benchmarks/table.py
@@ -129,7 +129,7 @@ bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all 
 	$(BIN)/python benchmarks/targets.py
 
 # On a quiet machine, about half an hour; PEER is a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4 (left out without).
-performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/performance.md and writes it
+performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/research/performance.md and writes it
 	mkdir -p out
 	$(BIN)/interdrive study runtime --out out/study_runtime --overwrite
 	$(BIN)/python benchmarks/start.py > out/start.md
@@ -139,10 +139,10 @@ performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/p
 	if [ -n "$(PEER)" ]; then $(BIN)/python benchmarks/peers/handler.py $(PEER) > out/handler.md; fi
 	$(BIN)/python benchmarks/targets.py out/study_runtime --memory --document
 
-cooperation: $(VENV)/.optimised ## the study of docs/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
+cooperation: $(VENV)/.optimised ## the study of docs/concepts/cooperation.md in out/study_cooperation: tables and figure, a quarter of an hour
 	$(BIN)/interdrive study cooperation --seeds 3 --out out/study_cooperation --overwrite
 
-driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/driving.md
+driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/research/driving.md
 	$(BIN)/python benchmarks/driving $(SCENARIOS)
 
 driving_side_by_side: $(VENV)/.optimised ## the same agents with other predictors and among traffic that interacts less: a quarter of an hour
@@ -154,19 +154,19 @@ driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? be
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py
 
-mutants: ## breaks formulas, contacts, outcomes and limits on purpose: which changes do the unit tests not notice?
+mutants: ## breaks formulas, contacts, outcomes and limits on purpose, and lists what no unit test notices
 	cargo mutants --version > /dev/null 2>&1 || cargo install cargo-mutants --locked
 	$(PYTHON) benchmarks/mutants.py
 
-oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/oracles.md
+oracles: .venv-oracles/.installed ## compares geometry and planner with other libraries; see docs/research/oracles.md
 	.venv-oracles/bin/python -m pytest -q --durations=12 -n auto --dist loadfile tests/oracles
 
-environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .venv-training .venv-release,$(ENVIRONMENTS))) .venv-browser/.chromium ## all that CI needs
+environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .venv-training .venv-release,$(ENVIRONMENTS))) .venv-browser/.chromium ## all environments that CI needs
 
 # Regressions first, then mutants until the time is over; what fails is kept in out/fuzz. FUZZ_SEED tells campaigns apart.
 FUZZ_SEED ?= 1
 FUZZ_SECONDS ?= 3600
-fuzz: $(VENV)/.installed ## mutated files through everything; see docs/robustness.md
+fuzz: $(VENV)/.installed ## mutated files through everything; see docs/research/robustness.md
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS)/format_edge_cases $(SCENARIOS)/../robustness)
 
 fuzz-smoke: $(VENV)/.installed ## regressions and 300 mutants, the same ones every time, for a minute at most
@@ -180,16 +180,16 @@ fuzz-core: ## new paths through the core, FUZZ_MINUTES for each target; see fuzz
 	  -max_total_time=$$((60 * $(FUZZ_MINUTES))) -timeout=25 -rss_limit_mb=2048 -malloc_limit_mb=512 -max_len=2000 \
 	  -len_control=0 || exit 1; done
 
-third_party: .venv-third/.installed ## drives planners of others; see docs/planners_third_party.md
+third_party: .venv-third/.installed ## tests of third-party planners; see docs/reference/planners_third_party.md
 	.venv-third/bin/python -m pytest -q --durations=8 tests/third_party
 
 # Hours; can be interrupted and called again. Exit code 1 says that some runs failed, which the comparison counts.
-planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/batch.md
+planners: .venv-third/.installed ## compares four planners on all recorded scenarios, interactive and one by one; see docs/research/planners.md
 	-.venv-third/bin/python -m interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners
 	-.venv-third/bin/python -m interdrive batch $(SCENARIOS) $(COMPARED) --run-timeout 7200 --out out/planners --alone --traffic recorded
 	.venv-third/bin/python -m interdrive compare out/planners
 
-ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/batch.md
+ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/how_to/ray.md
 	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster
 
 browser: $(VENV)/.installed .venv-browser/.chromium ## opens reports in Chromium; skipped where there is none, which is a failure in CI
@@ -203,10 +203,10 @@ versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with
 	.venv-oldest/bin/python -m pytest -q -W ignore::DeprecationWarning tests/project/test_versions.py
 
 # Not a part of CI: torch with CUDA, the only one that its machines can get, has 3 GB.
-learning: .venv-rl/.installed ## environments in Stable-Baselines3; its checker, its algorithm
+learning: .venv-rl/.installed ## tests of environments in Stable-Baselines3: its checker, its algorithm
 	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
 
-learn: .venv-rl/.installed ## trains the policy of docs/environments.md, for up to 10 minutes on two cores
+learn: .venv-rl/.installed ## trains the policy of docs/research/learning.md, for up to 10 minutes on two cores
 	.venv-rl/bin/python scenarios/varied.py out/varied --number 40
 	.venv-rl/bin/python scenarios/varied.py out/unseen --number 12 --seed 10000
 	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo --scenarios out/varied

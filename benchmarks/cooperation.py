@@ -1,8 +1,10 @@
-"""What V2X costs: CPU time per step with and without it, see docs/cooperation.md.
+"""What V2X costs: CPU time per step with and without it, see docs/concepts/cooperation.md.
 
-python benchmarks/cooperation.py [--agents 24,1000] [--steps 25] [--repetitions 3]
+python benchmarks/cooperation.py [--scenario NAME|FILE] [--predictor NAME] [--cpm] [--agents 24,1000] [--steps 25]
+    [--repetitions 3]
 
-Drives the shipped town with all agents equipped (states, plans, negotiation) and with none, in turn, on one thread.
+Drives the shipped town, or another scenario, with all agents equipped (states, plans, negotiation; with --cpm also what
+they see, and with occlusion) and with none, in turn, on one thread.
 """
 
 from __future__ import annotations
@@ -16,33 +18,37 @@ from interdrive.simulation import Simulation
 V2X = {"v2x.penetration": 1.0, "v2x.negotiate": True}
 
 
-def step_time(agents: int, steps: int, settings: dict[str, float | bool]) -> float:
+def step_time(given: argparse.Namespace, agents: int, settings: dict[str, float | bool]) -> float:
     """CPU time per step [s]."""
     simulation = Simulation(
-        "town",
+        given.scenario,
         agents=agents,
         planner="frenet",
-        predictor="lane_following",
-        settings={"step.max_steps": steps, **settings},
+        predictor=given.predictor,
+        settings={"step.max_steps": given.steps, "view.occlusion": given.cpm, **settings},
         threads=1,
     )
     begin = time.process_time()
     simulation.run()
-    return (time.process_time() - begin) / steps
+    return (time.process_time() - begin) / given.steps
 
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--scenario", default="town")
+    arguments.add_argument("--predictor", default="lane_following")
+    arguments.add_argument("--cpm", action="store_true")
     arguments.add_argument("--agents", default="24,1000")
     arguments.add_argument("--steps", type=int, default=25)
     arguments.add_argument("--repetitions", type=int, default=3)
     given = arguments.parse_args()
     print("| agents | without V2X [ms] | with V2X [ms] | ratio (median of pairs) |\n|--:|--:|--:|--:|")
+    cooperating = {**V2X, "v2x.cpm": given.cpm}
     for agents in map(int, given.agents.split(",")):
-        pairs = [tuple(step_time(agents, given.steps, v2x) for v2x in ({}, V2X)) for _ in range(given.repetitions)]
+        pairs = [tuple(step_time(given, agents, v2x) for v2x in ({}, cooperating)) for _ in range(given.repetitions)]
         ratio = statistics.median(after / before for before, after in pairs)
-        without, cooperating = (1e3 * statistics.median(one) for one in zip(*pairs, strict=True))
-        print(f"| {agents} | {without:.1f} | {cooperating:.1f} | {ratio:.2f} |", flush=True)
+        without, told = (1e3 * statistics.median(one) for one in zip(*pairs, strict=True))
+        print(f"| {agents} | {without:.1f} | {told:.1f} | {ratio:.2f} |", flush=True)
 
 
 if __name__ == "__main__":

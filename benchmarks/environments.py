@@ -1,4 +1,4 @@
-"""Speed of environments with random actions and autoreset, one thread and more; see docs/environments.md.
+"""Speed of environments with random actions and autoreset, one thread and more; see docs/reference/environments.md.
 
 python benchmarks/environments.py [SCENARIOS] [--threads 1,2] [--seconds 2] [--runs 5] [--peers]
 

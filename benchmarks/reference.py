@@ -1,4 +1,4 @@
-"""Stores the rows of a benchmark as reference rows of its set, and writes them into docs/scoring.md.
+"""Stores the rows of a benchmark as reference rows of its set, and writes them into docs/research/scores.md.
 
     interdrive benchmark frenet,idm,idm_mobil,recorded --set public-1 --split test --scenarios FOLDER
     python benchmarks/reference.py out/benchmark-public-1   # several folders: a planner needs an environment of its own
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "python" / "interdrive" / "benchmarks" / "reference"
-PAGE = ROOT / "docs" / "scoring.md"
+PAGE = ROOT / "docs" / "research" / "scores.md"
 HEADINGS = ("planner", "R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "agents at 0")
 
 

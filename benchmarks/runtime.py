@@ -1,4 +1,4 @@
-"""The runtime study next to what is aimed at, as tables of docs/performance.md, and the memory of a large run."""
+"""The runtime study next to its targets, as tables of docs/research/performance.md, and the memory of a large run."""
 
 from __future__ import annotations
 

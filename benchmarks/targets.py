@@ -1,7 +1,7 @@
 """Targets beside the latest measurements on this machine: by `make bench`, the study and the peers' scripts.
 
     python benchmarks/targets.py [STUDY]     # STUDY: folder of `interdrive study runtime`
-    python benchmarks/targets.py STUDY --document   # writes tables and figures into docs/performance.md
+    python benchmarks/targets.py STUDY --document   # writes tables and figures into docs/research/performance.md
     python benchmarks/targets.py --memory    # also measures the peak memory of a large run
 
 What scripts measure is kept in out/measured.json. With `--document` their tables are taken from out/*.md, which
@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MEASURED = ROOT / "out" / "measured.json"
-DOCUMENT = ROOT / "docs" / "performance.md"
+DOCUMENT = ROOT / "docs" / "research" / "performance.md"
 #: Sections of the document that are made from files of the same name in out/.
 SECTIONS = ("floors", "start", "handler", "rule_based", "frenetix")
 
@@ -48,7 +48,7 @@ def filled(text: str, name: str, content: str) -> str:
 
 
 def write_document(study: Path | None, targets: str) -> None:
-    """Puts tables and figures into docs/performance.md."""
+    """Puts tables and figures into docs/research/performance.md."""
     text = filled(DOCUMENT.read_text(encoding="utf-8"), "targets", targets)
     if study is not None:
         from runtime import document, read_study
@@ -67,7 +67,7 @@ def write_document(study: Path | None, targets: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("study", nargs="?", type=Path, help="folder of `interdrive study runtime`")
-    parser.add_argument("--document", action="store_true", help="write docs/performance.md")
+    parser.add_argument("--document", action="store_true", help="write docs/research/performance.md")
     parser.add_argument("--memory", action="store_true", help="measure the peak memory of a large run")
     arguments = parser.parse_args()
     from runtime import measured_targets, peak_memory, read_study, targets_markdown

@@ -17,7 +17,8 @@ version = release
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "generated_pages", "executed_pages", "ages"]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["extensions", "figures", "reference/generated/other_names.md"]
+exclude_patterns = ["extensions", "figures", "reference/generated"]
+default_role = "code"  # `x` in docstrings
 nitpicky = False
 suppress_warnings = ["toc.not_included"]  # a new page is found by search before it has its place
 
@@ -35,6 +36,8 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 highlight_language = "none"
 
 autodoc_member_order = "bysource"
+autoclass_content = "both"  # what `__init__` says, too
+autodoc_mock_imports = ["stable_baselines3", "pufferlib"]
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 autodoc_class_signature = "mixed"

@@ -3,7 +3,7 @@
     python benchmarks/driving                                      # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
     python benchmarks/driving --csv new.csv --against old.csv      # agents that changed between two builds
     python benchmarks/driving --places A --set planner.frenet.level=1
-    python benchmarks/driving --page docs/driving.md               # writes its tables into the page, too
+    python benchmarks/driving --page docs/research/driving.md               # writes its tables into the page, too
 
 Prints Markdown. Results do not depend on the number of workers.
 """

@@ -1,7 +1,7 @@
-"""The same agents with other predictors, and among traffic that interacts less: tables of docs/driving.md.
+"""The same agents with other predictors, and among traffic that interacts less: tables of docs/research/driving.md.
 
     python benchmarks/driving/side_by_side.py                          # continues what an earlier call began
-    python benchmarks/driving/side_by_side.py --page docs/driving.md   # writes its tables into the page, too
+    python benchmarks/driving/side_by_side.py --page docs/research/driving.md   # writes its tables into the page, too
 
 With all vehicles as agents there is a run for each scenario; alone, there is one for each reachable agent.
 """

@@ -133,7 +133,7 @@ def main() -> None:
         print(json.dumps(drive(*json.loads(arguments.ours))))
         return
     if arguments.checkout is None or not (arguments.checkout / "cr_scenario_handler").is_dir():
-        parser.error("give a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4 (docs/performance.md says how)")
+        parser.error("give a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4; see docs/research/performance.md")
     if not arguments.scenario.is_file():
         parser.error(f"{arguments.scenario}: no such file; --scenario names a CommonRoad file")
     rows, agents = [], []

@@ -1,4 +1,4 @@
-"""Writes the table of observed numbers in docs/environments.md from the core's layout.
+"""Writes the table of observed numbers in docs/reference/environments.md from the core's layout.
 
 python crates/python/observation.py [--check]
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 from interdrive import _core
 from interdrive.native_settings import ObservationSettings
 
-PAGE = Path(__file__).parents[2] / "docs/environments.md"
+PAGE = Path(__file__).parents[2] / "docs/reference/environments.md"
 MARKS = "<!-- written by crates/python/observation.py -->\n", "<!-- end -->\n"
 
 
@@ -38,4 +38,4 @@ if __name__ == "__main__":
     if "--check" not in sys.argv:
         PAGE.write_text(page(), encoding="utf-8")
     elif PAGE.read_text(encoding="utf-8") != page():
-        sys.exit("docs/environments.md is not what the layout says: run crates/python/observation.py")
+        sys.exit("docs/reference/environments.md is not what the layout says: run crates/python/observation.py")

@@ -19,7 +19,7 @@ const LAYER_OF: Record<string, keyof Layers> = {
 
 export class Detail {
   readonly root = element("section", { class: "detail", "aria-label": "Selected vehicle" });
-  private readonly name = element("div", { class: "who" });
+  private readonly name = element("div", { class: "title" });
   private readonly now = element("div", { class: "now-line" });
   private readonly legend = element("div", { class: "cost" });
   private readonly profiles: Profiles;
@@ -42,7 +42,7 @@ export class Detail {
       ["plan", "plan", "The chosen plan (P)", !run.header.missing.some((m) => m.what === "plans")],
       ["candidates", "candidates", "Sampled candidates, coloured by cost (C)", run.has("candidate_x")],
       ["predictions", "predictions", "The predictions used for its plan, with 95 % ellipses of at most 8 m (R)", run.has("prediction_x")],
-      ["all", "of all", "Predictions of all it sees, not only of its conflict partners (E)", run.has("prediction_x")],
+      ["all", "of all", "Predictions of all participants that it sees, not only of its conflict partners (E)", run.has("prediction_x")],
       [
         "links",
         "V2X",
@@ -97,7 +97,7 @@ export class Detail {
     const p = run.header.participants[state.selected];
     const ended = state.step >= (p.end ?? Infinity) ? (p.reason ?? "") : "";
     if (!run.present(state.selected, state.step))
-      return state.step > (p.end ?? Infinity) ? ended || "It is done and gone." : "It is not there at this time.";
+      return state.step > (p.end ?? Infinity) ? ended || "Its drive has ended." : "It is not present at this time.";
     const parts = ended ? [ended] : [];
     const plan = run.plan(state.selected, state.step);
     if (plan >= 0) {

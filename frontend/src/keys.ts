@@ -16,17 +16,17 @@ interface Parts {
 
 const KEYS: [string, string][] = [
   ["space", "play, pause"],
-  ["← →", "one step back, on (with shift: one second)"],
+  ["← →", "one step back, forward (with shift: one second)"],
   ["Home, End", "to the start, to the end"],
   [", .", "slower, faster"],
-  ["N, B", "next event, event before"],
-  ["[ ]", "agent before, next agent"],
+  ["N, B", "next, previous event"],
+  ["[ ]", "previous, next agent"],
   ["Esc", "clear the selection"],
   ["F", "follow the selected vehicle"],
-  ["+ − 0", "nearer, further away, show everything"],
+  ["+ − 0", "zoom in, zoom out, show everything"],
   ["W A S D", "move the map"],
   ["P C R V M L", "show plan, candidates, predictions, view, V2X, ids"],
-  ["E", "predictions of all participants or of conflict partners"],
+  ["E", "predictions of all participants or only of conflict partners"],
   ["T", "light or dark"],
   ["Shift+A", "larger text"],
 ];

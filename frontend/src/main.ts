@@ -121,8 +121,8 @@ function mapArea(map: RoadMap, state: State): HTMLElement {
   const tools = element(
     "div",
     { class: "tools" },
-    button("+", "Nearer (+)", () => map.zoom(1.4)),
-    button("−", "Further away (−)", () => map.zoom(1 / 1.4)),
+    button("+", "Zoom in (+)", () => map.zoom(1.4)),
+    button("−", "Zoom out (−)", () => map.zoom(1 / 1.4)),
     button("⤢", "Show everything (0)", () => map.fit()),
     labels,
   );

@@ -190,7 +190,7 @@ export class Panels {
         }),
       );
     const page = element("div", { class: "page" }, filters, list);
-    if (!this.run.header.events.length) page.append(element("p", { class: "hint" }, "Nothing happened."));
+    if (!this.run.header.events.length) page.append(element("p", { class: "hint" }, "No events."));
     return page;
   }
 

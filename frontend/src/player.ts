@@ -40,7 +40,7 @@ export class Player {
       button("|◂", "To the start (Home)", () => state.stepBy(-state.last - 1)),
       button("◂", "One step back (←)", () => state.stepBy(-1)),
       this.playButton,
-      button("▸", "One step on (→)", () => state.stepBy(1)),
+      button("▸", "One step forward (→)", () => state.stepBy(1)),
       button("▸|", "To the end (End)", () => state.stepBy(state.last + 1)),
       track,
       this.clock,

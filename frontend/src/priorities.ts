@@ -34,7 +34,7 @@ export function drawPriorities(ctx: CanvasRenderingContext2D, camera: Camera, ra
   if (run.has("sign_xy")) drawSigns(ctx, camera, ratio, run);
 }
 
-/** A row of triangles across the lane that point at the one who waits. */
+/** A row of triangles across the lane that point at the vehicle that waits. */
 function drawTeeth(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, run: Run, theme: Theme): void {
   const [xy, heading] = [run.table("wait_xy"), run.table("wait_heading")];
   camera.worldTransform(ctx, ratio);

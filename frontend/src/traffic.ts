@@ -210,26 +210,27 @@ export class Traffic {
   }
 
   private drawPredictions(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, state: State): void {
-    // What it planned against, when it planned.
+    // The predictions with which it planned, when it planned.
     const made = this.run.madeAt(state.selected, state.step);
     const [first, last] = this.run.predictions(made);
     if (first === last || this.run.pose(state.selected, state.step) === undefined) return;
     const seen = this.run.seen(state.selected, made);
     const partners = state.layers.all ? undefined : this.run.partners(state.selected, made);
     const color = PALETTES[state.theme].prediction;
-    const [who, probability] = [this.run.table("prediction_participant"), this.run.table("prediction_probability")];
+    const participant = this.run.table("prediction_participant");
+    const probability = this.run.table("prediction_probability");
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     ctx.lineCap = "round";
     ctx.strokeStyle = color;
     ctx.fillStyle = color;
     for (let i = first; i < last; i++) {
-      if (who[i] === state.selected || partners?.has(who[i]) === false) continue;
-      if (!(seen === undefined ? this.inRange(who[i], state.selected, made) : seen.has(who[i]))) continue;
+      if (participant[i] === state.selected || partners?.has(participant[i]) === false) continue;
+      if (!(seen === undefined ? this.inRange(participant[i], state.selected, made) : seen.has(participant[i]))) continue;
       ctx.lineWidth = 0.8 * state.zoom;
       this.ellipses(ctx, camera, i, probability[i]);
       ctx.globalAlpha = 0.2 + 0.75 * probability[i];
       ctx.lineWidth = (0.6 + 1.6 * probability[i]) * state.zoom;
-      this.trace(ctx, camera, "prediction", i, who[i], made);
+      this.trace(ctx, camera, "prediction", i, participant[i], made);
       ctx.stroke();
     }
     ctx.globalAlpha = 1;

@@ -78,7 +78,7 @@ class Frenet:
     """Sampling in the Frenet frame of the reference path.
 
     Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
-    Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/planner_frenet.md.
+    Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/reference/planner_frenet.md.
 
     Attributes:
         level: Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid. Between 0 and 4.
@@ -157,7 +157,7 @@ class VelocityAdjusting(CarFollowing):
     doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the
     gap s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
     acceleration is at most a (1 - (s* / s)²). It returns to the recorded speed v0 with a (1 - (v / v0)^exponent). See
-    docs/planners.md.
+    docs/reference/planners.md.
     """
 
     def __post_init__(self) -> None:
@@ -174,7 +174,7 @@ class Idm(CarFollowing):
     Treiber and Kesting, "Traffic Flow Dynamics", 2013, section 11.3. With the gap s and the leader's speed vl the
     acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
     desired speed v0 brings it to its goal in time, within speed limits and low enough for curves. See
-    docs/planners.md.
+    docs/reference/planners.md.
 
     Attributes:
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
@@ -199,7 +199,7 @@ class IdmMobil(Idm):
     (eq. 3), where a gain is the acceleration of the car-following model after the change minus that before. The bias
     favours lanes that lead to the goal; it grows by up to b_safe where such a lane has to be reached soon. Defaults
     as in the simulations of the source (table 1), politeness from the range studied there (0 to 1). See
-    docs/planners.md.
+    docs/reference/planners.md.
 
     Attributes:
         politeness: Politeness p: weight of the gains and losses of the followers. Between -10 and 10.
@@ -440,7 +440,7 @@ class V2xSettings:
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """Parameters and switches of all measures; the defaults are those of docs/criticality.md.
+    """Parameters and switches of all measures; the defaults are those of docs/reference/criticality.md.
 
     Attributes:
         radius: Others count within this distance, centre to centre. Positive.

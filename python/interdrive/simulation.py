@@ -23,7 +23,7 @@ from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
-from interdrive.run.cooperation import PlanAges, agreements_of, messages_of
+from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import reasons
@@ -310,18 +310,20 @@ class Simulation:
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
+        plans = Plans(**self.world.plans())
         run = Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
             outcomes=outcomes,
             states=states,
-            plans=Plans(**self.world.plans()),
+            plans=plans,
             timings=timings_of(self._timings),
             notes=(
                 *self._ended_early(outcomes),
                 *self._notes,
                 *self._planner_notes,
+                *cooperation_notes(self.settings.v2x, self.world.equipped, plans, self.scenario.dt),
                 *(
                     f"{a} and {b} overlap when they enter: their contact counts only after they have separated"
                     for a, b in self._touching
@@ -419,7 +421,23 @@ def simulate(
     on_planner_error: Literal["end_agent", "raise"] = "end_agent",
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> Run:
-    """Runs a scenario until every agent has its outcome; the arguments are those of `Simulation`.
+    """Runs a scenario until every agent has its outcome.
+
+    Args:
+        scenario: Path of a CommonRoad file, name of a shipped scenario, `interdrive.Scenario`, or a pair of objects of
+            commonroad-io.
+        agents: "all", "reachable", "problems", a number, or ids.
+        planner: A planner for all agents, or a mapping from agent ids (and "default") to planners; see
+            `interdrive.PlannerSpec`.
+        predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
+        views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
+        rules: Mapping from agent ids (and "default") to the rules of the road that they obey.
+        v2x: Mapping from agent ids (and "default") to whether they have V2X.
+        settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
+        seed: Seed for the choice of agents, and of what cooperation draws.
+        threads: Threads that plan; None: the number of cores. Results do not depend on it.
+        on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
+        on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 
     Returns:
         The finished run.

@@ -74,10 +74,10 @@ def test_merged_runs_have_reached_the_disk_before_their_own_files_go(folder, spe
     [
         ("copy (select 1 as a) to '{results}' (format parquet)", "this is a COPY statement"),
         ("create table mine as select 1", "this is a CREATE statement"),
-        ("select 1; select 2", "one question at a time, not 2 statements"),
+        ("select 1; select 2", "one query at a time, not 2 statements"),
         ("set enable_external_access = true", "this is a SET statement"),
-        ("", "what is the question"),
-        ("-- nothing", "what is the question"),
+        ("", "there is no query"),
+        ("-- nothing", "there is no query"),
         ("select * from read_text('{mark}')", "disabled by configuration"),
         ("select * from query('copy (select 1) to ''{results}''')", "Expected a single SELECT statement"),
         ("select speling from results", 'Referenced column "speling" not found'),
@@ -110,7 +110,7 @@ def test_the_help_of_sql_states_the_limits_of_a_question():
 )
 def test_a_question_without_end_is_given_up(folder, specs, question):
     store(folder, specs[0])
-    with pytest.raises(InputError, match=r"^sql: no answer after 0\.5 s; --timeout SECONDS gives it more time$"):
+    with pytest.raises(InputError, match=r"^sql: no result after 0\.5 s; --timeout SECONDS gives it more time$"):
         query(folder.path, question, seconds=0.5)
 
 
@@ -119,11 +119,11 @@ def test_a_question_without_end_is_given_up(folder, specs, question):
     [
         (
             "select list(range) from range(1000000000)",
-            "the question needs more memory than 57 MiB; --memory SIZE",
+            "the query needs more memory than 57 MiB; --memory SIZE",
         ),
         (
             "select 'x' || range as text from range(10000000)",
-            "the answer has more than [0-9]+ rows, which need more",
+            "the result has more than [0-9]+ rows, which need more",
         ),
     ],
 )
@@ -140,7 +140,7 @@ def test_a_single_call_without_end_ends_the_command(folder, specs):
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
-    assert re.match("error: sql: (the question needs more memory than 100 MiB|no answer after 1 s)", done.stderr)
+    assert re.match("error: sql: (the query needs more memory than 100 MiB|no result after 1 s)", done.stderr)
 
 
 def test_a_folder_that_another_batch_makes_while_it_is_looked_at_is_shared(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""What is aimed at next to what the runtime study measured, in the tables of docs/performance.md."""
+"""What is aimed at next to what the runtime study measured, in the tables of docs/research/performance.md."""
 
 from __future__ import annotations
 

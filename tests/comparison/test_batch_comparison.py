@@ -469,7 +469,7 @@ def test_questions_that_cannot_be_answered_are_one_line(two, tmp_path, monkeypat
     with pytest.raises(idr.ResultsError, match="not a batch folder"):
         query(tmp_path, "select 1")
     BatchFolder.create(tmp_path / "empty")
-    with pytest.raises(idr.InputError, match="nothing to ask"):
+    with pytest.raises(idr.InputError, match="nothing to query"):
         query(tmp_path / "empty", "select 1")
     monkeypatch.setitem(sys.modules, "duckdb", None)
     with pytest.raises(idr.InterdriveError, match=r"pip install interdrive\[duckdb\]"):

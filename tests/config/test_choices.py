@@ -211,7 +211,7 @@ def test_an_object_for_all_is_copied_once_per_agent_and_once_to_check_it():
 
 
 def test_the_examples_of_the_documentation_run(tmp_path, monkeypatch):
-    text = (Path(__file__).parents[2] / "docs" / "choices.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how_to" / "planner_per_agent.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     configuration, *_ = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
     (tmp_path / "run.toml").write_text(configuration)

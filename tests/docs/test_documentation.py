@@ -1,4 +1,4 @@
-"""What planners in Python get is documented: every field, in the interpreter and in docs/own_planner.md."""
+"""Every field that planners in Python get is documented, in docstrings and in docs/reference/planner_interface.md."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from interdrive import _core
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_planner.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "planner_interface.md"
 #: Not for planners: how routes are made, and what travels between processes.
 INTERNAL = {"Route": {"find"}, "Vehicle": {"of_type"}, "Predictions": {"seen_by", "known", "plan_ages"}}
 

@@ -9,7 +9,7 @@ from nbclient import NotebookClient
 
 pytestmark = pytest.mark.long
 
-FILE = Path(__file__).parents[2] / "examples" / "06_notebook.ipynb"
+FILE = Path(__file__).parents[2] / "examples" / "07_notebook.ipynb"
 
 
 def shown(cell):

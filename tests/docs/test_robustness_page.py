@@ -1,4 +1,4 @@
-"""The bounds in docs/robustness.md are those of the program."""
+"""The bounds in docs/reference/scenario_limits.md are those of the program."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from interdrive.scenario import limits
 
-PAGE = Path(__file__).parents[2] / "docs" / "robustness.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "scenario_limits.md"
 NUMBERS = {name: value for name, value in vars(limits).items() if name.isupper() and type(value) in (int, float)}
 BOUNDS = {name: value for name, value in NUMBERS.items() if not name.startswith("_")}
 

@@ -1,4 +1,4 @@
-"""The definitions of docs/criticality.md of conflict areas and what follows from them, written out without the core."""
+"""Conflict areas and what follows from them, as docs/reference/criticality.md defines them, without the core."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The definitions of docs/criticality.md written out for one vehicle at one time step, slowly and without the core.
+"""The definitions of docs/reference/criticality.md for one vehicle at one time step, slowly and without the core.
 
 Lanelets and footprints are shapely geometry, feet on paths are found by bisection, roots by numpy.
 """

@@ -1,4 +1,4 @@
-"""The definitions of docs/scoring.md written out with shapely and numpy: lanes below a point, times, ways, verdicts.
+"""The definitions of docs/reference/scoring.md in shapely and numpy: lanes below a point, times, ways, verdicts.
 
 Nothing here calls the core. Motion is sampled and bisected, lanes are polygons, ways are unions of rectangles.
 """
@@ -223,7 +223,7 @@ def judgement(
     is_crossing: bool,
     dt: float,
 ) -> Judgement:
-    """The section "Blame" of docs/scoring.md, without rules of the road."""
+    """The section "Blame" of docs/reference/scoring.md, without rules of the road."""
     x, y, heading, speed = agent.state(contact)
     _, _, other_heading, other_speed = other.state(contact)
     angle = abs(turned(other_heading - heading))

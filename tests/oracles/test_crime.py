@@ -1,4 +1,4 @@
-"""Criticality against CommonRoad-CriMe 0.4.5 where agreement can be expected (docs/criticality.md names the rest).
+"""Criticality against CommonRoad-CriMe 0.4.5 where agreement is expected; docs/reference/criticality.md has the rest.
 
 Following: a straight road along +x (turned by 1e-4 rad), constant accelerations, the vehicle ahead not braking,
 relative acceleration 0 or above 0.1 m/s². CriMe rounds: most measures to 2 digits; those derived from them follow.

@@ -1,6 +1,6 @@
 """Our Frenet planner against the published one, on invented roads.
 
-Ours differs by design where the published one is known to be wrong; what is compared is said in docs/oracles.md.
+Ours differs by design where the published one is known to be wrong; docs/research/oracles.md says what is compared.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
 
 
 def turning_length(one: Case) -> float:
-    """Least arc length of a lateral quintic of ours [m], see docs/planner_frenet.md.
+    """Least arc length of a lateral quintic of ours [m], see docs/reference/planner_frenet.md.
 
     It is 5 m; for an agent below 2 m/s so much longer (in steps of 10 %, up to 60 m) that the wheels turn fast enough
     at 80 % of its present or desired speed.

@@ -68,7 +68,7 @@ def test_filters_are_those_of_savitzky_and_golay(n, measured):
 
 
 def uncomfortable(motion: Motion, dt: float) -> bool:
-    """The table of comfort in docs/scoring.md with scipy."""
+    """The table of comfort in docs/reference/scoring.md with scipy."""
     n = len(motion.x)
 
     def filtered(values, window, derivative=0):

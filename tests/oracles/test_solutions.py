@@ -24,7 +24,7 @@ from interdrive import _core
 from interdrive.files.solution_check import check_solution
 from interdrive.run import RunRecord
 
-#: Solutions that a check refuses, with the name of the check: docs/scoring.md explains every one.
+#: Solutions that a check refuses, with the name of the check: docs/reference/scoring.md explains every one.
 REFUSED = {"DEU_Muc-12_1_T-1": "road"}
 
 #: Files with few vehicles, on which other models and vehicle types are tried.

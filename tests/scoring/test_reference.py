@@ -82,6 +82,6 @@ def test_the_documented_tables_are_the_stored_rows():
         import reference
     finally:
         sys.path.remove(str(ROOT / "benchmarks"))
-    page = (ROOT / "docs" / "scoring.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "research" / "scores.md").read_text(encoding="utf-8")
     assert "| `frenet` |" in page
     assert reference.documented(page) == page, "python benchmarks/reference.py writes them"

@@ -1,4 +1,4 @@
-"""Terms of the score: tables computed by hand (docs/scoring.md)."""
+"""Terms of the score: tables computed by hand (docs/reference/scoring.md)."""
 
 from __future__ import annotations
 

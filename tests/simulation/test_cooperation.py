@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from drivers import Straight, Turning
 from parallel_drivers import Alone, Remembering
 
-from interdrive import load, save
+from interdrive import Trajectory, load, save
 from interdrive.cli import main
 from interdrive.simulation import Simulation, simulate
 from interdrive.testing import problem, straight_road, world
@@ -77,6 +77,23 @@ def test_the_run_folder_has_messages_and_totals(tmp_path):
     # At least one step under way, at most the jitter of 0.2 s.
     under_way = (messages.arrived - messages.time_step)[messages.arrived >= 0]
     assert set(under_way.tolist()) == {1, 2}
+
+
+def test_recorded_predictions_have_the_received_plans_with_sender_and_age(tmp_path):
+    settings = {"v2x.penetration": 1.0, "v2x.delay": 0.3, "record.predictions": True, "step.max_steps": 12}
+    run = load(save(simulate("t_junction", agents=[2001, 1001], settings=settings, threads=1), tmp_path / "run"))
+    found, plans = run.predictions, run.plans
+    assert found is not None
+    told = np.flatnonzero(found.sender_id >= 0)
+    assert set(found.sender_id[told].tolist()) == {1001, 2001}
+    np.testing.assert_array_equal(found.participant_id[told], found.sender_id[told])
+    np.testing.assert_allclose(found.age[told], 0.3)
+    assert np.isnan(found.age[found.sender_id < 0]).all() and (found.sender_id < 0).any(), "the predictor's rows"
+    row = told[-1]
+    plan = np.flatnonzero((plans.agent_id == found.sender_id[row]) & (plans.time_step == found.time_step[row] - 3))[0]
+    # Two seconds from now are 2.3 s after the plan.
+    ahead = found.point.tolist().index(20)
+    assert np.hypot(found.x[row, ahead] - plans.x[plan, 23], found.y[row, ahead] - plans.y[plan, 23]) < 0.05
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -182,6 +199,11 @@ def test_a_planner_in_python_gets_what_was_received():
     [
         (["--set", "v2x.loss=1.5"], "v2x.loss: must be between 0 and 1, not 1.5"),
         (["--set", "v2x.camm=true"], "v2x.camm: no such setting; did you mean v2x.cam?"),
+        (["--set", "v2x.negotiate=true", "--set", "v2x.mcm=false"], "v2x.negotiate: needs v2x.mcm"),
+        (
+            ["--v2x", "1", "--set", "v2x.cam=false", "--set", "v2x.mcm=false"],
+            "v2x.penetration: is above 0, but none of cam, mcm and cpm is sent",
+        ),
         (["--v2x", "2"], "v2x.penetration: must be between 0 and 1, not 2.0"),
         (["--agents", "2001,", "--agent", "7=v2x=true"], "agent 7: a planner is given for it, but it is not an agent"),
     ],
@@ -190,3 +212,42 @@ def test_bad_choices_are_one_line(arguments, line, tmp_path):
     shown = CliRunner().invoke(main, ["run", "t_junction", *arguments, "--out", str(tmp_path / "out")])
     assert shown.exit_code == 2
     assert line in shown.output
+
+
+class Hasty(Straight):
+    """Plans half a second."""
+
+    def plan(self, view, predictions):
+        whole = super().plan(view, predictions)
+        return Trajectory(whole.x[:6], whole.y[:6], whole.orientation[:6], whole.velocity[:6])
+
+
+@pytest.mark.parametrize(
+    ("settings", "planner", "note"),
+    [
+        (
+            {"v2x.penetration": 1.0, "v2x.delay": 2.0},
+            "frenet",
+            (
+                "v2x.delay: messages arrive after 2 s and are forgotten after 1.5 s (v2x.age_max):"
+                " no message can ever be used"
+            ),
+        ),
+        ({"v2x.penetration": 0.1}, "frenet", "v2x.penetration: 0.1 of the agents rounds to none: nobody has V2X"),
+        (
+            {"v2x.penetration": 1.0},
+            {2001: Hasty, "default": "frenet"},
+            "agent 2001: its plans are shorter than 1 s, so others do not use them",
+        ),
+    ],
+)
+def test_a_note_says_why_messages_are_of_no_use(settings, planner, note):
+    run = simulate(
+        "t_junction",
+        agents=[2001, 1001],
+        planner=planner,
+        predictor="lane_following",
+        settings={**settings, "step.max_steps": 3},
+        threads=1,
+    )
+    assert [line for line in run.notes if "v2x" in line or "its plans" in line] == [note]

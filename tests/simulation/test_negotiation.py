@@ -7,13 +7,31 @@ import pytest
 from drivers import Straight
 from meetings import four_arms, narrow_street, queue_at_a_crossing, three_left_turns, two_roads, zip_merge
 
-from interdrive import load, save
+from interdrive import Trajectory, load, save
 from interdrive.scenario.control import Priorities
 from interdrive.simulation import Simulation
 from interdrive.studies.cooperation import deadlocks
 from interdrive.testing import Car
 
 AGREEING = {"v2x__penetration": 1.0, "v2x__negotiate": True}
+
+
+class Waiting:
+    """Drives at 7 m/s, or brakes before the bar of which it knows."""
+
+    def plan(self, view, predictions):
+        ego, dt = view.ego, view.dt
+        bar = np.flatnonzero(view.ids == -1)
+        room = np.inf
+        if len(bar):
+            room = view.x[bar[0], -1] - 0.15 - (ego.x + 0.5 * ego.vehicle.length) - 0.5
+        x, v, points = ego.x, ego.velocity, []
+        for _ in range(31):
+            points.append((x, ego.y, ego.orientation, v))
+            brake = min(6.0, v**2 / (2.0 * max(room - (x - ego.x), 0.05))) if room < 1.2 * v**2 / 6.0 + 1.0 else 0.0
+            after = max(0.0, v - brake * dt) if brake else min(7.0, v + 1.5 * dt)
+            x, v = x + 0.5 * (v + after) * dt, after
+        return Trajectory(*np.array(points).T)
 
 
 def drive(scenario, planner, seed=0, **settings):
@@ -93,6 +111,16 @@ def test_claims_follow_the_rules_of_the_road_and_the_arrival_only_where_there_is
     assert held(agreements) == {(3 - first, first)}
 
 
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+@pytest.mark.parametrize(("way", "holds"), [(12.0, False), (30.0, True), (70.0, False)])
+def test_an_agent_of_a_side_road_holds_only_if_both_would_be_at_the_crossing_at_the_same_time(planner, way, holds):
+    # The agent on the main road needs 5 s to the crossing.
+    scenario = replace(two_roads(ways=(way, 35.0)), priorities=MAIN_ROAD)
+    run, agreements = drive(scenario, planner, **AGREEING)
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert held(agreements) == ({(1, 2)} if holds else set())
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_no_claim_of_a_side_road_goes_before_one_of_the_main_road(seed):
     rng = np.random.default_rng(seed)
@@ -101,6 +129,24 @@ def test_no_claim_of_a_side_road_goes_before_one_of_the_main_road(seed):
     run, agreements = drive(scenario, "idm", **AGREEING, v2x__jitter=0.2, seed=seed)
     assert set(run.outcomes.outcome) == {"goal_reached"}
     assert (2, 1) not in held(agreements)
+
+
+@pytest.mark.parametrize("ordered", [(1, 2), (1,)])
+def test_where_both_agents_enter_on_orders_these_decide_and_otherwise_the_claims(ordered):
+    # Without priorities agent 2 comes from the right, so it goes first either way.
+    simulation = Simulation(
+        two_roads(ways=(30.0, 36.0)),
+        planner="idm",
+        predictor="lane_following",
+        rules={agent: {"precedence": agent in ordered} for agent in (1, 2)},
+        settings={"step.max_steps": 500, "v2x.penetration": 1.0, "v2x.negotiate": True, "record.orders": True},
+        threads=1,
+    )
+    run = simulation.run()
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert min(ends(run), key=ends(run).get) == 2
+    assert run.orders is not None and 1 in run.orders.agent_id, "agent 1 is told to wait"
+    assert held(simulation.world.agreements()) == (set() if ordered == (1, 2) else {(1, 2)})
 
 
 @pytest.mark.parametrize("meeting", [four_arms, three_left_turns, narrow_street])
@@ -117,9 +163,22 @@ def test_lost_messages_delay_an_agreement_but_do_not_break_it():
     assert max(ends(lossy).values()) - max(ends(perfect).values()) <= 30
 
 
+def test_plans_of_one_agent_that_are_lost_for_a_second_delay_both_by_three_seconds_at_most():
+    # With this seed the second agent receives no plan of the first one for a second, and the first one nearly all.
+    scenario = replace(two_roads(ways=(30.0, 32.0)), priorities=Priorities(priority_side="none"))
+    perfect, _ = drive(scenario, "frenet", **AGREEING)
+    lossy, _ = drive(scenario, "frenet", seed=522, **AGREEING, v2x__loss=0.5, record__messages="links")
+    found = lossy.messages
+    plans = (found.service == 1) & (found.time_step >= 9) & (found.time_step < 19)
+    lost = {to: int(np.sum(plans & (found.receiver_id == to) & (found.arrived < 0))) for to in (1, 2)}
+    assert lost == {1: 1, 2: 10}
+    assert set(lossy.outcomes.outcome) == {"goal_reached"}
+    assert all(ends(lossy)[agent] - ends(perfect)[agent] <= 30 for agent in (1, 2))
+
+
 def test_a_bar_is_gone_soon_after_the_other_agent_has_crashed():
     # Agent 1 arrives first and minds nobody; before the crossing a car runs into its side.
-    scenario = two_roads(ways=(30.0, 42.0), cars=[Car(9, x=-12.0, y=25.0, velocity=10.0, orientation=-0.5 * np.pi)])
+    scenario = two_roads(ways=(30.0, 36.0), cars=[Car(9, x=-12.0, y=25.0, velocity=10.0, orientation=-0.5 * np.pi)])
     scenario = replace(scenario, priorities=Priorities(priority_side="none"))
     run, agreements = drive(scenario, {1: Straight, 2: "idm"}, **AGREEING)
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
@@ -154,23 +213,38 @@ def test_agents_in_a_queue_arrive_one_after_the_other_and_an_unequipped_leader_i
     assert not held(agreements) & {(4, 3), (4, 2)}
 
 
-def test_a_zip_needs_no_agreement():
-    before, _ = drive(zip_merge(n=3), "frenet")
-    after, _ = drive(zip_merge(n=3), "frenet", **AGREEING)
+def test_a_zip_of_five_and_five_needs_no_agreement():
+    before, _ = drive(zip_merge(n=5), "frenet")
+    after, _ = drive(zip_merge(n=5), "frenet", **AGREEING)
     assert set(after.outcomes.outcome) == {"goal_reached"}
-    assert np.mean(list(ends(after).values())) <= np.mean(list(ends(before).values())) + 1.0
+    assert np.mean(list(ends(after).values())) <= np.mean(list(ends(before).values())) + 0.5, "time steps of 0.1 s"
 
 
-def test_an_agent_without_room_behind_the_crossing_leaves_it_to_others():
-    scenario = two_roads(ways=(30.0, 36.0), cars=[Car(9, x=6.0)])
-    run, agreements = drive(replace(scenario, priorities=Priorities(priority_side="none")), "idm", **AGREEING)
+#: Agent 1 has no room behind the crossing, where a car stands; agent 2 comes from the side.
+NO_ROOM = replace(two_roads(ways=(30.0, 36.0), cars=[Car(9, x=6.0)]), priorities=Priorities(priority_side="none"))
+
+
+def waits_at(run):
+    """How far the front of agent 1 is before the road that agent 2 needs, when that has crossed it [m]."""
     states, (first, second) = run.states, np.flatnonzero(run.states.is_agent)
     crossed = int(np.argmax(states.y[second] > 3.0))
     assert 0 < crossed < 250, "the other one crosses while the car stands there"
     front = np.max(states.x[first, :crossed]) + 0.5 * states.length[first]
-    assert front < -0.5 * states.width[second], "it waits before the crossing until then"
+    return -(0.5 * states.width[second] + 0.5) - front
+
+
+@pytest.mark.parametrize("planner", ["idm", "frenet"])
+def test_an_agent_without_room_behind_the_crossing_leaves_it_to_others(planner):
+    run, agreements = drive(NO_ROOM, {1: planner, 2: "idm"}, **AGREEING)
+    assert 0.7 < waits_at(run) < 3.0, "it waits a little before the crossing"
     assert set(run.outcomes.outcome) == {"goal_reached"}
     assert (1, -1) in held(agreements), "because of the exit, not of another agent"
+
+
+def test_a_planner_in_python_sees_a_bar_where_native_ones_are_told_to_hold():
+    run, agreements = drive(NO_ROOM, {1: Waiting, 2: "idm"}, **AGREEING, step__max_steps=165)
+    assert (1, -1) in held(agreements)
+    assert 0.7 < waits_at(run) < 3.0
 
 
 def test_the_same_bits_for_any_number_of_threads_with_all_services_and_a_poor_channel():

@@ -34,6 +34,31 @@ def test_shares_delays_and_losses_span_what_is_asked():
     assert max(v.loss for v in variants) == 0.5
     assert len({v.name for v in variants}) == len(variants)
     assert all(v.is_drawn == (v.loss > 0 or 0 < v.penetration < 1) for v in variants)
+    hidden = {(v.services, v.penetration) for v in variants if v.occlusion and v.penetration > 0}
+    assert hidden == {(what, share) for what in ("cam", "cam+mcm", "cam+mcm+cpm") for share in (0.5, 1.0)}
+    assert Variant(1.0, occlusion=True, cpm=True).settings["view.occlusion"] is True
+    assert "view.occlusion" not in Variant(1.0).settings, "a setting of the user is kept"
+
+
+def test_runs_with_occlusion_are_compared_with_those_without_v2x_that_have_it_too(tmp_path):
+    study = study_of(
+        {"scenario": "a", "variant": "0%", "agents": 4, "reached": 4, "time": 10.0},
+        {"scenario": "a", "variant": "hidden", "agents": 4, "reached": 2, "time": 12.0, "occlusion": True},
+        {
+            "scenario": "a",
+            "variant": "told",
+            "agents": 4,
+            "reached": 3,
+            "time": 11.0,
+            "occlusion": True,
+            "penetration": 1.0,
+            "services": "cam+cpm",
+        },
+    )
+    *_, told = summary_table(study).to_pylist()
+    assert (told["reached_change"], told["time_lost"]) == (0.25, -1.0)
+    page = (save_cooperation(study, tmp_path / "study") / "cooperation.md").read_text()
+    assert "| 100 % | CAM, CPM | 75.0 % | +25.0 (+25.0..+25.0) |" in page.split("With occlusion:")[1]
 
 
 def test_changes_are_means_over_scenarios_of_differences_to_no_v2x():

@@ -226,7 +226,9 @@ def with_agent_view(run, n_candidates=120):
     step, agent, cost, rejection, chosen, x, y = zip(*considered, strict=True)
     arrays = (np.array(column) for column in (step, agent, cost))
     kept = RecordedCandidates(np.arange(7) * 5, *arrays, rejection, *(np.array(column) for column in (chosen, x, y)))
-    told = RecordedPredictions(np.arange(1, 7) * 5, *(np.array(column) for column in zip(*predicted, strict=True)))
+    columns = (np.array(column) for column in zip(*predicted, strict=True))
+    nobody = np.full(len(predicted), -1), np.full(len(predicted), np.nan)
+    told = RecordedPredictions(np.arange(1, 7) * 5, *columns, *nobody)
     return replace(run, candidates=kept, predictions=told)
 
 

@@ -44,7 +44,7 @@ def test_frenetix_stops_behind_a_standing_car_in_a_single_lane_if_it_knows_its_t
 
 def test_frenetix_as_published_rolls_into_a_standing_car_at_walking_pace():
     # The library states half of its accelerations, and its planner begins the next plan with them: every plan brakes
-    # later than the one before had promised (docs/planners_third_party.md).
+    # later than the one before had promised (docs/reference/planners_third_party.md).
     run = idr.simulate(behind_a_standing_car(), agents=[AGENT], planner="frenetix", threads=1)
     assert run.outcomes.outcome[0] == "collision"
     assert 0.0 < run.outcomes.impact_speed[0] < 1.5

@@ -11,8 +11,10 @@ mod meeting;
 mod room;
 mod windows;
 
+pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
 pub use course::Course;
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
+pub(crate) use windows::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;
 

@@ -1,6 +1,6 @@
 //! Settings. Each is one entry of a `settings!` table: field, unit, default, range and text. The table declares the
 //! structs, checks the ranges and describes the fields; the binding reads Python's records by it, and
-//! `crates/python/settings.py` writes those records and docs/settings.md from it.
+//! `crates/python/settings.py` writes those records and docs/reference/settings.md from it.
 
 use std::f64::consts::{PI, TAU};
 

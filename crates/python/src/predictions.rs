@@ -17,7 +17,22 @@ use crate::scene::PyScene;
 /// Id, code of how it is known, age, place among those present; kind, static, length, width and state of others.
 pub type KnownParts = (i64, i64, f64, i64, (i64, bool, f64, f64, [f64; 6]));
 
-/// A table of predictions, or some of its rows: what one agent may know is not copied before it is examined.
+/// The expected motion of participants, as a predictor returns it and a planner gets it; read-only.
+///
+/// Args:
+///     time_step: Time step at which the prediction is made.
+///     ids: Participants, ascending, shape (participants,).
+///     probability: Of each mode, sum 1, shape (participants, modes); a mode with 0 is unused.
+///     x: Means of the footprint's centre [m], world frame, shape (participants, modes, steps); step `k` is
+///         `(k + 1) * dt` later.
+///     y: The same [m].
+///     orientation: Headings [rad], the same shape.
+///     velocity: Speeds along the heading [m/s], the same shape.
+///     covariance: Of the position [m²], world frame, shape (participants, modes, steps, 2, 2), positive definite.
+///     valid: Where there is a prediction, shape (participants, modes, steps).
+///
+/// Raises:
+///     InputError: An array has another shape or type, or values that cannot be a prediction; the first one is named.
 #[pyclass(frozen, name = "Predictions", module = "interdrive._core")]
 pub struct PyPredictions {
     table: Arc<Predictions>,
@@ -81,7 +96,6 @@ impl PyPredictions {
         format!("<Predictions at time step {step}: {} participants, {modes} modes, {steps} points>", self.n_shown())
     }
 
-    /// Checks and keeps the arrays of a predictor from outside.
     #[new]
     #[pyo3(signature = (time_step, ids, probability, x, y, orientation, velocity, covariance, valid))]
     fn new(
@@ -168,6 +182,23 @@ impl PyPredictions {
         let told = self.told.as_deref();
         let ages = told.map_or_else(Vec::new, |told| told.ages().collect());
         (arrays::row(py, ages), told.map_or(0, |told| told.known.values().map(Vec::len).sum()))
+    }
+
+    /// What was received, each once for all that received it: its rows, sorted by id, sender and age, ids of the senders,
+    /// and ages [s]; bars are left out.
+    fn received<'py>(&self, py: Python<'py>) -> Option<(Self, Row<'py, i64>, Row<'py, f64>)> {
+        let told = self.told.as_deref()?;
+        let mut order: Vec<usize> = (0..told.extras.len()).filter(|i| told.extras[*i].id >= 0).collect();
+        order.sort_by(|a, b| {
+            let (a, b) = (&told.extras[*a], &told.extras[*b]);
+            (a.id, a.sender).cmp(&(b.id, b.sender)).then(a.age.total_cmp(&b.age))
+        });
+        // Who sees the sender expects it a little elsewhere than who does not.
+        order.dedup_by_key(|i| (told.extras[*i].id, told.extras[*i].sender, told.extras[*i].age.to_bits()));
+        let senders = order.iter().map(|i| told.extras[*i].sender).collect();
+        let ages = order.iter().map(|i| told.extras[*i].age).collect();
+        let rows = order.iter().map(|i| told.n_present() + i).collect();
+        Some((Self::rows_told(told, rows), arrays::row(py, senders), arrays::row(py, ages)))
     }
 
     /// For other processes.

@@ -16,6 +16,7 @@ use crate::errors::{InputError, detached};
 use crate::getters::getters;
 use crate::scenario::{PyRoadNetwork, PyShape};
 
+/// What an agent should reach: one of some alternatives.
 #[pyclass(frozen, name = "Goal", module = "interdrive._core")]
 pub struct PyGoal(pub Goal);
 
@@ -48,7 +49,14 @@ impl PyGoal {
         format!("<Goal at time steps {}>", times.join(" or "))
     }
 
-    /// Whether a state meets the goal, with and without its time.
+    /// Whether a state meets the goal: with and without its time.
+    ///
+    /// Args:
+    ///     x: Centre of the footprint [m], world frame.
+    ///     y: The same [m].
+    ///     orientation: Heading [rad].
+    ///     velocity: Speed along the heading [m/s].
+    ///     time_step: When.
     fn is_met(&self, x: f64, y: f64, orientation: f64, velocity: f64, time_step: i64) -> (bool, bool) {
         let state = State { x, y, orientation, velocity, ..State::default() };
         (self.0.is_met(&state, time_step), self.0.is_met_at_any_time(&state))
@@ -71,6 +79,7 @@ getters! { PyGoal {
     };
 } }
 
+/// Lanelets from the start of an agent to its goal, and the reference path along them.
 #[pyclass(frozen, name = "Route", module = "interdrive._core")]
 pub struct PyRoute {
     pub route: Arc<Route>,
@@ -102,7 +111,14 @@ impl PyRoute {
         Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
     }
 
-    /// Arc length and signed lateral distance of a point on the reference path, nan where it has no foot.
+    /// Arc lengths and lateral distances, to the left positive, of points relative to the reference path [m].
+    ///
+    /// Args:
+    ///     x: Points [m], world frame, any shape.
+    ///     y: The same [m].
+    ///
+    /// Returns:
+    ///     (s, d), of the same shape; nan where a point has no foot on the path.
     fn project<'py>(
         &self,
         py: Python<'py>,

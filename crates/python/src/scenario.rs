@@ -71,6 +71,7 @@ getters! { PyShape {
     extent: (f64, f64) = |this| this.0.extent();
 } }
 
+/// The roads: lanelets, and the drivable area that they cover.
 #[pyclass(frozen, name = "RoadNetwork", module = "interdrive._core")]
 pub struct PyRoadNetwork(pub Arc<RoadNetwork>);
 
@@ -137,25 +138,36 @@ impl PyRoadNetwork {
         sides.map(|(bound, is_outer)| Ok((arrays::points(py, bound.iter().copied())?, is_outer))).collect()
     }
 
-    /// Whether each point (x, y) lies on a lanelet.
+    /// Whether each of the `points` [m], shape (n, 2), lies on a lanelet; shape (n,).
     fn on_lanelet<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Row<'py, bool>> {
         let points = arrays::read_points("points", &points)?;
         let inside = points.into_iter().map(|point| !self.0.lanelets_at(point).is_empty()).collect();
         Ok(arrays::row(py, inside))
     }
 
-    /// Whether each point (x, y) is drivable: within the gap tolerance of a lanelet or of what continues an open end.
+    /// Whether each of the `points` [m], shape (n, 2), can be driven on: within the gap tolerance of a lanelet or of what
+    /// continues an open end; shape (n,).
     fn on_road<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'_, f64>) -> PyResult<Row<'py, bool>> {
         let points = arrays::read_points("points", &points)?;
         Ok(arrays::row(py, points.into_iter().map(|point| self.0.is_on_road(point)).collect()))
     }
 
-    /// Ids of the lanelets that contain a point.
+    /// Ids of the lanelets that contain the point `x`, `y` [m], world frame.
     fn lanelets_at(&self, x: f64, y: f64) -> Vec<i64> {
         self.0.lanelets_at(Point::new(x, y)).into_iter().map(|i| self.0.lanelets()[i].id).collect()
     }
 
-    /// Best lanelets for a pose: (id, s, d, heading error), best first.
+    /// Best lanelets for a pose, best first.
+    ///
+    /// Args:
+    ///     x: Position [m], world frame.
+    ///     y: The same [m].
+    ///     orientation: Heading [rad].
+    ///     tolerance: Largest distance from a lanelet [m].
+    ///     angle_max: Largest difference from its direction [rad].
+    ///
+    /// Returns:
+    ///     (id, arc length s [m], offset d to the left [m], difference of headings [rad]) for each.
     fn matching(&self, x: f64, y: f64, orientation: f64, tolerance: f64, angle_max: f64) -> Vec<(i64, f64, f64, f64)> {
         let found = self.0.matching(Pose::new(x, y, orientation), tolerance, angle_max);
         found.into_iter().map(|m| (self.0.lanelets()[m.lanelet].id, m.s, m.d, m.heading_error)).collect()

@@ -114,6 +114,10 @@ macro_rules! participants_seen {
 }
 pub(crate) use participants_seen;
 
+/// What is there at one time step: all participants with their past, and the road. Predictors get it.
+///
+/// Rows are sorted by id, the last column of a history is now. Arrays are read-only; positions are centres of footprints
+/// in the world frame.
 #[pyclass(frozen, name = "Scene", module = "interdrive._core")]
 pub struct PyScene {
     pub scene: Arc<Scene>,

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use crate::errors::exception;
 use crate::getters::getters;
 
+/// Size and limits of a vehicle.
 #[pyclass(frozen, name = "Vehicle", module = "interdrive._core", from_py_object)]
 #[derive(Clone)]
 pub struct PyVehicle(pub Vehicle);

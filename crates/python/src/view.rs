@@ -126,8 +126,16 @@ impl PyView {
         PyEgo { view: slf }
     }
 
-    /// Outlines of the parts of a participant in view, now, in the world frame: shape (vertices, 2) [m] each; circles as
-    /// polygons.
+    /// Outlines of the parts of a participant in view, now, in the world frame.
+    ///
+    /// Args:
+    ///     id: Of the participant.
+    ///
+    /// Returns:
+    ///     An array of shape (vertices, 2) [m] for each part; circles as polygons.
+    ///
+    /// Raises:
+    ///     InputError: The participant is not in view.
     fn outlines<'py>(&self, py: Python<'py>, id: i64) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let participants = &self.scene.participants;
         if let Some(told) = self.told(id) {
@@ -147,7 +155,19 @@ impl PyView {
             .collect()
     }
 
-    /// Refuses what cannot be the plan of this agent now; arrays of shape (points,).
+    /// Refuses a plan that the run would refuse.
+    ///
+    /// Args:
+    ///     x: Centres of the footprint [m], world frame, shape (points,); point 0 is the present state.
+    ///     y: The same [m].
+    ///     orientation: Headings [rad], shape (points,).
+    ///     velocity: Speeds along the heading [m/s], shape (points,).
+    ///     acceleration: [m/s²], shape (points,); None: derived from the speed.
+    ///     yaw_rate: [rad/s], shape (points,); None: derived from the heading.
+    ///
+    /// Raises:
+    ///     InputError: The plan starts elsewhere, jumps, has too few points or values that are not finite, or exceeds the
+    ///         top speed.
     #[pyo3(signature = (x, y, orientation, velocity, acceleration=None, yaw_rate=None))]
     fn check_plan(
         &self,
@@ -161,8 +181,12 @@ impl PyView {
         self.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()]).map(|_| ())
     }
 
-    /// Whether the agent stays on the road along a drive of its footprint's centre, shape (points,) each, in the eyes of
-    /// the judge of the run (`road.judge`), from point to point.
+    /// Whether the agent stays on the road along a drive, from point to point, as the run judges it (`road.judge`).
+    ///
+    /// Args:
+    ///     x: Centres of the footprint [m], world frame, shape (points,).
+    ///     y: The same [m].
+    ///     orientation: Headings [rad], shape (points,).
     fn on_road(
         &self,
         x: PyReadonlyArray1<'_, f64>,
@@ -178,8 +202,18 @@ impl PyView {
             .all(|pair| self.road.admits_motion(vehicle, &footprint(&pair[0]), &footprint(&pair[1]), &mut scratch)))
     }
 
-    /// (id, interval) of the first contact along a drive that begins now, point i at i * dt, with another participant of the
-    /// predictions in their most probable mode, longer and wider by the margins [m], in all; None: no contact.
+    /// The first contact along a drive that begins now with another participant in its most probable mode.
+    ///
+    /// Args:
+    ///     x: Centres of the footprint [m], world frame, shape (points,); point i is `i * dt` from now.
+    ///     y: The same [m].
+    ///     orientation: Headings [rad], shape (points,).
+    ///     predictions: The others, as `plan` gets them.
+    ///     margin_length: By how much the others are longer, in all [m].
+    ///     margin_width: By how much they are wider, in all [m].
+    ///
+    /// Returns:
+    ///     (id, interval): interval i is between the points i and i + 1; None without a contact.
     #[pyo3(signature = (x, y, orientation, predictions, margin_length=0.0, margin_width=0.0))]
     fn first_contact(
         &self,
@@ -266,8 +300,8 @@ getters! { PyEgo {
     };
     /// Arc length of the rear axle on the reference path [m].
     s: f64 = |this| this.view.get().progress.s;
-    /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign or others
-    /// at a junction; infinite without one.
+    /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign, others
+    /// at a junction or an agreement by V2X; infinite without one.
     stop_s: f64 = |this| this.view.get().progress.stop_s;
     /// For how long it must not [s]; infinite: until it is told otherwise.
     stop_release: f64 = |this| this.view.get().progress.stop_release;

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from duckdb import DuckDBPyConnection, DuckDBPyRelation, Statement
 
-#: Tables that a question can name.
+#: Tables that a query can name.
 TABLES = ("results", "runs", "agents")
 
-#: Limits of a question: wall time [s], memory [bytes].
+#: Limits of a query: wall time [s], memory [bytes].
 SECONDS, MEMORY = 60.0, 2.0 * 2**30
 
 #: What to do about them.
@@ -42,7 +42,7 @@ Cell: TypeAlias = "bool | int | float | str | bytes | date | time | timedelta | 
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of a question.
+    """What came of a query.
 
     Attributes:
         columns: Their names.
@@ -61,20 +61,20 @@ def load_libraries() -> None:
 
 
 def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: float = MEMORY) -> Answer:
-    """The answer to a question in SQL, of all runs that have ended when it is asked.
+    """The result of a query in SQL, over all runs that have ended by then.
 
     Tables are `results` (everything), `runs` (one row per run) and `agents` (one row per agent under test). The
-    question is one SELECT; it sees these tables and no files, and cannot change anything.
+    query is one SELECT; it sees these tables and no files, and cannot change anything.
 
     Args:
         folder: Of the batch.
-        text: The question.
+        text: The query.
         seconds: It is given up after so long [s]; a single call of a function of DuckDB is not interrupted.
-        memory: DuckDB may use so much, and the answer about as much again [bytes].
+        memory: DuckDB may use so much, and the result about as much again [bytes].
 
     Raises:
         ResultsError: The folder is no batch, or damaged.
-        InputError: The question cannot be answered, or not within these limits.
+        InputError: The query fails, or exceeds these limits.
         MissingExtraError: DuckDB is not installed.
     """
     if not seconds > 0 or not memory >= _MEMORY_MIN:
@@ -103,9 +103,9 @@ def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: fl
             raise
         except (duckdb.Error, MemoryError, OSError, ValueError) as cause:  # also those of Arrow
             if is_late.is_set():
-                raise InputError(f"sql: no answer after {seconds:g} s; {RAISE_SECONDS}") from None
+                raise InputError(f"sql: no result after {seconds:g} s; {RAISE_SECONDS}") from None
             if isinstance(cause, duckdb.OutOfMemoryException | MemoryError) or "Out of Memory" in str(cause):
-                raise InputError(f"sql: the question needs more memory than {_size(memory)}; {RAISE_MEMORY}") from None
+                raise InputError(f"sql: the query needs more memory than {_size(memory)}; {RAISE_MEMORY}") from None
             raise InputError(f"sql: {_in_short(cause)}") from cause
         finally:
             alarm.cancel()
@@ -123,7 +123,7 @@ def _answer(asked: DuckDBPyRelation, memory: float) -> Answer:
         held += _CELL * len(columns) * portion.num_rows + portion.nbytes
         if held > memory:
             raise InputError(
-                f"sql: the answer has more than {len(rows) - portion.num_rows} rows, which need more memory than "
+                f"sql: the result has more than {len(rows) - portion.num_rows} rows, which need more memory than "
                 f"{_size(memory)}; ask for fewer (limit 1000), or {RAISE_MEMORY}"
             )
     return Answer(tuple(portions.schema.names), tuple(rows))
@@ -146,7 +146,7 @@ def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder, memory: float) 
         connection.register("_merged", streamed(batch.results))
         select = f"select * from _merged where key not in (select key from _withdrawn) union all by name {select}"
     elif not keys:
-        raise InputError(f"{batch.path}: no run of this batch has ended yet, there is nothing to ask")
+        raise InputError(f"{batch.path}: no run of this batch has ended yet, there is nothing to query")
     columns = ", ".join(column.name for column in RUN_COLUMNS)
     connection.execute(f"create view results as {select}")
     connection.execute(f"create view runs as select distinct {columns} from results")
@@ -156,12 +156,12 @@ def _lay_out(connection: DuckDBPyConnection, batch: BatchFolder, memory: float) 
 
 
 def _check(statements: Sequence[Statement]) -> None:
-    """Raises InputError unless it is one question."""
+    """Raises InputError unless it is one query."""
     kinds = [statement.type.name for statement in statements]
     if not kinds:
-        raise InputError('sql: what is the question? For instance "select planner, count(*) from agents group by all"')
+        raise InputError('sql: there is no query; for instance "select planner, count(*) from agents group by all"')
     if len(kinds) > 1:
-        raise InputError(f"sql: one question at a time, not {len(kinds)} statements")
+        raise InputError(f"sql: one query at a time, not {len(kinds)} statements")
     if kinds != ["SELECT"]:
         raise InputError(
             f"sql: this is a {kinds[0]} statement; only SELECT is answered, and nothing is written "

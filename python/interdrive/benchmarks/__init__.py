@@ -3,7 +3,7 @@
 found = interdrive.benchmark("mypackage.mymodule:Mine", set="public-1", split="dev", scenarios="scenarios/")
 print(found.score, found.low, found.high)
 
-Sets, runs and what the number does not tell: docs/scoring.md.
+Sets, runs and what the number does not tell: docs/how_to/benchmark.md.
 """
 
 from interdrive.benchmarks.rows import Row

@@ -42,6 +42,12 @@ INTERRUPTED, READER_GONE = 130, 141
 class _Commands(click.Group):
     """A group that turns every error that is not a bug into one line and an exit code."""
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Lists the commands by what they are for."""
+        for title, members in _GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(command.name or "", text) for command, text in members])
+
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:  # noqa: ANN401 - click's signature
         """Runs a command and exits; usage errors of click are one line, too."""
         kwargs["standalone_mode"] = False
@@ -94,10 +100,39 @@ def main() -> None:
     """Drive real CommonRoad scenarios in which every vehicle plans for itself."""
 
 
-for _command in (
-    *(run, explain, score, batch, compare, benchmark, solution, sql, report, plot, study, criticality, predict_eval),
-    *(check, verify, settings, planners, predictors, models),
-):
-    main.add_command(_command)
+#: Commands by what they are for, in the order of `interdrive --help`, with the line that says what they do there.
+_GROUPS = {
+    "Run": (
+        (run, "Let the vehicles of a scenario plan for themselves."),
+        (check, "Say what scenario files hold, and which vehicles can be agents."),
+        (verify, "Repeat a run and compare all states."),
+        (study, "Replay an encounter at three degrees of interaction."),
+    ),
+    "Look at a run": (
+        (report, "Write a run or a batch as an interactive HTML page."),
+        (explain, "Tell why agents ended as they did."),
+        (plot, "Draw a figure for a paper."),
+        (criticality, "Measure how close traffic came to accidents."),
+        (score, "Score agents from 0 to 100, with reasons."),
+        (solution, "Write drives as a CommonRoad solution."),
+    ),
+    "Compare": (
+        (batch, "Run many scenarios with several planners."),
+        (compare, "Compare the planners of a batch, with confidence intervals."),
+        (sql, "Query the results of a batch with SQL."),
+        (benchmark, "Score a planner on a fixed set of scenarios."),
+        (predict_eval, "Compare predictions with recordings."),
+    ),
+    "Look up": (
+        (settings, "List settings with defaults, units and meaning."),
+        (planners, "List planners, or the settings of one."),
+        (predictors, "List predictors, or the settings of one."),
+        (models, "List or install published weights."),
+    ),
+}
+for _members in _GROUPS.values():
+    for _command, _text in _members:
+        _command.short_help = _text
+        main.add_command(_command)
 
 __all__ = ["main"]

@@ -37,8 +37,7 @@ def benchmark(
     """Drive every agent of a set alone, among replayed and among reacting traffic, and compare the scores.
 
     The number of a planner is 100 times its score among reacting traffic, the mean of scenarios, with an interval over
-    places. Files of a set are found by their content; if some are missing, the number is partial and has no rank. See
-    docs/scoring.md.
+    places. Files of a set are found by their content; if some are missing, the number is partial and has no rank.
     """
     from interdrive.cli.batch_report import batch_progress  # noqa: PLC0415 - rich
     from interdrive.cli.score_report import print_benchmark, print_set  # noqa: PLC0415

@@ -45,7 +45,7 @@ class _Source:
     "assignments",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A setting, such as radius=50; docs/criticality.md lists them.",
+    help="A setting, such as radius=50; the documentation (Settings) lists them.",
 )
 @click.option(
     "--threads", metavar="N", type=click.IntRange(min=1), help="Threads (all cores); results do not depend on it."

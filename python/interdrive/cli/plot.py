@@ -17,7 +17,7 @@ from interdrive.errors import InputError
     "--kind",
     metavar="KIND",
     required=True,
-    help="run, trajectories, velocity, criticality or scene@SECONDS, for instance scene@3.5.",
+    help="run, trajectories, velocity, criticality, messages or scene@SECONDS, for instance scene@3.5.",
 )
 @click.option("--agents", metavar="ID,ID", help="Agents to draw (all).")
 @click.option(
@@ -47,7 +47,7 @@ def plot(
 
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
     from interdrive.plots import draw_figure, figure_kind, save_figure  # noqa: PLC0415 - matplotlib
-    from interdrive.results import read_results, reopen  # noqa: PLC0415 - pyarrow
+    from interdrive.results import Run, read_results, reopen, with_cooperation, with_routes  # noqa: PLC0415 - pyarrow
     from interdrive.results.reader import stored_plans  # noqa: PLC0415
 
     try:
@@ -58,6 +58,8 @@ def plot(
         bar.say(f"reading {folder}")
         results = read_results(folder, in_part=True)
         run = replace(reopen(folder, results), plans=stored_plans(results))
+        if name == "messages":
+            run = Run(**vars(with_cooperation(with_routes(run, results), results)))
         bar.say("drawing")
         figure = draw_figure(run, kind, agents=numbers, measures=panels, columns=columns)
         path = Path(out or f"{run.scenario.name}_{name}{f'_{time:g}s' if time is not None else ''}.pdf")

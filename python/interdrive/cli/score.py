@@ -20,14 +20,14 @@ from interdrive.errors import InputError
     "assignments",
     metavar="NAME=VALUE",
     multiple=True,
-    help="A bound, weight or reaction, such as scoring.comfort.jerk=6; docs/scoring.md lists them.",
+    help="A bound, weight or reaction, such as scoring.comfort.jerk=6; the documentation (Scores) lists them.",
 )
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv: bool) -> None:
     """Score the agents of a run from 0 to 100, and say why they do not have more.
 
     RUN is a run folder, which gets score.parquet unless --agents or --set is given. Of the batch in folder BATCH the
-    scores of its planners are printed, and all zeros by reason. Definitions: docs/scoring.md.
+    scores of its planners are printed, and all zeros by reason. The documentation (Scores) defines the terms.
     """
     from interdrive.cli.score_report import print_batch_scores, print_csv, print_scores  # noqa: PLC0415 - rich
 

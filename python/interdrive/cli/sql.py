@@ -28,7 +28,7 @@ _MARGIN, _GRACE = 1_000_000_000, 3.0
 
 @click.command()
 @click.argument("folder", metavar="DIR")
-@click.argument("question", metavar="SQL")
+@click.argument("text", metavar="SQL")
 @click.option("--csv", "as_csv", is_flag=True, help="Print all rows as CSV.")
 @click.option(
     "--timeout",
@@ -37,7 +37,7 @@ _MARGIN, _GRACE = 1_000_000_000, 3.0
     help="Time limit of the query (60).",
 )
 @click.option("--memory", metavar="SIZE", help="Memory limit of the query (2G).")
-def sql(folder: str, question: str, as_csv: bool, timeout: float | None, memory: str | None) -> None:
+def sql(folder: str, text: str, as_csv: bool, timeout: float | None, memory: str | None) -> None:
     """Query the data set of the batch in DIR with SQL; needs the extra duckdb.
 
     The tables are results (a row per run and agent), runs (a row per run) and agents (a row per agent under test):
@@ -52,7 +52,7 @@ def sql(folder: str, question: str, as_csv: bool, timeout: float | None, memory:
     seconds, size = SECONDS if timeout is None else timeout, MEMORY if given is None else given
     load_libraries()  # the limit below is relative to the address space in use
     with _limited(seconds, size):
-        answer = query(folder, question, seconds=seconds, memory=size)
+        answer = query(folder, text, seconds=seconds, memory=size)
     if as_csv:
         _print_csv(answer)
     else:

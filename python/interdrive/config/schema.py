@@ -75,7 +75,22 @@ class RecordSettings:
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """All settings of a run; the dotted names are those of `--set` and of the configuration file."""
+    """All settings of a run; the dotted names are those of `--set` and of the configuration file.
+
+    The page "Settings" of the documentation lists all of them with defaults and units.
+
+    Attributes:
+        agents: Which vehicles may become agents.
+        goal: Goals of recorded vehicles.
+        planner: Native planners.
+        predictor: Native predictors.
+        view: What agents see.
+        rules: Which rules of the road agents obey.
+        v2x: Messages between agents.
+        step: Order and end of a run.
+        road: How leaving the road is judged.
+        record: What is recorded.
+    """
 
     agents: AgentSettings = field(default_factory=AgentSettings)
     goal: GoalSettings = field(default_factory=GoalSettings)

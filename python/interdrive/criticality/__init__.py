@@ -4,7 +4,7 @@ found = interdrive.criticality.evaluate(run)
 found["ttc"]                   # time to collision [s], shape (judged, time_steps)
 found.extremes["btn"].value    # largest brake threat number, shape (judged,)
 
-Definitions, sources and limits of every measure: docs/criticality.md.
+Definitions, sources and limits of every measure: docs/reference/criticality.md.
 """
 
 from interdrive.criticality.evaluate import Criticality, CriticalMoment, Extremes, Series, evaluate

@@ -128,7 +128,7 @@ class Criticality:
         return self.series[measure_named(name).name].value
 
     def row(self, participant_id: int) -> int:
-        """Row of a judged participant.
+        """Row of the judged participant with id `participant_id`.
 
         Raises:
             InputError: It was not judged.
@@ -139,7 +139,7 @@ class Criticality:
         return int(rows[0])
 
     def most_critical(self, name: str) -> CriticalMoment | None:
-        """The most critical moment of a measure among all judged participants; the first one of several equal ones.
+        """The most critical moment of the measure `name` among all judged participants; the first of equal ones.
 
         Returns:
             None if there was no conflict: no finite value, or none above 0 for a measure that grows (none below 0 for

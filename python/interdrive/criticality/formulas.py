@@ -69,6 +69,9 @@ def required_acceleration(
     Returns:
         The largest constant acceleration, at most 0, with which the gap never closes.
 
+    Raises:
+        InputError: A headway is not positive: in contact no braking helps.
+
     Source: Jansson, "Collision Avoidance Theory", 2005; sign of the second term corrected.
     """
     gap = np.asarray(headway, dtype=np.float64)
@@ -103,7 +106,14 @@ def required_lateral_acceleration(
 
 
 def minimal_stopping_distance(velocity: ArrayLike, deceleration: ArrayLike = 11.5) -> Floats:
-    """Minimal stopping distance, MSD [m], without reaction time, at a speed [m/s] with a deceleration [m/s²].
+    """Minimal stopping distance, MSD [m], without reaction time.
+
+    Args:
+        velocity: Speed [m/s].
+        deceleration: Available deceleration [m/s²], positive.
+
+    Raises:
+        InputError: The deceleration is not positive.
 
     Source: Allen, Shin, Cooper, "Analysis of traffic conflicts and collisions", 1978.
     """

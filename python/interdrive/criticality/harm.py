@@ -101,7 +101,7 @@ def collisions(run: RecordedRun, *, masses: Mapping[int, float] | None = None, a
     """Harm of every collision of a run.
 
     Impact perfectly plastic; logistic regression over speed change and impact area with the coefficients of the
-    published risk assessment (docs/criticality.md).
+    published risk assessment (docs/reference/criticality.md).
 
     Args:
         run: The run, finished or not.
@@ -164,7 +164,13 @@ def _pair(
 
 
 def agent_harm(run: RecordedRun, *, masses: Mapping[int, float] | None = None, asymmetric: bool = False) -> AgentHarm:
-    """Harm per agent, for the outcome table; arguments as those of `collisions`."""
+    """Harm per agent, for the table of outcomes.
+
+    Args:
+        run: A run with outcomes.
+        masses: Masses of single participants by id [kg].
+        asymmetric: Tell left from right sides, as `collisions` does.
+    """
     found = collisions(run, masses=masses, asymmetric=asymmetric)
     ended = run.outcomes
     n = len(ended.agent_id)

@@ -32,7 +32,7 @@ class Measure:
         return f"{self.title} [{self.unit}]" if self.unit else self.title
 
 
-#: All measures in the order of tables; docs/criticality.md defines them.
+#: All measures in the order of tables; docs/reference/criticality.md defines them.
 MEASURES = (
     Measure("hw", "headway", "m"),
     Measure("thw", "time headway", "s"),

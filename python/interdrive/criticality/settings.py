@@ -10,7 +10,7 @@ from interdrive.native_settings import MeasureSettings
 
 @dataclass(frozen=True)
 class CriticalitySettings(MeasureSettings):
-    """What can be chosen; the defaults are those of docs/criticality.md.
+    """What can be chosen; the defaults are those of docs/reference/criticality.md.
 
     Attributes:
         conflict_areas: Where vehicles cross: between the connectors of stated intersections, or crossing, between all

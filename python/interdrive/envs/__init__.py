@@ -1,9 +1,9 @@
 """Environments for reinforcement learning: one learner among planning traffic, or any subset of agents.
 
-import gymnasium
-import interdrive.envs  # registers the ids
-
-env = gymnasium.make("interdrive/TJunction-v0")
+Example:
+    >>> import gymnasium
+    >>> import interdrive.envs  # registers the ids
+    >>> env = gymnasium.make("interdrive/TJunction-v0")
 """
 
 from __future__ import annotations

@@ -86,6 +86,10 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begins an episode.
 
+        Args:
+            seed: Of scenario, first step and learners; None: goes on with the numbers of the last seed.
+            options: Not used.
+
         Returns:
             Observations and empty infos by agent.
         """
@@ -99,11 +103,17 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
     def step(
         self, actions: dict[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """One decision of all agents; actions of those that have ended are ignored.
+        """One decision of all agents.
+
+        Args:
+            actions: By name of the agent, one for each in `agents`; those of agents that have ended are ignored.
 
         Returns:
             Observations, rewards, terminations, truncations and infos by agent. Agents that end in this step are in
             them, then they leave `agents`.
+
+        Raises:
+            InputError: There was no `reset`, an agent has no action, or a name or an action does not fit.
         """
         buffers = self._engine.buffers
         if not self.agents:
@@ -137,7 +147,14 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         return whole
 
     def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
+        """Changes `traffic` or rewards from the next episode on; spaces never change.
+
+        Args:
+            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
+
+        Raises:
+            InputError: Another name, or a value that does not fit.
+        """
         self._engine.update(changes)
 
     def run(self) -> Run:
@@ -145,7 +162,18 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         return run_of(self._engine)
 
     def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What a recorded driver did: actions (time steps, 2), and where they lead to its next state (time steps,)."""
+        """What a recorded driver did, as actions of the single-track model.
+
+        Args:
+            agent_id: CommonRoad id of a vehicle with a recording.
+
+        Returns:
+            Actions, shape (time steps, 2), and whether each of them leads to the next recorded state, shape
+            (time steps,).
+
+        Raises:
+            InputError: The actions of this environment cannot be inverted, or the vehicle has no recording.
+        """
         return recorded_actions(self._engine, agent_id)
 
     def render(self) -> None:
@@ -165,5 +193,5 @@ def _arguments(space: Any) -> dict[str, Any]:  # noqa: ANN401 - a box or a discr
 
 
 def parallel_env(**settings: Any) -> ParallelDriveEnv:  # noqa: ANN401 - settings of many types
-    """A `ParallelDriveEnv`, as PettingZoo names it."""
+    """A `ParallelDriveEnv` with these `settings`, by the name that PettingZoo's environments have."""
     return ParallelDriveEnv(**settings)

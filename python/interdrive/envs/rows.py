@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from interdrive.envs.sampling import Sampler
 
+    Bools: TypeAlias = NDArray[np.bool_]
+
 
 class Rows:
     """Many worlds as rows, row = world * slots + slot, in arrays that are written in place.
@@ -26,7 +28,7 @@ class Rows:
 
     Args:
         num_worlds: Number of worlds.
-        slots: Rows of each, so many learners are drawn where there are more; None: as many as the largest scenario has.
+        slots: Rows of each; if a scenario has more learners, they are drawn. None: as many as the largest scenario has.
         seed: Of the first reset; world i has seed + i.
         buf: Arrays by name that are written instead of new ones.
         keep_final: Keep the last observations of learners that end.
@@ -54,9 +56,9 @@ class Rows:
     actions: NDArray[Any]
     observations: NDArray[np.float32]
     rewards: NDArray[np.float32]
-    terminals: NDArray[np.bool_]
-    truncations: NDArray[np.bool_]
-    masks: NDArray[np.bool_]
+    terminals: Bools
+    truncations: Bools
+    masks: Bools
     outcomes: NDArray[np.int8]
     agent_ids: NDArray[np.int64]
     components: NDArray[np.float32]
@@ -129,7 +131,14 @@ class Rows:
         return [{**public(info), "row": info["row"]} for info in self._engine.infos()]
 
     def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
+        """Changes `traffic` or rewards from the next episode on; spaces never change.
+
+        Args:
+            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
+
+        Raises:
+            InputError: Another name, or a value that does not fit.
+        """
         self._engine.update(changes)
 
     def close(self) -> None:

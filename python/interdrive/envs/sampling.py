@@ -14,31 +14,41 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Sampler(Protocol):
-    """Draws scenarios; methods are called in the order of worlds, after each call of the core."""
+    """Contract of an object that draws scenarios; worlds call its methods one after the other."""
 
     def begin(self, n: int) -> None:
-        """Is told the number of scenarios."""
+        """Called once, with the number `n` of scenarios."""
 
     def draw(self, rng: Generator) -> int:
-        """Position of the next scenario; takes what it needs from the generator of the world."""
+        """Position of the next scenario, from 0 to n - 1.
+
+        Args:
+            rng: Generator of the world; the only source of random numbers.
+        """
 
     def ended(self, index: int, outcomes: Sequence[str], components: Sequence[Mapping[str, float]]) -> None:
-        """Is told how the learners ended that ended in a scenario in one step."""
+        """Called when learners have ended in a step.
+
+        Args:
+            index: Position of their scenario.
+            outcomes: One per learner.
+            components: Parts of their rewards by name, one mapping per learner.
+        """
 
 
 class Uniform:
     """Every scenario is equally likely."""
 
     def begin(self, n: int) -> None:
-        """Is told the number of scenarios."""
+        """Called once, with the number `n` of scenarios."""
         self._n = n
 
     def draw(self, rng: Generator) -> int:
-        """Position of the next scenario."""
+        """Position of the next scenario, drawn with `rng`."""
         return int(rng.integers(self._n))
 
     def ended(self, index: int, outcomes: Sequence[str], components: Sequence[Mapping[str, float]]) -> None:
-        """Does not matter."""
+        """Ignores `index`, `outcomes` and `components`: all scenarios stay equally likely."""
 
 
 class Hardest:
@@ -50,11 +60,11 @@ class Hardest:
     MEMORY = 20
 
     def begin(self, n: int) -> None:
-        """Is told the number of scenarios."""
+        """Called once, with the number `n` of scenarios."""
         self._failures: list[deque[float]] = [deque([1.0], maxlen=self.MEMORY) for _ in range(n)]
 
     def draw(self, rng: Generator) -> int:
-        """Position of the next scenario."""
+        """Position of the next scenario, drawn with `rng`."""
         n = len(self._failures)
         shares = np.array([sum(failures) / len(failures) for failures in self._failures])
         total = float(shares.sum())
@@ -62,6 +72,6 @@ class Hardest:
         return int(min(np.searchsorted(np.cumsum(chance), rng.random() * chance.sum(), side="right"), n - 1))
 
     def ended(self, index: int, outcomes: Sequence[str], components: Sequence[Mapping[str, float]]) -> None:
-        """Remembers the share of failures."""
+        """Remembers the share of failures among `outcomes` in scenario `index`; `components` do not count."""
         if outcomes:
             self._failures[index].append(sum(one != "goal_reached" for one in outcomes) / len(outcomes))

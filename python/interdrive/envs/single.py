@@ -86,6 +86,9 @@ class DriveEnv(gymnasium.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:  # noqa: ANN401 - an array or a number
         """Takes a decision.
 
+        Args:
+            action: In `action_space`: an array of numbers from -1 to 1, or the number of a choice.
+
         Returns:
             Observation, reward, whether the episode has ended, whether it was cut, and the info, empty until then.
         """
@@ -97,7 +100,14 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         return observation, float(self._rewards[0]), ended, cut, info
 
     def update(self, **changes: Any) -> None:  # noqa: ANN401 - settings of many types
-        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
+        """Changes `traffic` or rewards from the next episode on; spaces never change.
+
+        Args:
+            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
+
+        Raises:
+            InputError: Another name, or a value that does not fit.
+        """
         self._engine.update(changes)
 
     def run(self) -> Run:
@@ -105,7 +115,18 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         return run_of(self._engine)
 
     def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What a recorded driver did: actions (time steps, 2), and where they lead to its next state (time steps,)."""
+        """What a recorded driver did, as actions of the single-track model.
+
+        Args:
+            agent_id: CommonRoad id of a vehicle with a recording.
+
+        Returns:
+            Actions, shape (time steps, 2), and whether each of them leads to the next recorded state, shape
+            (time steps,).
+
+        Raises:
+            InputError: The actions of this environment cannot be inverted, or the vehicle has no recording.
+        """
         return recorded_actions(self._engine, agent_id)
 
     def render(self) -> None:

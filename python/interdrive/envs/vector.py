@@ -87,6 +87,9 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
         Returns:
             Observations and an empty info.
+
+        Raises:
+            InputError: A seed is not a whole number from 0 on, or the mask does not fit.
         """
         seeds: list[int | None]
         if isinstance(seed, list | tuple):
@@ -113,6 +116,9 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """One decision in all worlds.
 
+        Args:
+            actions: One row per world, in `action_space`.
+
         Returns:
             Observations, rewards, which episodes have ended, which were cut, and the infos of those as gymnasium has
             them.
@@ -136,8 +142,15 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         )
 
     def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
+        """Changes `traffic` or rewards from the next episode on; spaces never change.
+
+        Args:
+            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
+
+        Raises:
+            InputError: Another name, or a value that does not fit.
+        """
         self._engine.update(changes)
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401
-        """Has nothing to close."""
+        """Has nothing to close; `kwargs` are not used."""

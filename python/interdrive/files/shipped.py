@@ -62,7 +62,8 @@ def scenario_file(spec: str | os.PathLike[str]) -> Path:
     if path.exists():  # a folder, which some callers accept
         return path
     near = difflib.get_close_matches(name, shipped_scenarios(), n=1)
-    hint = f"did you mean the shipped scenario {near[0]}?" if near else "and no shipped scenario has that name"
+    shipped = f"no shipped scenario has that name ({', '.join(shipped_scenarios())})"
+    hint = f"did you mean the shipped scenario {near[0]}?" if near else f"and {shipped}"
     raise InputError(name, f"no such file, {hint}")
 
 

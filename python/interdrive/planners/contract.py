@@ -53,7 +53,15 @@ class Planner(Protocol):
     """
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
-        """The trajectory to drive."""
+        """The trajectory to drive.
+
+        Args:
+            view: What the agent sees now, read-only.
+            predictions: For the participants in view and for the agent itself, read-only.
+
+        Returns:
+            At least two points, `view.dt` apart. Only the first step is driven.
+        """
         ...
 
 

@@ -4,7 +4,7 @@ Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE Access 2024, doi 10.1109/ACCE
 (LGPL), an optional library: `pip install interdrive[frenetix]`. The library computes trajectories, costs and limits of
 samples. This module adds what is left to its users: the samples, the desired speed, the choice, the tests of the chosen
 trajectory against others and the road (done by the core), and the fallback if no sample is left.
-docs/planners_third_party.md lists its limitations and the differences from `frenet`.
+docs/reference/planners_third_party.md lists its limitations and the differences from `frenet`.
 """
 
 from __future__ import annotations

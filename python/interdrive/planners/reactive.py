@@ -4,7 +4,7 @@ Wuersching and Althoff, "Sampling-based optimal trajectory generation for autono
 ITSC 2021; after Werling et al., ICRA 2010. PyPI `commonroad-reactive-planner` 2025.1, an optional library:
 `pip install interdrive[reactive]`. Samples, costs, limits and the search for the cheapest trajectory without contact
 are those of the library. It gets start state, reference path, desired speed, obstacles and the edges of the road from
-the view. docs/planners_third_party.md lists its limitations and the differences from `frenet`.
+the view. docs/reference/planners_third_party.md lists its limitations and the differences from `frenet`.
 """
 
 from __future__ import annotations

@@ -64,7 +64,8 @@ class AgentViews:
         seen = told.participant_id != self._agent_id
         if run.views is not None and self._agent_id is not None:
             seen = np.isin(told.participant_id, run.views.seen_by(self._agent_id, time_step))
-        rows = np.flatnonzero((told.time_step == time_step) & seen)
+        # What was received is known to its receivers only.
+        rows = np.flatnonzero((told.time_step == time_step) & (told.sender_id < 0) & seen)
         who, column = (
             np.searchsorted(states.participant_id, told.participant_id[rows]),
             time_step - states.first_time_step,

@@ -29,7 +29,7 @@ _NEAR = 40.0
 
 
 def check_animation(path: str | Path) -> None:
-    """Whether a film of that name can be made; useful before a long simulation.
+    """Refuses a `path` to which no film can be written; useful before a long simulation.
 
     Raises:
         ResultsError: The ending is neither .gif nor .mp4.

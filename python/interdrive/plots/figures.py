@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from interdrive.errors import InputError
+from interdrive.plots.messages import draw_messages
 from interdrive.plots.paper import LINES_MAX, chosen_agents, draw_measures, draw_scene, draw_trajectories, draw_velocity
 from interdrive.plots.still import draw_run
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from interdrive.results import Run
 
 #: Kinds of figures; a scene is at a time in seconds.
-KINDS = ("run", "trajectories", "velocity", "criticality", "scene@SECONDS")
+KINDS = ("run", "trajectories", "velocity", "criticality", "messages", "scene@SECONDS")
 
 
 def draw_figure(
@@ -53,6 +54,10 @@ def draw_figure(
     if name == "criticality":
         shown = chosen_agents(run, agents, LINES_MAX)
         return draw_measures(run.criticality(), shown, measures, columns=columns or 1)
+    if name == "messages":
+        if agents is not None:
+            raise InputError("the figure of messages shows all agents; leave them out")
+        return draw_messages(run, columns=columns or 1)
     if name == "trajectories":
         return draw_trajectories(run, agents, columns=columns or 2)
     return draw_run(run)

@@ -12,12 +12,12 @@ from matplotlib.lines import Line2D
 
 from interdrive.criticality import measure_named
 from interdrive.errors import InputError
+from interdrive.plots.labels import draw_labels
 from interdrive.plots.measures import CAPS, levels_of
 from interdrive.plots.road import draw_scale, map_axes
 from interdrive.plots.still import draw_run
 from interdrive.plots.style import (
     GOAL,
-    HALO,
     INK,
     MM,
     RECORDED_EDGE,
@@ -79,6 +79,11 @@ def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = Non
 def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns: int = 2) -> Figure:
     """The picture of `draw_run` for some agents; the others are drawn like recorded traffic.
 
+    Args:
+        run: The run.
+        agents: Ids of the agents to draw; None: all.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
+
     Raises:
         InputError: An id that is no agent of the run.
     """
@@ -107,6 +112,11 @@ def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns:
 def draw_velocity(run: Run, agents: Sequence[int] | None = None, *, columns: int = 1) -> Figure:
     """Velocity of agents over time, with the markers of their outcomes.
 
+    Args:
+        run: The run.
+        agents: Ids of the agents to draw, at most `LINES_MAX`; None: all.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
+
     Raises:
         InputError: An id that is no agent of the run, or more than `LINES_MAX` agents.
     """
@@ -130,6 +140,12 @@ def draw_measures(
     found: Criticality, agents: Sequence[int], measures: Sequence[str] = ("ttc", "thw"), *, columns: int = 1
 ) -> Figure:
     """Criticality measures of agents over time, one panel each; where a line is missing, there is no conflict.
+
+    Args:
+        found: Evaluated measures.
+        agents: Ids of the agents to draw, at most `LINES_MAX`.
+        measures: Names of the measures.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
         InputError: A participant that was not judged, an unknown measure, or more than `LINES_MAX` agents.
@@ -190,8 +206,13 @@ def draw_scene(
     known = agent_colors(run)
     colors = {row: known[number] for row, number in zip(rows, shown, strict=True)}
     _draw_bodies(axes, run, column, colors, view)
+    crowd = [_body(run, row, column, view) for row in np.flatnonzero(run.states.valid[:, column]).tolist()]
     for row in there:
-        _draw_ways(axes, run, plans, (row, column), colors[row], view)
+        crowd += _draw_ways(axes, run, plans, (row, column), colors[row], view)
+    states = run.states
+    at = {row: view.picture_from_world(np.array([states.x[row, column], states.y[row, column]])) for row in there}
+    wanted = [(str(states.participant_id[row]), at[row], INK) for row in there]
+    draw_labels(axes, view, width, wanted, np.concatenate(crowd), _FONT - 0.5)
     draw_scale(axes, view, view.width * MM / width, _FONT)
     return figure
 
@@ -222,8 +243,8 @@ def _draw_bodies(axes: Axes, run: Run, column: int, colors: Mapping[int, str], v
             axes.add_collection(PolyCollection(mark, facecolors=edge, linewidths=0.0, zorder=4), autolim=False)
 
 
-def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], color: str, view: View) -> None:
-    """Past and plan of an agent, and its id."""
+def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], color: str, view: View) -> list[Floats]:
+    """Past and plan of an agent; returns their points in the picture."""
     states, (row, column) = run.states, at
     lines = [(track(run, row, slice(column + 1)), 0.7)]
     if plans is not None:
@@ -231,23 +252,22 @@ def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], c
         own = np.flatnonzero((plans.agent_id == states.participant_id[row]) & (plans.time_step <= step))
         if len(own):
             lines.append((plan_points(plans, int(own[-1])), 1.6))
+    drawn = []
     for line, thick in lines:
         if len(line):
-            points = [view.picture_from_world(line)]
-            axes.add_collection(LineCollection(points, colors=color, linewidths=thick, zorder=3), autolim=False)
-    x, y = view.picture_from_world(np.array([states.x[row, column], states.y[row, column]]))
-    axes.annotate(
-        str(states.participant_id[row]),
-        (x, y),
-        (0, 5),
-        textcoords="offset points",
-        ha="center",
-        fontsize=_FONT - 0.5,
-        color=INK,
-        path_effects=HALO,
-        zorder=7,
-        annotation_clip=True,
-    )
+            points = view.picture_from_world(line)
+            drawn.append(points[:: max(1, len(points) // 30)])
+            axes.add_collection(LineCollection([points], colors=color, linewidths=thick, zorder=3), autolim=False)
+    return drawn
+
+
+def _body(run: Run, row: int, column: int, view: View) -> Floats:
+    """Points along the middle of a footprint in the picture, shape (points, 2)."""
+    states = run.states
+    along = np.linspace(-0.5, 0.5, 5) * states.length[row]
+    x = states.x[row, column] + along * np.cos(states.orientation[row, column])
+    y = states.y[row, column] + along * np.sin(states.orientation[row, column])
+    return view.picture_from_world(np.column_stack([x, y]))
 
 
 def _panels(labels: Sequence[str], n_lines: int, columns: int) -> tuple[Figure, list[Axes]]:

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from interdrive.errors import ResultsError
+from interdrive.plots.labels import draw_labels
 from interdrive.plots.road import draw_bar, map_axes
 from interdrive.plots.style import (
     GOAL,
@@ -100,10 +101,14 @@ def draw_run(run: Run, *, width_mm: float = 180.0, others: str = "recorded traff
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
-    """Writes a figure, whole or not at all; the file ending (png, pdf, svg) chooses the format.
+    """Writes a figure, whole or not at all.
+
+    Args:
+        figure: A matplotlib figure.
+        path: File that ends in .png, .pdf or .svg, which chooses the format.
 
     Raises:
-        ResultsError: for another ending or a file that cannot be written.
+        ResultsError: For another ending or a file that cannot be written.
     """
     kind = Path(path).suffix.lower().lstrip(".")
     if kind not in ("png", "pdf", "svg"):
@@ -197,34 +202,12 @@ def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floa
 
 
 def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats, Floats]], width: float) -> None:
-    """Puts every agent's id beside its start, and beside its end if it went wrong, where the fewest things are."""
-    scale = 72.0 * width / view.width  # points per metre
+    """Puts every agent's id beside its start, and beside its end if it went wrong."""
     size = _FONT - 1.0 if len(ends) <= 30 else _FONT - 2.0
-    crowd = _crowd(run, view) * scale
-    window = np.array([view.x_limits[0], view.y_limits[0], view.x_limits[1], view.y_limits[1]]) * scale
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
-    wanted = [(number, start, INK) for number, (start, _) in ends.items()]
-    wanted += [(number, end, _WRONG_INK) for number, (_, end) in ends.items() if ended[number] in _WRONG]
-    boxes: list[Floats] = []
-    for number, anchor, color in wanted:
-        half = 0.5 * np.array([0.62 * size * len(str(number)) + 1.0, size])
-        best, best_cost = np.zeros(4), np.inf
-        for reach in (4.0, 8.0, 13.0):
-            for angle in np.radians([90, 270, 180, 0, 135, 45, 225, 315]):
-                way = np.array([np.cos(angle), np.sin(angle)])
-                center = anchor * scale + way * (reach + half * (0.6 + 0.4 * np.abs(way)))
-                box = np.concatenate([center - half, center + half])
-                cost = 0.3 * reach + ((crowd >= box[:2]) & (crowd <= box[2:])).all(axis=1).sum()
-                cost += sum(40.0 for other in boxes if (box[:2] < other[2:]).all() and (other[:2] < box[2:]).all())
-                cost += 100.0 * bool((box[:2] < window[:2]).any() or (box[2:] > window[2:]).any())
-                if cost < best_cost:
-                    best, best_cost = box, cost
-        boxes.append(best)
-        place = 0.5 * (best[:2] + best[2:]) / scale
-        if np.hypot(*(place - anchor)) * scale > 12.0:
-            axes.plot(*np.stack([anchor, place]).T, "-", color=color, lw=0.3, zorder=6.5)
-        style: dict[str, Any] = {"fontsize": size, "color": color, "ha": "center", "va": "center", "path_effects": HALO}
-        axes.text(place[0], place[1], str(number), zorder=7, clip_on=True, **style)
+    wanted = [(str(number), start, INK) for number, (start, _) in ends.items()]
+    wanted += [(str(number), end, _WRONG_INK) for number, (_, end) in ends.items() if ended[number] in _WRONG]
+    draw_labels(axes, view, width, wanted, _crowd(run, view), size)
 
 
 def _crowd(run: Run, view: View) -> Floats:

@@ -87,7 +87,7 @@ class Walenet:
         network()
 
     def predict(self, scene: Scene) -> Predictions:
-        """Expectations for all participants present; shapes as in the contract, one mode."""
+        """Predictions for all participants of `scene`, with one mode; shapes as in `interdrive.Predictor`."""
         x, y, orientation = (values[:, -1] for values in (scene.x, scene.y, scene.orientation))
         velocity = scene.observed_velocity
         is_known = np.isfinite(x + y + orientation + velocity) & ~scene.is_static

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: Moments at which a measure goes beyond this are events; of each agent the most critical one.
 THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
 
-#: Plans of these kinds are events when they begin. (An emergency plan brakes or evades; see docs/planner_frenet.md.)
+#: Plans of these kinds are events when they begin; an emergency plan brakes or evades (planner_frenet.md).
 _EMERGENCIES = {"emergency_braking": "falls back on an emergency plan", "infeasible": "finds no feasible plan"}
 
 _ENDS = {

@@ -144,8 +144,11 @@ def pack_candidates(packer: Packer, run: Run, origin: Floats, table: ArrowTable 
 
 
 def pack_predictions(packer: Packer, run: Run, origin: Floats, table: ArrowTable | None) -> None:
-    """Modes of all participants, sorted by time step, participant and mode, as they are stored."""
-    if table is None or not table.num_rows:
+    """Modes of all participants by the predictor, sorted by time step, participant and mode, as they are stored."""
+    if table is None:
+        return
+    table = table.filter(table["sender_id"].is_null())
+    if not table.num_rows:
         return
     points = np.unique(table["point"].to_numpy())
     names = ("time_step", "participant_id", "probability", "x", "y", "variance_x", "covariance_xy", "variance_y")

@@ -78,6 +78,8 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     "predictions": (
         Column("time_step", "integer", "time step of the prediction"),
         Column("participant_id", "integer", "predicted participant"),
+        Column("sender_id", "integer", "agent that told it; null: the predictor", nullable=True),
+        Column("age", "number", "age of what was told [s]; null: the predictor", nullable=True),
         Column("mode", "integer", "number of the mode"),
         Column("probability", "number", "of the mode"),
         Column("point", "integer", "the point is point * dt after time_step"),

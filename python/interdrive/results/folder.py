@@ -60,8 +60,21 @@ _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
 class Results:
     """Contents of a run folder: Arrow tables (`to_pandas()`, `polars.from_arrow`) and run.json as a dictionary.
 
-    `views`, `predictions` and `candidates` are None unless the settings `record.*` request them. `missing` names the
-    tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
+    Attributes:
+        outcomes: One row per agent.
+        states: One row per participant and time step.
+        plans: One row per point of a plan.
+        timing: One row per time step and phase.
+        routes: One row per point of a reference path.
+        info: Contents of run.json.
+        views: Intervals in which agents saw participants; None unless `record.views`.
+        predictions: None unless `record.predictions`.
+        candidates: None unless `record.candidates`.
+        violations: Violations of rules of the road; None with `record.violations=false`.
+        orders: Orders to wait before junctions; None without `rules.precedence`.
+        messages: V2X messages; None unless `record.messages`.
+        agreements: Which agent held for which; None if no agents negotiate.
+        missing: Names of tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
     """
 
     outcomes: pa.Table
@@ -159,6 +172,10 @@ def read_results(folder: str | Path, *, in_part: bool = False) -> Results:
 
 def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
     """The folder a run can be saved to, as an absolute path; useful before a long simulation.
+
+    Args:
+        folder: New or empty folder, or one that holds another run.
+        overwrite: Another run in it may be replaced.
 
     Raises:
         ResultsError: if something is there that must not be replaced.

@@ -89,7 +89,7 @@ def read_run(folder: str | Path) -> RunRecord:
 
 
 def with_routes(part: RunRecord, results: Results) -> RunRecord:
-    """What `read_part` gave with settings, routes and violations: all that scores need."""
+    """`part`, as `read_part` gave it, with settings, routes and violations of `results`: all that scores need."""
     routes = _columns(results.routes)
     paths = np.stack([routes["x"], routes["y"]], axis=1)
     return replace(
@@ -101,7 +101,7 @@ def with_routes(part: RunRecord, results: Results) -> RunRecord:
 
 
 def with_cooperation(part: Record, results: Results) -> Record:
-    """What `read_part` gave with messages and agreements."""
+    """`part`, as `read_part` gave it, with messages and agreements of `results`."""
     return replace(
         part,
         messages=None if results.messages is None else _messages(_columns(results.messages)),
@@ -114,31 +114,28 @@ def _columns(table: ArrowTable) -> dict[str, Any]:
 
 
 def _violations(column: dict[str, Any]) -> Violations:
-    ids = {
-        name: np.nan_to_num(column[name].astype(np.float64), nan=-1.0).astype(np.int64)
-        for name in ("lanelet_id", "partner_id")
-    }
+    ids = {name: _ids(column[name]) for name in ("lanelet_id", "partner_id")}
     texts = {name: tuple(column[name].tolist()) for name in ("source", "rule")}
     return Violations(**{**column, **texts, **ids})
 
 
 def _orders(column: dict[str, Any]) -> Orders:
-    by = np.nan_to_num(column["by_id"].astype(np.float64), nan=-1.0).astype(np.int64)
-    return Orders(**{**column, "kind": tuple(column["kind"].tolist()), "by_id": by})
+    return Orders(**{**column, "kind": tuple(column["kind"].tolist()), "by_id": _ids(column["by_id"])})
 
 
 def _messages(column: dict[str, Any]) -> Messages:
-    nulls = {
-        name: np.nan_to_num(column[name].astype(np.float64), nan=-1.0).astype(np.int64)
-        for name in ("receiver_id", "arrived")
-    }
+    nulls = {name: _ids(column[name]) for name in ("receiver_id", "arrived")}
     service = np.array([SERVICES.index(name) for name in column["service"]], dtype=np.int64)
     return Messages(**{**column, **nulls, "service": service})
 
 
 def _agreements(column: dict[str, Any]) -> Agreements:
-    going = np.nan_to_num(column["going_id"].astype(np.float64), nan=-1.0).astype(np.int64)
-    return Agreements(**{**column, "going_id": going})
+    return Agreements(**{**column, "going_id": _ids(column["going_id"])})
+
+
+def _ids(column: NDArray[Any]) -> NDArray[np.int64]:
+    """Integers, -1 where there is none."""
+    return np.nan_to_num(column.astype(np.float64), nan=-1.0).astype(np.int64)
 
 
 def _timings(results: Results) -> Timings:
@@ -153,9 +150,9 @@ def _blocks(column: Mapping[str, Any]) -> tuple[Ints, dict[str, Any]]:
 
 
 def _predictions(column: Mapping[str, Any]) -> RecordedPredictions:
-    points, table = _blocks(column)
+    points, table = _blocks({**column, "sender_id": _ids(column["sender_id"])})
     xx, xy, yy = (table[name] for name in ("variance_x", "covariance_xy", "variance_y"))
-    names = ("time_step", "participant_id", "mode", "probability")
+    names = ("time_step", "participant_id", "sender_id", "age", "mode", "probability")
     return RecordedPredictions(
         point=points,
         **{name: table[name][:, 0] for name in names},

@@ -111,7 +111,15 @@ class Run(RunRecord):
     ) -> Criticality:
         """All criticality measures at every time step, of all agents by default.
 
-        Arguments and errors are those of `interdrive.criticality.evaluate`.
+        Args:
+            participant_ids: Vehicles to judge; None: all agents.
+            other_ids: The participants that count as others; None: all.
+            settings: Parameters and switches of the measures.
+            deceleration: Available deceleration of single vehicles by id [m/s²].
+            threads: None: the number of cores. Results do not depend on it.
+
+        Raises:
+            InputError: An unknown id, or a setting out of its range.
         """
         from interdrive.criticality import evaluate  # noqa: PLC0415 - loaded when asked for
 
@@ -127,13 +135,34 @@ class Run(RunRecord):
         measures: Sequence[str] = ("ttc", "thw"),
         columns: int | None = None,
     ) -> Figure:
-        """A figure of the run; arguments and errors are those of `interdrive.plots.draw_figure`."""
+        """A matplotlib figure of the run, as wide as one or two columns of a paper.
+
+        Args:
+            kind: "run", "trajectories", "velocity", "criticality", or "scene@SECONDS" such as "scene@3.5".
+            agents: Ids of the agents to draw; None: all.
+            measures: With "criticality": names of the measures, one panel each.
+            columns: 1 (88 mm) or 2 (180 mm); None: what suits the kind.
+
+        Raises:
+            InputError: An unknown kind, id or measure, or too many agents for lines in one figure.
+        """
         from interdrive.plots import draw_figure  # noqa: PLC0415 - matplotlib
 
         return draw_figure(self, kind, agents=agents, measures=measures, columns=columns)
 
     def animation(self, path: str | Path, *, agent_id: int | None = None, fps: float = 10.0) -> Path:
-        """Writes a film of the run, .gif or .mp4, and returns its path; see `interdrive.plots.animate_run`."""
+        """Writes a film of the run and returns its path.
+
+        Args:
+            path: File that ends in .gif or .mp4.
+            agent_id: Agent to follow, with its recorded candidates and predictions; None: the whole scene.
+            fps: Frames per second.
+
+        Raises:
+            InputError: `agent_id` is no agent of the run, or `fps` is not positive.
+            ResultsError: Another ending, or a file that cannot be written.
+            MissingExtraError: MP4 without ffmpeg on the PATH.
+        """
         from interdrive.plots import animate_run  # noqa: PLC0415 - matplotlib
 
         animate_run(self, path, agent_id, fps=fps)
@@ -208,7 +237,15 @@ def _unbound(part: T) -> T:
 
 
 def load(folder: str | Path) -> Run:
-    """The run that was saved in a folder; as `Run.load`."""
+    """The run that was saved in a folder; the same as `Run.load`.
+
+    Args:
+        folder: Folder that `save`, `interdrive run` or a batch wrote.
+
+    Raises:
+        ResultsError: The folder or one of its files is missing, damaged or of another format.
+        InputError: The scenario cannot be read.
+    """
     return Run.load(folder)
 
 
@@ -227,5 +264,5 @@ def reopen(folder: str | Path, results: Results | None = None) -> Run:
 
 
 def recorded_run(scenario: Scenario) -> Run:
-    """The recorded traffic of a scenario as a run without agents."""
+    """The recorded traffic of a `scenario` as a run without agents."""
     return Run(**vars(recorded_traffic(scenario)))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def outcome_table(run: RunRecord) -> pa.Table:
-    """Outcomes, one row per agent, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
+    """Outcomes of a `run`, one row per agent, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
     ended, harm = run.outcomes, agent_harm(run)
     return _table(
         "outcomes",
@@ -47,7 +47,7 @@ def outcome_table(run: RunRecord) -> pa.Table:
 
 
 def states_table(run: RunRecord) -> pa.Table:
-    """One row per time step and participant that is present then, in that order, as an Arrow table."""
+    """One row of a `run` per time step and participant that is present then, in that order, as an Arrow table."""
     states = run.states
     step, row = np.nonzero(states.valid.T)
     time_step = states.first_time_step + step
@@ -70,7 +70,7 @@ def _seconds(run: RunRecord, time_step: NDArray[np.int64]) -> NDArray[np.float64
 
 
 def plans_table(run: RunRecord) -> pa.Table:
-    """One row per plan and point, sorted by time step, agent and point, as an Arrow table."""
+    """One row of a `run` per plan and point, sorted by time step, agent and point, as an Arrow table."""
     plans = run.plans
     reasons, reason = np.unique(np.array(plans.rejection, dtype=np.str_), return_inverse=True)
     present = np.isfinite(plans.x)
@@ -95,7 +95,7 @@ def plans_table(run: RunRecord) -> pa.Table:
 
 
 def timing_table(run: RunRecord) -> pa.Table:
-    """Wall time per time step and phase, as an Arrow table."""
+    """Wall time of a `run` per time step and phase [s], as an Arrow table."""
     names = (*PHASES, *sorted(set(run.timings.phase) - set(PHASES)))
     order = {phase: index for index, phase in enumerate(names)}
     index = np.array([order[phase] for phase in run.timings.phase], dtype=np.int64)
@@ -103,7 +103,7 @@ def timing_table(run: RunRecord) -> pa.Table:
 
 
 def routes_table(run: RunRecord) -> pa.Table:
-    """The reference paths of all agents, one row per point, as an Arrow table."""
+    """The reference paths of all agents of a `run`, one row per point, as an Arrow table."""
     counts = [len(agent.reference_path) for agent in run.agents]
     points = np.concatenate([np.empty((0, 2)), *(agent.reference_path for agent in run.agents)])
     return _table(
@@ -116,7 +116,7 @@ def routes_table(run: RunRecord) -> pa.Table:
 
 
 def views_table(run: RunRecord) -> pa.Table | None:
-    """Visibility intervals, one row each, as an Arrow table; None if they were not recorded."""
+    """Visibility intervals of a `run`, one row each, as an Arrow table; None if they were not recorded."""
     seen = run.views
     if seen is None:
         return None
@@ -125,15 +125,16 @@ def views_table(run: RunRecord) -> pa.Table | None:
 
 
 def predictions_table(run: RunRecord) -> pa.Table | None:
-    """One row per time step, participant, mode and point, as an Arrow table; None if that was not recorded."""
+    """Predictions of a `run`, one row per point of a mode, as an Arrow table; None if they were not recorded."""
     found = run.predictions
     if found is None:
         return None
     points = len(found.point)
-    names = ("time_step", "participant_id", "mode", "probability")
+    names = ("time_step", "participant_id", "age", "mode", "probability")
     return _table(
         "predictions",
         **{name: np.repeat(getattr(found, name), points) for name in names},
+        sender_id=np.ma.masked_equal(np.repeat(found.sender_id, points), -1),
         point=np.tile(found.point, len(found.time_step)),
         x=found.x.ravel(),
         y=found.y.ravel(),
@@ -144,7 +145,7 @@ def predictions_table(run: RunRecord) -> pa.Table | None:
 
 
 def candidates_table(run: RunRecord) -> pa.Table | None:
-    """One row per kept candidate and point, as an Arrow table; None if that was not recorded."""
+    """Kept candidates of a `run`, one row per point, as an Arrow table; None if they were not recorded."""
     found = run.candidates
     if found is None:
         return None

@@ -43,7 +43,7 @@ ORDER: Mapping[str, Sequence[str]] = {
     "plans": ("time_step", "agent_id", "point"),
     "routes": ("agent_id", "point"),
     "views": ("observer_id", "seen_id", "first_time_step"),
-    "predictions": ("time_step", "participant_id", "mode", "point"),
+    "predictions": ("time_step", "participant_id", "sender_id", "age", "mode", "point"),
     "candidates": ("time_step", "agent_id", "candidate", "point"),
     "orders": ("agent_id", "first_time_step"),
 }
@@ -175,7 +175,10 @@ def _check_predictions(found: Mapping[str, Columns], _: Mapping[str, Any]) -> No
     predictions = found["predictions"]
     _known("participant_id", predictions["participant_id"], found["states"]["participant_id"], "has no states")
     refuse("probability", predictions["probability"], ~_is_share(predictions["probability"]), "is not a probability")
-    _check_blocks(predictions, ("time_step", "participant_id", "mode", "probability"), found["states"])
+    is_told = predictions["sender_id"] >= 0
+    _known("sender_id", predictions["sender_id"][is_told], found["states"]["participant_id"], "has no states")
+    names = ("time_step", "participant_id", "sender_id", "age", "mode", "probability")
+    _check_blocks(predictions, names, found["states"])
 
 
 def _check_candidates(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
@@ -214,7 +217,7 @@ def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> No
     if len(steps) % len(points) or np.any(columns["point"].reshape(-1, len(points)) != points):
         raise Damage("point: points are missing")
     for name in alike:
-        values = columns[name].reshape(-1, len(points))
+        values = np.nan_to_num(columns[name], nan=-1.0).reshape(-1, len(points))
         if np.any(values != values[:, :1]):
             raise Damage(f"{name}: it changes from point to point")
 

@@ -9,15 +9,18 @@ import numpy as np
 from interdrive.run.record import SERVICES, Agreements, Messages
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from interdrive import _core
-    from interdrive.run.record import Json
+    from interdrive.native_settings import V2xSettings
+    from interdrive.run.record import Json, Plans
 
 #: Bit rate of the radio [bit/s]: ITS-G5 with its default modulation.
 _BIT_RATE = 6e6
+#: A plan that ends earlier is not used [s].
+_SHORTEST_PLAN = 1.0
 
 
 def messages_of(parts: Mapping[str, Any] | None) -> Messages:
@@ -32,6 +35,34 @@ def agreements_of(parts: Mapping[str, Any]) -> Agreements:
     """The record of agreements, sorted."""
     order = np.lexsort((parts["holding_id"], parts["first_time_step"]))
     return Agreements(**{name: parts[name][order] for name in Agreements.__dataclass_fields__})
+
+
+def cooperation_notes(settings: V2xSettings, equipped: Sequence[int], plans: Plans, dt: float) -> list[str]:
+    """Why messages are of no use, one line each.
+
+    Args:
+        settings: Those of cooperation.
+        equipped: Ids of the agents with V2X.
+        plans: All plans.
+        dt: Time between steps [s].
+    """
+    if not equipped:
+        share = settings.penetration
+        return [f"v2x.penetration: {share:g} of the agents rounds to none: nobody has V2X"] if share > 0 else []
+    notes = []
+    arrival = max(1, int(np.ceil(settings.delay / dt - 1e-9))) * dt
+    if arrival > settings.age_max + 1e-9:
+        notes.append(
+            f"v2x.delay: messages arrive after {arrival:g} s and are forgotten after {settings.age_max:g} s"
+            " (v2x.age_max): no message can ever be used"
+        )
+    lengths = np.isfinite(plans.x).sum(axis=1) if plans.x.size else np.empty(0, dtype=np.int64)
+    for agent in equipped if settings.mcm else ():
+        longest = dt * (int(lengths[plans.agent_id == agent].max(initial=0)) - 1)
+        told = int(longest / settings.plan_spacing + 1e-9) * settings.plan_spacing
+        if longest >= 0.0 and told < _SHORTEST_PLAN - 1e-9:
+            notes.append(f"agent {agent}: its plans are shorter than {_SHORTEST_PLAN:g} s, so others do not use them")
+    return notes
 
 
 class PlanAges:

@@ -36,7 +36,13 @@ class PredictionLog:
         self._rows: list[tuple[NDArray[Any], ...]] = []
 
     def add(self, predictions: _core.Predictions) -> None:
-        """Keeps every mode that has a probability."""
+        """Keeps every mode that has a probability, and what agents were told."""
+        n = len(predictions.ids)
+        self._add(predictions, np.full(n, -1), np.full(n, np.nan))
+        if (told := predictions.received()) is not None:
+            self._add(*told)
+
+    def _add(self, predictions: _core.Predictions, sender: Ints, age: Floats) -> None:
         row, mode = np.nonzero(predictions.probability > 0)
         # Column i is i + 1 time steps ahead.
         columns = np.arange(self._stride - 1, predictions.x.shape[-1], self._stride)
@@ -44,20 +50,32 @@ class PredictionLog:
         picked = row[:, None], mode[:, None], columns[None]
         covariance = np.where(there[..., None, None], predictions.covariance[picked], np.nan)
         x, y = (np.where(there, _rounded(table[picked]), np.nan) for table in (predictions.x, predictions.y))
-        step = np.full(len(row), predictions.time_step)
-        self._rows.append((step, predictions.ids[row], mode, predictions.probability[row, mode], x, y, covariance))
+        step, probability = np.full(len(row), predictions.time_step), predictions.probability[row, mode]
+        self._rows.append((step, predictions.ids[row], mode, probability, sender[row], age[row], x, y, covariance))
 
     def table(self, end: int) -> RecordedPredictions:
         """All rows before a time step."""
         made = [rows for rows in self._rows if not len(rows[0]) or rows[0][0] < end]
-        points = max((rows[4].shape[1] for rows in made), default=0)
+        points = max((rows[6].shape[1] for rows in made), default=0)
         ints, floats, empty = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, points))
         parts: list[tuple[NDArray[Any], ...]]
-        parts = [(ints, ints, ints, floats, empty, empty, np.empty((0, points, 2, 2)))]
-        parts += [(*rows[:4], *(_widened(table, points) for table in rows[4:])) for rows in made]
-        step, participant, mode, probability, x, y, covariance = map(np.concatenate, zip(*parts, strict=True))
-        ahead = self._stride * np.arange(1, points + 1)
-        return RecordedPredictions(ahead, step, participant, mode, probability, x, y, covariance)
+        parts = [(ints, ints, ints, floats, ints, floats, empty, empty, np.empty((0, points, 2, 2)))]
+        parts += [(*rows[:6], *(_widened(table, points) for table in rows[6:])) for rows in made]
+        step, participant, mode, probability, sender, age, *motion = map(np.concatenate, zip(*parts, strict=True))
+        order = np.lexsort((mode, age, sender, participant, step))
+        x, y, covariance = (table[order] for table in motion)
+        return RecordedPredictions(
+            point=self._stride * np.arange(1, points + 1),
+            time_step=step[order],
+            participant_id=participant[order],
+            mode=mode[order],
+            probability=probability[order],
+            x=x,
+            y=y,
+            covariance=covariance,
+            sender_id=sender[order],
+            age=age[order],
+        )
 
 
 def steps_between(spacing: float, dt: float, replan_every: int) -> int:

@@ -223,7 +223,7 @@ class Views(Tabular):
     last_time_step: Ints
 
     def seen_by(self, observer_id: int, time_step: int) -> list[int]:
-        """Ids of the participants that an agent saw at a time step, ascending."""
+        """Ids of the participants that the agent `observer_id` saw at `time_step`, ascending."""
         now = (self.first_time_step <= time_step) & (time_step <= self.last_time_step)
         seen: list[int] = self.seen_id[now & (self.observer_id == observer_id)].tolist()
         return seen
@@ -233,7 +233,8 @@ class Views(Tabular):
 class RecordedPredictions(Tabular):
     """Predictions available to agents: one row per time step, participant and mode with a probability above 0.
 
-    Rows are sorted by these. An agent has the rows of participants in its view.
+    Rows are sorted by these. An agent has the rows of participants in its view. With V2X there are more rows, by
+    participant, sender and age, for what was received, each once for all that received it.
 
     Attributes:
         point: Points of a row, counted in time steps after `time_step`, about half a second apart, shape (points,).
@@ -241,6 +242,8 @@ class RecordedPredictions(Tabular):
         participant_id: Predicted participant, shape (rows,). mode: Number of the mode. probability: Of the mode.
         x: Mean of the footprint's centre [m], shape (rows, points); nan beyond the end. y: The same.
         covariance: Of the position in world axes [m²], shape (rows, points, 2, 2).
+        sender_id: Agent that told its plan, or of this participant; -1: the predictor, shape (rows,).
+        age: Age of what was told [s]; nan for the predictor.
     """
 
     _rows = ("time_step", "modes")
@@ -253,6 +256,8 @@ class RecordedPredictions(Tabular):
     x: Floats
     y: Floats
     covariance: Floats
+    sender_id: Ints
+    age: Floats
 
 
 @dataclass(frozen=True, repr=False)
@@ -418,7 +423,14 @@ class Agreements(Tabular):
 class AgentRecord:
     """Constant properties of one agent during a run.
 
-    `goal` are its alternatives; `reference_path` has shape (points, 2) [m].
+    Attributes:
+        id: Participant id.
+        planner: Name of its planner.
+        origin: "planning problem" or "recorded".
+        start_time_step: Time step at which it starts.
+        goal: Alternatives, of which one must be met.
+        route_lanelet_ids: Lanelets of its route in driving order.
+        reference_path: Path that its planner follows [m], world frame, shape (points, 2).
     """
 
     id: int

@@ -190,9 +190,16 @@ class GoalState:
 
 @dataclass(frozen=True)
 class InitialState:
-    """State at the first time step of an agent: position of the footprint centre [m], heading [rad], speed [m/s], ...
+    """State at the first time step of an agent.
 
-    `yaw_rate` [rad/s] is nan where unknown; `acceleration` [m/s²] is 0 where unknown.
+    Attributes:
+        time_step: When the agent starts.
+        x: Centre of the footprint [m], world frame.
+        y: The same [m].
+        orientation: Heading [rad], world frame.
+        velocity: Speed along the heading [m/s].
+        acceleration: Along the heading [m/s²]; 0 where unknown.
+        yaw_rate: Change of heading [rad/s]; nan where unknown.
     """
 
     time_step: int
@@ -206,7 +213,13 @@ class InitialState:
 
 @dataclass(frozen=True)
 class PlanningProblem:
-    """A planning problem of the file: start and goal of an agent. Without a goal state `goal` is empty."""
+    """A planning problem of the file: start and goal of an agent.
+
+    Attributes:
+        id: Id of the problem, which is that of its agent.
+        initial_state: Start.
+        goal: Alternatives, of which one must be met; empty if the file states none.
+    """
 
     id: int
     initial_state: InitialState

@@ -5,7 +5,7 @@ found.score                 # from 0 to 1, shape (agents,)
 found.terms["ttc_term"]     # one of the terms
 found.why(305)              # "at fault: cut off 12 at 3.2 s with 6.8 m left, 6.9 m needed"
 
-Definitions, sources and limits: docs/scoring.md.
+Definitions, sources and limits: docs/reference/scoring.md.
 """
 
 from interdrive.scoring.evaluation import Score, score

@@ -94,7 +94,7 @@ class Score:
         return f"<Score of {len(self.ids)} agents{mean}>"
 
     def row(self, agent_id: int) -> int:
-        """Row of an agent.
+        """Row of the agent with id `agent_id`.
 
         Raises:
             InputError: It was not scored.
@@ -105,7 +105,7 @@ class Score:
         return int(rows[0])
 
     def why(self, agent_id: int) -> str:
-        """Why an agent has its score, in one line.
+        """Why the agent with id `agent_id` has no higher score, in one line.
 
         Raises:
             InputError: It was not scored.
@@ -115,7 +115,7 @@ class Score:
 
 
 def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSettings | None = None) -> Score:
-    """Scores the agents of a run; definitions: docs/scoring.md.
+    """Scores the agents of a run; the reference, page "Scores", defines the terms.
 
     Args:
         run: A run with its routes, as `simulate` and `load` give it.

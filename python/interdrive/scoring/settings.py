@@ -50,7 +50,14 @@ class ComfortBounds:
 
 @dataclass(frozen=True)
 class ScoreWeights:
-    """Weights of the terms in the mean."""
+    """Weights of the terms in the mean.
+
+    Attributes:
+        progress: Of the progress along the route.
+        ttc: Of the time to contact.
+        speed: Of speed limits.
+        comfort: Of comfort.
+    """
 
     progress: float = 5.0
     ttc: float = 5.0
@@ -85,7 +92,7 @@ class ReactionSettings:
 
 @dataclass(frozen=True)
 class ScoringSettings:
-    """What can be chosen; the defaults are those of docs/scoring.md.
+    """What can be chosen; the defaults are those of docs/reference/scoring.md.
 
     Attributes:
         comfort: Bounds of comfort.

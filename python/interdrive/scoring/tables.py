@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 #: Columns of scores; batches have them, too.
 SCORE_COLUMNS = (
-    Column("score", "number", "from 0 to 1, docs/scoring.md", nullable=True),
+    Column("score", "number", "from 0 to 1", nullable=True),
     Column("score_strict", "number", "the same without excuses for what the recording does itself", nullable=True),
     Column("progress", "number", "along the reference path, as a share of the recording's", nullable=True),
     Column("ttc_term", "number", "1 if the time to contact stayed above its bound, else 0", nullable=True),
@@ -65,13 +65,13 @@ def score_columns(found: Score) -> dict[str, Any]:
 
 
 def score_table(found: Score) -> ArrowTable:
-    """One row per agent, sorted by id, as an Arrow table."""
+    """The scores `found`, one row per agent, sorted by id, as an Arrow table."""
     texts = {name: labels(tuple(values)) for name, values in score_columns(found).items() if name in _TEXTS}
     return arrow_table(COLUMNS, {"agent_id": found.ids, **score_columns(found), **texts})
 
 
 def save_score(found: Score, folder: str | Path) -> Path:
-    """Writes score.parquet into a folder; an older one is replaced.
+    """Writes the scores `found` as score.parquet into a folder; an older one is replaced.
 
     Raises:
         ResultsError: The file cannot be written; one line with path and cause.
@@ -83,7 +83,7 @@ def save_score(found: Score, folder: str | Path) -> Path:
 
 
 def stored_score(folder: str | Path) -> ArrowTable | None:
-    """What `save_score` wrote; None if nothing was written.
+    """What `save_score` wrote into a `folder`; None if nothing was written.
 
     Raises:
         ResultsError: The file is damaged or has other columns.

@@ -47,11 +47,14 @@ def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: 
 
 
 def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
-    """Raises ResultsError unless rows are sorted by these columns, and no two rows have the same values in them."""
+    """Raises ResultsError unless rows are sorted by these columns, and no two rows have the same values in them.
+
+    Absent numbers are equal to each other.
+    """
     n = max(0, len(columns[order[0]]) - 1)
     is_ascending, is_equal = np.zeros(n, dtype=np.bool_), np.ones(n, dtype=np.bool_)
     for name in order:
-        step = np.diff(columns[name])
+        step = np.diff(np.nan_to_num(columns[name], nan=-1.0))
         is_ascending |= is_equal & (step > 0)
         is_equal &= step == 0
     wrong = np.flatnonzero(~is_ascending)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def profile_figure(study: CaseStudy) -> Figure:
-    """Lateral position and velocity of both vehicles over time, the degrees overlaid.
+    """Lateral position and velocity of both vehicles of a `study` over time, the degrees overlaid.
 
     Lateral positions are those in the frame of the lane that the other vehicle is to follow: signed distances to the
     reference path of its route in the interactive run, positive to the left. They are nan beyond the ends of that path.
@@ -57,7 +57,7 @@ def _profile(study: CaseStudy, run: Run, number: int) -> Profile:
 
 
 def scene_figure(study: CaseStudy) -> Figure:
-    """Footprints of both vehicles with time stamps over the road, one panel per degree."""
+    """Footprints of both vehicles of a `study` with time stamps over the road, one panel per degree."""
     scenes = [Scene(run, _title(study, degree, run), nearest_step(study, run)) for degree, run in study.runs.items()]
     names = (f"agent {study.agent}", f"other vehicle {study.other}")
     return draw_scenes(scenes, (study.agent, study.other), names)

@@ -48,7 +48,7 @@ STUDIES = {
 
 
 def known_cases(name: str) -> tuple[tuple[Case, ...], tuple[str, ...]]:
-    """The cases of a study with the paths of their files, and what the user should know about them.
+    """The cases of the study `name` with the paths of their files, and notes for the user.
 
     Recorded scenarios are looked for below the folder that the environment variable INTERDRIVE_SCENARIOS names; if it
     is not set, the study consists of the shipped scenario alone.

@@ -41,7 +41,7 @@ class Measure:
 
 
 def footprint_distances(run: Run, first: int, second: int) -> Floats:
-    """Distance between the footprints of two participants [m] at every recorded time step, shape (time_steps,).
+    """Distance between the footprints of the participants `first` and `second` of a `run` [m], shape (time_steps,).
 
     0 where they share a point; nan while one of them is absent, and everywhere if one of them never takes part.
     """
@@ -99,8 +99,8 @@ def _extreme(name: str, settings: CriticalitySettings | None = None) -> Callable
 #: Wider than any map of a scenario [m].
 _EVERYWHERE = 2000.0
 
-#: The numbers of the table, in its order. docs/criticality.md defines them; where the map states no intersection, the
-#: vehicles encroach where lanelets cross or join.
+#: The numbers of the table, in its order. docs/reference/criticality.md defines them; where the map states no
+#: intersection, the vehicles encroach where lanelets cross or join.
 MEASURES = (
     Measure(
         Column("min_dce", "number", "smallest distance between the footprints of the two [m]", nullable=True),

@@ -18,7 +18,7 @@ _WORTH_TELLING = 0.1
 
 
 def reading(study: CaseStudy) -> str:
-    """One paragraph of facts about the encounter in every degree."""
+    """One paragraph of facts about the encounter of a `study` in every degree."""
     sentences = [
         f"{degree.replace('_', '-').capitalize()}: {_encounter(study, run)}{_reaction(study, run)}."
         for degree, run in study.runs.items()

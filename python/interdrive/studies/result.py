@@ -72,7 +72,7 @@ _COLUMNS = (
 
 
 def study_table(studies: Sequence[CaseStudy]) -> ArrowTable:
-    """One row per case and degree, as an Arrow table (`to_pandas()`, `polars.from_arrow`).
+    """One row per case of `studies` and degree, as an Arrow table (`to_pandas()`, `polars.from_arrow`).
 
     Columns: scenario, agent_id, other_id, degree, planner, other_planner, one per entry of `MEASURES`, collided,
     agent_outcome, other_outcome.

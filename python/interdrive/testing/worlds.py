@@ -21,6 +21,7 @@ from interdrive.scenario import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+#: Footprint of the recorded cars.
 CAR = Shape("rectangle", length=4.5, width=1.8)
 
 
@@ -46,7 +47,13 @@ class Car:
 
 
 def straight_road(length: float = 200.0, lanes: int = 1, lane_width: float = 3.5) -> Lanelets:
-    """Parallel lanes towards +x, starting at x = 0; lane `i` (lanelet id `i + 1`) has its centre at y = i * width."""
+    """Parallel lanes towards +x, starting at x = 0; lane `i` (lanelet id `i + 1`) has its centre at y = i * lane_width.
+
+    Args:
+        length: Of the road [m].
+        lanes: Number of lanes.
+        lane_width: Width of a lane [m].
+    """
     x = np.linspace(0.0, length, max(2, int(length / 5) + 1))
     offsets = [(i - 0.5) * lane_width for i in range(lanes + 1)]
 
@@ -63,7 +70,12 @@ def straight_road(length: float = 200.0, lanes: int = 1, lane_width: float = 3.5
 
 
 def crossing(arm: float = 100.0, lane_width: float = 3.5) -> Lanelets:
-    """Two one-way lanes that cross at the origin: lanelet 1 towards +x, lanelet 2 towards +y."""
+    """Two one-way lanes that cross at the origin: lanelet 1 towards +x, lanelet 2 towards +y.
+
+    Args:
+        arm: From the origin to each end [m].
+        lane_width: Width of a lane [m].
+    """
     along = np.linspace(-arm, arm, int(arm / 2.5) + 1)
     half = np.full_like(along, 0.5 * lane_width)
     return _lanelets(
@@ -76,7 +88,13 @@ def crossing(arm: float = 100.0, lane_width: float = 3.5) -> Lanelets:
 
 
 def bend(radius: float = 30.0, arm: float = 50.0, lane_width: float = 3.5) -> Lanelets:
-    """One lane that turns left by 90 degrees: towards +x up to the origin, an arc, then towards +y; lanelet id 1."""
+    """One lane that turns left by 90 degrees: towards +x up to the origin, an arc, then towards +y; lanelet id 1.
+
+    Args:
+        radius: Of the centre line in the arc [m].
+        arm: Length of the straight before and behind the arc [m].
+        lane_width: Width of the lane [m].
+    """
     turned = np.linspace(0.0, 0.5 * np.pi, max(4, int(radius) + 1))
     straight = np.linspace(0.0, arm, max(2, int(arm / 5) + 1))
 
@@ -132,7 +150,20 @@ def problem(
     time_step: tuple[int, int],
     start: int = 0,
 ) -> PlanningProblem:
-    """A planning problem that starts at a pose and has to reach a rectangle around `goal` within `time_step`."""
+    """A planning problem that starts at a pose and has to reach a rectangle around `goal` within `time_step`.
+
+    Args:
+        agent_id: Id of the problem and its agent.
+        x: Centre of the footprint at the start [m], world frame.
+        y: The same [m].
+        velocity: Speed at the start [m/s].
+        orientation: Heading at the start [rad].
+        goal: Centre of the goal area (x, y) [m].
+        goal_size: Length and width of the goal area [m].
+        goal_orientation: Direction of its length [rad].
+        time_step: First and last time step at which the goal counts, both included.
+        start: Time step of the start.
+    """
     area = Shape("rectangle", goal_size[0], goal_size[1], center=goal, orientation=goal_orientation)
     return PlanningProblem(
         id=agent_id,
@@ -150,7 +181,16 @@ def world(
     dt: float = 0.1,
     name: str = "tiny",
 ) -> Scenario:
-    """A scenario from lanes, recorded cars that keep their speed, and planning problems."""
+    """A scenario from lanes, recorded cars that keep their speed, and planning problems.
+
+    Args:
+        lanelets: The roads, for instance `straight_road()`.
+        cars: Recorded traffic.
+        problems: Agents with a goal of their own.
+        steps: Number of recorded time steps after the first.
+        dt: Time between steps [s].
+        name: Name and benchmark id of the scenario.
+    """
     ordered = sorted(cars, key=lambda car: car.id)
     shape = (len(ordered), steps + 1)
     tables = {field: np.full(shape, np.nan) for field in STATE_FIELDS}

@@ -1,5 +1,5 @@
 //! Whose fault a contact is: by who entered whose way, and how much room that left to react. Definitions:
-//! docs/scoring.md.
+//! docs/reference/scoring.md.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -1,4 +1,4 @@
-//! The formulas on numbers: one vehicle behind another one on one path. Derivations and sources: docs/criticality.md.
+//! The formulas on numbers: one vehicle behind another one on one path. Sources: docs/reference/criticality.md.
 //! An infinite headway means that no participant is ahead; where an argument is not a number, neither is the result.
 
 /// Slower than this [m/s] is standing.

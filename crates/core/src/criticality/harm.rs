@@ -1,5 +1,6 @@
 //! Harm of collisions: probability of severe injuries (MAIS 3+) in each of the vehicles involved, by logistic regression
-//! over speed change and impact area. Masses and coefficients are those of the published model (docs/criticality.md).
+//! over speed change and impact area. Masses and coefficients are those of the published model
+//! (docs/reference/criticality.md).
 
 use std::f64::consts::{FRAC_PI_4, PI};
 

@@ -1,5 +1,5 @@
 //! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time
-//! step, and the harm of collisions. Evaluated afterwards, on what was recorded. Definitions: docs/criticality.md.
+//! step, and the harm of collisions. Evaluated afterwards, on what was recorded. See docs/reference/criticality.md.
 
 pub mod blame;
 mod conflict;

@@ -25,7 +25,7 @@ choice! {
 }
 
 settings! {
-    /// Parameters and switches of all measures; the defaults are those of docs/criticality.md.
+    /// Parameters and switches of all measures; the defaults are those of docs/reference/criticality.md.
     pub struct Settings as MeasureSettings {
         /// Others count within this distance, centre to centre.
         radius: f64 ["m"] = 100.0, positive(f64::MAX);

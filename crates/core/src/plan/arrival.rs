@@ -22,8 +22,8 @@ const GOAL_SPEED_SHARE: f64 = 0.8;
 /// brings the agent into the area at the middle of the time interval or shortly before its end, whichever is later. With
 /// `is_free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of the
 /// goal's speeds (those that include standing say nothing), but slow enough to brake comfortably to the goal's speeds
-/// and not to arrive too early. Too late: on as before, or with `is_free` at the free speed, `cruise_velocity_min` or
-/// more. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without a place, or behind
+/// and not to arrive too early. Too late: on as before, or with `is_free` as fast as the limit, or at the free speed
+/// where no limit is known, at `cruise_velocity_min` or more. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without a place, or behind
 /// the agent: the goal's speed, else the present one.
 pub(super) fn desired(
     request: &PlanRequest,
@@ -66,6 +66,8 @@ pub(super) fn desired(
     let free = request.entry_velocity.max(goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0));
     let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
     if is_late {
+        let limit = Some(request.rules.way.limits.at(start.s)).filter(|limit| limit.is_finite());
+        let free = free.max(limit.unwrap_or(0.0));
         return (free.max(cruise_velocity_min).min(approach), stop);
     }
     let soonest = earliest + ARRIVAL_RESERVE.min(0.5 * (latest - earliest));

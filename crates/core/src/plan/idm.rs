@@ -21,7 +21,7 @@ settings! {
     /// Treiber and Kesting, "Traffic Flow Dynamics", 2013, section 11.3. With the gap s and the leader's speed vl the
     /// acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
     /// desired speed v0 brings it to its goal in time, within speed limits and low enough for curves. See
-    /// docs/planners.md.
+    /// docs/reference/planners.md.
     pub struct IdmSettings as Idm(law: CarFollowing) {
         /// Upper bound of the desired speed v0.
         desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);

@@ -41,7 +41,7 @@ settings! {
     /// (eq. 3), where a gain is the acceleration of the car-following model after the change minus that before. The bias
     /// favours lanes that lead to the goal; it grows by up to b_safe where such a lane has to be reached soon. Defaults
     /// as in the simulations of the source (table 1), politeness from the range studied there (0 to 1). See
-    /// docs/planners.md.
+    /// docs/reference/planners.md.
     pub struct IdmMobilSettings as IdmMobil(idm: IdmSettings) {
         /// Politeness p: weight of the gains and losses of the followers.
         politeness: f64 = 0.2, between(-10.0, 10.0);

@@ -58,6 +58,13 @@ pub enum Planner {
     External,
 }
 
+impl Planner {
+    /// It stops where [`Rules::hold`] says.
+    pub fn knows_holds(&self) -> bool {
+        matches!(self, Self::Frenet(_) | Self::Idm(_) | Self::IdmMobil(_))
+    }
+}
+
 /// Another participant that the planning agent sees.
 #[derive(Debug, Clone, Copy)]
 pub struct Other<'a> {

@@ -34,7 +34,7 @@ settings! {
     /// doi 10.1103/PhysRevE.62.1805; defaults of Treiber and Kesting, "Traffic Flow Dynamics", 2013, table 11.2. With the
     /// gap s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
     /// acceleration is at most a (1 - (s* / s)²). It returns to the recorded speed v0 with a (1 - (v / v0)^exponent). See
-    /// docs/planners.md.
+    /// docs/reference/planners.md.
     pub struct VelocityAdjustingSettings as VelocityAdjusting(law: CarFollowing) {}
 }
 

@@ -23,8 +23,8 @@ const TICKET_REACH: f64 = 5.0;
 const STICKY_REACH: f64 = 10.0;
 const BRAKING: f64 = 3.0;
 /// An agent that was granted passage keeps it with gaps that are smaller by this [s].
-const STICKY_LEAD: f64 = 0.3;
-const STICKY_LAG: f64 = 0.15;
+pub(crate) const STICKY_LEAD: f64 = 0.3;
+pub(crate) const STICKY_LAG: f64 = 0.15;
 /// One that moves slower than this blocks its lane [m/s].
 const BLOCKING: f64 = 1.0;
 

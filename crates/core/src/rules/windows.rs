@@ -5,13 +5,13 @@ use super::meeting::{Body, Booking, Meeting, Traveller};
 use super::room::ROOM;
 
 /// Acceleration of the earliest entry that a vehicle is capable of in traffic [m/s²].
-const EARLY: f64 = 2.0;
+pub(crate) const EARLY: f64 = 2.0;
 /// Others expect that it keeps its speed, or accelerates so [m/s²] up to this speed [m/s]; if it is faster, it is told not
 /// to arrive before they have left.
 const EXPECTED: f64 = 1.0;
 const EXPECTED_SPEED: f64 = 3.0;
 /// Acceleration of a late exit [m/s²], and the share of the speed there.
-const LATE: f64 = 1.5;
+pub(crate) const LATE: f64 = 1.5;
 const SLOW: f64 = 0.9;
 /// A vehicle that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
@@ -20,7 +20,7 @@ const REACTING: f64 = 0.5;
 const LEADER_SPEED: f64 = 1.0;
 
 /// Time for a distance [m] from a speed [m/s], with an acceleration [m/s²] up to a largest speed [m/s].
-fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
+pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
     if distance <= 0.0 {
         return 0.0;
     }

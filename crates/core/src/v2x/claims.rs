@@ -6,19 +6,27 @@
 //! Shah et al., arXiv 2304.04958. A pairwise rule could let three wait in a circle; the total order cannot: the least claim
 //! yields to none, so its agent goes, its claim ends, and the next one is the least.
 
+mod bar;
+mod lane;
 mod order;
+mod overlap;
 mod zone;
 
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use super::V2xSettings;
 use super::inbox::Inbox;
 use super::message::{Body, Claim, Message, PlanPoint};
+use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
-use crate::geometry::{Point, Pose};
+pub use bar::{Agreement, Bar};
+use bar::{Stop, bar, note};
+use lane::Lane;
+pub(crate) use lane::Neighbour;
 pub(crate) use order::Crossing;
-use order::{Claimant, before, common};
-use zone::{Own, Zone};
+use order::{Claimant, before};
+use zone::{Zone, zones};
 
 /// An agent claims within this distance of the zone [m], and the way in which it stops.
 const CLAIM_DISTANCE: f64 = 40.0;
@@ -28,63 +36,16 @@ const DECELERATION: f64 = 3.0;
 const SLOWEST: f64 = 2.0;
 /// One behind another one arrives this much later [s].
 const HEADWAY: f64 = 2.0;
-/// An agent that arrives so much later than the other one leaves [s] need not hold.
-const MARGIN: f64 = 1.0;
 /// An agent this far from its reference path [m] does not claim.
 const OFF_PATH: f64 = 1.5;
 /// A claim ends when there was no zone for this long [s].
 const NO_ZONE: f64 = 1.0;
-/// A slower participant [m/s] blocks a way.
-const BLOCKING: f64 = 1.0;
 /// Room that an agent needs behind a zone besides its length [m].
 const ROOM: f64 = 2.0;
 /// An agent that stands for this long [s] although it yields to none claims anew.
 const PATIENCE: f64 = 8.0;
 /// Below this speed [m/s] it stands.
 const STANDING: f64 = 0.3;
-/// Length of a bar, largest width to each side [m].
-const BAR_LENGTH: f64 = 0.3;
-const BAR_SIDE: f64 = 6.0;
-/// A bar is not wider than this share of the radius of the curve before it.
-const BAR_CURVE: f64 = 0.8;
-/// The stretch of path before a bar whose curvature counts [m].
-const BAR_STRETCH: f64 = 15.0;
-
-/// An obstacle across the path of the agent that holds before it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bar {
-    /// Centre, and heading along the path.
-    pub pose: Pose,
-    /// Length and width [m].
-    pub extent: (f64, f64),
-}
-
-/// A stretch of time steps in which an agent holds for another.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Agreement {
-    /// Id of the agent that holds.
-    pub holding: i64,
-    /// Id of the one that goes; `None`: the way behind the zone is blocked.
-    pub going: Option<i64>,
-    /// First time step.
-    pub first: i64,
-    /// Last time step.
-    pub last: i64,
-    /// Its bar at the first time step.
-    pub bar: Pose,
-    /// Number of its claim.
-    pub claim: i64,
-}
-
-/// Another one on the road, as an agent knows of it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Neighbour {
-    pub(crate) pose: Pose,
-    pub(crate) velocity: f64,
-    pub(crate) half_width: f64,
-    /// Its place among the equipped agents.
-    pub(crate) place: Option<usize>,
-}
 
 /// An equipped agent that drives now.
 #[derive(Debug)]
@@ -118,6 +79,7 @@ pub(super) struct Standpoint {
     /// What it tells.
     pub(super) claim: Option<Claim>,
     pub(super) yields_to: Vec<i64>,
+    pub(super) passes: Vec<i64>,
     pub(super) areas: Vec<(usize, usize)>,
     pub(super) is_ordered: bool,
     pub(super) bar: Option<Bar>,
@@ -165,12 +127,15 @@ impl Standpoint {
     ) {
         let Situation { now, dt, .. } = *situation;
         let yielded = std::mem::take(&mut self.yields_to);
-        self.bar = None;
+        let has_held = self.bar.take().is_some();
+        self.passes.clear();
         self.is_ordered = agent.is_ordered;
         self.areas.clear();
         self.areas.extend(agent.areas(situation));
         self.is_waived &= agent.velocity < STANDING;
-        let zones = zones(agent, &self.areas, inbox, situation);
+        let known = OnceCell::new();
+        let around = || known.get_or_init(around).as_slice();
+        let zones = zones(agent, &self.areas, inbox, situation, &around);
         if zones.is_empty() {
             if self.claimed.is_some() && (now - self.last_zone) as f64 * dt >= NO_ZONE - 1e-9 {
                 self.claimed = None;
@@ -185,62 +150,56 @@ impl Standpoint {
         }
         let begin = zones.iter().map(|zone| zone.begin).fold(f64::INFINITY, f64::min);
         let end = zones.iter().map(|zone| zone.end).fold(0.0, f64::max);
-        let lane = Lane::of(agent, &around());
-        let ahead = lane.next(agent.front, begin);
+        let lane = Lane::of(agent, around());
         let stopping = agent.velocity.powi(2) / (2.0 * DECELERATION);
-        let is_committed = agent.front > begin || (begin - agent.front < stopping && ahead.is_none());
+        let is_passed = |begin: f64| {
+            agent.front > begin || (begin - agent.front < stopping && lane.next(agent.front, begin).is_none())
+        };
+        self.passes.extend(zones.iter().filter(|zone| is_passed(zone.passage.0)).map(|zone| zone.id));
         let arrival_of = |place: usize| match inbox.heard[place].mcm.as_ref().map(|message| &message.body) {
             Some(Body::Mcm { claim: Some(claim), .. }) => Some(claim.arrival),
             _ => None,
         };
         // One with a claim may be ahead, one without makes claims pointless.
-        let after = match ahead {
+        let after = match lane.next(agent.front, begin) {
             None => Some(i64::MIN),
             Some(other) => other.place.and_then(arrival_of).map(|arrival| arrival + (HEADWAY / dt).ceil() as i64),
         };
         let is_near = begin - agent.front <= CLAIM_DISTANCE + stopping && agent.offset.abs() < OFF_PATH;
-        if let (None, Some(after), true) = (self.claimed, after, is_near || is_committed) {
+        if let (None, Some(after), true) = (self.claimed, after, is_near || !self.passes.is_empty()) {
             self.claim_anew(agent, begin, end, (now, dt), after);
         }
         if let Some((_, until)) = &mut self.claimed {
             *until = until.max(end);
         }
-        let blocked = (begin, end + agent.extent.0 + ROOM);
-        let is_blocked = !is_committed && lane.is_blocked(blocked.0.max(agent.front), blocked.1);
         let is_waived = self.is_waived;
-        let claim = |(arrival, _)| Claim { n: self.n, arrival, is_committed, is_waived };
+        let claim = |(arrival, _)| Claim { n: self.n, arrival, is_waived };
         // An agent that the rules stop before the zone does not claim it now.
-        self.claim = self.claimed.filter(|_| agent.line >= begin || is_committed).map(claim);
+        self.claim = self.claimed.filter(|_| agent.line >= begin || !self.passes.is_empty()).map(claim);
         let first = self.first(agent, &zones, inbox, &yielded, situation.first);
-        let mut stop = f64::INFINITY;
-        let mut going = None;
-        for zone in &first {
-            self.yields_to.push(zone.id);
-            // Nothing is to be done for another one that has left before the agent arrives.
-            let arrives = (zone.begin - agent.front) / agent.velocity.max(SLOWEST);
-            if zone.begin < stop && arrives < zone.cleared + MARGIN {
-                (stop, going) = (zone.begin, Some(zone.id));
+        self.yields_to.extend(first.iter().map(|zone| zone.id));
+        let contested = first.iter().filter(|zone| zone.is_contested(has_held) && !self.passes.contains(&zone.id));
+        let mut stop = Stop::soonest(agent, contested);
+        let ahead = zones.iter().map(|zone| zone.passage).filter(|passage| !is_passed(passage.0));
+        if let Some((mouth, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))
+            && stop.is_none_or(|stop| mouth <= stop.at)
+            && lane.is_blocked(mouth.max(agent.front), exit + agent.extent.0 + ROOM)
+        {
+            stop = Some(Stop { at: mouth, release: f64::INFINITY, going: None });
+            if self.passes.is_empty() {
+                self.claim = None;
             }
         }
-        if is_blocked {
-            self.claim = None;
-            if begin <= stop {
-                (stop, going) = (begin, None);
-            }
-        }
-        let holds = stop.is_finite() && !is_committed;
-        self.stood = if holds || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
-        if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && !is_committed {
+        self.stood = if stop.is_some() || agent.velocity >= STANDING { 0 } else { self.stood + 1 };
+        if f64::from(self.stood) * dt >= PATIENCE && self.claimed.is_some() && self.passes.is_empty() {
             self.claim_anew(agent, begin, end, (now, dt), now + 1);
             (self.stood, self.is_waived) = (0, true);
         }
-        if holds {
-            let bar = bar(agent, stop, stopping, situation);
+        if let Some(stop) = stop {
+            let bar = bar(agent, &stop, stopping, situation);
             self.bar = Some(bar);
-            note(
-                agreements,
-                Agreement { holding: agent.id, going, first: now, last: now, bar: bar.pose, claim: self.n },
-            );
+            let (holding, going, claim) = (agent.id, stop.going, self.n);
+            note(agreements, Agreement { holding, going, first: now, last: now, bar: bar.pose, claim });
         }
     }
 
@@ -256,10 +215,11 @@ impl Standpoint {
         let Some(claim) = self.claim else {
             return zones.iter().filter(|zone| zone.claim.is_some()).copied().collect();
         };
-        let mut all = vec![Claimant { id: agent.id, claim, areas: &self.areas, yields_to: yielded }];
+        let mut all =
+            vec![Claimant { id: agent.id, claim, areas: &self.areas, yields_to: yielded, passes: &self.passes }];
         all.extend(plans(inbox, agent.place).filter_map(|(_, message)| match &message.body {
-            Body::Mcm { claim: Some(claim), areas, yields_to, .. } => {
-                Some(Claimant { id: message.sender, claim: *claim, areas, yields_to })
+            Body::Mcm { claim: Some(claim), areas, yields_to, passes, .. } => {
+                Some(Claimant { id: message.sender, claim: *claim, areas, yields_to, passes })
             }
             _ => None,
         }));
@@ -273,83 +233,6 @@ impl Standpoint {
         self.n += 1;
         self.claimed = Some(((now + (time / dt).ceil() as i64).max(after), end));
     }
-}
-
-/// Adds a time step to the stretch in which an agent holds for the same other.
-fn note(agreements: &mut Vec<Agreement>, new: Agreement) {
-    let same = |old: &&mut Agreement| {
-        (old.holding, old.going, old.claim) == (new.holding, new.going, new.claim) && old.last == new.first - 1
-    };
-    match agreements.iter_mut().rev().find(same) {
-        Some(old) => old.last = new.last,
-        None => agreements.push(new),
-    }
-}
-
-/// The zones that an agent shares with others whose plans it received, by sender. `ours` are the areas on its way.
-fn zones(agent: &Negotiator<'_>, ours: &[(usize, usize)], inbox: &Inbox, situation: &Situation<'_>) -> Vec<Zone> {
-    let mut own: Option<Own> = None;
-    let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * DECELERATION);
-    let mut found = Vec::new();
-    for (_, message) in plans(inbox, agent.place) {
-        let Body::Mcm { status, way, claim, spacing, points, areas, is_ordered, .. } = &message.body else { continue };
-        if agent.is_ordered && *is_ordered && common(ours, areas).next().is_some() {
-            // The order of the rules decides about both.
-            continue;
-        }
-        let age = (situation.now - message.time_step) as f64 * situation.dt;
-        let there = super::trigger::interpolated(points, *spacing, age);
-        let far = reach + situation.settings.way_ahead;
-        if points.is_empty() || way.len() < 2 || agent.pose.position.distance(Point::new(there.x, there.y)) > far {
-            continue;
-        }
-        let own = own.get_or_insert_with(|| Own::along(agent, reach));
-        let theirs = zone::Theirs { way, width: status.width, at: there };
-        if own.only_merges(agent, &theirs) {
-            continue;
-        }
-        if let Some((begin, end, left)) = own.shared(agent, &theirs) {
-            // A way begins at the rear end at the time of sending.
-            let speed = there.velocity;
-            let cleared = if speed < SLOWEST { f64::INFINITY } else { left / speed - age };
-            found.push(Zone { id: message.sender, begin, end, cleared, claim: *claim });
-        }
-    }
-    found
-}
-
-/// What moves or stands on an agent's path ahead.
-struct Lane(Vec<(f64, Neighbour)>);
-
-impl Lane {
-    fn of(agent: &Negotiator<'_>, around: &[Neighbour]) -> Self {
-        let half = 0.5 * agent.extent.1;
-        let on_path = |other: &Neighbour| {
-            let (s, d) = agent.path.project_near(other.pose.position, agent.front + 30.0, 60.0)?;
-            (d.abs() < half + other.half_width && s > agent.front).then_some((s, *other))
-        };
-        Self(around.iter().filter_map(on_path).collect())
-    }
-
-    /// The nearest one up to an arc length [m].
-    fn next(&self, from: f64, to: f64) -> Option<&Neighbour> {
-        let between = self.0.iter().filter(|(s, _)| (from..to).contains(s));
-        between.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, other)| other)
-    }
-
-    fn is_blocked(&self, from: f64, to: f64) -> bool {
-        self.0.iter().any(|(s, other)| (from..=to).contains(s) && other.velocity.abs() < BLOCKING)
-    }
-}
-
-/// A bar before an arc length [m] at which another one must not be met.
-fn bar(agent: &Negotiator<'_>, stop: f64, stopping: f64, situation: &Situation<'_>) -> Bar {
-    let near = (stop - situation.settings.hold_margin).max(agent.front + stopping + 0.1);
-    let at = agent.path.at(near + 0.5 * BAR_LENGTH);
-    let curve = (0..=BAR_STRETCH as usize).map(|k| agent.path.at(near - k as f64).curvature.abs()).fold(0.0, f64::max);
-    let most = BAR_SIDE.min(BAR_CURVE / curve.max(1e-6));
-    let pose = Pose { position: at.position, orientation: at.theta };
-    Bar { pose, extent: (BAR_LENGTH, 2.0 * most) }
 }
 
 /// A point of a way as a pose.

@@ -44,6 +44,10 @@ pub struct Extra {
     pub shape: Shape,
     /// Never moves.
     pub is_static: bool,
+    /// The agent that told it, or that holds before it.
+    pub sender: i64,
+    /// Age of what was told [s].
+    pub age: f64,
 }
 
 /// What all agents expect and know at a time step.
@@ -83,6 +87,8 @@ pub(crate) struct Observer<'a> {
     pub(crate) place: usize,
     pub(crate) row: usize,
     pub(crate) view: &'a ViewLimits,
+    /// Its planner knows of no place where to hold, so it needs to see a bar there.
+    pub(crate) needs_bar: bool,
 }
 
 /// What fills an additional row.
@@ -92,6 +98,8 @@ enum Filling {
     Plan(Arc<Message>, f64, Point),
     /// A state of this age [s], of a participant that never moves or may move.
     Told(f64, bool),
+    /// A bar that opens after a time [s].
+    Bar(f64),
 }
 
 /// The additional rows so far.
@@ -130,6 +138,12 @@ impl Network {
                 Filling::Plan(message, age, off) => self.write_plan(&mut all, n + i, message, *age, *off),
                 Filling::Told(age, is_static) => {
                     write_told(&mut all, n + i, (extra.kind, *is_static), &extra.state, *age, (self.dt, road));
+                }
+                Filling::Bar(release) => {
+                    write_told(&mut all, n + i, (extra.kind, true), &extra.state, 0.0, (self.dt, road));
+                    let closed = (release / self.dt).ceil().max(1.0) as usize;
+                    let start = all.offset(n + i, 0);
+                    all.valid[start..start + all.n_steps].iter_mut().skip(closed).for_each(|valid| *valid = false);
                 }
             }
         }
@@ -193,13 +207,14 @@ impl Network {
         }
         keep_unseen(scene, observer, &mut told, &more.extras);
         known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
-        if let Some(bar) = &self.standpoints[observer.place].bar {
+        if let Some(bar) = self.standpoints[observer.place].bar.filter(|_| observer.needs_bar) {
             let Pose { position, orientation } = bar.pose;
             let state = State { x: position.x, y: position.y, orientation, ..State::default() };
             let shape = Shape::rectangle(bar.extent.0, bar.extent.1);
             let kind = ParticipantKind::ConstructionZone;
-            more.extras.push(Extra { id: BAR, kind, state, shape, is_static: true });
-            more.fillings.push(Filling::Told(0.0, true));
+            let is_static = bar.release.is_infinite();
+            more.extras.push(Extra { id: BAR, kind, state, shape, is_static, sender: observer.id, age: 0.0 });
+            more.fillings.push(Filling::Bar(bar.release));
             known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
         }
         known.sort_by_key(|known| known.id);
@@ -232,8 +247,9 @@ impl Network {
     }
 
     fn planned(&self, scene: &Scene, message: &Arc<Message>, seen: Option<usize>) -> Option<(Extra, Filling)> {
-        let Body::Mcm { status, spacing, points, .. } = &message.body else { return None };
-        if ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
+        let Body::Mcm { status, is_emergency, spacing, points, .. } = &message.body else { return None };
+        // The next plan of an emergency is another one: it says no more than a short plan.
+        if *is_emergency || ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
             return None;
         }
         let age = (scene.time_step - message.time_step) as f64 * self.dt;
@@ -257,7 +273,8 @@ impl Network {
             state = now;
         }
         let shape = Shape::rectangle(status.length, status.width);
-        let extra = Extra { id: message.sender, kind: status.kind, state, shape, is_static: false };
+        let (id, kind) = (message.sender, status.kind);
+        let extra = Extra { id, kind, state, shape, is_static: false, sender: id, age };
         Some((extra, Filling::Plan(Arc::clone(message), age, off)))
     }
 
@@ -268,7 +285,7 @@ impl Network {
             let Object { id, status, is_static } = *object;
             let state = if is_static { status.state } else { moved(&status, age) };
             let shape = Shape::rectangle(status.length, status.width);
-            more.extras.push(Extra { id, kind: status.kind, state, shape, is_static });
+            more.extras.push(Extra { id, kind: status.kind, state, shape, is_static, sender, age });
             more.fillings.push(Filling::Told(age, is_static));
             more.extras.len() - 1
         })

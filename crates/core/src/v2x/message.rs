@@ -69,8 +69,6 @@ pub struct Claim {
     pub n: i64,
     /// Time step at which the agent expects to arrive.
     pub arrival: i64,
-    /// The agent can no longer stop before.
-    pub is_committed: bool,
     /// The agent has stood although it yields to none, and leaves its right of way to others.
     pub is_waived: bool,
 }
@@ -96,6 +94,8 @@ pub enum Body {
         claim: Option<Claim>,
         /// Ids of the agents that it lets go first.
         yields_to: Vec<i64>,
+        /// Ids of the agents before whose ways it can no longer stop.
+        passes: Vec<i64>,
         /// The junction areas on the way and the sender's side of each, ascending, if it negotiates.
         areas: Vec<(usize, usize)>,
         /// The sender enters junctions by the order of the rules.

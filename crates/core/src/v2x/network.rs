@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::V2xSettings;
 use super::channel::{Way, reception};
-use super::claims::{Agreement, Negotiator, Neighbour, Situation, Standpoint};
+use super::claims::{Agreement, Bar, Negotiator, Neighbour, Situation, Standpoint};
 use super::inbox::Inbox;
 use super::log::{Log, Logged, Row};
 use super::message::{Body, Message, Object, PlanPoint, Status, WAY_SPACING, objects_max};
@@ -112,11 +112,15 @@ impl Network {
     pub(crate) fn negotiate(&mut self, now: i64, agents: &[Negotiator<'_>], around: &dyn Fn(usize) -> Vec<Neighbour>) {
         let Self { settings, dt, inboxes, standpoints, agreements, first, .. } = self;
         let situation = Situation { now, dt: *dt, settings, first };
-        standpoints.iter_mut().for_each(|standpoint| standpoint.bar = None);
         for (i, agent) in agents.iter().enumerate() {
             let inbox = &inboxes[agent.place];
             standpoints[agent.place].renew(agent, inbox, &situation, &|| around(i), agreements);
         }
+    }
+
+    /// Where an agent holds, by its place.
+    pub(crate) fn bar(&self, place: usize) -> Option<&Bar> {
+        self.standpoints[place].bar.as_ref()
     }
 
     /// Ids of the equipped agents, ascending.
@@ -161,11 +165,14 @@ impl Network {
         let points = &mut self.points;
         sample(speaker.plan, self.dt, (spacing, plan_horizon), points);
         let sent = &mut self.sent[speaker.place];
-        let Standpoint { claim, yields_to, areas, is_ordered, .. } = &self.standpoints[speaker.place];
-        if !sent.is_claim_news(claim.as_ref()) && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt)) {
+        let Standpoint { claim, yields_to, passes, areas, is_ordered, .. } = &self.standpoints[speaker.place];
+        if !sent.is_claim_news(claim.as_ref(), passes)
+            && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt))
+        {
             return None;
         }
-        sent.note_plan(now, points, spacing, *claim);
+        sent.note_plan(now, points, spacing);
+        sent.note_claim(*claim, passes);
         let n_way = (way_ahead / WAY_SPACING) as usize + 1;
         let way = (0..n_way).map(|i| {
             let at = speaker.path.at(speaker.rear_s + i as f64 * WAY_SPACING);
@@ -181,6 +188,7 @@ impl Network {
             way,
             claim: *claim,
             yields_to: yields_to.clone(),
+            passes: passes.clone(),
             areas: areas.clone(),
             is_ordered: *is_ordered,
         })

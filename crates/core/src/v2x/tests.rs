@@ -98,6 +98,7 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
         way: vec![PlanPoint::default(); 21],
         claim: None,
         yields_to: vec![],
+        passes: vec![],
         areas: vec![],
         is_ordered: false,
     };
@@ -112,4 +113,20 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
     assert_eq!(cut(478), (16, 21));
     assert_eq!(cut(470), (16, 20));
     assert_eq!(cut(300), (15, 0));
+}
+
+#[test]
+fn an_older_message_that_arrives_later_is_dropped_and_old_ones_are_forgotten() {
+    let mut inbox = inbox::Inbox::new(2);
+    let message = |time_step: i64| {
+        let status = Status::rounded(ParticipantKind::Car, &State::default(), (4.5, 1.8));
+        std::sync::Arc::new(Message { time_step, sender: 1, body: Body::Cam(status) })
+    };
+    let newest = |inbox: &inbox::Inbox| inbox.heard[1].cam.as_ref().map(|message| message.time_step);
+    [3, 5, 4].into_iter().for_each(|time_step| inbox.file(1, &message(time_step)));
+    assert_eq!(newest(&inbox), Some(5));
+    inbox.forget(5);
+    assert_eq!(newest(&inbox), Some(5));
+    inbox.forget(6);
+    assert_eq!(newest(&inbox), None);
 }

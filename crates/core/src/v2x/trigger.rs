@@ -39,6 +39,7 @@ pub(super) struct Sent {
     mcm: Option<(i64, f64, Vec<PlanPoint>)>,
     cpm: Option<i64>,
     claim: Option<Claim>,
+    passes: Vec<i64>,
     objects: BTreeMap<i64, (i64, State)>,
 }
 
@@ -84,14 +85,20 @@ impl Sent {
         })
     }
 
-    /// The claim differs from the one that was sent.
-    pub(super) fn is_claim_news(&self, claim: Option<&Claim>) -> bool {
-        self.claim.as_ref() != claim
+    /// The claim, or the agents before whose ways the sender can no longer stop, differ from what was sent.
+    pub(super) fn is_claim_news(&self, claim: Option<&Claim>, passes: &[i64]) -> bool {
+        self.claim.as_ref() != claim || self.passes != passes
+    }
+
+    /// Notes that a claim is sent.
+    pub(super) fn note_claim(&mut self, claim: Option<Claim>, passes: &[i64]) {
+        self.claim = claim;
+        self.passes.clear();
+        self.passes.extend_from_slice(passes);
     }
 
     /// Notes that a plan is sent.
-    pub(super) fn note_plan(&mut self, now: i64, points: &[PlanPoint], spacing: f64, claim: Option<Claim>) {
-        self.claim = claim;
+    pub(super) fn note_plan(&mut self, now: i64, points: &[PlanPoint], spacing: f64) {
         let (time_step, old_spacing, kept) = self.mcm.get_or_insert_default();
         (*time_step, *old_spacing) = (now, spacing);
         kept.clear();

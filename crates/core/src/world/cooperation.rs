@@ -7,7 +7,7 @@ use super::{Agent, Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::predict::completed;
-use crate::rules::Course;
+use crate::rules::{Course, Hold};
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
@@ -78,7 +78,9 @@ impl World {
         let found: Vec<(usize, &Drive)> = self.talking().collect();
         let mut observers = Vec::with_capacity(found.len());
         for &(place, drive) in &found {
-            observers.push(Observer { id: drive.agent.id, place, row: drive.row, view: &drive.agent.view });
+            let Agent { id, view, planner, .. } = &*drive.agent;
+            let needs_bar = !planner.knows_holds();
+            observers.push(Observer { id: *id, place, row: drive.row, view, needs_bar });
         }
         let table = completed(predictions, scene);
         let positions = scene.positions();
@@ -151,17 +153,25 @@ impl World {
         self.network.as_deref().map_or(&[], Network::agreements)
     }
 
+    /// Where an agent holds because of an agreement.
+    pub(super) fn agreed_hold(&self, drive: &Drive) -> Option<Hold> {
+        let bar = self.network.as_deref()?.bar(drive.place?)?;
+        Some(Hold { distance: bar.near - drive.front(), release: bar.release, by: bar.going })
+    }
+
     /// Agents renew their claims from what has arrived and what they see.
     fn negotiate(&self, network: &mut Network) {
         let scene = OnceCell::new();
         let drives: Vec<(usize, &Drive)> = self.talking().collect();
         let agents: Vec<Negotiator<'_>> = drives.iter().map(|(place, drive)| self.negotiator(*place, drive)).collect();
+        let mut places = vec![None; self.states.len()];
+        self.drives.iter().for_each(|drive| places[drive.row] = drive.place);
         let around = |i: usize| {
             let (_, drive) = drives[i];
             // Most of the time there is nothing to agree about.
             let scene: &Scene = scene.get_or_init(|| self.scene_with_past(OBSERVED));
             let neighbour = |row: usize| {
-                let place = self.drives.iter().find(|drive| drive.row == row).and_then(|drive| drive.place);
+                let place = places[row];
                 let half_width = 0.5 * scene.participants.shape[row].extent().1;
                 Neighbour { pose: scene.state(row).pose(), velocity: scene.observed_velocity(row), half_width, place }
             };

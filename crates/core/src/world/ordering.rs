@@ -32,9 +32,7 @@ const PAST: usize = 4;
 
 /// The planner of an agent does what the rules say.
 fn obeys(planner: &Planner, rules: &RulesSettings) -> bool {
-    rules.enabled
-        && rules.precedence
-        && !matches!(planner, Planner::Recorded | Planner::VelocityAdjusting(_) | Planner::Policy(_))
+    rules.enabled && rules.precedence && (planner.knows_holds() || *planner == Planner::External)
 }
 
 /// What arbitration knows about the way of an agent; empty if it does not obey.

@@ -26,11 +26,16 @@ _MEASURES = (
 
 
 def cooperation_figure(study: CooperationStudy) -> Figure:
-    """Goals in time, time lost and least time to collision over penetration, delay and loss, 180 mm wide.
+    """Goals in time, time lost and least time to collision, 180 mm wide.
 
-    Means with 95 % intervals over scenarios, as differences to runs without V2X; medians of the time to collision.
+    They are drawn over penetration, delay and loss, and with occlusion over penetration, by what is sent. Means with
+    95 % intervals over scenarios, as differences to runs without V2X; medians of the time to collision.
     """
-    rows: list[dict[str, Any]] = summary_table(study).to_pylist()
+    every: list[dict[str, Any]] = summary_table(study).to_pylist()
+    rows = [row for row in every if not row["occlusion"]]
+    hidden = [row for row in every if row["occlusion"]]
+    without = [row for row in hidden if row["penetration"] == 0]
+    services = dict.fromkeys(row["services"] for row in hidden if row["penetration"] > 0)
     none = [row for row in rows if row["penetration"] == 0]
     perfect = [row for row in rows if not row["delay"] and not row["loss"] and row["penetration"] > 0]
     full = [row for row in rows if row["penetration"] == 1 and row["negotiate"]]
@@ -45,14 +50,20 @@ def cooperation_figure(study: CooperationStudy) -> Figure:
         ),
         ("delay", "delay [s]", (("plans, negotiation", [row for row in full if not row["loss"]]),)),
         ("loss", "loss", (("plans, negotiation", [row for row in full if not row["delay"]]),)),
+        (
+            "penetration",
+            "the same with occlusion",
+            tuple((name, [*without, *(row for row in hidden if row["services"] == name)]) for name in services),
+        ),
     )
     figure = empty_figure(PAGE, _HEIGHT, layout="constrained")
     panels = figure.subplots(len(_MEASURES), len(series), squeeze=False, sharey="row", sharex="col")
+    colours: dict[str, str] = {}
     for across, (variable, label, lines) in enumerate(series):
         for down, (column, interval, factor, name) in enumerate(_MEASURES):
             panel = panels[down, across]
             for title, picked in lines:
-                colour = AGENTS[1 if "negotiation" in title else 0]
+                colour = colours.setdefault(title, AGENTS[len(colours)])
                 _draw(panel, picked, (variable, column, interval), factor, colour, title)
             if interval is not None:
                 panel.axhline(0.0, color=INK, linewidth=0.8, linestyle=":")
@@ -60,8 +71,17 @@ def cooperation_figure(study: CooperationStudy) -> Figure:
                 panel.set_ylabel(name, fontsize=FONT)
             plain(panel)
         panels[-1, across].set_xlabel(label, fontsize=FONT)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=FONT, frameon=False)
+    handles = {
+        label: handle for panel in panels[0] for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        handles.values(),
+        [label.replace("+", ", ").upper() if label in services else label for label in handles],
+        loc="outside lower center",
+        ncols=len(handles),
+        fontsize=FONT,
+        frameon=False,
+    )
     return figure
 
 

@@ -62,13 +62,17 @@ def save_cooperation(study: CooperationStudy, folder: str | Path, *, overwrite: 
 
 
 def page(rows: list[dict[str, Any]]) -> str:
-    """The summary as a Markdown table."""
+    """The summary as Markdown tables: without occlusion, then with it."""
+    hidden = [row for row in rows if row["occlusion"]]
+    text = _table([row for row in rows if not row["occlusion"]], ("negotiation", "delay [s]", "loss"))
+    return text + ("\nWith occlusion:\n\n" + _table(hidden, ("services",)) if hidden else "")
+
+
+def _table(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
+    measures = ("in time", "change [points]", "time lost [s]", "collisions", "min. TTC [s]", "deadlocks")
     lines = [
-        (
-            "| equipped | negotiation | delay [s] | loss | in time | change [points] | time lost [s] | collisions |"
-            " min. TTC [s] | deadlocks |"
-        ),
-        "|---|---|---|---|---|---|---|---|---|---|",
+        f"| equipped | {' | '.join((*columns, *measures))} |",
+        "|---|" + "---|" * len(columns) + "--:|" * len(measures),
     ]
     for row in rows:
         ttc = "-" if row["min_ttc"] is None else f"{row['min_ttc']:.2f}"
@@ -77,9 +81,15 @@ def page(rows: list[dict[str, Any]]) -> str:
         )
         lost = f"{row['time_lost']:+.2f} ({row['time_low']:+.2f}..{row['time_high']:+.2f})"
         is_base = row["penetration"] == 0
+        of = {
+            "negotiation": "yes" if row["negotiate"] else "no",
+            "delay [s]": f"{row['delay']:g}",
+            "loss": f"{100 * row['loss']:.0f} %",
+            "services": row["services"].replace("+", ", ").upper(),
+        }
         lines.append(
-            f"| {100 * row['penetration']:.0f} % | {'yes' if row['negotiate'] else 'no'} | {row['delay']:g} |"
-            f" {100 * row['loss']:.0f} % | {100 * row['reached']:.1f} % | {'' if is_base else change} |"
-            f" {'' if is_base else lost} | {row['collisions']:g} | {ttc} | {row['deadlocks']:g} |"
+            f"| {100 * row['penetration']:.0f} % | {' | '.join(of[name] for name in columns)} |"
+            f" {100 * row['reached']:.1f} % | {'' if is_base else change} |"
+            f" {'' if is_base else lost} | {round(row['collisions'], 2):g} | {ttc} | {round(row['deadlocks'], 2):g} |"
         )
     return "\n".join(lines) + "\n"

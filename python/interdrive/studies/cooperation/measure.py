@@ -32,6 +32,8 @@ COLUMNS = (
     Column("negotiate", "truth", "agents agree about the one that goes first"),
     Column("delay", "number", "delay of messages [s]"),
     Column("loss", "number", "probability that a message is lost"),
+    Column("occlusion", "truth", "agents do not see what vehicles hide"),
+    Column("services", "label", "what is sent"),
     Column("seed", "integer", "seed of the run"),
     Column("agents", "integer", "number of agents"),
     Column("equipped", "integer", "number of agents with V2X"),
@@ -141,6 +143,8 @@ def _row(run: Run, variant: Variant, seed: int, threads: int | None) -> dict[str
         "negotiate": variant.negotiate,
         "delay": variant.delay,
         "loss": variant.loss,
+        "occlusion": variant.occlusion,
+        "services": variant.services if variant.penetration > 0 else "",
         "seed": seed,
         "agents": len(ended.outcome),
         "equipped": len(told.get("equipped", ())),  # type: ignore[arg-type]

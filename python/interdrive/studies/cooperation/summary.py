@@ -18,6 +18,8 @@ _COLUMNS = (
     Column("negotiate", "truth", "agents agree about the one that goes first"),
     Column("delay", "number", "delay of messages [s]"),
     Column("loss", "number", "probability that a message is lost"),
+    Column("occlusion", "truth", "agents do not see what vehicles hide"),
+    Column("services", "label", "what is sent"),
     Column("runs", "integer", "number of runs"),
     Column("reached", "number", "share of agents that reached their goal in time"),
     Column("reached_change", "number", "its difference to no V2X, mean over scenarios"),
@@ -38,15 +40,20 @@ _SAMPLES = 2000
 
 
 def summary_table(study: CooperationStudy) -> ArrowTable:
-    """One row per variant, as an Arrow table; intervals by bootstrap over scenarios."""
+    """One row per variant, as an Arrow table; intervals by bootstrap over scenarios.
+
+    Differences are to runs without V2X, with occlusion to those with occlusion.
+    """
     rows: list[dict[str, Any]] = study.table.to_pylist()
     names = list(dict.fromkeys(row["variant"] for row in rows))
-    base = {row["scenario"]: row for row in rows if row["penetration"] == 0}
+    base = {(row["scenario"], row["occlusion"]): row for row in rows if row["penetration"] == 0}
     found = [_summary([row for row in rows if row["variant"] == name], base) for name in names]
     return arrow_table(_COLUMNS, {column.name: [row[column.name] for row in found] for column in _COLUMNS})
 
 
-def _summary(rows: list[dict[str, Any]], base: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def _summary(rows: list[dict[str, Any]], bases: dict[tuple[str, bool], dict[str, Any]]) -> dict[str, Any]:
+    occlusion = rows[0]["occlusion"]
+    base = {name: row for (name, occluded), row in bases.items() if occluded == occlusion}
     scenarios = list(dict.fromkeys(row["scenario"] for row in rows))
     of = {name: [row for row in rows if row["scenario"] == name] for name in scenarios}
     share = {name: np.mean([row["reached"] / max(1, row["agents"]) for row in mine]) for name, mine in of.items()}
@@ -56,7 +63,10 @@ def _summary(rows: list[dict[str, Any]], base: dict[str, dict[str, Any]]) -> dic
     seeds = len({row["seed"] for row in rows})
     (reached_low, reached_high), (time_low, time_high) = _interval(reached), _interval(lost)
     return {
-        **{name: rows[0][name] for name in ("variant", "penetration", "negotiate", "delay", "loss")},
+        **{
+            name: rows[0][name]
+            for name in ("variant", "penetration", "negotiate", "delay", "loss", "occlusion", "services")
+        },
         "runs": len(rows),
         "reached": sum(row["reached"] for row in rows) / max(1, sum(row["agents"] for row in rows)),
         "reached_change": float(np.mean(reached)) if reached else 0.0,

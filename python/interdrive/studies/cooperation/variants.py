@@ -38,6 +38,8 @@ RECORDED = (
     "urban/DEU_Muc-28_1_T-1.xml",
 )
 
+#: Shares of equipped agents with occlusion.
+_HIDDEN_SHARES = (0.5, 1.0)
 _SHARES, _DELAYS, _LOSSES = (0.25, 0.5, 0.75), (0.1, 0.2, 0.3, 0.5, 1.0), (0.1, 0.2, 0.3, 0.4, 0.5)
 
 
@@ -50,19 +52,31 @@ class Variant:
         negotiate: Agents agree about the one that goes first.
         delay: Delay of messages [s].
         loss: Probability that a message is lost.
+        occlusion: Agents do not see what vehicles hide.
+        mcm: They send their plans.
+        cpm: They send what they see.
     """
 
     penetration: float
     negotiate: bool = False
     delay: float = 0.0
     loss: float = 0.0
+    occlusion: bool = False
+    mcm: bool = True
+    cpm: bool = False
 
     @property
     def name(self) -> str:
         """As one word, for tables."""
         parts = [f"{100 * self.penetration:.0f}%", *(["negotiate"] if self.negotiate else [])]
+        parts += ["occlusion", *([self.services] if self.penetration > 0 else [])] if self.occlusion else []
         parts += [f"delay={self.delay:g}"] if self.delay else []
         return "_".join([*parts, *([f"loss={self.loss:g}"] if self.loss else [])])
+
+    @property
+    def services(self) -> str:
+        """What is sent, as it is set."""
+        return "+".join(["cam", *(["mcm"] if self.mcm else []), *(["cpm"] if self.cpm else [])])
 
     @property
     def is_drawn(self) -> bool:
@@ -72,18 +86,26 @@ class Variant:
     @property
     def settings(self) -> dict[str, Setting]:
         """Settings of its runs."""
-        values = {name: getattr(self, name) for name in ("penetration", "negotiate", "delay", "loss")}
-        return {f"v2x.{name}": value for name, value in values.items()}
+        names = ("penetration", "negotiate", "delay", "loss", "mcm", "cpm")
+        values: dict[str, Setting] = {f"v2x.{name}": getattr(self, name) for name in names}
+        return {**values, "view.occlusion": True} if self.occlusion else values
 
 
 def cooperation_variants(*, quick: bool = False) -> tuple[Variant, ...]:
-    """Penetration with plans alone and with negotiation; delay and loss where all agents negotiate."""
+    """What is driven.
+
+    Penetration with plans alone and with negotiation; delay and loss where all agents negotiate; and, with occlusion,
+    penetration by services.
+    """
     if quick:
-        return (Variant(0.0), Variant(1.0), Variant(1.0, negotiate=True))
+        occluded = (Variant(0.0, occlusion=True), Variant(1.0, occlusion=True, cpm=True))
+        return (Variant(0.0), Variant(1.0), Variant(1.0, negotiate=True), *occluded)
     shares = [Variant(share, negotiate) for share in (*_SHARES, 1.0) for negotiate in (False, True)]
     delays = [Variant(1.0, negotiate=True, delay=delay) for delay in _DELAYS]
     losses = [Variant(1.0, negotiate=True, loss=loss) for loss in _LOSSES]
-    return (Variant(0.0), *shares, *delays, *losses)
+    services = [(False, False), (True, False), (True, True)]
+    hidden = [Variant(share, occlusion=True, mcm=mcm, cpm=cpm) for mcm, cpm in services for share in _HIDDEN_SHARES]
+    return (Variant(0.0), *shares, *delays, *losses, Variant(0.0, occlusion=True), *hidden)
 
 
 def cooperation_files(*, quick: bool = False) -> tuple[tuple[Path, ...], tuple[str, ...]]:

@@ -1,4 +1,4 @@
-//! The examples of docs/scoring.md. Footprints of 5 m by 2 m, steps of 0.1 s.
+//! The examples of docs/reference/scoring.md. Footprints of 5 m by 2 m, steps of 0.1 s.
 
 use super::*;
 use crate::criticality::crossing_lanelets;

@@ -1,4 +1,4 @@
-//! Measures on hand-built roads, with numbers computed by hand (docs/criticality.md, "Examples").
+//! Measures on hand-built roads, with numbers computed by hand (docs/reference/criticality.md, "Examples").
 
 pub(super) mod conflicts;
 mod encounters;

@@ -6,7 +6,7 @@ use super::search::SearchSpace;
 use super::settings::N_TERMS;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
-/// lateral position), then stops, then braking, then the shifted previous plan, if there is one.
+/// lateral position), then stops, then braking, then the shifted previous plan, if there is one, then steered samples.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Candidates {
     /// Points of every sample, dt apart.
@@ -36,6 +36,8 @@ pub struct Candidates {
     pub chosen: Option<usize>,
     /// Desired speed [m/s].
     pub desired_velocity: f64,
+    /// As in `EvaluationMemory`.
+    pub(super) undrivable: Vec<(f64, f64)>,
 }
 
 impl Candidates {
@@ -79,14 +81,47 @@ impl Candidates {
             out.push(evaluation, sample);
         }
         out.choose(f64::NEG_INFINITY, f64::INFINITY);
+        out.undrivable.clone_from(&evaluation.tables.memory.undrivable);
         out
+    }
+
+    /// Evaluates all whole trajectories; one is chosen if it ends faster than a speed [m/s] and costs less than a limit.
+    pub(super) fn of_wholes(evaluation: &mut Evaluation, (slowest, limit): (f64, f64)) -> Self {
+        let mut out = Self { n_points: evaluation.problem.limits.n_points, ..Self::default() };
+        for sample in evaluation.tables.samples.len()..evaluation.len() {
+            out.push(evaluation, sample);
+        }
+        out.choose(slowest, limit);
+        out
+    }
+
+    /// Adds the samples of another evaluation of the same request; its choice counts if there is one.
+    pub(super) fn add(&mut self, mut others: Self) {
+        self.chosen = others.chosen.map(|i| self.len() + i).or(self.chosen);
+        let pairs = [
+            (&mut self.x, &mut others.x),
+            (&mut self.y, &mut others.y),
+            (&mut self.terms, &mut others.terms),
+            (&mut self.cost, &mut others.cost),
+            (&mut self.end_time, &mut others.end_time),
+            (&mut self.end_velocity, &mut others.end_velocity),
+            (&mut self.end_offset, &mut others.end_offset),
+            (&mut self.last_velocity, &mut others.last_velocity),
+        ];
+        for (mine, more) in pairs {
+            mine.append(more);
+        }
+        self.rejection.append(&mut others.rejection);
+        self.collision_id.append(&mut others.collision_id);
     }
 
     fn push(&mut self, evaluation: &mut Evaluation, sample: usize) {
         let mut rejection = evaluation.write_points(sample);
         let mut collision_id = -1;
         let can_be_driven = rejection == Rejection::Admissible;
-        if can_be_driven {
+        if !can_be_driven {
+            evaluation.note_undrivable(sample);
+        } else {
             if let Some(contact) = evaluation.contact() {
                 let request = evaluation.problem.request;
                 collision_id = request.predictions.ids[request.others[contact.other].row];

@@ -14,7 +14,7 @@ use super::obstacles::Obstacles;
 use super::search::{Entry, Refined, SearchSpace};
 use super::settings::{FrenetSettings, N_TABLE_TERMS, N_TERMS, N_WORLD_TERMS};
 use super::terms::{FrenetMotion, has_world_terms, weighted_world_terms, world_terms};
-use super::warm_start::WarmStart;
+use super::whole::{Whole, Wholes};
 use crate::collision::departs_road;
 use crate::geometry::shape::OrientedBox;
 
@@ -61,6 +61,8 @@ pub(super) struct EvaluationMemory {
     pub(super) n_off_road: usize,
     /// Cost and speed at the end [m/s] of all of them.
     pub(super) off_road: Vec<(f64, f64)>,
+    /// Samples of the grid that the vehicle cannot drive: cost without prediction, and speed at the end [m/s].
+    pub(super) undrivable: Vec<(f64, f64)>,
 }
 
 impl EvaluationMemory {
@@ -75,6 +77,7 @@ impl EvaluationMemory {
         self.off_road_cost = f64::INFINITY;
         self.n_off_road = 0;
         self.off_road.clear();
+        self.undrivable.clear();
     }
 }
 
@@ -101,11 +104,11 @@ pub(super) struct Tables<'a> {
     pub(super) samples: &'a mut SampleGrid,
     pub(super) costs: &'a mut TableCosts,
     pub(super) obstacles: &'a mut Obstacles,
-    pub(super) warm_start: &'a WarmStart,
+    pub(super) wholes: &'a Wholes,
     pub(super) memory: &'a mut EvaluationMemory,
 }
 
-/// Everything about one plan. Samples are numbered profile by profile, end offset by end offset; the last one is the previous plan.
+/// Everything about one plan. Samples are numbered profile by profile, end offset by end offset; the last ones are whole trajectories.
 pub(super) struct Evaluation<'a> {
     pub(super) problem: Problem<'a>,
     pub(super) tables: Tables<'a>,
@@ -119,7 +122,7 @@ impl<'a> Evaluation<'a> {
     pub(super) fn new(problem: Problem<'a>, tables: Tables<'a>) -> Self {
         let Problem { request, settings, .. } = problem;
         let memory = &mut *tables.memory;
-        memory.reset(tables.samples.len() + usize::from(tables.warm_start.is_valid()));
+        memory.reset(tables.samples.len() + tables.wholes.len());
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
         let (road, vehicle, margin) = (request.road, request.vehicle, settings.road_margin);
         let has_room = problem.keeps_clear
@@ -139,27 +142,39 @@ impl<'a> Evaluation<'a> {
         self.tables.memory.slots.len()
     }
 
-    /// Where the search begins: a group per profile that is not rejected, and the previous plan, if they end faster
+    /// Where the search begins: a group per profile that is not rejected, and the whole trajectories, if they end faster
     /// than a speed [m/s].
     pub(super) fn entries(&self, slowest: f64) -> impl Iterator<Item = Entry> {
         let n_offsets = self.tables.samples.end_offsets.len();
-        let warm_start = self.tables.warm_start.is_valid();
-        let warm_start = warm_start && self.tables.warm_start.points.last().is_some_and(|last| last.velocity > slowest);
-        let warm_start = warm_start.then(|| Entry::sample(self.tables.warm_start.total, self.tables.samples.len()));
         let profiles = self.tables.costs.bounds.iter().zip(&self.tables.samples.profiles).enumerate();
         let profiles = profiles.filter(move |(_, (_, profile))| profile.end_velocity > slowest);
-        profiles.map(move |(profile, (bound, _))| Entry::group(*bound, profile * n_offsets, profile)).chain(warm_start)
+        profiles
+            .map(move |(profile, (bound, _))| Entry::group(*bound, profile * n_offsets, profile))
+            .chain(self.whole_entries(slowest))
     }
 
-    /// Profile and end offset of a sample; `None` for the previous plan.
+    /// The same without the grid.
+    pub(super) fn whole_entries(&self, slowest: f64) -> impl Iterator<Item = Entry> {
+        let first = self.tables.samples.len();
+        let wholes = self.tables.wholes.iter().enumerate();
+        let wholes = wholes.filter(move |(_, whole)| whole.points.last().is_some_and(|last| last.velocity > slowest));
+        wholes.map(move |(k, whole)| Entry::sample(whole.total, first + k))
+    }
+
+    /// Profile and end offset of a sample; `None` for a whole trajectory.
     pub(super) fn cell(&self, sample: usize) -> Option<(usize, usize)> {
         let n_offsets = self.tables.samples.end_offsets.len();
         (sample < self.tables.samples.len()).then(|| (sample / n_offsets, sample % n_offsets))
     }
 
+    fn whole(&self, sample: usize) -> &Whole {
+        &self.tables.wholes[sample - self.tables.samples.len()]
+    }
+
     /// The tests but the road, and the cost without prediction.
     fn admit(&mut self, sample: usize) -> Refined {
         if !self.write_if_drivable(sample) {
+            self.note_undrivable(sample);
             return Refined::Rejected;
         }
         if let Some(contact) = self.contact() {
@@ -178,6 +193,14 @@ impl<'a> Evaluation<'a> {
         let cost = is_complete.then_some(base);
         memory.progress.push(Progress { base, prediction: 0.0, n_done: 0, cost });
         Refined::Bound(base)
+    }
+
+    /// The vehicle cannot drive a sample of the grid.
+    pub(super) fn note_undrivable(&mut self, sample: usize) {
+        if let Some((profile, _)) = self.cell(sample) {
+            let found = (self.table_cost(sample), self.tables.samples.profiles[profile].end_velocity);
+            self.tables.memory.undrivable.push(found);
+        }
     }
 
     /// The complete cost of the trajectory in the pool, if its footprint stays on the road.
@@ -200,7 +223,10 @@ impl<'a> Evaluation<'a> {
     }
 
     fn table_cost(&self, sample: usize) -> f64 {
-        self.tables.costs.total.get(sample).copied().unwrap_or(self.tables.warm_start.total)
+        match self.cell(sample) {
+            Some(_) => self.tables.costs.total[sample],
+            None => self.whole(sample).total,
+        }
     }
 
     /// The trajectory that was written last.
@@ -233,7 +259,7 @@ impl<'a> Evaluation<'a> {
     pub(super) fn write_points(&mut self, sample: usize) -> Rejection {
         self.tables.memory.points.clear();
         let Some((profile, end_offset)) = self.cell(sample) else {
-            self.tables.memory.points.extend_from_slice(&self.tables.warm_start.points);
+            self.tables.memory.points.extend_from_slice(&self.tables.wholes[sample - self.tables.samples.len()].points);
             let points = &self.tables.memory.points;
             return (1..points.len()).fold(Rejection::Admissible, |found, i| {
                 found.or(self.problem.limits.check(&points[i - 1], &points[i], i))
@@ -297,7 +323,7 @@ impl<'a> Evaluation<'a> {
     pub(super) fn world_terms(&self, sample: usize) -> [f64; N_WORLD_TERMS] {
         let place = self.cell(sample);
         let motion = |i: usize| match place {
-            None => self.tables.warm_start.motions[i],
+            None => self.whole(sample).motions[i],
             Some((profile, end_offset)) => {
                 let samples = &*self.tables.samples;
                 let d = samples.lateral_points(profile).at(i, samples.end_offsets[end_offset]);
@@ -321,7 +347,7 @@ impl<'a> Evaluation<'a> {
 
     /// The terms of a sample that need only its profile and its end offset.
     pub(super) fn table_terms(&self, sample: usize) -> [f64; N_TABLE_TERMS] {
-        let Some((profile, end_offset)) = self.cell(sample) else { return self.tables.warm_start.terms };
+        let Some((profile, end_offset)) = self.cell(sample) else { return self.whole(sample).terms };
         let (samples, profile) = (&*self.tables.samples, &self.tables.samples.profiles[profile]);
         let k = profile.table.expect("the lateral motion is there") * samples.end_offsets.len() + end_offset;
         [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], profile.jerk]

@@ -153,6 +153,23 @@ impl Limits {
         self.vehicle.steering_rate_max / self.vehicle.wheelbase
     }
 
+    /// The curvature after one step towards a wanted one at a speed [m/s], with a share of the limits [1/m].
+    pub(super) fn turned(&self, curvature: f64, wanted: f64, velocity: f64, share: f64) -> f64 {
+        let (l, step) = (self.vehicle.wheelbase, share * self.steering_step);
+        let held = share * self.vehicle.lateral_acceleration_max / (velocity * velocity);
+        let tightest = self.curvature_max.min(held);
+        // The tangent of the steering angle is L k; by the largest step more and less.
+        let from = l * curvature;
+        let high = if from * step < 1.0 { (from + step) / (1.0 - from * step) } else { f64::INFINITY };
+        let low = if from * step > -1.0 { (from - step) / (1.0 + from * step) } else { f64::NEG_INFINITY };
+        (l * wanted.clamp(-tightest, tightest)).clamp(low, high) / l
+    }
+
+    /// The same for a vehicle that stands.
+    pub(super) fn freely_turned(&self, wanted: f64) -> f64 {
+        wanted.clamp(-self.curvature_max, self.curvature_max)
+    }
+
     /// Time of the last point [s].
     pub(super) fn horizon(&self) -> f64 {
         (self.n_points - 1) as f64 * self.dt

@@ -373,6 +373,14 @@ impl SampleGrid {
         [widest + length * (0.2 * d_prime.abs() + 0.018 * bend), 1.875 * way / length + d_prime.abs() + 0.07 * bend]
     }
 
+    /// Speeds that are steered, too (`steered`): those of a manoeuvre that ends early, of one that ends at the horizon,
+    /// of stops and of braking.
+    pub(super) fn is_steered(&self, profile: usize) -> bool {
+        let LongitudinalProfile { rejection, family, end_time, .. } = &self.profiles[profile];
+        let times = [self.end_times[self.end_times.len() / 3], self.end_times[self.end_times.len() - 1]];
+        *rejection == Rejection::Admissible && (family.is_none() || times.contains(end_time))
+    }
+
     /// Number of samples.
     pub(super) fn len(&self) -> usize {
         self.profiles.len() * self.end_offsets.len()

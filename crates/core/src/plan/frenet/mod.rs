@@ -20,7 +20,8 @@ mod lateral;
 mod grid;
 mod cartesian;
 mod terms;
-mod warm_start;
+mod whole;
+mod steered;
 mod obstacles;
 mod cost_bounds;
 mod profile_speeds;
@@ -48,7 +49,7 @@ use feasibility::Limits;
 use grid::{ARC_MIN, Inputs, SampleGrid};
 use obstacles::{Contact, Obstacles};
 use targets::Targets;
-use warm_start::WarmStart;
+use whole::Wholes;
 
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
 /// not depend on what was planned before with the same memory.
@@ -57,7 +58,7 @@ pub struct FrenetMemory {
     samples: SampleGrid,
     costs: TableCosts,
     obstacles: Obstacles,
-    warm_start: WarmStart,
+    wholes: Wholes,
     queue: search::Queue,
     evaluation: EvaluationMemory,
     road: Vec<u32>,
@@ -105,6 +106,8 @@ struct Premises {
 
 /// Plans that end slower than this [m/s] crawl.
 const CRAWLING: f64 = 2.0;
+/// Samples that end faster by this [m/s] are clearly faster.
+const CLEARLY: f64 = 1.0;
 
 impl Premises {
     const STATED: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
@@ -127,6 +130,7 @@ impl Premises {
 /// If nothing is admissible, or the plan crawls and the road alone forbids a sample that would be cheaper and faster,
 /// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its path
 /// only, which are closer to each other then. A plan that crawls is only replaced by a faster one that costs less.
+/// If the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`).
 /// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
 /// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
 /// steering rate and lateral acceleration. (All later states come from the planner itself.)
@@ -135,6 +139,7 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
     memory.told.terms = None;
     let mut result = attempt(request, settings, memory, Premises::STATED);
     let off_road_cost = memory.evaluation.off_road_cost;
+    let undrivable = std::mem::take(&mut memory.evaluation.undrivable);
     if result.status != PlanStatus::Planned {
         if off_road_cost.is_finite() {
             result = attempt(request, settings, memory, Premises::NARROW);
@@ -142,11 +147,47 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
     } else if is_held_by_road(&result, memory) {
         result = faster(request, settings, memory, &result).unwrap_or(result);
     }
+    let bar = Bar::of(&result);
+    if bar.is_held_by_limits(&undrivable) {
+        result = steered(request, settings, memory, bar).unwrap_or(result);
+    }
+    memory.evaluation.undrivable = undrivable;
     if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
         return result;
     }
     let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
     again.find(|again| again.status == PlanStatus::Planned).unwrap_or(result)
+}
+
+/// What a better plan must beat.
+#[derive(Debug, Clone, Copy)]
+struct Bar {
+    cost: f64,
+    /// Speed at the end [m/s].
+    velocity: f64,
+}
+
+impl Bar {
+    /// Anything is better than no plan.
+    const NONE: Self = Self { cost: f64::INFINITY, velocity: f64::NEG_INFINITY };
+
+    fn of(result: &PlanResult) -> Self {
+        if result.status == PlanStatus::Planned {
+            Self { cost: result.cost, velocity: end_velocity(result) }
+        } else {
+            Self::NONE
+        }
+    }
+
+    /// One of the samples that the vehicle cannot drive (cost, speed at the end) would be cheaper and clearly faster.
+    fn is_held_by_limits(&self, undrivable: &[(f64, f64)]) -> bool {
+        undrivable.iter().any(|(cost, velocity)| *cost < self.cost && *velocity > self.velocity + CLEARLY)
+    }
+
+    /// What steered samples take for granted.
+    fn premises(&self) -> Premises {
+        if self.velocity > CRAWLING { Premises::STATED } else { Premises::NARROW }
+    }
 }
 
 /// The plan crawls, and the road alone rejected a sample that would be cheaper and faster.
@@ -169,16 +210,43 @@ fn faster(
     let start = Start::new(request, premises.knows_yaw_rate(request, settings)).ok()?;
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory {
-        samples, costs, obstacles, warm_start, queue, evaluation: evaluation_memory, effort, told, ..
-    } = memory;
+    let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, told, .. } =
+        memory;
     let (start, limits, path, keeps_clear) = (&start, &limits, &request.route.path, premises.keeps_clear);
     samples.narrow(&Inputs { start, targets: &targets, limits, settings, path, is_narrow: true });
     costs.prepare(samples, targets.velocity, &settings.weights, path);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
-        Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
+        Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
     search::start(queue, evaluation.entries(end_velocity(than)), than.cost);
+    let choice = search(settings, queue, &mut evaluation);
+    *effort += evaluation.tables.memory.n_trajectories();
+    let (sample, cost) = choice?;
+    evaluation.write_if_drivable(sample);
+    told.tell(&evaluation, sample);
+    Some(PlanResult::planned(trajectory(request, start, evaluation.points()), cost))
+}
+
+/// The cheapest steered plan that beats one of the same request, whose motions along the path are those in the memory.
+fn steered(
+    request: &PlanRequest,
+    settings: &FrenetSettings,
+    memory: &mut FrenetMemory,
+    bar: Bar,
+) -> Option<PlanResult> {
+    let premises = bar.premises();
+    let start = Start::new(request, premises.knows_yaw_rate(request, settings)).ok()?;
+    let limits = Limits::new(request, n_points(request, settings), start.curvature, premises.slack);
+    let targets = Targets::new(request, &start, settings);
+    let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, told, .. } =
+        memory;
+    let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
+    steered::steer_all(wholes, request, (start, &targets, limits), samples, &settings.weights, bar.cost);
+    obstacles.prepare(request, (start, wholes), samples, settings);
+    let problem = Problem { request, settings, start, limits, keeps_clear };
+    let mut evaluation =
+        Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
+    search::start(queue, evaluation.whole_entries(bar.velocity), bar.cost);
     let choice = search(settings, queue, &mut evaluation);
     *effort += evaluation.tables.memory.n_trajectories();
     let (sample, cost) = choice?;
@@ -213,27 +281,13 @@ fn attempt(
     };
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory {
-        samples,
-        costs,
-        obstacles,
-        warm_start,
-        queue,
-        evaluation: evaluation_memory,
-        road,
-        effort,
-        told,
-    } = memory;
-    prepare(
-        request,
-        settings,
-        (&start, &targets, &limits, !premises.keeps_clear),
-        (samples, costs, obstacles, warm_start),
-    );
+    let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, road, effort, told } =
+        memory;
+    prepare(request, settings, (&start, &targets, &limits, !premises.keeps_clear), (samples, costs, obstacles, wholes));
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
-        Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
+        Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
     search::start(queue, evaluation.entries(f64::NEG_INFINITY), f64::INFINITY);
     let choice = search(settings, queue, &mut evaluation);
     *effort += evaluation.tables.memory.n_trajectories();
@@ -259,26 +313,40 @@ fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
 
 /// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan`.
 pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
-    let all = sample_all(request, settings, Premises::STATED);
-    if let Some(chosen) = all.chosen {
-        if all.last_velocity[chosen] < CRAWLING && all.is_held_by_road(chosen) {
-            let mut narrow = sample_all(request, settings, Premises::NARROW);
-            narrow.choose(all.last_velocity[chosen], all.cost[chosen]);
-            if narrow.chosen.is_some() {
-                return narrow;
-            }
-        }
-        return all;
-    }
+    let all = sample_all(request, settings, Premises::STATED, None);
     if !request.state.is_finite() {
         return all;
     }
-    let doubted = if request.previous.is_some() { &[] } else { &Premises::DOUBTED[..] };
-    let mut again = [Premises::NARROW].iter().chain(doubted).map(|premises| sample_all(request, settings, *premises));
-    again.find(|again| again.chosen.is_some()).unwrap_or(all)
+    let undrivable = all.undrivable.clone();
+    let mut found = match all.chosen {
+        Some(chosen) if all.last_velocity[chosen] < CRAWLING && all.is_held_by_road(chosen) => {
+            let mut narrow = sample_all(request, settings, Premises::NARROW, None);
+            narrow.choose(all.last_velocity[chosen], all.cost[chosen]);
+            if narrow.chosen.is_some() { narrow } else { all }
+        }
+        Some(_) => all,
+        None => {
+            Some(sample_all(request, settings, Premises::NARROW, None)).filter(|it| it.chosen.is_some()).unwrap_or(all)
+        }
+    };
+    let bar = found.chosen.map_or(Bar::NONE, |i| Bar { cost: found.cost[i], velocity: found.last_velocity[i] });
+    if bar.is_held_by_limits(&undrivable) {
+        found.add(sample_all(request, settings, bar.premises(), Some(bar)));
+    }
+    if found.chosen.is_some() || request.previous.is_some() {
+        return found;
+    }
+    let mut again = Premises::DOUBTED.iter().map(|premises| sample_all(request, settings, *premises, None));
+    again.find(|again| again.chosen.is_some()).unwrap_or(found)
 }
 
-fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premises) -> Candidates {
+/// All samples of the grid with the plan of before, or those that are steered to beat a plan.
+fn sample_all(
+    request: &PlanRequest,
+    settings: &FrenetSettings,
+    premises: Premises,
+    steered: Option<Bar>,
+) -> Candidates {
     let n_points = n_points(request, settings);
     let is_known = request.state.is_finite();
     let Some(start) = is_known.then(|| Start::new(request, premises.knows_yaw_rate(request, settings)).ok()).flatten()
@@ -288,18 +356,21 @@ fn sample_all(request: &PlanRequest, settings: &FrenetSettings, premises: Premis
     let limits = Limits::new(request, n_points, start.curvature, premises.slack);
     let targets = Targets::new(request, &start, settings);
     let mut memory = FrenetMemory::default();
-    let FrenetMemory { samples, costs, obstacles, warm_start, evaluation: evaluation_memory, .. } = &mut memory;
-    prepare(
-        request,
-        settings,
-        (&start, &targets, &limits, !premises.keeps_clear),
-        (samples, costs, obstacles, warm_start),
-    );
+    let FrenetMemory { samples, costs, obstacles, wholes, evaluation: evaluation_memory, .. } = &mut memory;
+    prepare(request, settings, (&start, &targets, &limits, !premises.keeps_clear), (samples, costs, obstacles, wholes));
+    if let Some(bar) = steered {
+        let state = (&start, &targets, &limits);
+        steered::steer_all(wholes, request, state, samples, &settings.weights, bar.cost);
+        obstacles.prepare(request, (&start, wholes), samples, settings);
+    }
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
-        Evaluation::new(problem, Tables { samples, costs, obstacles, warm_start, memory: evaluation_memory });
-    Candidates::of(&mut evaluation, targets.velocity)
+        Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
+    match steered {
+        Some(bar) => Candidates::of_wholes(&mut evaluation, (bar.velocity, bar.cost)),
+        None => Candidates::of(&mut evaluation, targets.velocity),
+    }
 }
 
 /// Everything that is shared by the samples.
@@ -307,13 +378,13 @@ fn prepare(
     request: &PlanRequest,
     settings: &FrenetSettings,
     (start, targets, limits, is_narrow): (&Start, &Targets, &Limits, bool),
-    (samples, costs, obstacles, warm_start): (&mut SampleGrid, &mut TableCosts, &mut Obstacles, &mut WarmStart),
+    (samples, costs, obstacles, wholes): (&mut SampleGrid, &mut TableCosts, &mut Obstacles, &mut Wholes),
 ) {
     let path = &request.route.path;
     samples.generate(&Inputs { start, targets, limits, settings, path, is_narrow });
     costs.prepare(samples, targets.velocity, &settings.weights, path);
-    warm_start.shift(request, start, limits, targets, &settings.weights);
-    obstacles.prepare(request, (start, warm_start), samples, settings);
+    wholes.shift(request, start, limits, targets, &settings.weights);
+    obstacles.prepare(request, (start, wholes), samples, settings);
 }
 
 /// Full braking, or the least bad of the samples that collide with no more energy than it does; `None` if neither

@@ -16,7 +16,7 @@ use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
 use super::grid::SampleGrid;
 use super::settings::FrenetSettings;
-use super::warm_start::WarmStart;
+use super::whole::Wholes;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Point, Pose};
 use collision_probability::{COST_REACH, PredictedFootprints, PredictedMode};
@@ -107,13 +107,13 @@ impl Obstacles {
     pub(super) fn prepare(
         &mut self,
         request: &PlanRequest,
-        (start, warm_start): (&Start, &WarmStart),
+        (start, wholes): (&Start, &Wholes),
         samples: &SampleGrid,
         settings: &FrenetSettings,
     ) {
         let vehicle = request.vehicle;
         (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
-        self.reach.find(request, start, samples, warm_start);
+        self.reach.find(request, start, samples, wholes);
         self.begin(request, settings);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
         let reached = std::mem::take(&mut self.reached);

@@ -55,7 +55,7 @@ settings! {
     /// Sampling in the Frenet frame of the reference path.
     ///
     /// Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
-    /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/planner_frenet.md.
+    /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/reference/planner_frenet.md.
     pub struct FrenetSettings as Frenet {
         /// Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid.
         level: usize = 2, between(0.0, 4.0);

@@ -22,6 +22,8 @@ pub(super) struct Claimant<'a> {
     pub(super) areas: &'a [(usize, usize)],
     /// Ids of the agents that it lets go first.
     pub(super) yields_to: &'a [i64],
+    /// Ids of the agents before whose ways it can no longer stop.
+    pub(super) passes: &'a [i64],
 }
 
 /// By arrival, then by id.
@@ -43,8 +45,9 @@ pub(super) fn common<'a>(
 /// Whether `a` goes before `b`, as far as the two alone decide: what they agreed on, then the rules of the road. `first`
 /// is the side of an area that goes first by the rules, if they say so.
 fn goes_before(a: &Claimant<'_>, b: &Claimant<'_>, first: &[Option<usize>]) -> Option<bool> {
-    if a.claim.is_committed || b.claim.is_committed {
-        return (a.claim.is_committed != b.claim.is_committed).then_some(a.claim.is_committed);
+    let passes = (a.passes.contains(&b.id), b.passes.contains(&a.id));
+    if passes.0 || passes.1 {
+        return (passes.0 != passes.1).then_some(passes.0);
     }
     let is_waived = a.claim.is_waived || b.claim.is_waived;
     let agreed = (b.yields_to.contains(&a.id), a.yields_to.contains(&b.id));
@@ -129,8 +132,8 @@ mod tests {
     use super::*;
 
     fn claimant<'a>(id: i64, arrival: i64, areas: &'a [(usize, usize)]) -> Claimant<'a> {
-        let claim = Claim { n: 1, arrival, is_committed: false, is_waived: false };
-        Claimant { id, claim, areas, yields_to: &[] }
+        let claim = Claim { n: 1, arrival, is_waived: false };
+        Claimant { id, claim, areas, yields_to: &[], passes: &[] }
     }
 
     /// Ids in the order that all of them compute.
@@ -156,7 +159,7 @@ mod tests {
         one.claim.is_waived = true;
         assert_eq!(order(&[one, two], &[Some(0)]), [2, 1]);
         one.claim.is_waived = false;
-        two.claim.is_committed = true;
+        two.passes = &[1];
         assert_eq!(order(&[one, two], &[Some(0)]), [2, 1]);
     }
 

@@ -1,24 +1,22 @@
-//! Which part of an agent's path another one needs, too.
+//! The road that an agent needs together with another one, and when both are there.
 
-use super::{Negotiator, pose};
-use crate::geometry::shape::OrientedBox;
-use crate::geometry::{Point, wrap_angle};
-use crate::v2x::message::{Claim, PlanPoint, WAY_SPACING};
+use super::bar::Stop;
+use super::lane::Neighbour;
+use super::order::common;
+use super::overlap::{Overlap, Own, Theirs};
+use super::{CLAIM_DISTANCE, DECELERATION, Negotiator, ROOM, Situation, plans};
+use crate::geometry::Point;
+use crate::rules::{EARLY, LATE, STICKY_LAG, STICKY_LEAD, travel_time};
+use crate::v2x::inbox::Inbox;
+use crate::v2x::message::{Body, Claim, PlanPoint};
+use crate::v2x::trigger::interpolated;
 
-/// Distance of the stations of an agent's own path [m].
-const STATION: f64 = 1.0;
-/// Room beside both vehicles [m].
-const ROOM: f64 = 0.5;
-/// Shorter gaps between shared stations are closed [m].
-const GAP: f64 = 3.0;
-/// Smaller angles are the same direction [rad].
-const SAME_HEADING: f64 = std::f64::consts::PI / 3.0;
-/// Headings of a way and directions between its points differ by less [rad].
-const ROUNDING: f64 = 0.2;
-/// Faster vehicles [m/s] need no agreement to merge.
-const MERGING: f64 = 3.0;
-/// Vehicles that merge share this much road [m].
-const MERGE: f64 = 12.0;
+/// Slower vehicles accelerate to this speed [m/s] on their way through a zone.
+const PASSING: f64 = 6.0;
+/// An agent that has left a zone so long before another one can enter it [s] need not hold for it ...
+const LEAD: f64 = 0.5;
+/// ... and neither need one that enters it so long after the other one has left it [s].
+const LAG: f64 = 0.3;
 
 /// A stretch of an agent's path that another one needs, too [m].
 #[derive(Debug, Clone, Copy)]
@@ -27,118 +25,175 @@ pub(super) struct Zone {
     pub(super) id: i64,
     pub(super) begin: f64,
     pub(super) end: f64,
-    /// Time until the other one has left it at its present speed [s].
-    pub(super) cleared: f64,
+    /// Begin and end of the passage that it belongs to.
+    pub(super) passage: (f64, f64),
+    /// When both are in it if they do not stop.
+    pub(super) ours: Window,
+    pub(super) theirs: Window,
     /// What the other one claims.
     pub(super) claim: Option<Claim>,
+    /// The other one can no longer stop before it.
+    pub(super) is_passed: bool,
 }
 
-/// Way and width of another one, and where it is now.
-pub(super) struct Theirs<'a> {
-    pub(super) way: &'a [PlanPoint],
-    pub(super) width: f64,
-    pub(super) at: PlanPoint,
+impl Zone {
+    /// Both would be in it at the same time, or nearly. An agent that has not held goes on with smaller gaps.
+    pub(super) fn is_contested(&self, has_held: bool) -> bool {
+        let (lead, lag) = if has_held { (LEAD, LAG) } else { (LEAD - STICKY_LEAD, LAG - STICKY_LAG) };
+        self.ours.enter < self.theirs.leave + lag && self.theirs.enter < self.ours.leave + lead
+    }
+
+    /// How much later the agent has to come [s]; infinite if it is open when the other one goes.
+    fn delay(&self) -> f64 {
+        if self.is_passed { self.theirs.leave + LAG - self.ours.enter } else { f64::INFINITY }
+    }
 }
 
-/// Stations of an agent's own path, from its rear end on.
-pub(super) struct Own {
-    stations: Vec<OrientedBox>,
-    /// Least and largest heading of the path, relative to the agent's own [rad].
-    headings: (f64, f64),
-}
-
-impl Own {
-    pub(super) fn along(agent: &Negotiator<'_>, reach: f64) -> Self {
-        let n = ((agent.front + reach - agent.rear) / STATION).ceil().max(1.0) as usize;
-        let station = |k: usize| {
-            let at = agent.path.at(agent.rear + (k as f64 + 0.5) * STATION);
-            let half_width = 0.5 * (agent.extent.1 + ROOM);
-            OrientedBox { center: at.position, axis: at.tangent(), half_length: 0.5 * STATION, half_width }
+impl Stop {
+    /// Before the nearest passage with one of these zones, until the agent comes too late for all of them.
+    pub(super) fn soonest<'a>(agent: &Negotiator<'_>, zones: impl Iterator<Item = &'a Zone>) -> Option<Self> {
+        let later = |a: &&Zone, b: &&Zone| {
+            b.passage.0.total_cmp(&a.passage.0).then(a.delay().total_cmp(&b.delay())).then(b.id.cmp(&a.id))
         };
-        let thetas = (0..n.div_ceil(4) + 1).map(|k| agent.path.at(agent.rear + (4 * k) as f64 * STATION).theta);
-        let headings = range(thetas, agent.pose.orientation);
-        Self { stations: (0..n).map(station).collect(), headings }
+        let zone = zones.max_by(later)?;
+        let at = zone.passage.0;
+        let enter = Window::of((at - agent.front, 0.0), agent.velocity).enter;
+        Some(Self { at, release: enter + zone.delay(), going: Some(zone.id) })
     }
+}
 
-    /// Both drive, and neither path turns so far that they could meet but side by side.
-    pub(super) fn only_merges(&self, agent: &Negotiator<'_>, theirs: &Theirs<'_>) -> bool {
-        let drives = agent.velocity.min(theirs.at.velocity) > MERGING;
-        drives && {
-            let (low, high) = range(theirs.way.iter().map(|point| point.orientation), agent.pose.orientation);
-            high - self.headings.0 < SAME_HEADING - ROUNDING && self.headings.1 - low < SAME_HEADING - ROUNDING
-        }
+/// When a vehicle is in a zone: from the earliest time at which its front enters it to the latest one at which its rear end
+/// leaves it, if it does not stop [s from now].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    pub(super) enter: f64,
+    pub(super) leave: f64,
+}
+
+impl Window {
+    /// Of a vehicle whose front is so far before the zone, and its rear end so far before the end of it [m], at its speed
+    /// [m/s].
+    pub(super) fn of((to_enter, to_leave): (f64, f64), velocity: f64) -> Self {
+        let time = |distance, acceleration| travel_time(distance, velocity, PASSING.max(velocity), acceleration);
+        Self { enter: time(to_enter, EARLY), leave: time(to_leave, LATE) }
     }
+}
 
-    /// First and last arc length of the stretch that both need, and the distance until the other one's rear end has left
-    /// it [m]; `None` if there is none, or one follows the other.
-    pub(super) fn shared(&self, agent: &Negotiator<'_>, theirs: &Theirs<'_>) -> Option<(f64, f64, f64)> {
-        let half_width = 0.5 * (theirs.width + ROOM);
-        let boxes: Vec<OrientedBox> =
-            theirs.way.windows(2).map(|pair| between(&pair[0], &pair[1], half_width)).collect();
-        let reach = 0.5 * STATION + 2.0 + half_width + self.stations[0].half_width + 2.0;
-        let mut run: Option<(usize, usize)> = None;
-        let (mut is_same, mut leaves) = (true, 0);
-        let mut k = 0;
-        while k < self.stations.len() {
-            let own = &self.stations[k];
-            let nearest = boxes.iter().map(|other| other.center.distance(own.center)).fold(f64::INFINITY, f64::min);
-            if nearest > reach + 2.0 * STATION {
-                // Neither this station nor any that lies nearer than the difference.
-                k += ((nearest - reach) / STATION) as usize;
-                continue;
-            }
-            if let Some(first) = boxes.iter().position(|other| other.overlaps(own)) {
-                let other = &boxes[first];
-                match &mut run {
-                    None => run = Some((k, k)),
-                    Some((_, last)) if (k - *last) as f64 * STATION <= GAP + STATION => *last = k,
-                    Some(_) => break,
-                }
-                leaves = boxes.iter().rposition(|other| other.overlaps(own)).unwrap_or(first).max(leaves);
-                is_same &= wrap_angle(other.axis.angle() - own.axis.angle()).abs() <= SAME_HEADING;
-            }
-            k += 1;
-        }
-        let (first, last) = run?;
-        let begin = agent.rear + first as f64 * STATION;
-        if !is_same {
-            let left = (leaves + 1) as f64 * WAY_SPACING;
-            return Some((begin, agent.rear + (last + 1) as f64 * STATION, left));
-        }
-        // Those that drive merge by their plans, which both know; holding would only slow them down.
-        let drives = agent.velocity.min(theirs.at.velocity) > MERGING;
-        (!drives && !self.follows(agent, theirs, half_width)).then_some((begin, begin + MERGE, f64::INFINITY))
-    }
-
-    /// One of the two is already in the other's corridor, ahead of it.
-    fn follows(&self, agent: &Negotiator<'_>, theirs: &Theirs<'_>, half_width: f64) -> bool {
-        let wide = half_width + self.stations[0].half_width - ROOM;
-        let other = pose(&theirs.at).position;
-        let is_within = |corridor: &OrientedBox, point: Point, half_length: f64| {
-            let offset = point - corridor.center;
-            offset.dot(corridor.axis).abs() <= half_length && corridor.axis.cross(offset).abs() < wide
+/// The zones that an agent shares with others whose plans it received, by sender. `ours` are the areas on its way, `around`
+/// are the participants that it sees.
+pub(super) fn zones<'a>(
+    agent: &Negotiator<'_>,
+    ours: &[(usize, usize)],
+    inbox: &Inbox,
+    situation: &Situation<'_>,
+    around: &dyn Fn() -> &'a [Neighbour],
+) -> Vec<Zone> {
+    let mut own: Option<Own> = None;
+    let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * DECELERATION);
+    let mut found = Vec::new();
+    for (place, message) in plans(inbox, agent.place) {
+        let Body::Mcm { status, way, claim, spacing, points, passes, areas, is_ordered, .. } = &message.body else {
+            continue;
         };
-        let heads_alike = wrap_angle(theirs.at.orientation - agent.pose.orientation).abs() <= SAME_HEADING;
-        heads_alike
-            && (self.stations.iter().any(|station| is_within(station, other, STATION))
-                || theirs
-                    .way
-                    .windows(2)
-                    .any(|pair| is_within(&between(&pair[0], &pair[1], half_width), agent.pose.position, 2.5)))
+        if agent.is_ordered && *is_ordered && common(ours, areas).next().is_some() {
+            // The order of the rules decides about both.
+            continue;
+        }
+        let far = reach + situation.settings.way_ahead;
+        if points.is_empty() || way.len() < 2 {
+            continue;
+        }
+        let age = (situation.now - message.time_step) as f64 * situation.dt;
+        let planned = interpolated(points, *spacing, age);
+        if agent.pose.position.distance(Point::new(planned.x, planned.y)) > far {
+            continue;
+        }
+        let own = own.get_or_insert_with(|| Own::along(agent, reach));
+        if own.only_merges(agent, way, planned.velocity) {
+            continue;
+        }
+        // Its sensors know better than a message.
+        let seen = around().iter().find(|other| other.place == Some(place));
+        let at = seen.map_or(planned, |other| PlanPoint {
+            x: other.pose.position.x,
+            y: other.pose.position.y,
+            orientation: other.pose.orientation,
+            velocity: other.velocity,
+        });
+        if let Some(Overlap { ours: (begin, end), theirs }) =
+            own.overlap(agent, &Theirs::new(way, (status.length, status.width), at))
+        {
+            let ours = Window::of((begin - agent.front, end - agent.rear), agent.velocity);
+            let is_passed = theirs.0 <= 0.0 || passes.contains(&agent.id);
+            let theirs = Window::of(theirs, at.velocity);
+            let (id, passage) = (message.sender, (begin, end));
+            found.push(Zone { id, begin, end, passage, ours, theirs, claim: *claim, is_passed });
+        }
+    }
+    join(&mut found, agent.extent.0 + ROOM);
+    found
+}
+
+/// Joins zones to passages: between two of these there is room to stand [m].
+fn join(zones: &mut [Zone], room: f64) {
+    let mut order: Vec<usize> = (0..zones.len()).collect();
+    order.sort_by(|a, b| zones[*a].begin.total_cmp(&zones[*b].begin));
+    let mut passages: Vec<(f64, f64)> = Vec::new();
+    for zone in order.iter().map(|i| &zones[*i]) {
+        match passages.last_mut() {
+            Some((_, end)) if zone.begin < *end + room => *end = end.max(zone.end),
+            _ => passages.push((zone.begin, zone.end)),
+        }
+    }
+    for zone in zones {
+        let within = passages.iter().rfind(|(begin, _)| *begin <= zone.begin);
+        zone.passage = *within.expect("every zone is in a passage");
     }
 }
 
-/// Least and largest angle, relative to another one [rad].
-fn range(angles: impl Iterator<Item = f64>, from: f64) -> (f64, f64) {
-    angles
-        .map(|angle| wrap_angle(angle - from))
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| (low.min(angle), high.max(angle)))
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// The box from a point of a way to the next one.
-fn between(from: &PlanPoint, to: &PlanPoint, half_width: f64) -> OrientedBox {
-    let (a, b) = (Point::new(from.x, from.y), Point::new(to.x, to.y));
-    let (way, length) = (b - a, a.distance(b));
-    let axis = if length > 1e-6 { way * (1.0 / length) } else { Point::from_angle(from.orientation) };
-    OrientedBox { center: (a + b) * 0.5, axis, half_length: 0.5 * length, half_width }
+    #[test]
+    fn a_window_lasts_from_the_earliest_entry_to_the_latest_exit() {
+        // At 10 m/s the speed stays; from 2 to 6 m/s it needs 2 s and 8 m, or 2.67 s and 10.67 m.
+        assert_eq!(Window::of((20.0, 35.0), 10.0), Window { enter: 2.0, leave: 3.5 });
+        let slow = Window::of((8.0, 20.0), 2.0);
+        assert!((slow.enter - 2.0).abs() < 1e-9 && (slow.leave - (8.0 / 3.0 + 28.0 / 3.0 / 6.0)).abs() < 1e-9);
+        assert_eq!(Window::of((-1.0, -0.5), 10.0), Window { enter: 0.0, leave: 0.0 }, "it has left");
+    }
+
+    #[test]
+    fn zones_between_which_there_is_no_room_to_stand_are_one_passage() {
+        let nowhere = Window { enter: 0.0, leave: 0.0 };
+        let zone = |(begin, end)| Zone {
+            id: 1,
+            begin,
+            end,
+            passage: (begin, end),
+            ours: nowhere,
+            theirs: nowhere,
+            claim: None,
+            is_passed: false,
+        };
+        let mut zones = [(20.0, 24.0), (50.0, 55.0), (10.0, 22.0), (30.0, 32.0)].map(zone);
+        join(&mut zones, 7.0);
+        assert_eq!(zones.map(|zone| zone.passage), [(10.0, 32.0), (50.0, 55.0), (10.0, 32.0), (10.0, 32.0)]);
+    }
+
+    #[test]
+    fn a_zone_is_contested_unless_one_leaves_it_before_the_other_enters() {
+        let ours = Window { enter: 2.0, leave: 3.0 };
+        let contested = |enter, leave, has_held| {
+            let theirs = Window { enter, leave };
+            let passage = (0.0, 1.0);
+            Zone { id: 1, begin: 0.0, end: 1.0, passage, ours, theirs, claim: None, is_passed: false }
+                .is_contested(has_held)
+        };
+        assert!(contested(2.5, 4.0, true) && contested(0.0, 9.0, true));
+        assert!(contested(3.4, 5.0, true) && !contested(3.6, 5.0, true), "it has left so long before");
+        assert!(contested(0.0, 1.8, true) && !contested(0.0, 1.6, true), "it arrives so long after");
+        assert!(!contested(3.4, 5.0, false) && !contested(0.0, 1.8, false), "it goes on");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::predict::{Predictor, Spread};
-use crate::trajectory::Predictions;
+use crate::trajectory::{PlanStatus, Predictions};
 use crate::v2x::{Expectations, Known, V2xSettings, Via};
 
 const DT: f64 = 0.1;
@@ -26,12 +26,19 @@ fn drive(from: State, acceleration: f64, seconds: f64) -> Vec<State> {
 
 /// One step in which agents follow these plans from now on; all others stay at their speeds.
 fn follow(world: &mut World, given: &[(i64, Vec<State>)]) {
+    follow_as(world, given, PlanStatus::Planned);
+}
+
+/// The same with plans of a status.
+fn follow_as(world: &mut World, given: &[(i64, Vec<State>)], status: PlanStatus) {
     let mut plans = Plans::none(world.time_step(), world.driving(), 31);
     for id in world.driving() {
         let now = state(world, id).expect("a driving agent is present");
         let plan =
             given.iter().find(|(agent, _)| *agent == id).map_or_else(|| drive(now, 0.0, 3.0), |(_, plan)| plan.clone());
         plans.set_row(id, &plan).expect("it drives");
+        let row = plans.ids.binary_search(&id).expect("it drives");
+        plans.status[row] = status;
     }
     world.step(&plans).expect("plans of all driving agents");
 }
@@ -95,6 +102,19 @@ fn a_plan_counts_for_as_long_as_its_sender_follows_it() {
 }
 
 #[test]
+fn the_plan_of_an_emergency_is_not_expected_to_be_followed() {
+    for (status, counts) in [(PlanStatus::Planned, true), (PlanStatus::EmergencyBraking, false)] {
+        let follower = agent(1, at(10.0, 0.0, 10.0), vec![far()]);
+        let leader = agent(2, at(60.0, 0.0, 10.0), vec![far()]);
+        let mut world = connected(vec![follower, leader], &[], V2xSettings::default());
+        follow_as(&mut world, &[(2, drive(at(60.0, 0.0, 10.0), -6.0, 4.0))], status);
+        let (_, found) = expected(&world);
+        let known = of(&found, 1, 2).expect("in sight");
+        assert_eq!(known.row != 1, counts, "{status:?}: a row of its own");
+    }
+}
+
+#[test]
 fn an_old_plan_is_shifted_and_less_certain() {
     let follower = agent(1, at(10.0, 0.0, 10.0), vec![far()]);
     let leader = agent(2, at(60.0, 0.0, 10.0), vec![far()]);
@@ -145,6 +165,26 @@ fn what_another_one_sees_is_known_a_step_later_and_forgotten_when_it_has_left() 
         follow(&mut world, &[]);
     }
     assert_eq!(ids(&world), [2, 4], "forgotten 1.5 s after the last report");
+}
+
+#[test]
+fn what_has_left_is_not_known_any_more_once_the_place_is_seen() {
+    // As before, but the truck leaves with the car: then agent 1 sees that nothing is there.
+    let view = ViewLimits { occlusion: true, ..ViewLimits::default() };
+    let observer = Agent { view, ..agent(1, at(10.0, 0.0, 5.0), vec![far()]) };
+    let witness = Agent { view, ..agent(2, at(60.0, 3.5, 5.0), vec![far()]) };
+    let until_20 = |x: f64| move |k: i32| (k < 20).then(|| at(x + 0.5 * f64::from(k), 0.0, 5.0));
+    let car = Recorded::moving(3, (0..60).map(until_20(45.0)));
+    let truck = Recorded::moving(4, (0..60).map(until_20(30.0)));
+    let mut world =
+        connected(vec![observer, witness], &[car, truck], V2xSettings { cpm: true, ..V2xSettings::default() });
+    let knows = |world: &World| of(&expected(world).1, 1, 3).is_some();
+    while world.time_step() < 19 {
+        follow(&mut world, &[]);
+    }
+    assert!(knows(&world));
+    follow(&mut world, &[]);
+    assert!(!knows(&world), "at once, not 1.5 s later");
 }
 
 #[test]

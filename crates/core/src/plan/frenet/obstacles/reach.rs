@@ -1,7 +1,7 @@
 //! Where the agent's footprint can get; participants that stay away from there are skipped.
 
 use super::super::grid::SampleGrid;
-use super::super::warm_start::WarmStart;
+use super::super::whole::Wholes;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::plan::PlanRequest;
@@ -50,7 +50,7 @@ impl Default for Reach {
 impl Reach {
     /// The path from the start to beyond the furthest arc length of any sample at each point, grown by the lateral range
     /// and the agent's size, and the plan of before.
-    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &SampleGrid, warm_start: &WarmStart) {
+    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &SampleGrid, wholes: &Wholes) {
         let vehicle = request.vehicle;
         let (half_length, half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
         let size = (vehicle.rear_axle_to_center + half_length).hypot(half_width);
@@ -77,8 +77,10 @@ impl Reach {
                 region = region.including(local(Point::new(x[next], y[next])));
             }
             let mut reached = region.grown(size + sideways + BULGE);
-            if warm_start.is_valid() {
-                before = before.including(local(warm_start.points[i].center));
+            for whole in wholes.iter() {
+                before = before.including(local(whole.points[i].center));
+            }
+            if !wholes.is_empty() {
                 reached = reached.union(before.grown(radius));
             }
             if i > 0 {
@@ -165,7 +167,7 @@ mod tests {
                 let n_points = n_points(request, &settings);
                 let limits = Limits::new(request, n_points, start.curvature, 1.0);
                 let targets = Targets::new(request, &start, &settings);
-                let (mut samples, mut warm_start) = (SampleGrid::default(), WarmStart::default());
+                let (mut samples, mut wholes) = (SampleGrid::default(), Wholes::default());
                 let path = &request.route.path;
                 let inputs = crate::plan::frenet::grid::Inputs {
                     is_narrow: false,
@@ -176,8 +178,8 @@ mod tests {
                     path,
                 };
                 samples.generate(&inputs);
-                warm_start.shift(request, &start, &limits, &targets, &settings.weights);
-                reach.find(request, &start, &samples, &warm_start);
+                wholes.shift(request, &start, &limits, &targets, &settings.weights);
+                reach.find(request, &start, &samples, &wholes);
                 let all = candidates(request, &settings);
                 let pose = request.state.pose();
                 let half = Point::new(0.5 * request.vehicle.length, 0.5 * request.vehicle.width);

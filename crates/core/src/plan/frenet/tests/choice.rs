@@ -5,7 +5,9 @@ use std::f64::consts::FRAC_PI_2;
 use super::{Car, Drive};
 use crate::geometry::shape::{Lcg, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::frenet::{CostWeights, FrenetMemory, FrenetSettings, Premises, Rejection, attempt, candidates, plan};
+use crate::plan::frenet::{
+    Bar, CostWeights, FrenetMemory, FrenetSettings, Premises, Rejection, attempt, candidates, plan, steered,
+};
 use crate::plan::{self, IdmSettings, PlanRequest, Planner, PredictionIndex, Prepared};
 use crate::road::testing::{arc, lane, open};
 use crate::trajectory::{PlanStatus, Predictions};
@@ -284,7 +286,17 @@ fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
     };
     let (stated, leaves_road) = of_attempt(Premises::STATED);
     let narrow = if leaves_road { of_attempt(Premises::NARROW).0 } else { 0 };
-    let all = stated + narrow + Premises::DOUBTED.map(|premises| of_attempt(premises).0).iter().sum::<usize>();
+    let steered = {
+        let mut fresh = FrenetMemory::default();
+        blocked.with_request(|request| {
+            attempt(request, &settings, &mut fresh, Premises::STATED);
+            fresh.effort = 0;
+            steered(request, &settings, &mut fresh, Bar::NONE);
+        });
+        fresh.effort()
+    };
+    let all =
+        stated + narrow + steered + Premises::DOUBTED.map(|premises| of_attempt(premises).0).iter().sum::<usize>();
     for _ in 0..2 {
         blocked.with_request(|request| plan(request, &settings, &mut memory));
         assert!(memory.effort() == all && all > stated && stated > 0, "{} of {all}, first {stated}", memory.effort());

@@ -5,7 +5,7 @@ use super::super::feasibility::Limits;
 use super::super::grid::SampleGrid;
 use super::super::obstacles::Obstacles;
 use super::super::targets::Targets;
-use super::super::warm_start::WarmStart;
+use super::super::whole::Wholes;
 use super::choice::random_drive;
 use crate::geometry::shape::Lcg;
 use crate::plan::frame::Start;
@@ -34,8 +34,8 @@ fn for_random_plans(mut look: impl FnMut(&mut SampleGrid, &mut TableCosts, &Limi
             if world % 3 == 0 {
                 targets.velocity = random.within(0.0, 30.0);
             }
-            let (mut obstacles, mut warm_start) = (Obstacles::default(), WarmStart::default());
-            let tables = (&mut samples, &mut costs, &mut obstacles, &mut warm_start);
+            let (mut obstacles, mut wholes) = (Obstacles::default(), Wholes::default());
+            let tables = (&mut samples, &mut costs, &mut obstacles, &mut wholes);
             prepare(request, &settings, (&start, &targets, &limits, false), tables);
             look(&mut samples, &mut costs, &limits, request);
         });

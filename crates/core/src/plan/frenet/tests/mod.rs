@@ -10,6 +10,7 @@ mod narrow;
 mod passing;
 mod single;
 mod starts;
+mod steered;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
 use crate::geometry::polyline::ReferencePath;

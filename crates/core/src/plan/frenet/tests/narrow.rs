@@ -4,7 +4,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use super::Drive;
 use crate::geometry::shape::Lcg;
-use crate::plan::frenet::{FrenetMemory, FrenetSettings, Premises, attempt, end_velocity, faster, is_held_by_road};
+use crate::plan::frenet::{
+    Bar, FrenetMemory, FrenetSettings, Premises, attempt, end_velocity, faster, is_held_by_road,
+};
 use crate::road::testing::{arc, open, straight, tapered_lane};
 
 /// A slow agent before or in a bend of 5 to 8 m radius on a lane that is 0.1 to 0.6 m wider than the vehicle.
@@ -36,6 +38,7 @@ fn a_plan_that_crawls_for_the_road_is_replaced_by_the_one_that_a_search_from_not
             }
             n_held += 1;
             memory.effort = 0;
+            let undrivable = memory.evaluation.undrivable.clone();
             let found = faster(request, &lazy, &mut memory, &crawling);
             effort += memory.effort;
             anew.effort = 0;
@@ -45,6 +48,9 @@ fn a_plan_that_crawls_for_the_road_is_replaced_by_the_one_that_a_search_from_not
             let (eager, all) = (drive.plan(&full), drive.candidates(&lazy));
             let chosen = all.chosen.expect("at least the plan that crawls");
             let result = found.as_ref().unwrap_or(&crawling);
+            if Bar::of(result).is_held_by_limits(&undrivable) {
+                return; // Then samples are steered.
+            }
             assert_eq!(eager.trajectory, result.trajectory, "world {world}");
             assert!((all.cost[chosen] - result.cost).abs() < 1e-9 * result.cost, "world {world}");
             if found.is_some() {

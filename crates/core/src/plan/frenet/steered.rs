@@ -1,0 +1,130 @@
+//! Samples that are steered instead of fitted: a driver follows the path and turns the wheels as fast as they turn.
+//!
+//! A quintic joins two states, whatever steering that takes; where the path bends sharply or the wheels stand askew,
+//! nearly all of them turn the wheels too fast. A steered sample follows the path within the limits of the vehicle, so
+//! only contacts and the road can reject it.
+
+use super::super::PlanRequest;
+use super::super::frame::{STRETCH_MIN, Start, Waypoint};
+use super::feasibility::Limits;
+use super::grid::SampleGrid;
+use super::settings::CostWeights;
+use super::targets::Targets;
+use super::terms::{FrenetMotion, from_tables};
+use super::whole::{Whole, Wholes};
+use crate::geometry::{Point, wrap_angle};
+
+/// How far ahead the drivers look at the path [s].
+const PREVIEWS: [f64; 2] = [0.2, 0.6];
+/// Offset and heading are corrected over the way of this time [s], but no less than this distance [m].
+const CORRECTION_TIME: f64 = 0.6;
+const CORRECTION_LENGTH: f64 = 2.5;
+/// Offsets beyond this [m] are corrected no harder.
+const OFFSET_MAX: f64 = 1.5;
+/// Share of the vehicle's limits that is used, so that rounding breaks none.
+const SHARE: f64 = 0.98;
+/// Drivers head within about 84 degrees of the path (cosine).
+const COSINE_MIN: f64 = 0.1;
+/// The foot of a point is searched this far around the expected place [m].
+const SEARCH_WINDOW: f64 = 3.0;
+
+/// In the place of all that is there: the steered samples of some profiles that may cost less than a limit.
+pub(super) fn steer_all(
+    wholes: &mut Wholes,
+    request: &PlanRequest,
+    (start, targets, limits): (&Start, &Targets, &Limits),
+    samples: &mut SampleGrid,
+    weights: &CostWeights,
+    less_than: f64,
+) {
+    wholes.clear();
+    for profile in 0..samples.profiles.len() {
+        if !samples.is_steered(profile) {
+            continue;
+        }
+        samples.load_motion(profile);
+        let speeds = samples.motions(profile).s_dot;
+        let missed = speeds[..limits.n_points].iter().map(|speed| (speed - targets.velocity).powi(2)).sum::<f64>();
+        if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= less_than {
+            continue;
+        }
+        for preview in PREVIEWS {
+            let whole = wholes.push();
+            let last = steer(whole, request, (start, targets, limits), samples, profile, preview);
+            if last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0)) {
+                whole.sum_up(limits, targets, weights);
+            } else {
+                wholes.pop();
+            }
+        }
+    }
+}
+
+/// Writes the motion at the speeds of a profile; the last arc length [m], or `None` if it leaves the path.
+fn steer(
+    whole: &mut Whole,
+    request: &PlanRequest,
+    (start, targets, limits): (&Start, &Targets, &Limits),
+    samples: &SampleGrid,
+    profile: usize,
+    preview: f64,
+) -> Option<f64> {
+    whole.points.clear();
+    whole.motions.clear();
+    let (vehicle, path) = (request.vehicle, &request.route.path);
+    let motion = samples.motions(profile);
+    let mut place = vehicle.rear_axle_from_center(request.state.pose());
+    let mut heading = request.state.orientation;
+    let (mut s, mut d, mut at) = path.project_from(place, start.s, SEARCH_WINDOW)?;
+    let mut curvature = start.curvature;
+    for i in 0..limits.n_points {
+        let speed = motion.s_dot[i];
+        if i > 0 {
+            let before = motion.s_dot[i - 1];
+            let ahead = path.curvature_at(s + before * preview);
+            let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
+            let wanted = corrected(ahead, d - targets.offset, heading - at.theta, distance);
+            let mut next = limits.turned(curvature, wanted, speed.max(before), SHARE);
+            if i == 1 && start.steers_freely() {
+                // Wheels of a standing vehicle turn before it drives off.
+                next = limits.freely_turned(wanted);
+                curvature = next;
+                whole.points[0].curvature = next;
+            }
+            let way = 0.5 * (before + speed) * limits.dt;
+            let turn = 0.5 * (curvature + next) * way;
+            place = place + Point::from_angle(heading + 0.5 * turn) * way;
+            heading += turn;
+            curvature = next;
+            (s, d, at) = path.project_from(place, s + way, SEARCH_WINDOW)?;
+        }
+        let (sin, cos) = wrap_angle(heading - at.theta).sin_cos();
+        let stretch = at.stretch(d);
+        if cos < COSINE_MIN || stretch < STRETCH_MIN {
+            return None;
+        }
+        let axis = Point::from_angle(heading);
+        whole.points.push(Waypoint {
+            center: place + axis * vehicle.rear_axle_to_center,
+            axis,
+            path_theta: at.theta,
+            tan_offset: sin / cos,
+            curvature,
+            velocity: speed,
+            acceleration: motion.s_ddot[i],
+            d,
+        });
+        whole.motions.push(FrenetMotion {
+            s_dot: speed * cos / stretch,
+            d_dot: speed * sin,
+            ..FrenetMotion::default()
+        });
+    }
+    Some(s)
+}
+
+/// The curvature with which a driver goes on who corrects offset [m] and heading [rad] over a distance [m]: critically
+/// damped, in the frame of the path.
+fn corrected(ahead: f64, offset: f64, heading: f64, distance: f64) -> f64 {
+    ahead - (offset.clamp(-OFFSET_MAX, OFFSET_MAX) / distance + 2.0 * wrap_angle(heading)) / distance
+}

@@ -1,0 +1,83 @@
+//! Steered samples: within the limits of the vehicle, and chosen where a quintic turns the wheels too fast.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::Drive;
+use crate::geometry::shape::Lcg;
+use crate::plan::frame::Start;
+use crate::plan::frenet::feasibility::{Limits, Rejection};
+use crate::plan::frenet::targets::Targets;
+use crate::plan::frenet::{Bar, FrenetMemory, FrenetSettings, Premises, attempt, end_velocity, plan, steered};
+use crate::road::testing::{arc, lane, open, straight};
+use crate::trajectory::PlanStatus;
+
+/// An agent before or in a bend of 6 to 12 m radius, beside its path and askew, with its wheels turned.
+fn askew(random: &mut Lcg) -> Drive {
+    let radius = random.within(6.0, 12.0);
+    let mut center = straight((0.0, 0.0), (30.0, 0.0));
+    center.extend(arc((30.0, radius), radius, -FRAC_PI_2, 0.0).into_iter().skip(1));
+    center.extend(straight((30.0 + radius, radius), (30.0 + radius, radius + 40.0)).into_iter().skip(1));
+    let mut drive =
+        Drive::on(open(vec![lane(1, &center)]), &center, random.within(20.0, 40.0), random.within(0.0, 6.0));
+    drive.entry_velocity = 6.0;
+    drive.state.y += random.within(-0.5, 0.5);
+    drive.state.orientation += random.within(-0.2, 0.2);
+    drive.state.yaw_rate = drive.state.velocity * random.within(-0.1, 0.1);
+    drive
+}
+
+#[test]
+fn steered_samples_turn_the_wheels_no_further_and_no_faster_than_they_turn() {
+    let mut random = Lcg::new(17);
+    let settings = FrenetSettings::default();
+    let mut n = 0;
+    for world in 0..60 {
+        askew(&mut random).with_request(|request| {
+            let mut memory = FrenetMemory::default();
+            attempt(request, &settings, &mut memory, Premises::STATED);
+            let start = Start::new(request, true).expect("beside its path");
+            let limits = Limits::new(request, 31, start.curvature, 1.0);
+            let targets = Targets::new(request, &start, &settings);
+            let FrenetMemory { wholes, samples, .. } = &mut memory;
+            let state = (&start, &targets, &limits);
+            steered::steer_all(wholes, request, state, samples, &settings.weights, f64::INFINITY);
+            for whole in wholes.iter() {
+                for (i, pair) in whole.points.windows(2).enumerate() {
+                    let found = limits.check(&pair[0], &pair[1], i + 1);
+                    let turns_too_much =
+                        [Rejection::Curvature, Rejection::SteeringRate, Rejection::YawRate].contains(&found);
+                    assert!(!turns_too_much, "{world} {i}: {found:?}");
+                }
+                n += 1;
+            }
+        });
+    }
+    assert!(n > 600, "{n}");
+}
+
+#[test]
+fn where_samples_of_the_grid_turn_the_wheels_too_fast_a_steered_one_goes_on() {
+    let mut random = Lcg::new(5);
+    let settings = FrenetSettings::default();
+    let (mut memory, mut n_steered) = (FrenetMemory::default(), 0);
+    for world in 0..100 {
+        askew(&mut random).with_request(|request| {
+            let grid = attempt(request, &settings, &mut memory, Premises::STATED);
+            let best = plan(request, &settings, &mut memory);
+            if grid.status == PlanStatus::Planned {
+                assert!(best.cost <= grid.cost && end_velocity(&best) >= end_velocity(&grid), "world {world}");
+                n_steered += usize::from(end_velocity(&best) > end_velocity(&grid) + 0.5);
+            }
+        });
+    }
+    assert!(n_steered > 10, "{n_steered}");
+}
+
+#[test]
+fn only_samples_that_are_cheaper_and_clearly_faster_are_missed() {
+    let bar = Bar { cost: 10.0, velocity: 3.0 };
+    for (cost, velocity, expected) in [(9.0, 4.5, true), (11.0, 4.5, false), (9.0, 3.5, false)] {
+        assert_eq!(bar.is_held_by_limits(&[(cost, velocity)]), expected, "{cost} {velocity}");
+    }
+    assert!(Bar::NONE.is_held_by_limits(&[(50.0, 0.0)]), "any is better than no plan");
+}
