@@ -108,7 +108,9 @@ def test_a_run_draws_every_kind_of_figure(run, kind):
 
 
 def test_a_figure_that_does_not_exist_is_refused_with_those_that_do(run):
-    with pytest.raises(idr.InputError, match="the kinds are run, trajectories, velocity, criticality, scene@SECONDS"):
+    with pytest.raises(
+        idr.InputError, match="the kinds are run, trajectories, velocity, criticality, messages, scene@SECONDS"
+    ):
         run.plot("speed")
 
 

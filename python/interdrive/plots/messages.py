@@ -27,8 +27,12 @@ _BINS = 12
 def draw_messages(run: RunRecord, *, columns: int = 1) -> Figure:
     """Age of the newest plan that an agent has of another one over time, and share of messages received over distance.
 
+    Args:
+        run: The run, with the setting `record.messages=links`.
+        columns: Width: 1 (88 mm) or 2 (180 mm).
+
     Raises:
-        InputError: The run kept no links of messages, or nobody sent a plan to somebody.
+        InputError: The run kept no links of messages, or no plan was sent.
     """
     if run.messages is None or not (run.messages.receiver_id >= 0).any():
         raise InputError("this run kept no links of messages; simulate it with `--set record.messages=links` and V2X")
