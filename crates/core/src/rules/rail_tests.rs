@@ -372,10 +372,3 @@ fn thousands_of_vehicles_get_through() {
     assert_eq!((stuck, total), (0, 2207));
     assert!(overlapping <= 1, "{overlapping}");
 }
-
-#[test]
-#[ignore = "experiment"]
-fn sweep() {
-    println!("junctions (stuck, overlapping, total, longest, exceptions) {:?}", random_worlds(1, 1000, 3, 2));
-    println!("grids {:?}", random_worlds(2, 60, 3, 6));
-}
