@@ -9,6 +9,8 @@ use crate::junctions::AreaKind;
 /// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s] at least.
 const FOLLOWING: f64 = 2.0;
 const FOLLOWING_TIME: f64 = 1.0;
+/// One that comes second to a merge brakes so gently for a slower one ahead [m/s²].
+const CATCHING_UP: f64 = 2.0;
 /// Width of vehicles that do not obey [m].
 const CAR_WIDTH: f64 = 1.8;
 
@@ -84,14 +86,15 @@ impl Meeting<'_> {
         if area.kind == AreaKind::Opposed && !conflict(self.junctions, mine.area, traveller.width + width) {
             return 0.0;
         }
+        let [velocity, their_velocity] = [mine, theirs].map(|booking| self.bodies[booking.body].velocity);
+        let merges = area.kind == AreaKind::Merge;
+        let lead =
+            if merges { lead + catching_up(slowed(traveller, mine.area, velocity), their_velocity) } else { lead };
         if mine.leave + lead <= theirs.enter || mine.enter >= theirs.leave + lag {
             return 0.0;
         }
-        let [velocity, their_velocity] = [mine, theirs].map(|booking| self.bodies[booking.body].velocity);
-        if area.kind == AreaKind::Merge && velocity > FOLLOWING && their_velocity > FOLLOWING {
-            let leads_over = |passage: &&Passage| passage.areas.iter().any(|crossed| crossed.area == mine.area);
-            let passage = other.and_then(|other| other.course.passages.iter().find(leads_over));
-            let speed = passage.map_or(their_velocity, |passage| their_velocity.min(passage.speed));
+        if merges && velocity > FOLLOWING && their_velocity > FOLLOWING {
+            let speed = other.map_or(their_velocity, |other| slowed(other, mine.area, their_velocity));
             let headway = FOLLOWING_TIME.max((self.bodies[theirs.body].length + ROOM) / speed);
             return (theirs.enter + headway - mine.enter).max(0.0);
         }
@@ -115,6 +118,17 @@ impl Meeting<'_> {
         }
         gate
     }
+}
+
+/// The speed of a traveller [m/s], or that of its passage through an area if that is less.
+fn slowed(traveller: &Traveller<'_>, area: usize, velocity: f64) -> f64 {
+    let leads_over = |passage: &&Passage| passage.areas.iter().any(|crossed| crossed.area == area);
+    traveller.course.passages.iter().find(leads_over).map_or(velocity, |passage| velocity.min(passage.speed))
+}
+
+/// Time that a vehicle loses [s] by braking from its speed to that of a slower one ahead [m/s].
+fn catching_up(ahead: f64, velocity: f64) -> f64 {
+    if velocity > ahead { 0.5 * (velocity - ahead).powi(2) / (CATCHING_UP * velocity) } else { 0.0 }
 }
 
 /// Windows of a claim, and bookings of others on the other side of the same areas.
