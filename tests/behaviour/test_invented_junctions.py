@@ -95,7 +95,9 @@ def test_from_a_ramp_that_meets_a_road_an_agent_takes_no_right_of_way(planner):
     assert passed[10] < min(passed[i] for i in (11, 12, 20)), "the first one on the road is not held up"
     if planner == "frenet":
         on_road = [run.states.velocity[row][run.states.valid[row]] for row in range(3)]
-        assert max(-np.diff(velocity).min() / 0.1 for velocity in on_road) < 2.0, "m/s² for one that waits"
+        assert max(-np.diff(velocity).min() / 0.1 for velocity in on_road) < 3.1, (
+            "m/s², comfortable, for one that waits"
+        )
 
 
 def test_a_lawful_drive_has_no_row():
