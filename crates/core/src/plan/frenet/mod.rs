@@ -241,8 +241,8 @@ fn steered(
     let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, told, .. } =
         memory;
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
-    steered::steer_all(wholes, request, (start, &targets, limits), samples, &settings.weights, bar.cost);
-    obstacles.prepare(request, (start, wholes), samples, settings);
+    let state = (start, &targets, limits);
+    steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, bar);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
         Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
@@ -360,8 +360,7 @@ fn sample_all(
     prepare(request, settings, (&start, &targets, &limits, !premises.keeps_clear), (samples, costs, obstacles, wholes));
     if let Some(bar) = steered {
         let state = (&start, &targets, &limits);
-        steered::steer_all(wholes, request, state, samples, &settings.weights, bar.cost);
-        obstacles.prepare(request, (&start, wholes), samples, settings);
+        steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, bar);
     }
     let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };

@@ -250,6 +250,11 @@ impl Obstacles {
         OrientedBox { center: point.center, axis: point.axis, half_length, half_width }
     }
 
+    /// Participants were prepared for all places that a trajectory comes to.
+    pub(super) fn cover(&self, points: &[Waypoint]) -> bool {
+        self.reach.holds(points, self.half_length.hypot(self.half_width))
+    }
+
     /// No sample can get near any predicted position.
     pub(super) fn has_no_prediction_in_reach(&self) -> bool {
         self.predicted_footprints.is_empty()

@@ -6,8 +6,10 @@
 
 use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
+use super::Bar;
 use super::feasibility::Limits;
 use super::grid::SampleGrid;
+use super::obstacles::Obstacles;
 use super::settings::CostWeights;
 use super::targets::Targets;
 use super::terms::{FrenetMotion, from_tables};
@@ -28,14 +30,15 @@ const COSINE_MIN: f64 = 0.1;
 /// The foot of a point is searched this far around the expected place [m].
 const SEARCH_WINDOW: f64 = 3.0;
 
-/// In the place of all that is there: the steered samples of some profiles that may cost less than a limit.
+/// In the place of all that is there: the steered samples of some profiles that may beat a plan, where the obstacles
+/// are known.
 pub(super) fn steer_all(
-    wholes: &mut Wholes,
+    (wholes, obstacles): (&mut Wholes, &Obstacles),
     request: &PlanRequest,
     (start, targets, limits): (&Start, &Targets, &Limits),
     samples: &mut SampleGrid,
     weights: &CostWeights,
-    less_than: f64,
+    bar: Bar,
 ) {
     wholes.clear();
     for profile in 0..samples.profiles.len() {
@@ -44,14 +47,17 @@ pub(super) fn steer_all(
         }
         samples.load_motion(profile);
         let speeds = samples.motions(profile).s_dot;
+        if speeds[limits.n_points - 1] <= bar.velocity {
+            continue;
+        }
         let missed = speeds[..limits.n_points].iter().map(|speed| (speed - targets.velocity).powi(2)).sum::<f64>();
-        if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= less_than {
+        if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= bar.cost {
             continue;
         }
         for preview in PREVIEWS {
             let whole = wholes.push();
             let last = steer(whole, request, (start, targets, limits), samples, profile, preview);
-            if last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0)) {
+            if last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0)) && obstacles.cover(&whole.points) {
                 whole.sum_up(limits, targets, weights);
             } else {
                 wholes.pop();

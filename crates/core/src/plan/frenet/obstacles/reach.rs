@@ -5,7 +5,7 @@ use super::super::whole::Wholes;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::plan::PlanRequest;
-use crate::plan::frame::Start;
+use crate::plan::frame::{Start, Waypoint};
 
 /// Numbers in single precision that are worked on at once.
 pub(super) const GROUP: usize = 8;
@@ -114,6 +114,19 @@ impl Reach {
         let (middle, half) = (self.whole.min.lerp(self.whole.max, 0.5), (self.whole.max - self.whole.min) * 0.5);
         let center = self.origin + self.axis * middle.x + self.axis.left() * middle.y;
         OrientedBox { center, axis: self.axis, half_length: half.x, half_width: half.y }
+    }
+
+    /// A circle around each point but the first lies in the region.
+    pub(super) fn holds(&self, points: &[Waypoint], radius: f64) -> bool {
+        points.iter().enumerate().skip(1).all(|(i, point)| {
+            let offset = point.center - self.origin;
+            let (ahead, left) = (offset.dot(self.axis), self.axis.cross(offset));
+            let side = |k: usize| f64::from(self.sides[k * self.stride + i - 1]);
+            ahead - radius >= side(0)
+                && ahead + radius <= side(1)
+                && left - radius >= side(2)
+                && left + radius <= side(3)
+        })
     }
 
     /// Unit vector along the agent's heading.

@@ -38,9 +38,9 @@ fn steered_samples_turn_the_wheels_no_further_and_no_faster_than_they_turn() {
             let start = Start::new(request, true).expect("beside its path");
             let limits = Limits::new(request, 31, start.curvature, 1.0);
             let targets = Targets::new(request, &start, &settings);
-            let FrenetMemory { wholes, samples, .. } = &mut memory;
+            let FrenetMemory { wholes, obstacles, samples, .. } = &mut memory;
             let state = (&start, &targets, &limits);
-            steered::steer_all(wholes, request, state, samples, &settings.weights, f64::INFINITY);
+            steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Bar::NONE);
             for whole in wholes.iter() {
                 for (i, pair) in whole.points.windows(2).enumerate() {
                     let found = limits.check(&pair[0], &pair[1], i + 1);
