@@ -42,6 +42,7 @@ class Drive:
         late: How long after its deadline it arrived [s]; nan where it did not, or was in time.
         lost: Behind its recording at the same place, at its end or deadline [s].
         stood, slow: Longest time below 0.1 and 1 m/s [s]. recorded_slow: The latter in its recording.
+        hardest: Largest change of its speed within a time step [m/s²].
         off_lanelets: Largest overhang of its body beyond the lanelets [m].
         partner: What it ran into: "agent", "replayed", "standing", "road edge", or "". partner_id: -1 for none.
         impact_speed: Relative speed at the contact [m/s]; nan without.
@@ -62,6 +63,7 @@ class Drive:
     stood: float
     slow: float
     recorded_slow: float
+    hardest: float
     off_lanelets: float
     partner: str
     partner_id: int
@@ -167,6 +169,7 @@ def _row(
         longest(speed < STANDING, dt),
         longest(speed < SLOW, dt),
         longest(recorded < SLOW, dt),
+        float(np.nanmax(np.abs(np.diff(speed)), initial=0.0)) / dt,
         float(ended.off_lanelets[i]),
         partner,
         partner_id,

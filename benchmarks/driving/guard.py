@@ -1,8 +1,8 @@
 """Fails when agents drive worse than stored: python benchmarks/driving/guard.py; --update REASON stores new figures.
 
 It drives the scenarios that `guard.json` names. What fails: the share of reachable agents in time is lower by more than
-a point; more collisions between agents; an agent stands for more than 10 s in a scenario where none did. Every update
-adds a line to docs/research/driving.md.
+a point; more collisions between agents; an agent stands for more than 10 s in a scenario where none did; an agent
+brakes or accelerates harder than its vehicle can. Every update adds a line to docs/research/driving.md.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ STORED, PAGE = Path(__file__).with_name("guard.json"), ROOT / "docs" / "research
 NOTES = "| in time | agents that collide with each other | scenarios with an agent that stands > 10 s | why |"
 #: The share in time may be lower by this [percentage points].
 SHARE_MAX = 1.0
+#: No vehicle changes its speed faster: 11.5 m/s², and a little more while it recovers from a recorded start [m/s²].
+HARDEST = 13.0
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class Figures:
     outcomes: dict[int, str]
     hit: int
     stands: tuple[int, ...]
+    #: Agents that change their speed faster than a vehicle can; not stored, there must be none.
+    jumps: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, sha256: str, drives: tuple[Drive, ...]) -> Figures:
@@ -48,6 +52,7 @@ class Figures:
             {one.agent_id: one.outcome for one in drives},
             sum(one.partner == "agent" for one in drives),
             tuple(one.agent_id for one in drives if one.stood > LONG),
+            tuple(one.agent_id for one in drives if one.hardest > HARDEST),
         )
 
     @classmethod
@@ -77,6 +82,9 @@ def failures(before: dict[str, Figures], now: dict[str, Figures]) -> list[str]:
     if hits[1] > hits[0]:
         found.append(f"{hits[1]} agents collide with each other, {hits[0]} did")
     for name, one in now.items():
+        if one.jumps:
+            ids = ", ".join(map(str, one.jumps))
+            found.append(f"{name}: a vehicle changes its speed by more than {HARDEST:g} m/s²: {ids}")
         if one.stands and not before[name].stands:
             ids = ", ".join(map(str, one.stands))
             found.append(f"{name}: a vehicle stands for more than {LONG:.0f} s, where none did: {ids}")

@@ -1,5 +1,6 @@
 """The guard of driving: which figures it refuses, and what an update writes."""
 
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -54,6 +55,13 @@ def test_an_agent_that_stands_fails_only_where_none_stood(guard):
     assert guard.failures(figures(guard, stands=(3,)), figures(guard, stands=(3, 4))) == []
     (line,) = guard.failures(figures(guard), figures(guard, stands=(3, 4)))
     assert line.startswith("road.xml: ") and line.endswith(": 3, 4")
+
+
+def test_an_agent_that_changes_its_speed_faster_than_a_vehicle_can_fails(guard):
+    now = figures(guard)
+    now["road.xml"] = dataclasses.replace(now["road.xml"], jumps=(7,))
+    (line,) = guard.failures(figures(guard), now)
+    assert line == "road.xml: a vehicle changes its speed by more than 13 m/s²: 7"
 
 
 def test_every_agent_that_ends_otherwise_is_listed(guard):

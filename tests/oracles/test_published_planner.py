@@ -81,8 +81,8 @@ class Case:
 
     @property
     def grid(self) -> np.ndarray:
-        """The samples of the grid: all but braking, which the published planner does not have."""
-        return np.arange(len(self.found["cost"]) - 2 * self.n_lanes)
+        """The samples of the grid: all but braking and those steered, which the published planner does not have."""
+        return np.arange(len(self.found["cost"]) - 2 * self.n_lanes - self.found["n_steered"])
 
     @property
     def center(self) -> float:
@@ -145,7 +145,7 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
     scene = simulation.world.scene()
     expected = predictions(scene) if predictions else simulation._predict(scene)
     found = simulation.world.candidates(AGENT, scene, expected)
-    n_lanes = len(np.unique(found["end_offset"]))
+    n_lanes = len(np.unique(found["end_offset"][: len(found["cost"]) - found["n_steered"]]))
     return Case(simulation, path, taken(road, start), found, n_lanes)
 
 

@@ -25,7 +25,7 @@ from interdrive.files.solution_check import check_solution
 from interdrive.run import RunRecord
 
 #: Solutions that a check refuses, with the name of the check: docs/reference/scoring.md explains every one.
-REFUSED = {"DEU_Muc-12_1_T-1": "road"}
+REFUSED = {"DEU_Muc-12_1_T-1": "road", "DEU_Muc-28_1_T-1": "road"}
 
 #: Files with few vehicles, on which other models and vehicle types are tried.
 FEW = ("DEU_A9-3_1_T-1", "DEU_Test-1_1_T-1", "USA_US101-3_3_S-1", "ZAM_Tjunction-1_42_T-1")
@@ -126,11 +126,8 @@ def test_vehicle_types_have_the_published_parameters(number):
     )
 
 
-# With types 1 and 3 an emergency in the turn of ZAM_Tjunction-1_42 straightens the wheels faster than they turn.
-@pytest.mark.parametrize(("number", "jumps"), [(1, 1), (3, 1), (4, 0)])
-def test_drives_of_other_vehicle_types_are_feasible_unless_they_brake_in_an_emergency(
-    scenarios_folder, number, jumps, measured
-):
+@pytest.mark.parametrize("number", [1, 3, 4])
+def test_drives_of_other_vehicle_types_are_feasible(scenarios_folder, number, measured):
     wrong, n = [], 0
     for name in FEW:
         one = solved(next(scenarios_folder.rglob(f"{name}.xml")), {"agents.vehicle_type": number})
@@ -139,7 +136,7 @@ def test_drives_of_other_vehicle_types_are_feasible_unless_they_brake_in_an_emer
         n += 1
         checks = check_solution(one.document, one.path).checks
         wrong += [(name, check, why) for check, why in checks.items() if why]
-    measured(f"solutions of vehicle type {number}, official checks", n, len(wrong), jumps, "files", cases=wrong)
+    measured(f"solutions of vehicle type {number}, official checks", n, len(wrong), 0, "files", cases=wrong)
 
 
 def test_point_masses_are_feasible(solutions, measured):

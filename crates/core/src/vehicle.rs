@@ -255,6 +255,13 @@ impl Vehicle {
         Ok(self)
     }
 
+    /// Lateral acceleration that the tyres hold while the vehicle brakes or accelerates [m/s²]: both together are at most
+    /// `acceleration_max` (friction circle).
+    pub fn lateral_acceleration_beside(&self, acceleration: f64) -> f64 {
+        let rest = (self.acceleration_max.powi(2) - acceleration.powi(2)).max(0.0).sqrt();
+        self.lateral_acceleration_max.min(rest)
+    }
+
     /// Largest curvature of the rear axle's path [1/m].
     pub fn curvature_max(&self) -> f64 {
         self.steering_angle_max.tan() / self.wheelbase
@@ -305,6 +312,15 @@ mod tests {
         assert_eq!(limits, [45.8, 50.8, 41.7, 22.22]);
         for number in [0, 5, -1] {
             assert!(Vehicle::of_type(number).unwrap_err().to_string().contains("expected a number from 1 to 4"));
+        }
+    }
+
+    #[test]
+    fn braking_leaves_the_tyres_less_for_turning() {
+        // 11.5² = 132.25, of which 8² = 64 to the side leave sqrt(68.25) = 8.26 m/s² along; 11.5² - 10.5² = 22 = 4.69².
+        for (along, beside) in [(0.0, 8.0), (8.2, 8.0), (-10.5, 22.0_f64.sqrt()), (11.5, 0.0), (-12.0, 0.0)] {
+            let found = Vehicle::BMW_320I.lateral_acceleration_beside(along);
+            assert!((found - beside).abs() < 1e-12, "{along} m/s²: {found} m/s²");
         }
     }
 }

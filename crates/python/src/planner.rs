@@ -84,7 +84,8 @@ impl PyPlanner {
 type LayerParts<'py> = (String, PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py, f32>);
 
 /// All samples of a plan as a dict of arrays: x, y (samples, points); terms (samples, terms); cost, end_time,
-/// end_velocity, end_offset (samples,); rejection (words per sample); chosen (-1 for none); desired_velocity.
+/// end_velocity, end_offset (samples,); rejection (words per sample); chosen (-1 for none);
+/// n_steered, of the last rows; desired_velocity.
 pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResult<Bound<'py, PyDict>> {
     let (n, n_points) = (candidates.len(), candidates.n_points);
     let reasons = candidates.rejection.iter().zip(&candidates.collision_id).map(|(why, id)| why.words(*id));
@@ -99,6 +100,7 @@ pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResul
     dict.set_item("end_offset", arrays::row(py, candidates.end_offset.clone()))?;
     dict.set_item("rejection", reasons.collect::<Vec<_>>())?;
     dict.set_item("chosen", candidates.chosen.map_or(-1, |chosen| chosen as i64))?;
+    dict.set_item("n_steered", candidates.n_steered)?;
     dict.set_item("desired_velocity", candidates.desired_velocity)?;
     Ok(dict)
 }

@@ -4,6 +4,8 @@ use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
 use super::search::SearchSpace;
 use super::settings::N_TERMS;
+use super::{Bar, length};
+use crate::geometry::Point;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
 /// lateral position), then stops, then braking, then the shifted previous plan, if there is one, then steered samples.
@@ -32,6 +34,8 @@ pub struct Candidates {
     pub end_offset: Vec<f64>,
     /// Speed at the end of the horizon [m/s].
     pub last_velocity: Vec<f64>,
+    /// How many of them are steered, the last ones.
+    pub n_steered: usize,
     /// The chosen sample; `None` if none is admissible.
     pub chosen: Option<usize>,
     /// Desired speed [m/s].
@@ -68,6 +72,13 @@ impl Candidates {
         self.chosen = admissible.min_by(|a, b| self.cost[*a].total_cmp(&self.cost[*b]));
     }
 
+    /// What a plan must beat that replaces a sample.
+    pub(super) fn bar(&self, sample: usize) -> Bar {
+        let points = sample * self.n_points..(sample + 1) * self.n_points;
+        let centers = points.map(|i| Point { x: self.x[i], y: self.y[i] });
+        Bar { cost: self.cost[sample], velocity: self.last_velocity[sample], distance: length(centers) }
+    }
+
     /// Evaluates all samples to the end.
     pub(super) fn of(evaluation: &mut Evaluation, desired_velocity: f64) -> Self {
         let n_points = evaluation.problem.limits.n_points;
@@ -95,8 +106,9 @@ impl Candidates {
         out
     }
 
-    /// Adds the samples of another evaluation of the same request; its choice counts if there is one.
-    pub(super) fn add(&mut self, mut others: Self) {
+    /// Adds the steered samples of the same request; their choice counts if there is one.
+    pub(super) fn add_steered(&mut self, mut others: Self) {
+        self.n_steered = others.len();
         self.chosen = others.chosen.map(|i| self.len() + i).or(self.chosen);
         let pairs = [
             (&mut self.x, &mut others.x),

@@ -2,12 +2,14 @@
 //!
 //! 1. It stands (at most 0.1 m/s): it stays.
 //! 2. Full braking that stays on the road: along the path of the previous plan, if the agent is still on it, turning the
-//!    wheels towards the reference path as fast as they turn, on the arc of the present steering, or straight on. If
-//!    that hits a participant, drivable samples that stay on the road count, too, if they hit with no more kinetic energy
+//!    wheels towards the reference path, on the arc of the present steering, or straightening the wheels. If that hits a
+//!    participant, drivable samples that stay on the road count, too, if they hit with no more kinetic energy
 //!    and no larger difference of velocities. The least severe contact counts: the difference of velocities, where one
 //!    second more counts like 2 m/s less.
-//! 3. Full braking on the arc next to that of the present steering which stays on the road (as far as the tyres hold; the
-//!    steering jumps).
+//! 3. Full braking while the wheels turn towards those of another arc: the one next to the present steering that stays on
+//!    the road.
+//!
+//! Wheels turn as fast as they can and as far as the tyres hold; no steering jumps.
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
@@ -55,14 +57,14 @@ pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) ->
 }
 
 /// Full braking as the present steering allows it, as far as it stays on the road: along the previous plan's path, towards
-/// the reference path, on the present arc, straight on.
+/// the reference path, on the present arc, straightening the wheels.
 pub(super) fn full_braking(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>) -> Vec<Vec<State>> {
-    let present = start_curvature(&request.state, request.vehicle).unwrap_or(0.0);
+    let present = present_curvature(request);
     let mut found: Vec<Vec<State>> =
         along_previous(request, n_points).into_iter().chain(towards_path(request, n_points)).collect();
-    found.push(along_arc(request, n_points, present));
+    found.push(towards_arc(request, n_points, present));
     if present != 0.0 {
-        found.push(along_arc(request, n_points, 0.0));
+        found.push(towards_arc(request, n_points, 0.0));
     }
     found.retain(|points| stays_on_road(request, points, scratch));
     found
@@ -84,7 +86,7 @@ pub(super) fn waypoints(points: &[State], d: f64) -> Vec<Waypoint> {
 /// Full braking along the previous plan's path or an arc. `reason` says why there is no better plan.
 pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
     let mut first = None;
-    let arcs = curvatures(request).into_iter().map(|curvature| along_arc(request, n_points, curvature));
+    let arcs = curvatures(request).into_iter().map(|curvature| towards_arc(request, n_points, curvature));
     let steered = along_previous(request, n_points).into_iter().chain(towards_path(request, n_points));
     for points in steered.chain(arcs) {
         if stays_on_road(request, &points, scratch) {
@@ -102,7 +104,7 @@ fn curvatures(request: &PlanRequest) -> Vec<f64> {
     let vehicle = request.vehicle;
     let tyres = vehicle.lateral_acceleration_max / request.state.velocity.powi(2).max(1e-6);
     let limit = vehicle.curvature_max().min(tyres);
-    let present = start_curvature(&request.state, request.vehicle).unwrap_or(0.0);
+    let present = present_curvature(request);
     let mut others: Vec<f64> = (-N..=N).map(|i| limit * f64::from(i) / f64::from(N)).collect();
     others.sort_by(|a, b| (a - present).abs().total_cmp(&(b - present).abs()));
     others.insert(0, present);
@@ -121,6 +123,10 @@ fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>
     })
 }
 
+fn present_curvature(request: &PlanRequest) -> f64 {
+    start_curvature(&request.state, request.vehicle).unwrap_or(0.0)
+}
+
 /// Braking at the points; a vehicle that rolls backwards brakes likewise.
 fn braking(request: &PlanRequest) -> (f64, Braking) {
     let state = &request.state;
@@ -129,69 +135,57 @@ fn braking(request: &PlanRequest) -> (f64, Braking) {
     (direction, Braking::new(state.velocity.abs(), direction * state.acceleration, deceleration))
 }
 
-fn along_arc(request: &PlanRequest, n_points: usize, curvature: f64) -> Vec<State> {
-    let (direction, braking) = braking(request);
-    let state = request.state;
-    let rear_axle = request.vehicle.rear_axle_from_center(state.pose());
-    let at = |i: usize| {
-        let [distance, speed, acceleration, _] = braking.at(i as f64 * request.dt);
-        let turn = direction * distance * curvature;
-        let orientation = state.orientation + turn;
-        // Chord of the arc: its length is 2 sin(turn / 2) / curvature.
-        let half = 0.5 * turn;
-        let sinc = if half.abs() < 1e-6 { 1.0 } else { half.sin() / half };
-        let position = rear_axle
-            + Point::from_angle(state.orientation + half) * (direction * distance * sinc)
-            + Point::from_angle(orientation) * request.vehicle.rear_axle_to_center;
-        let velocity = direction * speed;
-        State {
-            x: position.x,
-            y: position.y,
-            orientation,
-            velocity,
-            acceleration: direction * acceleration,
-            yaw_rate: curvature * velocity,
-        }
-    };
-    let mut points: Vec<State> = (0..n_points).map(at).collect();
-    points[0] = state;
-    points
+/// The wheels turn towards those of an arc.
+fn towards_arc(request: &PlanRequest, n_points: usize, curvature: f64) -> Vec<State> {
+    turning(request, n_points, |_, _, _, _| curvature)
 }
 
 /// The wheels turn towards a point of the reference path as fast as they can, as far as the tyres hold.
 fn towards_path(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> {
-    let (state, vehicle, path) = (request.state, request.vehicle, &request.route.path);
-    if state.velocity <= AGENT_STOPPED_SPEED {
+    let (path, axle) = (&request.route.path, request.vehicle.rear_axle_from_center(request.state.pose()));
+    if request.state.velocity <= AGENT_STOPPED_SPEED {
         return None;
     }
-    let mut axle = vehicle.rear_axle_from_center(state.pose());
     let (s, _) = project(path, axle, request.s_hint)?;
-    let (_, braking) = braking(request);
-    let mut curvature = start_curvature(&state, vehicle)?;
+    Some(turning(request, n_points, |axle, heading, distance, velocity| {
+        let ahead = AIM_DISTANCE.max(AIM_TIME * velocity);
+        let aim = point_at(path, s + distance + ahead).position - axle;
+        // The arc that is tangential to the heading and leads to the aim.
+        2.0 * Point::from_angle(heading).cross(aim) / aim.norm_squared().max(1.0)
+    }))
+}
+
+/// Full braking while the wheels turn as fast as they can towards a curvature [1/m]: that which is wanted at a place of the
+/// rear axle, with a heading [rad], after a distance [m], at a speed [m/s].
+fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f64, f64) -> f64) -> Vec<State> {
+    let (state, vehicle) = (request.state, request.vehicle);
+    let mut axle = vehicle.rear_axle_from_center(state.pose());
+    let (direction, braking) = braking(request);
+    let mut curvature = present_curvature(request);
     let (mut heading, mut driven) = (state.orientation, 0.0);
     let mut points = Vec::with_capacity(n_points);
     points.push(state);
     for i in 1..n_points {
-        let [distance, velocity, acceleration, _] = braking.at(i as f64 * request.dt);
-        let travel = distance - driven;
-        let ahead = AIM_DISTANCE.max(AIM_TIME * velocity);
-        let aim = point_at(path, s + driven + ahead).position - axle;
-        // The arc that is tangential to the heading and leads to the aim.
-        let wanted = 2.0 * Point::from_angle(heading).cross(aim) / aim.norm_squared().max(1.0);
-        let next = turned(vehicle, curvature, wanted, velocity, request.dt);
+        let [distance, speed, acceleration, _] = braking.at(i as f64 * request.dt);
+        let travel = direction * (distance - driven);
+        let next = turned(vehicle, curvature, wanted(axle, heading, driven, speed), (speed, acceleration), request.dt);
         let turn = 0.5 * (curvature + next) * travel;
         axle = axle + Point::from_angle(heading + 0.5 * turn) * travel;
         (heading, curvature, driven) = (heading + turn, next, distance);
         let Point { x, y } = axle + Point::from_angle(heading) * vehicle.rear_axle_to_center;
+        let velocity = direction * speed;
+        let acceleration = direction * acceleration;
         points.push(State { x, y, orientation: heading, velocity, acceleration, yaw_rate: curvature * velocity });
     }
-    Some(points)
+    points
 }
 
-/// Curvature after `dt` [s] if the wheels turn from one towards another, within the limits of steering and tyres.
-fn turned(vehicle: &Vehicle, from: f64, wanted: f64, velocity: f64, dt: f64) -> f64 {
+/// Curvature after `dt` [s] if the wheels turn from one towards another at a speed [m/s] and an acceleration [m/s²], within
+/// the limits of steering and tyres.
+fn turned(vehicle: &Vehicle, from: f64, wanted: f64, (velocity, acceleration): (f64, f64), dt: f64) -> f64 {
     let angle = |curvature: f64| (vehicle.wheelbase * curvature).atan();
-    let limit = vehicle.curvature_max().min(vehicle.lateral_acceleration_max / velocity.powi(2).max(1e-6));
+    let held = vehicle.lateral_acceleration_beside(acceleration) / velocity.powi(2).max(1e-6);
+    let limit = vehicle.curvature_max().min(held);
     let (now, reach) = (angle(from), vehicle.steering_rate_max * dt);
     angle(wanted.clamp(-limit, limit)).clamp(now - reach, now + reach).tan() / vehicle.wheelbase
 }

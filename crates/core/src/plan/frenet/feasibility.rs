@@ -153,10 +153,11 @@ impl Limits {
         self.vehicle.steering_rate_max / self.vehicle.wheelbase
     }
 
-    /// The curvature after one step towards a wanted one at a speed [m/s], with a share of the limits [1/m].
-    pub(super) fn turned(&self, curvature: f64, wanted: f64, velocity: f64, share: f64) -> f64 {
+    /// The curvature after one step towards a wanted one at a speed [m/s] and an acceleration [m/s²], with a share of the
+    /// limits [1/m].
+    pub(super) fn turned(&self, curvature: f64, wanted: f64, (velocity, acceleration): (f64, f64), share: f64) -> f64 {
         let (l, step) = (self.vehicle.wheelbase, share * self.steering_step);
-        let held = share * self.vehicle.lateral_acceleration_max / (velocity * velocity);
+        let held = share * self.vehicle.lateral_acceleration_beside(acceleration) / (velocity * velocity);
         let tightest = self.curvature_max.min(held);
         // The tangent of the steering angle is L k; by the largest step more and less.
         let from = l * curvature;

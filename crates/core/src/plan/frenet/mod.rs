@@ -42,6 +42,7 @@ pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult};
+use crate::geometry::Point;
 use crate::trajectory::{Obstruction, PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
@@ -130,10 +131,11 @@ impl Premises {
 /// If nothing is admissible, or the plan crawls and the road alone forbids a sample that would be cheaper and faster,
 /// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its path
 /// only, which are closer to each other then. A plan that crawls is only replaced by a faster one that costs less.
-/// If the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`).
-/// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If an agent's
-/// first plan finds nothing, it is made again as if the agent drove parallel to its path, then with higher limits of
-/// steering rate and lateral acceleration. (All later states come from the planner itself.)
+/// If the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`); such a
+/// plan must also come further.
+/// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If no sample of an
+/// agent's first grid is admissible, others count before steered ones: as if the agent drove parallel to its path, then
+/// with higher limits of steering rate and lateral acceleration. (All later states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
     memory.effort = 0;
     memory.told.terms = None;
@@ -148,15 +150,15 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
         result = faster(request, settings, memory, &result).unwrap_or(result);
     }
     let bar = Bar::of(&result);
-    if bar.is_held_by_limits(&undrivable) {
-        result = steered(request, settings, memory, bar).unwrap_or(result);
-    }
+    let better = if bar.is_held_by_limits(&undrivable) { steered(request, settings, memory, bar) } else { None };
     memory.evaluation.undrivable = undrivable;
-    if result.status == PlanStatus::Planned || request.previous.is_some() || !request.state.is_finite() {
-        return result;
+    if result.status != PlanStatus::Planned && request.previous.is_none() && request.state.is_finite() {
+        let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
+        if let Some(again) = again.find(|again| again.status == PlanStatus::Planned) {
+            return again;
+        }
     }
-    let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
-    again.find(|again| again.status == PlanStatus::Planned).unwrap_or(result)
+    better.unwrap_or(result)
 }
 
 /// What a better plan must beat.
@@ -165,15 +167,18 @@ struct Bar {
     cost: f64,
     /// Speed at the end [m/s].
     velocity: f64,
+    /// Length of its way [m].
+    distance: f64,
 }
 
 impl Bar {
     /// Anything is better than no plan.
-    const NONE: Self = Self { cost: f64::INFINITY, velocity: f64::NEG_INFINITY };
+    const NONE: Self = Self { cost: f64::INFINITY, velocity: f64::NEG_INFINITY, distance: 0.0 };
 
     fn of(result: &PlanResult) -> Self {
         if result.status == PlanStatus::Planned {
-            Self { cost: result.cost, velocity: end_velocity(result) }
+            let centers = result.trajectory.points.iter().map(|point| point.pose().position);
+            Self { cost: result.cost, velocity: end_velocity(result), distance: length(centers) }
         } else {
             Self::NONE
         }
@@ -255,6 +260,13 @@ fn steered(
     Some(PlanResult::planned(trajectory(request, start, evaluation.points()), cost))
 }
 
+/// Length of a way [m] but for its first step, which leaves the state as it was handed over.
+fn length(centers: impl Iterator<Item = Point>) -> f64 {
+    let mut centers = centers.skip(1);
+    let Some(mut last) = centers.next() else { return 0.0 };
+    centers.map(|center| center.distance(std::mem::replace(&mut last, center))).sum()
+}
+
 fn search(settings: &FrenetSettings, queue: &mut search::Queue, evaluation: &mut Evaluation) -> Option<(usize, f64)> {
     if settings.lazy { search::best_first(queue, evaluation) } else { search::exhaustive(queue, evaluation) }
 }
@@ -329,15 +341,17 @@ pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidate
             Some(sample_all(request, settings, Premises::NARROW, None)).filter(|it| it.chosen.is_some()).unwrap_or(all)
         }
     };
-    let bar = found.chosen.map_or(Bar::NONE, |i| Bar { cost: found.cost[i], velocity: found.last_velocity[i] });
+    if found.chosen.is_none() && request.previous.is_none() {
+        let mut again = Premises::DOUBTED.iter().map(|premises| sample_all(request, settings, *premises, None));
+        if let Some(again) = again.find(|again| again.chosen.is_some()) {
+            return again;
+        }
+    }
+    let bar = found.chosen.map_or(Bar::NONE, |i| found.bar(i));
     if bar.is_held_by_limits(&undrivable) {
-        found.add(sample_all(request, settings, bar.premises(), Some(bar)));
+        found.add_steered(sample_all(request, settings, bar.premises(), Some(bar)));
     }
-    if found.chosen.is_some() || request.previous.is_some() {
-        return found;
-    }
-    let mut again = Premises::DOUBTED.iter().map(|premises| sample_all(request, settings, *premises, None));
-    again.find(|again| again.chosen.is_some()).unwrap_or(found)
+    found
 }
 
 /// All samples of the grid with the plan of before, or those that are steered to beat a plan.

@@ -6,7 +6,6 @@
 
 use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
-use super::Bar;
 use super::feasibility::Limits;
 use super::grid::SampleGrid;
 use super::obstacles::Obstacles;
@@ -14,6 +13,7 @@ use super::settings::CostWeights;
 use super::targets::Targets;
 use super::terms::{FrenetMotion, from_tables};
 use super::whole::{Whole, Wholes};
+use super::{Bar, length};
 use crate::geometry::{Point, wrap_angle};
 
 /// How far ahead the drivers look at the path [s].
@@ -57,7 +57,9 @@ pub(super) fn steer_all(
         for preview in PREVIEWS {
             let whole = wholes.push();
             let last = steer(whole, request, (start, targets, limits), samples, profile, preview);
-            if last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0)) && obstacles.cover(&whole.points) {
+            let is_before_stop = last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0));
+            let comes_further = length(whole.points.iter().map(|point| point.center)) > bar.distance;
+            if is_before_stop && comes_further && obstacles.cover(&whole.points) {
                 whole.sum_up(limits, targets, weights);
             } else {
                 wholes.pop();
@@ -83,14 +85,19 @@ fn steer(
     let mut heading = request.state.orientation;
     let (mut s, mut d, mut at) = path.project_from(place, start.s, SEARCH_WINDOW)?;
     let mut curvature = start.curvature;
+    // The profile holds speeds along the path. Beside it in a bend, or askew, the vehicle is faster or slower than its
+    // foot; this excess ends with the horizon, as offset and heading do.
+    let excess = at.stretch(d).hypot(start.d_prime) - 1.0;
+    let mut before = start.velocity;
     for i in 0..limits.n_points {
-        let speed = motion.s_dot[i];
+        let rest = excess * (1.0 - i as f64 / (limits.n_points - 1) as f64);
+        let speed = motion.s_dot[i] * (1.0 + rest);
+        let acceleration = motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon();
         if i > 0 {
-            let before = motion.s_dot[i - 1];
             let ahead = path.curvature_at(s + before * preview);
             let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
             let wanted = corrected(ahead, d - targets.offset, heading - at.theta, distance);
-            let mut next = limits.turned(curvature, wanted, speed.max(before), SHARE);
+            let mut next = limits.turned(curvature, wanted, (speed.max(before), acceleration), SHARE);
             if i == 1 && start.steers_freely() {
                 // Wheels of a standing vehicle turn before it drives off.
                 next = limits.freely_turned(wanted);
@@ -117,9 +124,10 @@ fn steer(
             tan_offset: sin / cos,
             curvature,
             velocity: speed,
-            acceleration: motion.s_ddot[i],
+            acceleration,
             d,
         });
+        before = speed;
         whole.motions.push(FrenetMotion {
             s_dot: speed * cos / stretch,
             d_dot: speed * sin,

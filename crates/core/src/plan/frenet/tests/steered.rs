@@ -27,7 +27,7 @@ fn askew(random: &mut Lcg) -> Drive {
 }
 
 #[test]
-fn steered_samples_turn_the_wheels_no_further_and_no_faster_than_they_turn() {
+fn steered_samples_begin_with_the_present_speed_and_turn_the_wheels_no_further_and_no_faster_than_they_turn() {
     let mut random = Lcg::new(17);
     let settings = FrenetSettings::default();
     let mut n = 0;
@@ -42,11 +42,20 @@ fn steered_samples_turn_the_wheels_no_further_and_no_faster_than_they_turn() {
             let state = (&start, &targets, &limits);
             steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Bar::NONE);
             for whole in wholes.iter() {
+                let first = whole.points[0].velocity;
+                assert!((first - request.state.velocity).abs() < 1e-9, "{world}: {first} m/s");
                 for (i, pair) in whole.points.windows(2).enumerate() {
                     let found = limits.check(&pair[0], &pair[1], i + 1);
                     let turns_too_much =
                         [Rejection::Curvature, Rejection::SteeringRate, Rejection::YawRate].contains(&found);
                     assert!(!turns_too_much, "{world} {i}: {found:?}");
+                    let mean = (pair[1].velocity - pair[0].velocity) / limits.dt;
+                    let stated = [pair[0].acceleration, pair[1].acceleration];
+                    let is_between = mean > stated[0].min(stated[1]) - 0.3 && mean < stated[0].max(stated[1]) + 0.3;
+                    assert!(
+                        is_between || pair[1].velocity == 0.0,
+                        "{world} {i}: {mean} m/s² where {stated:?} are stated"
+                    );
                 }
                 n += 1;
             }
@@ -75,7 +84,7 @@ fn where_samples_of_the_grid_turn_the_wheels_too_fast_a_steered_one_goes_on() {
 
 #[test]
 fn only_samples_that_are_cheaper_and_clearly_faster_are_missed() {
-    let bar = Bar { cost: 10.0, velocity: 3.0 };
+    let bar = Bar { cost: 10.0, velocity: 3.0, distance: 9.0 };
     for (cost, velocity, expected) in [(9.0, 4.5, true), (11.0, 4.5, false), (9.0, 3.5, false)] {
         assert_eq!(bar.is_held_by_limits(&[(cost, velocity)]), expected, "{cost} {velocity}");
     }
