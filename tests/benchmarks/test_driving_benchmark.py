@@ -77,7 +77,9 @@ def test_the_longest_stand_is_one_without_a_break(part):
 
 def row(part, agent_id, **changed):
     text = dict.fromkeys(("category", "place", "scenario", "origin", "partner"), "")
-    number = dict.fromkeys(("time", "lost", "stood", "slow", "recorded_slow", "off_lanelets", "impact_speed"), 0.0)
+    number = dict.fromkeys(
+        ("time", "lost", "stood", "slow", "recorded_slow", "hardest", "off_lanelets", "impact_speed"), 0.0
+    )
     ended = {"reachable": True, "outcome": "goal_reached", "late": float("nan"), "cause": "", "cause_seconds": 0.0}
     ids = {"agent_id": agent_id, "partner_id": -1, "head_id": -1}
     return part("drives").Drive(**text | number | ended | ids | changed)

@@ -253,7 +253,9 @@ def test_a_full_disk_leaves_nothing_behind_and_says_so_in_one_line(run, tmp_path
     assert contents(tmp_path) == []
 
 
-def test_a_writer_that_fails_half_way_keeps_the_old_run(run, tmp_path):
+def test_a_writer_that_fails_half_way_keeps_the_old_run(run, tmp_path, monkeypatch):
+    # Python would store half of its compiled modules, too, and read them ever after.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     folder = save(run, tmp_path / "run")
     before = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in FILES}
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

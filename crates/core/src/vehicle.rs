@@ -262,6 +262,16 @@ impl Vehicle {
         self.lateral_acceleration_max.min(rest)
     }
 
+    /// Curvature of the rear axle's path after the wheels have turned from one towards another, by at most a steering angle
+    /// with this tangent, and no tighter than a largest curvature [1/m].
+    pub fn turned(&self, from: f64, wanted: f64, step: f64, tightest: f64) -> f64 {
+        // The tangent of the steering angle is L k; by the largest step more and less.
+        let now = self.wheelbase * from;
+        let high = if now * step < 1.0 { (now + step) / (1.0 - now * step) } else { f64::INFINITY };
+        let low = if now * step > -1.0 { (now - step) / (1.0 + now * step) } else { f64::NEG_INFINITY };
+        (self.wheelbase * wanted.clamp(-tightest, tightest)).clamp(low, high) / self.wheelbase
+    }
+
     /// Largest curvature of the rear axle's path [1/m].
     pub fn curvature_max(&self) -> f64 {
         self.steering_angle_max.tan() / self.wheelbase

@@ -21,7 +21,6 @@ use super::obstacles::Contact;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::{State, Trajectory};
-use crate::vehicle::Vehicle;
 
 /// Slower agents stand [m/s].
 pub(super) const AGENT_STOPPED_SPEED: f64 = 0.1;
@@ -98,12 +97,10 @@ pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u3
     PlanResult::infeasible(trajectory, format!("{reason}, and full braking leaves the road"))
 }
 
-/// Curvatures of braking arcs: the present one and others within the limits of steering and tyres, the next ones first.
+/// Curvatures of braking arcs: the present one and others that the steering allows, the next ones first.
 fn curvatures(request: &PlanRequest) -> Vec<f64> {
     const N: i32 = 12;
-    let vehicle = request.vehicle;
-    let tyres = vehicle.lateral_acceleration_max / request.state.velocity.powi(2).max(1e-6);
-    let limit = vehicle.curvature_max().min(tyres);
+    let limit = request.vehicle.curvature_max();
     let present = present_curvature(request);
     let mut others: Vec<f64> = (-N..=N).map(|i| limit * f64::from(i) / f64::from(N)).collect();
     others.sort_by(|a, b| (a - present).abs().total_cmp(&(b - present).abs()));
@@ -161,6 +158,7 @@ fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f
     let (state, vehicle) = (request.state, request.vehicle);
     let mut axle = vehicle.rear_axle_from_center(state.pose());
     let (direction, braking) = braking(request);
+    let step = (vehicle.steering_rate_max * request.dt).tan();
     let mut curvature = present_curvature(request);
     let (mut heading, mut driven) = (state.orientation, 0.0);
     let mut points = Vec::with_capacity(n_points);
@@ -168,7 +166,9 @@ fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f
     for i in 1..n_points {
         let [distance, speed, acceleration, _] = braking.at(i as f64 * request.dt);
         let travel = direction * (distance - driven);
-        let next = turned(vehicle, curvature, wanted(axle, heading, driven, speed), (speed, acceleration), request.dt);
+        let held = vehicle.lateral_acceleration_beside(acceleration) / speed.powi(2).max(1e-6);
+        let tightest = vehicle.curvature_max().min(held);
+        let next = vehicle.turned(curvature, wanted(axle, heading, driven, speed), step, tightest);
         let turn = 0.5 * (curvature + next) * travel;
         axle = axle + Point::from_angle(heading + 0.5 * turn) * travel;
         (heading, curvature, driven) = (heading + turn, next, distance);
@@ -180,17 +180,7 @@ fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f
     points
 }
 
-/// Curvature after `dt` [s] if the wheels turn from one towards another at a speed [m/s] and an acceleration [m/s²], within
-/// the limits of steering and tyres.
-fn turned(vehicle: &Vehicle, from: f64, wanted: f64, (velocity, acceleration): (f64, f64), dt: f64) -> f64 {
-    let angle = |curvature: f64| (vehicle.wheelbase * curvature).atan();
-    let held = vehicle.lateral_acceleration_beside(acceleration) / velocity.powi(2).max(1e-6);
-    let limit = vehicle.curvature_max().min(held);
-    let (now, reach) = (angle(from), vehicle.steering_rate_max * dt);
-    angle(wanted.clamp(-limit, limit)).clamp(now - reach, now + reach).tan() / vehicle.wheelbase
-}
-
-/// The previous plan's path, moved onto the present pose, driven with full braking.
+/// The wheels turn as on the previous plan's path.
 fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> {
     let old = request.previous?.points.get(request.previous_age..)?;
     let (first, state) = (*old.first()?, request.state);
@@ -201,35 +191,23 @@ fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> 
     if !is_near || old.len() < 2 || old.iter().any(|point| !point.is_finite() || point.velocity < 0.0) {
         return None;
     }
-    let rear_axle = |point: &State| request.vehicle.rear_axle_from_center(point.pose());
-    let (origin, now) = (rear_axle(&first), rear_axle(&state));
-    let rotation = Point::from_angle(turn);
-    let (_, braking) = braking(request);
-    let mut points = Vec::with_capacity(n_points);
-    let (mut segment, mut passed) = (0, 0.0);
-    for i in 0..n_points {
-        let [distance, velocity, acceleration, _] = braking.at(i as f64 * request.dt);
-        let length = |k: usize| rear_axle(&old[k + 1]).distance(rear_axle(&old[k]));
-        while segment + 2 < old.len() && passed + length(segment) < distance {
-            passed += length(segment);
-            segment += 1;
+    let (vehicle, dt) = (request.vehicle, request.dt);
+    let axle = |point: &State| vehicle.rear_axle_from_center(point.pose());
+    let curvature_after = |distance: f64| {
+        let (mut passed, mut curvature) = (0.0, 0.0);
+        for pair in old.windows(2) {
+            let [before, after] = [&pair[0], &pair[1]]
+                .map(|point| (point.velocity > AGENT_STOPPED_SPEED).then(|| point.yaw_rate / point.velocity));
+            let length = axle(&pair[1]).distance(axle(&pair[0]));
+            let Some(before) = before else { break };
+            curvature = after.unwrap_or(before);
+            if passed + length >= distance {
+                let fraction = (distance - passed) / length.max(1e-6);
+                return before + (curvature - before) * fraction.clamp(0.0, 1.0);
+            }
+            passed += length;
         }
-        let (a, b) = (&old[segment], &old[segment + 1]);
-        let (along, segment_length) = (distance - passed, length(segment));
-        let fraction = (along / segment_length.max(1e-6)).min(1.0);
-        let beyond = (along - segment_length).max(0.0);
-        let heading = a.orientation + wrap_angle(b.orientation - a.orientation) * fraction;
-        let offset = rear_axle(a).lerp(rear_axle(b), fraction) + Point::from_angle(heading) * beyond - origin;
-        let orientation = heading + (state.orientation - first.orientation);
-        let position = now
-            + rotation * offset.x
-            + rotation.left() * offset.y
-            + Point::from_angle(orientation) * request.vehicle.rear_axle_to_center;
-        let curvature = |p: &State| if p.velocity > AGENT_STOPPED_SPEED { p.yaw_rate / p.velocity } else { 0.0 };
-        let curvature = curvature(a) + (curvature(b) - curvature(a)) * fraction;
-        let yaw_rate = curvature * velocity;
-        points.push(State { x: position.x, y: position.y, orientation, velocity, acceleration, yaw_rate });
-    }
-    points[0] = state;
-    Some(points)
+        curvature
+    };
+    Some(turning(request, n_points, |_, _, driven, velocity| curvature_after(driven + velocity * dt)))
 }

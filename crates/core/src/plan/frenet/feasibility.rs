@@ -156,14 +156,8 @@ impl Limits {
     /// The curvature after one step towards a wanted one at a speed [m/s] and an acceleration [m/s²], with a share of the
     /// limits [1/m].
     pub(super) fn turned(&self, curvature: f64, wanted: f64, (velocity, acceleration): (f64, f64), share: f64) -> f64 {
-        let (l, step) = (self.vehicle.wheelbase, share * self.steering_step);
         let held = share * self.vehicle.lateral_acceleration_beside(acceleration) / (velocity * velocity);
-        let tightest = self.curvature_max.min(held);
-        // The tangent of the steering angle is L k; by the largest step more and less.
-        let from = l * curvature;
-        let high = if from * step < 1.0 { (from + step) / (1.0 - from * step) } else { f64::INFINITY };
-        let low = if from * step > -1.0 { (from - step) / (1.0 + from * step) } else { f64::NEG_INFINITY };
-        (l * wanted.clamp(-tightest, tightest)).clamp(low, high) / l
+        self.vehicle.turned(curvature, wanted, share * self.steering_step, self.curvature_max.min(held))
     }
 
     /// The same for a vehicle that stands.

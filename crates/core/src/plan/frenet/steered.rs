@@ -1,8 +1,8 @@
 //! Samples that are steered instead of fitted: a driver follows the path and turns the wheels as fast as they turn.
 //!
 //! A quintic joins two states, whatever steering that takes; where the path bends sharply or the wheels stand askew,
-//! nearly all of them turn the wheels too fast. A steered sample follows the path within the limits of the vehicle, so
-//! only contacts and the road can reject it.
+//! nearly all of them turn the wheels too fast. A steered sample follows the path and keeps the limits of steering, so
+//! nearly all rejections are contacts and the road.
 
 use super::super::PlanRequest;
 use super::super::frame::{STRETCH_MIN, Start, Waypoint};
@@ -50,6 +50,7 @@ pub(super) fn steer_all(
         if speeds[limits.n_points - 1] <= bar.velocity {
             continue;
         }
+        // As if the vehicle drove on the path: no bound of the cost, but those far off are spared.
         let missed = speeds[..limits.n_points].iter().map(|speed| (speed - targets.velocity).powi(2)).sum::<f64>();
         if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= bar.cost {
             continue;

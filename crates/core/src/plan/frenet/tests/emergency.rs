@@ -101,6 +101,33 @@ fn full_braking_is_offered_along_the_last_plan_and_towards_the_path_and_on_the_p
 }
 
 #[test]
+fn full_braking_turns_the_wheels_within_the_steering_rate_and_the_friction_circle() {
+    // A plan that turns left as tightly as the tyres hold, then an emergency.
+    let mut center = straight((0.0, 0.0), (30.0, 0.0));
+    center.extend(arc((30.0, 18.0), 18.0, -FRAC_PI_2, 0.0).into_iter().skip(1));
+    for velocity in [3.0, 6.0, 9.0, 11.0] {
+        let mut drive = Drive::along(&center, 36.0, velocity);
+        drive.state.yaw_rate = velocity / 18.0;
+        let result = drive.plan(&FrenetSettings::default());
+        drive.step(result);
+        let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
+        assert!(found.len() >= 2, "others may leave the road");
+        let vehicle = &drive.vehicle;
+        let steering = |p: &State| (vehicle.wheelbase * p.yaw_rate / p.velocity).atan();
+        for (kind, points) in found.iter().enumerate() {
+            for pair in points.windows(2).take_while(|pair| pair[1].velocity > 0.1) {
+                let rate = (steering(&pair[1]) - steering(&pair[0])).abs() / drive.dt;
+                assert!(rate < vehicle.steering_rate_max + 1e-6, "{velocity} m/s, {kind}: {rate} rad/s");
+                let held = vehicle.lateral_acceleration_beside(pair[1].acceleration);
+                let lateral = (pair[1].yaw_rate * pair[1].velocity).abs();
+                let opens = rate > vehicle.steering_rate_max - 1e-6;
+                assert!(lateral < held + 1e-6 || opens, "{velocity} m/s, {kind}: {lateral} of {held} m/s²");
+            }
+        }
+    }
+}
+
+#[test]
 fn full_braking_before_a_bend_turns_the_wheels_into_it_as_fast_as_they_turn() {
     // 20 m straight on, then a bend of 12 m radius to the left; no earlier plan, the wheels point straight ahead.
     let mut center = straight((0.0, 0.0), (20.0, 0.0));
