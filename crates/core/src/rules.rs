@@ -3,14 +3,18 @@
 
 mod arbitration;
 mod circles;
+mod claims;
 mod components;
 mod course;
+mod gaps;
 mod meeting;
+mod room;
+mod windows;
 
 pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
 pub use course::Course;
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
-pub(crate) use meeting::{EARLY, LATE, travel_time};
+pub(crate) use windows::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;
 

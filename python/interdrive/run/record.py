@@ -337,8 +337,9 @@ class Violations(Tabular):
 
 
 #: What agents are told before junctions; the position is the code of the core. A yield is because of a vehicle that
-#: uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane waits.
-ORDERS = ("go", "yield", "exit", "queue")
+#: uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane waits. One that
+#: follows may enter, but not before another one has left.
+ORDERS = ("go", "yield", "exit", "queue", "follow")
 
 
 @dataclass(frozen=True, repr=False)

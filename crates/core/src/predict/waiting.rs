@@ -118,7 +118,8 @@ fn delayed(drive: &[Sample], (velocity, stop): (f64, f64), release: f64, dt: f64
         let free = expected.min(velocity + STARTING * dt);
         let left = (stop - travelled).max(0.0);
         let bearable = (2.0 * braking * left).sqrt();
-        if k as f64 * dt <= release && bearable <= free {
+        let in_time = free * (release - (k - 1) as f64 * dt) <= left;
+        if k as f64 * dt <= release && bearable <= free && !in_time {
             travelled += if bearable > braking * dt { (bearable - 0.5 * braking * dt) * dt } else { left };
             velocity = (bearable - braking * dt).max(0.0);
         } else {

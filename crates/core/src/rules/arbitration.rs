@@ -3,14 +3,16 @@
 //! Areas are used by one vehicle at a time. A vehicle that cannot stop before its passage any more, or does not obey, has
 //! booked it. The others ask in turn: those first that wait for none of the rest by precedence, equals by their arrival. An
 //! agent may enter if no other has booked one of its areas meanwhile and there is room behind the passage. Docs: rules.md.
-//! What all of this looks at is in `meeting`, how circles of waits are broken in `circles`.
+//! What all of this looks at is in `meeting`, when a vehicle is where in `windows`, what fits between bookings in `gaps`,
+//! how circles of waits are broken in `circles`.
 
 use std::collections::BTreeMap;
 
+use super::claims::{Answer, Bookings, Claim};
 use super::components::components;
-use super::course::{Passage, conflict, reach};
-use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Traveller};
-use crate::junctions::AreaKind;
+use super::course::{Crossed, conflict, reach};
+use super::gaps::Links;
+use super::meeting::{Booking, Meeting, Memory, Order, OrderKind};
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
 const COMMITTED: f64 = 4.0;
@@ -23,57 +25,8 @@ const BRAKING: f64 = 3.0;
 /// An agent that was granted passage keeps it with gaps that are smaller by this [s].
 pub(crate) const STICKY_LEAD: f64 = 0.3;
 pub(crate) const STICKY_LAG: f64 = 0.15;
-/// Room that is left behind a passage beside the length of the vehicle [m]; the last vehicle ahead brakes so hard [m/s²].
-const ROOM: f64 = 1.0;
-const LEADER_BRAKING: f64 = 2.0;
-/// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s].
-const FOLLOWING: f64 = 2.0;
-const FOLLOWING_TIME: f64 = 1.0;
-/// One that comes second to a merge brakes so gently for a slower one ahead [m/s²].
-const CATCHING_UP: f64 = 2.0;
 /// One that moves slower than this blocks its lane [m/s].
 const BLOCKING: f64 = 1.0;
-/// Width of vehicles that do not obey [m].
-const CAR_WIDTH: f64 = 1.8;
-
-/// An agent that asks for a passage.
-struct Claim<'a> {
-    traveller: usize,
-    passage: &'a Passage,
-    /// Position of the passage on its way.
-    number: usize,
-    /// Claims of agents ahead in its lane; `None`: a vehicle is ahead that asks for nothing.
-    ahead: Option<Vec<usize>>,
-    /// The next body ahead.
-    leader: Option<usize>,
-    ticket: Option<i64>,
-    has_exception: bool,
-    is_sticky: bool,
-    windows: Vec<Booking>,
-    answer: Option<Answer>,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-struct Answer {
-    kind: OrderKind,
-    by: Option<usize>,
-    delay: f64,
-}
-
-impl Answer {
-    const GO: Self = Self { kind: OrderKind::Go, by: None, delay: 0.0 };
-}
-
-/// The speed of a traveller [m/s], or that of its passage through an area if that is less.
-fn slowed(traveller: &Traveller<'_>, area: usize, velocity: f64) -> f64 {
-    let leads_over = |passage: &&Passage| passage.areas.iter().any(|crossed| crossed.area == area);
-    traveller.course.passages.iter().find(leads_over).map_or(velocity, |passage| velocity.min(passage.speed))
-}
-
-/// Time that a vehicle loses [s] by braking from its speed to that of a slower one ahead [m/s].
-fn catching_up(ahead: f64, velocity: f64) -> f64 {
-    if velocity > ahead { 0.5 * (velocity - ahead).powi(2) / (CATCHING_UP * velocity) } else { 0.0 }
-}
 
 impl Meeting<'_> {
     /// The orders of all travellers that are near a passage, by ids. `sees` says whether the body at the first position
@@ -137,12 +90,9 @@ impl Meeting<'_> {
     /// Orders of a group of travellers, as seen by an agent that sees these bodies; `None` for those that are asked nothing.
     fn arbitrate(&self, members: &[usize], seen: &[usize]) -> Vec<Option<Order>> {
         let is_seen = |body: &usize| seen.binary_search(body).is_ok();
-        let mut booked: BTreeMap<usize, Vec<Booking>> = BTreeMap::new();
-        let mut reserved: BTreeMap<usize, f64> = BTreeMap::new();
+        let mut booked = Bookings::default();
         let mut claims: Vec<Claim<'_>> = Vec::new();
-        for visit in self.visits.iter().filter(|visit| is_seen(&visit.body)) {
-            booked.entry(visit.area).or_default().push(*visit);
-        }
+        booked.add(self.visits.iter().filter(|visit| is_seen(&visit.body)).copied());
         let mut orders: Vec<Option<Order>> = vec![None; members.len()];
         let present = || members.iter().enumerate().filter(|(_, index)| is_seen(&self.travellers[**index].body));
         for (place, &index) in present() {
@@ -154,18 +104,18 @@ impl Meeting<'_> {
                 if body.velocity * body.velocity < 2.0 * COMMITTED * ahead {
                     let is_near = ahead <= reach(body.velocity);
                     if is_near && traveller.line > passage.end {
-                        claims.push(self.claim(index, number));
+                        claims.push(self.claim(index, number, seen));
                     }
                     break;
                 }
                 let memory = traveller.memory_of(number);
-                let mut windows = traveller.windows(passage, body);
+                let mut windows = self.windows(index, passage, false, seen);
                 if memory.exception.is_some() && !self.has_room(index, passage, 0.0, seen).0 {
                     windows.iter_mut().for_each(|window| window.leave = f64::INFINITY);
                 }
-                windows.into_iter().for_each(|window| booked.entry(window.area).or_default().push(window));
+                booked.add(windows);
                 if traveller.front < passage.end {
-                    *reserved.entry(passage.exit).or_default() += body.length + ROOM;
+                    booked.reserve(passage, body.length);
                 }
                 orders[place] = Some(Order {
                     id: body.id,
@@ -182,42 +132,49 @@ impl Meeting<'_> {
         for mut component in components(&edges) {
             component.sort_by_key(|index| {
                 let claim = &claims[*index];
-                let id = self.bodies[self.travellers[claim.traveller].body].id;
+                let id = self.bodies[claim.body].id;
                 (!claim.is_sticky, claim.ticket.unwrap_or(i64::MAX), id)
             });
-            let mut late = Vec::new();
-            for &index in &component {
-                let answer = self.test(&claims, index, &booked, &reserved, seen);
-                if answer.kind == OrderKind::Go {
-                    let has_room = !claims[index].has_exception || {
-                        let claim = &claims[index];
-                        self.has_room(claim.traveller, claim.passage, 0.0, seen).0
-                    };
-                    let stays = if has_room { 0.0 } else { f64::INFINITY };
-                    book(&mut booked, &claims[index].windows, (0.0, stays));
-                    let length = self.bodies[self.travellers[claims[index].traveller].body].length;
-                    *reserved.entry(claims[index].passage.exit).or_default() += length + ROOM;
-                    claims[index].answer = Some(answer);
-                } else {
-                    late.push(index);
+            component.retain(|&index| {
+                let (answer, links) = self.test(&claims, index, &booked, seen);
+                let is_granted = answer == Answer::GO;
+                if is_granted {
+                    self.grant(&mut claims, index, links, &mut booked, seen);
                 }
-            }
-            for index in late {
-                let answer = self.test(&claims, index, &booked, &reserved, seen);
-                if answer.delay.is_finite() {
-                    book(&mut booked, &claims[index].windows, (answer.delay, answer.delay));
+                !is_granted
+            });
+            for index in component {
+                match self.test(&claims, index, &booked, seen) {
+                    (Answer::GO, links) => self.grant(&mut claims, index, links, &mut booked, seen),
+                    (answer, _) => {
+                        if answer.delay.is_finite() {
+                            booked.add(claims[index].windows.iter().map(|window| window.moved(answer.delay)));
+                        }
+                        claims[index].answer = Some(answer);
+                    }
                 }
-                claims[index].answer = Some(answer);
             }
         }
-        for claim in &claims {
+        for (index, claim) in claims.iter().enumerate() {
             let place = members.iter().position(|member| *member == claim.traveller).expect("a member");
-            orders[place] = Some(self.order(claim));
+            orders[place] = Some(self.order(&claims, index, &booked));
         }
         orders
     }
 
-    fn claim(&self, index: usize, number: usize) -> Claim<'_> {
+    /// Books the windows of a claim and room behind them; those that it leaves before follow it.
+    fn grant(&self, claims: &mut [Claim<'_>], index: usize, links: Links, booked: &mut Bookings, seen: &[usize]) {
+        let claim = &mut claims[index];
+        let stays = claim.has_exception && !self.has_room(claim.traveller, claim.passage, 0.0, seen).0;
+        let leave = |window: &Booking| if stays { f64::INFINITY } else { window.leave };
+        booked.add(claim.windows.iter().map(|window| Booking { leave: leave(window), ..*window }));
+        booked.reserve(claim.passage, self.bodies[claim.body].length);
+        claim.answer = Some(Answer::GO);
+        claim.follows.extend(links.before);
+        links.after.into_iter().for_each(|other| claims[other].follows.push(index));
+    }
+
+    fn claim(&self, index: usize, number: usize, seen: &[usize]) -> Claim<'_> {
         let traveller = &self.travellers[index];
         let body = &self.bodies[traveller.body];
         let passage = &traveller.course.passages[number];
@@ -226,6 +183,7 @@ impl Meeting<'_> {
         let braking = 0.5 * body.velocity * body.velocity / BRAKING;
         Claim {
             traveller: index,
+            body: traveller.body,
             passage,
             number,
             ahead: Some(Vec::new()),
@@ -233,25 +191,28 @@ impl Meeting<'_> {
             ticket: memory.ticket,
             has_exception: memory.exception.is_some(),
             is_sticky: memory.granted && to_wait <= braking + STICKY_REACH,
-            windows: traveller.windows(passage, body),
+            windows: self.windows(index, passage, true, seen),
+            follows: Vec::new(),
             answer: None,
         }
     }
 
     /// Finds the bodies ahead of each claim in its lane, and gives tickets to the first ones.
     fn line_up(&self, claims: &mut [Claim<'_>], seen: &[usize]) {
-        let by_body: BTreeMap<usize, usize> =
-            claims.iter().enumerate().map(|(k, claim)| (self.travellers[claim.traveller].body, k)).collect();
+        let by_body: BTreeMap<usize, usize> = claims.iter().enumerate().map(|(k, claim)| (claim.body, k)).collect();
         for claim in claims.iter_mut() {
             let traveller = &self.travellers[claim.traveller];
             let (mut ahead, mut is_blocked, mut nearest) = (Vec::new(), false, f64::INFINITY);
             for &other in seen.iter().filter(|other| **other != traveller.body) {
                 let Some(front) = self.front_on(traveller.course, other, traveller.front) else { continue };
-                if front <= traveller.front || front > claim.passage.mouth {
+                // The mouth of one ahead that takes another way may be further on than the own one.
+                let (mouth, rear) = (claim.passage.mouth, front - self.bodies[other].length);
+                if front <= traveller.front || rear > mouth {
                     continue;
                 }
                 match by_body.get(&other) {
                     Some(other) => ahead.push(*other),
+                    None if front > mouth => continue,
                     None => is_blocked |= self.bodies[other].velocity < BLOCKING,
                 }
                 if front < nearest {
@@ -274,7 +235,7 @@ impl Meeting<'_> {
             let widths = self.travellers[claim.traveller].width + self.travellers[other.traveller].width;
             claim.passage.areas.iter().any(|crossed| {
                 let goes_first = self.junctions.areas[crossed.area].first == Some(crossed.side);
-                let meets = |their: &super::course::Crossed| their.area == crossed.area && their.side != crossed.side;
+                let meets = |their: &Crossed| their.area == crossed.area && their.side != crossed.side;
                 !goes_first && other.passage.areas.iter().any(meets) && conflict(self.junctions, crossed.area, widths)
             })
         };
@@ -289,27 +250,18 @@ impl Meeting<'_> {
         claims.iter().enumerate().map(of).collect()
     }
 
-    /// Whether a claim can be granted now.
-    fn test(
-        &self,
-        claims: &[Claim<'_>],
-        index: usize,
-        booked: &BTreeMap<usize, Vec<Booking>>,
-        reserved: &BTreeMap<usize, f64>,
-        seen: &[usize],
-    ) -> Answer {
+    /// Whether a claim can be granted now, and which others depend on it then.
+    fn test(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings, seen: &[usize]) -> (Answer, Links) {
         let claim = &claims[index];
         let traveller = &self.travellers[claim.traveller];
         let settings = traveller.settings;
-        let is_granted = |other: &usize| claims[*other].answer == Some(Answer::GO);
-        if !claim.ahead.as_ref().is_some_and(|ahead| ahead.iter().all(is_granted)) {
-            return Answer { kind: OrderKind::Queue, by: claim.leader, delay: f64::INFINITY };
+        if !claim.ahead.as_ref().is_some_and(|ahead| ahead.iter().all(|other| claims[*other].is_granted())) {
+            return (Answer::wait(OrderKind::Queue, claim.leader), Links::default());
         }
-        let reservation = reserved.get(&claim.passage.exit).copied().unwrap_or(0.0);
         if settings.keep_clear && !claim.has_exception {
-            let (has_room, last) = self.has_room(claim.traveller, claim.passage, reservation, seen);
+            let (has_room, last) = self.has_room(claim.traveller, claim.passage, booked.reserved(claim.passage), seen);
             if !has_room {
-                return Answer { kind: OrderKind::Exit, by: last, delay: f64::INFINITY };
+                return (Answer::wait(OrderKind::Exit, last), Links::default());
             }
         }
         let stood = traveller.memory.standing as f64 * self.dt;
@@ -319,76 +271,27 @@ impl Meeting<'_> {
         if claim.is_sticky {
             (lead, lag) = (lead - STICKY_LEAD, lag - STICKY_LAG);
         }
-        let (mut delay, mut by) = (0.0, None);
-        for mine in &claim.windows {
-            for theirs in booked.get(&mine.area).into_iter().flatten() {
-                let wanted = self.delay(traveller, mine, theirs, (lead, lag));
-                if theirs.side != mine.side && theirs.body != mine.body && wanted > delay {
-                    (delay, by) = (wanted, Some(theirs.body));
-                }
-            }
-        }
-        if delay > 0.0 { Answer { kind: OrderKind::Yield, by, delay } } else { Answer::GO }
+        self.fit(claims, index, booked, (lead, lag))
     }
 
-    /// How much later an agent has to come because of a booking [s].
-    fn delay(&self, traveller: &Traveller<'_>, mine: &Booking, theirs: &Booking, (lead, lag): (f64, f64)) -> f64 {
-        let area = &self.junctions.areas[mine.area];
-        let other = self.travellers.iter().find(|other| other.body == theirs.body);
-        let width = other.map_or(CAR_WIDTH, |other| other.width);
-        if area.kind == AreaKind::Opposed && !conflict(self.junctions, mine.area, traveller.width + width) {
-            return 0.0;
-        }
-        let [velocity, their_velocity] = [mine, theirs].map(|booking| self.bodies[booking.body].velocity);
-        let merges = area.kind == AreaKind::Merge;
-        let lead =
-            if merges { lead + catching_up(slowed(traveller, mine.area, velocity), their_velocity) } else { lead };
-        if mine.leave + lead <= theirs.enter || mine.enter >= theirs.leave + lag {
-            return 0.0;
-        }
-        if merges && velocity > FOLLOWING && their_velocity > FOLLOWING {
-            return (theirs.enter + FOLLOWING_TIME - mine.enter).max(0.0);
-        }
-        theirs.leave + lag - mine.enter
-    }
-
-    /// Whether there is room for an agent behind a passage, and the last body there.
-    fn has_room(&self, index: usize, passage: &Passage, reserved: f64, seen: &[usize]) -> (bool, Option<usize>) {
-        let traveller = &self.travellers[index];
-        let length = self.bodies[traveller.body].length;
-        let mut last: Option<(f64, usize)> = None;
-        for &other in seen.iter().filter(|other| **other != traveller.body) {
-            let Some(front) = self.front_on(traveller.course, other, traveller.front) else { continue };
-            let rear = front - self.bodies[other].length;
-            if front > passage.end && last.is_none_or(|(least, _)| rear < least) {
-                last = Some((rear, other));
-            }
-        }
-        let Some((rear, other)) = last else { return (true, None) };
-        let braking = 0.5 * self.bodies[other].velocity.powi(2) / LEADER_BRAKING;
-        (rear - passage.end + braking - reserved >= length + ROOM, Some(other))
-    }
-
-    fn order(&self, claim: &Claim<'_>) -> Order {
+    fn order(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings) -> Order {
+        let claim = &claims[index];
         let traveller = &self.travellers[claim.traveller];
         let answer = claim.answer.expect("every claim has been tested");
+        let gate = if claim.is_granted() { self.gate(claims, index, booked) } else { None };
         let first = claim.windows.first().map_or(0.0, |window| window.enter);
-        let is_granted = answer.kind == OrderKind::Go;
+        let (kind, stop, release, by) = match (answer, gate) {
+            (Answer::GO, None) => (OrderKind::Go, f64::INFINITY, 0.0, None),
+            (Answer::GO, Some((release, by))) => (OrderKind::Follow, claim.passage.mouth, release, Some(by)),
+            (Answer { kind, by, delay }, _) => (kind, claim.passage.mouth, first + delay, by),
+        };
         Order {
-            id: self.bodies[traveller.body].id,
-            kind: answer.kind,
-            stop: if is_granted { f64::INFINITY } else { claim.passage.mouth },
-            release: if is_granted { 0.0 } else { first + answer.delay },
-            by: answer.by.map(|body| self.bodies[body].id),
-            memory: Memory { ticket: claim.ticket, granted: is_granted, ..traveller.memory_of(claim.number) },
+            id: self.bodies[claim.body].id,
+            kind,
+            stop,
+            release,
+            by: by.map(|body| self.bodies[body].id),
+            memory: Memory { ticket: claim.ticket, granted: claim.is_granted(), ..traveller.memory_of(claim.number) },
         }
-    }
-}
-
-/// Books windows, moved by so much at both ends [s].
-fn book(booked: &mut BTreeMap<usize, Vec<Booking>>, windows: &[Booking], (enter, leave): (f64, f64)) {
-    for window in windows {
-        let moved = Booking { enter: window.enter + enter, leave: window.leave + leave, ..*window };
-        booked.entry(window.area).or_default().push(moved);
     }
 }

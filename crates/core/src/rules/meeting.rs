@@ -1,16 +1,8 @@
-//! What arbitration looks at in one time step, what it answers, and when a vehicle uses the areas of its passage.
+//! What arbitration looks at in one time step, and what it answers.
 
 use super::RulesSettings;
-use super::course::{Course, Crossed, MARGIN, Passage};
+use super::course::Course;
 use crate::junctions::Junctions;
-
-/// Accelerations of an early entry and of a late exit [m/s²], and the share of the speed there.
-pub(crate) const EARLY: f64 = 2.0;
-pub(crate) const LATE: f64 = 1.5;
-const SLOW: f64 = 0.9;
-/// An agent that stands needs so long to start [s], below this speed [m/s].
-const REACTION: f64 = 0.3;
-const REACTING: f64 = 0.5;
 
 /// What an agent is told before a passage, and for which reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,11 +16,13 @@ pub enum OrderKind {
     Exit = 2,
     /// Wait: a vehicle ahead in the lane waits or blocks it.
     Queue = 3,
+    /// Enter, but not before another one has left.
+    Follow = 4,
 }
 
 impl OrderKind {
     /// All kinds; the position is the code that crosses the Python boundary.
-    pub const ALL: [Self; 4] = [Self::Go, Self::Yield, Self::Exit, Self::Queue];
+    pub const ALL: [Self; 5] = [Self::Go, Self::Yield, Self::Exit, Self::Queue, Self::Follow];
 }
 
 /// What an agent remembers of its next passage.
@@ -113,12 +107,28 @@ pub struct Booking {
     pub area: usize,
     /// The side.
     pub side: usize,
-    /// From then on.
+    /// From then on, as others may expect ...
     pub enter: f64,
+    /// ... and at the earliest.
+    pub earliest: f64,
     /// Until then.
     pub leave: f64,
     /// The participant, as a position in `Meeting::bodies`.
     pub body: usize,
+    /// It can still be held back.
+    pub is_claim: bool,
+}
+
+impl Booking {
+    /// As soon as it can come.
+    pub(super) fn at_the_earliest(&self) -> Self {
+        Self { enter: self.earliest, ..*self }
+    }
+
+    /// So much later [s].
+    pub(super) fn moved(&self, time: f64) -> Self {
+        Self { enter: self.enter + time, earliest: self.earliest + time, leave: self.leave + time, ..*self }
+    }
 }
 
 /// Everything that arbitration looks at in one time step.
@@ -138,41 +148,7 @@ pub struct Meeting<'a> {
     pub visits: &'a [Booking],
 }
 
-/// Time for a distance [m] from a speed [m/s], with an acceleration [m/s²] up to a largest speed [m/s].
-pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
-    if distance <= 0.0 {
-        return 0.0;
-    }
-    let reaction = if velocity < REACTING { REACTION } else { 0.0 };
-    if velocity >= largest {
-        return reaction + distance / velocity;
-    }
-    let ramp = 0.5 * (largest * largest - velocity * velocity) / acceleration;
-    if distance <= ramp {
-        return reaction + ((velocity * velocity + 2.0 * acceleration * distance).sqrt() - velocity) / acceleration;
-    }
-    reaction + (largest - velocity) / acceleration + (distance - ramp) / largest
-}
-
 impl Traveller<'_> {
-    /// When it uses the areas of a passage that its rear has not left.
-    pub(super) fn windows(&self, passage: &Passage, body: &Body) -> Vec<Booking> {
-        let (velocity, front) = (body.velocity, self.front);
-        let early = passage.approach.min(passage.speed.max(velocity));
-        let late = (SLOW * passage.speed).max(velocity);
-        let window = |crossed: &Crossed| {
-            let leaves = crossed.exit + MARGIN + body.length - front;
-            (leaves > 0.0).then(|| Booking {
-                area: crossed.area,
-                side: crossed.side,
-                enter: travel_time(crossed.entry - MARGIN - front, velocity, early, EARLY),
-                leave: travel_time(leaves, velocity, late, LATE),
-                body: self.body,
-            })
-        };
-        passage.areas.iter().filter_map(window).collect()
-    }
-
     /// What it remembers of a passage.
     pub(super) fn memory_of(&self, number: usize) -> Memory {
         let kept = self.memory.passage == number;
@@ -195,25 +171,5 @@ impl Meeting<'_> {
             Some(at + place.to_front)
         };
         self.bodies[body].places.iter().find_map(on)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::travel_time;
-
-    #[test]
-    fn the_time_for_a_distance_follows_from_speed_and_acceleration() {
-        for (distance, velocity, largest, acceleration, expected) in [
-            (20.0, 10.0, 10.0, 2.0, 2.0),
-            (27.8, 10.0, 10.0, 1.2, 2.78),
-            (-1.0, 0.0, 10.0, 2.0, 0.0),
-            // 0.3 s to react, sqrt(2 · 8.4 / 1.2)
-            (8.4, 0.0, 7.0, 1.2, 0.3 + 3.741_657_386_773_941),
-            // 4 to 8 m/s in 2 s over 12 m, then 8 m more.
-            (20.0, 4.0, 8.0, 2.0, 3.0),
-        ] {
-            assert!((travel_time(distance, velocity, largest, acceleration) - expected).abs() < 1e-9);
-        }
     }
 }

@@ -190,7 +190,7 @@ impl World {
                     }
                     let enter = if is_inside { 0.0 } else { entry / velocity };
                     let leave = if velocity < STANDING { LEAVING } else { (exit + length) / (SLOWER * velocity) };
-                    visits.push(Booking { area: index, side, enter, leave, body });
+                    visits.push(Booking { area: index, side, enter, earliest: enter, leave, body, is_claim: false });
                 }
                 base += road.lanelets()[*lanelet].length;
             }

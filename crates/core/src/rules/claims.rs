@@ -1,0 +1,77 @@
+//! Agents that ask for a passage, and what is booked.
+
+use std::collections::BTreeMap;
+
+use super::course::Passage;
+use super::meeting::{Booking, OrderKind};
+use super::room::ROOM;
+
+/// An agent that asks for a passage.
+pub(super) struct Claim<'a> {
+    pub(super) traveller: usize,
+    pub(super) body: usize,
+    pub(super) passage: &'a Passage,
+    /// Position of the passage on its way.
+    pub(super) number: usize,
+    /// Claims of agents ahead in its lane; `None`: a vehicle is ahead that asks for nothing.
+    pub(super) ahead: Option<Vec<usize>>,
+    /// The next body ahead.
+    pub(super) leader: Option<usize>,
+    pub(super) ticket: Option<i64>,
+    pub(super) has_exception: bool,
+    pub(super) is_sticky: bool,
+    pub(super) windows: Vec<Booking>,
+    /// Claims that leave the areas before it, although it could come earlier.
+    pub(super) follows: Vec<usize>,
+    pub(super) answer: Option<Answer>,
+}
+
+impl Claim<'_> {
+    pub(super) fn is_granted(&self) -> bool {
+        self.answer == Some(Answer::GO)
+    }
+}
+
+/// Whether a claim is granted; if not, why, because of which body, and for how long [s].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    pub(super) kind: OrderKind,
+    pub(super) by: Option<usize>,
+    pub(super) delay: f64,
+}
+
+impl Answer {
+    pub(super) const GO: Self = Self { kind: OrderKind::Go, by: None, delay: 0.0 };
+
+    /// For now it is not known for how long.
+    pub(super) fn wait(kind: OrderKind, by: Option<usize>) -> Self {
+        Self { kind, by, delay: f64::INFINITY }
+    }
+}
+
+/// What has been booked so far.
+#[derive(Debug, Default)]
+pub(super) struct Bookings {
+    by_area: BTreeMap<usize, Vec<Booking>>,
+    /// Room behind passages that end on a lanelet [m].
+    reserved: BTreeMap<usize, f64>,
+}
+
+impl Bookings {
+    pub(super) fn of(&self, area: usize) -> &[Booking] {
+        self.by_area.get(&area).map_or(&[], Vec::as_slice)
+    }
+
+    pub(super) fn reserved(&self, passage: &Passage) -> f64 {
+        self.reserved.get(&passage.exit).copied().unwrap_or(0.0)
+    }
+
+    pub(super) fn add(&mut self, windows: impl IntoIterator<Item = Booking>) {
+        windows.into_iter().for_each(|window| self.by_area.entry(window.area).or_default().push(window));
+    }
+
+    /// Keeps room for a vehicle of a length behind a passage.
+    pub(super) fn reserve(&mut self, passage: &Passage, length: f64) {
+        *self.reserved.entry(passage.exit).or_default() += length + ROOM;
+    }
+}

@@ -1,0 +1,162 @@
+//! Gaps between bookings: whether the windows of a claim fit in, and who has to leave before whom.
+
+use super::claims::{Answer, Bookings, Claim};
+use super::course::{Passage, conflict};
+use super::meeting::{Booking, Meeting, OrderKind, Traveller};
+use super::room::ROOM;
+use crate::junctions::AreaKind;
+
+/// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s] at least.
+const FOLLOWING: f64 = 2.0;
+const FOLLOWING_TIME: f64 = 1.0;
+/// One that comes second to a merge brakes so gently for a slower one ahead [m/s²].
+const CATCHING_UP: f64 = 2.0;
+/// Width of vehicles that do not obey [m].
+const CAR_WIDTH: f64 = 1.8;
+
+/// Claims that use an area before and after another one only if they are held back.
+#[derive(Debug, Default)]
+pub(super) struct Links {
+    /// The other one is held back until they have left.
+    pub(super) before: Vec<usize>,
+    /// They are held back until the other one has left.
+    pub(super) after: Vec<usize>,
+}
+
+impl Meeting<'_> {
+    /// Whether the windows of a claim fit between the bookings of others, with time before (`lead`) and after those
+    /// (`lag`) [s]. Granted claims that follow can be held back, unless that makes a circle.
+    pub(super) fn fit(
+        &self,
+        claims: &[Claim<'_>],
+        index: usize,
+        booked: &Bookings,
+        gaps: (f64, f64),
+    ) -> (Answer, Links) {
+        let links = self.links(claims, index, booked, gaps.1);
+        if !is_circular(claims, &links) {
+            return (self.fit_with(claims, index, booked, gaps, true), links);
+        }
+        (self.fit_with(claims, index, booked, gaps, false), Links { after: Vec::new(), ..links })
+    }
+
+    fn fit_with(
+        &self,
+        claims: &[Claim<'_>],
+        index: usize,
+        booked: &Bookings,
+        gaps: (f64, f64),
+        holds_back: bool,
+    ) -> Answer {
+        let traveller = &self.travellers[claims[index].traveller];
+        let mut answer = Answer::GO;
+        for (mine, theirs) in pairs(&claims[index], booked) {
+            let as_expected = holds_back || granted(claims, theirs).is_none();
+            let theirs = if as_expected { *theirs } else { theirs.at_the_earliest() };
+            let delay = self.delay(traveller, mine, &theirs, gaps);
+            if delay > answer.delay {
+                answer = Answer { kind: OrderKind::Yield, by: Some(theirs.body), delay };
+            }
+        }
+        answer
+    }
+
+    /// Granted claims that a claim depends on if it fits in.
+    fn links(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings, lag: f64) -> Links {
+        let traveller = &self.travellers[claims[index].traveller];
+        let mut links = Links::default();
+        for (mine, theirs) in pairs(&claims[index], booked) {
+            let Some(other) = granted(claims, theirs) else { continue };
+            if theirs.enter <= mine.enter {
+                if self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, lag)) > 0.0 {
+                    links.before.push(other);
+                }
+            } else if self.delay(traveller, mine, &theirs.at_the_earliest(), (lag, lag)) > 0.0 {
+                links.after.push(other);
+            }
+        }
+        links
+    }
+
+    /// How much later an agent has to come because of a booking [s].
+    fn delay(&self, traveller: &Traveller<'_>, mine: &Booking, theirs: &Booking, (lead, lag): (f64, f64)) -> f64 {
+        let area = &self.junctions.areas[mine.area];
+        let other = self.travellers.iter().find(|other| other.body == theirs.body);
+        let width = other.map_or(CAR_WIDTH, |other| other.width);
+        if area.kind == AreaKind::Opposed && !conflict(self.junctions, mine.area, traveller.width + width) {
+            return 0.0;
+        }
+        let [velocity, their_velocity] = [mine, theirs].map(|booking| self.bodies[booking.body].velocity);
+        let merges = area.kind == AreaKind::Merge;
+        let lead =
+            if merges { lead + catching_up(slowed(traveller, mine.area, velocity), their_velocity) } else { lead };
+        if mine.leave + lead <= theirs.enter || mine.enter >= theirs.leave + lag {
+            return 0.0;
+        }
+        if merges && velocity > FOLLOWING && their_velocity > FOLLOWING {
+            let speed = other.map_or(their_velocity, |other| slowed(other, mine.area, their_velocity));
+            let headway = FOLLOWING_TIME.max((self.bodies[theirs.body].length + ROOM) / speed);
+            return (theirs.enter + headway - mine.enter).max(0.0);
+        }
+        theirs.leave + lag - mine.enter
+    }
+
+    /// When a granted claim may pass its mouth, because those that go before it have left then [s], and the last of these.
+    pub(super) fn gate(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings) -> Option<(f64, usize)> {
+        let claim = &claims[index];
+        let traveller = &self.travellers[claim.traveller];
+        let arrival = traveller.arrival(claim.passage, &self.bodies[claim.body]);
+        let mut gate: Option<(f64, usize)> = None;
+        for (mine, theirs) in pairs(claim, booked).filter(|(mine, theirs)| theirs.enter <= mine.enter) {
+            if theirs.is_claim && !claim.follows.iter().any(|other| claims[*other].body == theirs.body) {
+                continue;
+            }
+            let delay = self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, traveller.settings.lag));
+            if delay > 0.0 && gate.is_none_or(|(release, _)| arrival + delay > release) {
+                gate = Some((arrival + delay, theirs.body));
+            }
+        }
+        gate
+    }
+}
+
+/// The speed of a traveller [m/s], or that of its passage through an area if that is less.
+fn slowed(traveller: &Traveller<'_>, area: usize, velocity: f64) -> f64 {
+    let leads_over = |passage: &&Passage| passage.areas.iter().any(|crossed| crossed.area == area);
+    traveller.course.passages.iter().find(leads_over).map_or(velocity, |passage| velocity.min(passage.speed))
+}
+
+/// Time that a vehicle loses [s] by braking from its speed to that of a slower one ahead [m/s].
+fn catching_up(ahead: f64, velocity: f64) -> f64 {
+    if velocity > ahead { 0.5 * (velocity - ahead).powi(2) / (CATCHING_UP * velocity) } else { 0.0 }
+}
+
+/// Windows of a claim, and bookings of others on the other side of the same areas.
+fn pairs<'a>(claim: &'a Claim<'_>, booked: &'a Bookings) -> impl Iterator<Item = (&'a Booking, &'a Booking)> {
+    let with_others = |mine: &'a Booking| {
+        let others = booked.of(mine.area).iter().filter(|theirs| theirs.side != mine.side && theirs.body != mine.body);
+        others.map(move |theirs| (mine, theirs))
+    };
+    claim.windows.iter().flat_map(with_others)
+}
+
+/// The granted claim whose booking it is.
+fn granted(claims: &[Claim<'_>], booking: &Booking) -> Option<usize> {
+    let place = || claims.iter().position(|claim| claim.body == booking.body && claim.is_granted());
+    if booking.is_claim { place() } else { None }
+}
+
+/// One that would be held back until a claim has left would have to leave before it.
+fn is_circular(claims: &[Claim<'_>], links: &Links) -> bool {
+    let mut reached = links.before.clone();
+    let mut next = 0;
+    while next < reached.len() {
+        for &other in &claims[reached[next]].follows {
+            if !reached.contains(&other) {
+                reached.push(other);
+            }
+        }
+        next += 1;
+    }
+    reached.iter().any(|claim| links.after.contains(claim))
+}
