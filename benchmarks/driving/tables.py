@@ -44,7 +44,8 @@ def read_csv(path: Path) -> list[Drive]:
     """The rows of a file that `write_csv` wrote."""
     with path.open(newline="", encoding="utf-8") as file:
         return [
-            Drive(**{f.name: _TYPES[str(f.type)](row.get(f.name, "nan")) for f in fields(Drive)}) for row in csv.DictReader(file)
+            Drive(**{f.name: _TYPES[str(f.type)](row.get(f.name, "nan")) for f in fields(Drive)})
+            for row in csv.DictReader(file)
         ]
 
 

@@ -25,7 +25,7 @@ pub(super) struct Links {
 
 impl Meeting<'_> {
     /// Whether the windows of a claim fit between the bookings of others, with time before (`lead`) and after those
-    /// (`lag`) [s]. Granted claims that follow can be held back, unless that makes a circle.
+    /// (`lag`) [s]. Granted claims that follow can be held back, unless they go first or that makes a circle.
     pub(super) fn fit(
         &self,
         claims: &[Claim<'_>],
@@ -51,7 +51,7 @@ impl Meeting<'_> {
         let traveller = &self.travellers[claims[index].traveller];
         let mut answer = Answer::GO;
         for (mine, theirs) in pairs(&claims[index], booked) {
-            let as_expected = holds_back || granted(claims, theirs).is_none();
+            let as_expected = !self.goes_first(theirs) && (holds_back || granted(claims, theirs).is_none());
             let theirs = if as_expected { *theirs } else { theirs.at_the_earliest() };
             let delay = self.delay(traveller, mine, &theirs, gaps);
             if delay > answer.delay {
@@ -59,6 +59,11 @@ impl Meeting<'_> {
             }
         }
         answer
+    }
+
+    /// By precedence; nobody is held back for one that has to wait for it.
+    fn goes_first(&self, booking: &Booking) -> bool {
+        self.junctions.areas[booking.area].first == Some(booking.side)
     }
 
     /// Granted claims that a claim depends on if it fits in.
@@ -71,7 +76,9 @@ impl Meeting<'_> {
                 if self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, lag)) > 0.0 {
                     links.before.push(other);
                 }
-            } else if self.delay(traveller, mine, &theirs.at_the_earliest(), (lag, lag)) > 0.0 {
+            } else if !self.goes_first(theirs)
+                && self.delay(traveller, mine, &theirs.at_the_earliest(), (lag, lag)) > 0.0
+            {
                 links.after.push(other);
             }
         }
