@@ -16,7 +16,7 @@ from PIL import Image, ImageChops
 from conftest import interdrive, opened
 
 #: Last time step of the demo.
-LAST = 160
+LAST = 159
 #: Frame times [ms] of so many frames while the slider is moved by one step per frame.
 SCRUB = """async (frames) => {
   const slider = document.querySelector(".scrub");
