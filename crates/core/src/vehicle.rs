@@ -262,6 +262,11 @@ impl Vehicle {
         self.lateral_acceleration_max.min(rest)
     }
 
+    /// Tangent of the largest change of the steering angle in a time [s]; angles beyond 1.5 rad are as good as any.
+    pub fn steering_step(&self, time: f64) -> f64 {
+        (self.steering_rate_max * time).min(1.5).tan()
+    }
+
     /// Curvature of the rear axle's path after the wheels have turned from one towards another, by at most a steering angle
     /// with this tangent, and no tighter than a largest curvature [1/m].
     pub fn turned(&self, from: f64, wanted: f64, step: f64, tightest: f64) -> f64 {

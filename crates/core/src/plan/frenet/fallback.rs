@@ -9,7 +9,8 @@
 //! 3. Full braking while the wheels turn towards those of another arc: the one next to the present steering that stays on
 //!    the road.
 //!
-//! Wheels turn as fast as they can and as far as the tyres hold; no steering jumps.
+//! When it brakes fully, an agent turns the wheels no faster than it can, and no tighter than its tyres hold beside the
+//! braking: where they are tighter already, it opens them.
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
@@ -158,7 +159,7 @@ fn turning(request: &PlanRequest, n_points: usize, wanted: impl Fn(Point, f64, f
     let (state, vehicle) = (request.state, request.vehicle);
     let mut axle = vehicle.rear_axle_from_center(state.pose());
     let (direction, braking) = braking(request);
-    let step = (vehicle.steering_rate_max * request.dt).tan();
+    let step = vehicle.steering_step(request.dt);
     let mut curvature = present_curvature(request);
     let (mut heading, mut driven) = (state.orientation, 0.0);
     let mut points = Vec::with_capacity(n_points);

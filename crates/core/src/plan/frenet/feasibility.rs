@@ -141,7 +141,7 @@ impl Limits {
             acceleration_max: vehicle.acceleration_max,
             velocity_max: vehicle.velocity_max,
             curvature_max: vehicle.curvature_max(),
-            steering_step: (vehicle.steering_rate_max * request.dt).min(1.5).tan(),
+            steering_step: vehicle.steering_step(request.dt),
             excess: excess.map(|e| 1.1 * e.max(0.0)),
             has_excess: excess.iter().any(|e| *e > 0.0),
             vehicle,

@@ -1,4 +1,4 @@
-//! Samples that are steered instead of fitted: a driver follows the path and turns the wheels as fast as they turn.
+//! Samples that are steered instead of fitted: a driver follows the path within the steering rate.
 //!
 //! A quintic joins two states, whatever steering that takes; where the path bends sharply or the wheels stand askew,
 //! nearly all of them turn the wheels too fast. A steered sample follows the path and keeps the limits of steering, so

@@ -120,7 +120,7 @@ fn full_braking_turns_the_wheels_within_the_steering_rate_and_the_friction_circl
                 assert!(rate < vehicle.steering_rate_max + 1e-6, "{velocity} m/s, {kind}: {rate} rad/s");
                 let held = vehicle.lateral_acceleration_beside(pair[1].acceleration);
                 let lateral = (pair[1].yaw_rate * pair[1].velocity).abs();
-                let opens = rate > vehicle.steering_rate_max - 1e-6;
+                let opens = steering(&pair[1]).abs() < steering(&pair[0]).abs();
                 assert!(lateral < held + 1e-6 || opens, "{velocity} m/s, {kind}: {lateral} of {held} m/s²");
             }
         }
