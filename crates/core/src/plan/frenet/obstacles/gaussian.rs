@@ -1,8 +1,10 @@
 //! Probability that a normally distributed point of the plane lies in an axis-parallel box: single precision for
-//! several boxes at once (`boxes`), double precision for strong correlations (`slabs`).
+//! several boxes at once (`boxes`; `degenerate` for correlations near ±1).
 
 mod boxes;
+mod degenerate;
 mod quadrature;
+#[cfg(test)]
 mod slabs;
 
 use crate::geometry::Point;
@@ -12,8 +14,6 @@ use boxes::{Boxes, LANES, NODES_UP_TO};
 pub(super) const REACH: f64 = 5.5;
 /// Smaller variances count as this [m²].
 pub(super) const VARIANCE_MIN: f64 = 1e-6;
-
-const INVERSE_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
 
 /// How often both diagonals lead from the centre of a footprint to itself, to the front left, front right, rear right and
 /// rear left corner; the other lanes stay at the centre.
@@ -77,19 +77,9 @@ impl Normal2 {
         let boxes = Boxes::new(x, y, half, inverse_sigma);
         let [.., moderate] = NODES_UP_TO;
         if self.rho > moderate || self.rho < -moderate {
-            return self.strongly_correlated(&boxes);
+            return degenerate::probabilities(&boxes, self.rho);
         }
         boxes.probabilities(self.rho)
-    }
-
-    #[cold]
-    fn strongly_correlated(&self, boxes: &Boxes) -> [f32; LANES] {
-        let side = |low: f32, high: f32| (f64::from(low), f64::from(high));
-        std::array::from_fn(|lane| {
-            let (x, y) = (side(boxes.low_x[lane], boxes.high_x[lane]), side(boxes.low_y[lane], boxes.high_y[lane]));
-            let rho = f64::from(boxes.sign[lane] * self.rho);
-            if WEIGHTS[lane] > 0.0 { slabs::box_probability(x, y, rho) as f32 } else { 0.0 }
-        })
     }
 }
 

@@ -27,8 +27,8 @@ const RULE_8: [(f64, f64); 8] = gauss_legendre();
 
 /// -1 / (2 ln 2): the density is 2 to the square times this.
 const SQUARE_TO_POWER: f32 = -0.721_347_5;
-const LOG2_E: f32 = std::f32::consts::LOG2_E;
-const INVERSE_TAU: f32 = 0.159_154_94;
+pub(super) const LOG2_E: f32 = std::f32::consts::LOG2_E;
+pub(super) const INVERSE_TAU: f32 = 0.159_154_94;
 
 /// Boxes, reflected into the first quadrant: the ends of their sides [standard deviations].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -183,7 +183,7 @@ fn probability(x: &Side, y: &Side, gain: f32) -> f32 {
 
 /// sqrt(2 pi) times the density at a place that is not negative, and the probability of being beyond it.
 #[inline(always)]
-fn density_and_tail(z: f32) -> (f32, f32) {
+pub(super) fn density_and_tail(z: f32) -> (f32, f32) {
     let density = power_of_two(SQUARE_TO_POWER * (z * z));
     let t = 1.0 / (1.0 + 0.28 * z);
     let polynomial = t
@@ -195,7 +195,7 @@ fn density_and_tail(z: f32) -> (f32, f32) {
 /// 2 to a number up to about 0, relative error below 2e-7. What is below 1e-12 counts as nothing: products of smaller
 /// numbers would be too small for the number format, and then some processors take very long.
 #[inline(always)]
-fn power_of_two(x: f32) -> f32 {
+pub(super) fn power_of_two(x: f32) -> f32 {
     /// Adding and subtracting it rounds to an integer; its low bits hold that integer.
     const ROUNDER: f32 = 12_582_912.0;
     const LEAST: f32 = -40.0;

@@ -48,7 +48,10 @@ fn box_probabilities_agree_with_brute_force_integration() {
 #[test]
 fn boxes_of_all_sizes_and_places_agree_with_the_slabs() {
     let mut worst = (0.0, String::new());
-    for rho in [0.0, 0.01, -0.05, 0.1, 0.15, -0.151, 0.3, 0.4, -0.5, 0.58, 0.7, -0.77, 0.8, 0.88, -0.95, 0.9999] {
+    for rho in [
+        0.0, 0.01, -0.05, 0.1, 0.15, -0.151, 0.3, 0.4, -0.5, 0.58, 0.7, -0.77, 0.8, 0.88, 0.881, -0.9, 0.93, -0.95,
+        0.98, -0.995, 0.9999,
+    ] {
         for half in [(2.25, 0.8), (2.25, 20.0), (0.3, 0.2)] {
             for (sx, sy) in [(0.1, 0.1), (0.4, 0.25), (1.5, 0.5), (0.7, 3.0), (20.0, 15.0)] {
                 for i in 0..23 {
