@@ -12,6 +12,7 @@
 
 // Each uses only those above it.
 mod settings;
+mod passing;
 mod targets;
 mod feasibility;
 mod profiles;
