@@ -1,6 +1,6 @@
 """A vehicle parked in an agent's lane, passed over the lane of the other direction.
 
-Lanes along x, 3.5 m wide; the parked car reaches from y = -1.5 m to 0.3 m, so a car 1.8 m wide needs an offset of 1.5 m.
+Lanes along x, 3.5 m wide; the parked car reaches from y = -1.5 m to 0.3 m: a car 1.8 m wide needs an offset of 1.5 m.
 """
 
 from __future__ import annotations

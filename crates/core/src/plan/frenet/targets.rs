@@ -5,7 +5,8 @@ use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
-use super::passing::{self, Detour, Leader, Passage, Standing};
+use super::detour::{Detour, Leader};
+use super::passing::{self, Passage, Standing};
 use super::settings::{Comfort, FrenetSettings};
 use crate::geometry::{Aabb, Point};
 
