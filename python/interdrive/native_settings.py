@@ -355,6 +355,8 @@ class RulesSettings:
         precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
             as others keep to the same order.
         keep_clear: It does not enter a junction without room behind it.
+        passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
+            be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
         stop_duration: It stands this long at a stop sign. Between 0 and 60.
         lead: It has left an area of a junction so long before another one comes. Between 0 and 60.
@@ -370,6 +372,7 @@ class RulesSettings:
     stop_signs: bool = True
     precedence: bool = False
     keep_clear: bool = True
+    passing: bool = True
     speed_factor: float = 1.0
     stop_duration: Annotated[float, "s"] = 1.0
     lead: Annotated[float, "s"] = 1.0

@@ -52,6 +52,9 @@ settings! {
         precedence: bool = false;
         /// It does not enter a junction without room behind it.
         keep_clear: bool = true;
+        /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and
+        /// no oncoming vehicle comes in the meantime; with planner `frenet`.
+        passing: bool = true;
         /// It takes speed limits for this many times what they are.
         speed_factor: f64 = 1.0, positive(3.0);
         /// It stands this long at a stop sign.
@@ -219,6 +222,7 @@ static NO_SETTINGS: RulesSettings = RulesSettings {
     stop_signs: false,
     precedence: false,
     keep_clear: false,
+    passing: false,
     speed_factor: 1.0,
     stop_duration: 0.0,
     lead: 0.0,

@@ -326,6 +326,14 @@ fn priorities(parts: PriorityParts, road: &RoadNetwork) -> PyResult<Priorities> 
     })
 }
 
+/// Lanelets whose line on one side must not be crossed from there.
+fn closed_lines(ids: Vec<i64>, road: &RoadNetwork) -> PyResult<Vec<usize>> {
+    let index = |id: i64| road.index_of(id).ok_or_else(|| exception(Error::UnknownId { what: "lanelet", id }));
+    let mut found: Vec<usize> = ids.into_iter().map(index).collect::<PyResult<_>>()?;
+    found.sort_unstable();
+    Ok(found)
+}
+
 #[pyclass(frozen, name = "Scenario", module = "interdrive._core")]
 pub struct PyScenario(pub Arc<Scenario>);
 
@@ -334,7 +342,7 @@ impl PyScenario {
     #[new]
     #[pyo3(signature = (
         dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
-        lights=vec![], lines=vec![], priorities=None
+        lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![])
     ))]
     fn new(
         dt: f64,
@@ -354,6 +362,7 @@ impl PyScenario {
         lights: Vec<LightParts>,
         lines: Vec<LineParts>,
         priorities: Option<PriorityParts>,
+        closed: (Vec<i64>, Vec<i64>),
     ) -> PyResult<Self> {
         let fields = [&y, &orientation, &velocity, &acceleration];
         let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
@@ -365,6 +374,7 @@ impl PyScenario {
         if let Some(parts) = priorities {
             scenario.control.priorities = self::priorities(parts, &road.0)?;
         }
+        scenario.control.closed = [closed_lines(closed.0, &road.0)?, closed_lines(closed.1, &road.0)?];
         Ok(Self(Arc::new(scenario)))
     }
 

@@ -1,4 +1,4 @@
-"""Traffic lights and stop lines of a file, and what a light shows when."""
+"""Traffic lights, stop lines and lines between lanes of a file, and what a light shows when."""
 
 from __future__ import annotations
 
@@ -23,6 +23,11 @@ WAYS: tuple[Way, ...] = ("left", "straight", "right")
 
 #: All signals; the position is the code that crosses the boundary to the core.
 SIGNALS: tuple[Signal, ...] = ("dark", "green", "yellow", "red")
+
+#: Markings that must not be crossed from either side. Of a double line the nearer one counts: its names go from left to
+#: right, so on the left of a lane it is the second one.
+_SOLID = frozenset(("solid", "broad_solid", "solid_solid", "curb"))
+CLOSED = {"left": _SOLID | {"dashed_solid"}, "right": _SOLID | {"solid_dashed"}}
 
 
 @dataclass(frozen=True)

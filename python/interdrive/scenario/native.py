@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.scenario.control import SIGNALS, WAYS
+from interdrive.scenario.control import CLOSED, SIGNALS, WAYS
 from interdrive.scenario.model import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from interdrive.native_settings import RoadSettings
-    from interdrive.scenario.model import Obstacles, Scenario, Shape
+    from interdrive.scenario.model import Lanelets, Obstacles, Scenario, Shape
 
     _Point = tuple[float, float]
 
@@ -109,7 +109,14 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
             ],
             _lines(scenario),
             _priorities(scenario),
+            (_closed(scenario.lanelets, "left"), _closed(scenario.lanelets, "right")),
         )
+
+
+def _closed(lanelets: Lanelets, side: Literal["left", "right"]) -> list[int]:
+    """Ids of the lanelets whose line on a side must not be crossed from there."""
+    markings = lanelets.left_marking if side == "left" else lanelets.right_marking
+    return [number for number, name in zip(lanelets.ids.tolist(), markings, strict=False) if name in CLOSED[side]]
 
 
 def _priorities(

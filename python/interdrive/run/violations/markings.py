@@ -9,6 +9,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.run.violations.drives import Drives, Row, stretches
 from interdrive.scenario import KINDS
+from interdrive.scenario.control import CLOSED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,11 +22,6 @@ if TYPE_CHECKING:
 
 #: Wheels may be beyond a line by this [m].
 ACROSS = 0.2
-#: Markings that must not be crossed from either side. Of a double line the nearer one counts: its names go from left to
-#: right, so on the left of a lane it is the second one.
-_SOLID = {"solid", "broad_solid", "solid_solid", "curb"}
-CLOSED = {"left": _SOLID | {"dashed_solid"}, "right": _SOLID | {"solid_dashed"}}
-
 _OPPOSITE = {"left": "right", "right": "left"}
 
 

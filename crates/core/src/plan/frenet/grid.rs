@@ -456,6 +456,9 @@ fn arc_min(inputs: &Inputs) -> f64 {
     if start.velocity >= settings.low_velocity {
         return ARC_MIN;
     }
+    if targets.swing > 0.0 {
+        return targets.swing;
+    }
     let velocity = TURNING_SPEED * start.velocity.max(targets.velocity);
     turning_length([start.d, start.d_prime, start.d_prime2], limits.curvature_rate() / velocity, ARC_MIN)
 }

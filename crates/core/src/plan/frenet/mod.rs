@@ -12,6 +12,8 @@
 
 // Each uses only those above it.
 mod settings;
+mod passing;
+mod detour;
 mod targets;
 mod feasibility;
 mod profiles;

@@ -5,6 +5,8 @@ use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
+use super::detour::{Detour, Leader};
+use super::passing::{self, Passage, Standing};
 use super::settings::{Comfort, FrenetSettings};
 use crate::geometry::{Aabb, Point};
 
@@ -13,16 +15,6 @@ const CURVE_STEP: f64 = 1.0;
 const CURVE_REACH: f64 = 250.0;
 /// The corridor of the path is wider than the agent by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.3;
-/// Distance to what stands and is passed [m]: the first one for which there is room.
-const PASSING_CLEARANCES: [f64; 2] = [0.3, 0.2];
-/// Room is needed from so far before it to so far behind it [m], examined at such steps [m].
-const PASSING_LEAD: f64 = 1.0;
-const PASSING_STEP: f64 = 2.0;
-/// The agent moves to the side so long before it [s], but no less than this [m].
-const PASSING_TIME: f64 = 3.0;
-const PASSING_LENGTH: f64 = 10.0;
-/// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
-const QUEUE_OFFSET: f64 = 1.0;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// Whoever has to wait for more than this [s] may want to stop.
@@ -42,7 +34,9 @@ pub(super) struct Targets {
     pub(super) s_max: f64,
     /// Lateral position [m]: 0, or beside what stands in the way and is passed.
     pub(super) offset: f64,
-    /// The same before a junction, and for how long [s].
+    /// Slow agents move over within this length [m]; 0: as far as their wheels need.
+    pub(super) swing: f64,
+    /// As `s_max` before a junction, and for how long [s].
     pub(super) gate: (f64, f64),
 }
 
@@ -50,20 +44,8 @@ pub(super) struct Targets {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Ahead {
     Leads(Leader),
-    /// It stands and is passed at an offset [m]; arc length of its nearest point [m].
-    IsPassed {
-        rear: f64,
-        offset: f64,
-    },
-}
-
-/// A participant that the agent follows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Leader {
-    /// Arc length of its nearest point [m].
-    rear: f64,
-    /// Its speed along the path [m/s], not negative.
-    velocity: f64,
+    /// It stands and can be passed.
+    Stands(Standing, Passage),
 }
 
 impl Targets {
@@ -84,21 +66,32 @@ impl Targets {
         }
         let stretch = Stretch::ahead(request, start);
         let near = request.others.iter().filter(|other| stretch.may_hold(other));
-        let passing_reach = front + PASSING_LENGTH.max(PASSING_TIME * start.velocity);
-        let (mut offset, mut nearest) = (0.0, passing_reach);
-        for ahead in near.filter_map(|other| ahead(other, request, start, settings)) {
-            let leader = match ahead {
-                Ahead::Leads(leader) => leader,
-                Ahead::IsPassed { rear, offset: beside } => {
-                    if rear < nearest {
-                        (nearest, offset) = (rear, beside);
-                    }
-                    continue;
-                }
-            };
+        let (mut offset, mut nearest) = (0.0, front + passing::reach(start));
+        let (mut blocks, mut swing) = (Vec::new(), 0.0);
+        let mut follow = |leader: Leader| {
             let gap = leader.rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, leader.velocity, comfort));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
+        };
+        let all = near.filter_map(|other| ahead(other, request, start, settings));
+        for ahead in all.clone() {
+            match ahead {
+                Ahead::Leads(leader) => follow(leader),
+                Ahead::Stands(Standing { rear, .. }, Passage::Here(beside)) => {
+                    if rear < nearest {
+                        (nearest, offset) = (rear, beside);
+                    }
+                }
+                Ahead::Stands(found, Passage::Opposite(beside)) => blocks.push((found.rear, found.front, beside)),
+            }
+        }
+        if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
+            let leaders = all.filter_map(|ahead| if let Ahead::Leads(leader) = ahead { Some(leader) } else { None });
+            if !detour.is_free(request, start, leaders, comfort.deceleration) {
+                follow(detour.leader(comfort.standstill_gap));
+            } else if detour.rear() < nearest {
+                (offset, swing) = (detour.offset, detour.swing(front));
+            }
         }
         let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min, true);
         let (goal_velocity, goal_stop) = goal;
@@ -116,7 +109,7 @@ impl Targets {
         let hold_stop = hold - LINE_GAP - (front - start.s);
         let line_stop = if release > HOLD_STOP { line_stop.min(hold_stop) } else { line_stop };
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, stops, s_max, gate: (gate, release), offset }
+        Self { velocity, stops, s_max, gate: (gate, release), offset, swing }
     }
 }
 
@@ -217,42 +210,9 @@ fn ahead(other: &Other, request: &PlanRequest, start: &Start, settings: &FrenetS
         return None;
     }
     let rear = s - half_s;
-    // Vehicles that stand in a queue head along the path, near its middle.
-    let queues = !other.is_static && cos > LEADER_HEADING_COSINE && d.abs() < QUEUE_OFFSET;
-    if stands && !queues {
-        for clearance in PASSING_CLEARANCES {
-            let half_gap = half_d + 0.5 * vehicle.width + clearance;
-            let mut sides = [(d - half_gap).min(0.0), (d + half_gap).max(0.0)];
-            sides.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-            let has_room = |side: &f64| has_room(request, (rear, s + half_s), *side, settings.d_max);
-            if let Some(offset) = sides.into_iter().find(has_room) {
-                return Some(Ahead::IsPassed { rear, offset });
-            }
-        }
-    }
-    Some(Ahead::Leads(Leader { rear, velocity }))
-}
-
-/// The agent stays on lanelets of its own direction while it passes a stretch of the path at an offset of its rear axle.
-fn has_room(request: &PlanRequest, (from, to): (f64, f64), d: f64, d_max: f64) -> bool {
-    if d.abs() > d_max {
-        return false;
-    }
-    let (path, vehicle, road) = (&request.route.path, request.vehicle, request.road);
-    let length = to - from + 2.0 * PASSING_LEAD + vehicle.length;
-    let n = (length / PASSING_STEP).ceil();
-    let first = from - PASSING_LEAD - vehicle.length;
-    (0..=n as usize).all(|i| {
-        let at = path.at((first + length * i as f64 / n).max(0.0));
-        let (tangent, left) = (at.tangent(), at.tangent().left());
-        [-0.5, 0.5].iter().all(|side| {
-            let place = at.position + left * (d + side * vehicle.width);
-            road.lanelets_at(place).iter().any(|lanelet| {
-                let foot = road.lanelets()[*lanelet].center.project(place).s;
-                Point::from_angle(road.heading_at(*lanelet, foot)).dot(tangent) > LEADER_HEADING_COSINE
-            })
-        })
-    })
+    let found = Standing { rear, front: s + half_s, d, half_d, cos };
+    let passage = if stands { found.passage(other, request, settings.d_max) } else { None };
+    Some(passage.map_or(Ahead::Leads(Leader { rear, velocity }), |passage| Ahead::Stands(found, passage)))
 }
 
 /// Speed from which all curves ahead can be taken comfortably, and all speed limits be met, after comfortable braking, or

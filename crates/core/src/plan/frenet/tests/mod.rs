@@ -13,6 +13,7 @@ mod starts;
 mod steered;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
+use crate::control::Control;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::{Point, Pose};
@@ -20,7 +21,7 @@ use crate::plan::{Other, PlanRequest, PlanResult, PredictionIndex};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
 use crate::route::Route;
-use crate::rules::Rules;
+use crate::rules::{Rules, RulesSettings};
 use crate::scenario::{Goal, GoalState};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
@@ -65,6 +66,8 @@ pub(super) struct Drive {
     /// Predicted steps, and how many steps ago they were predicted.
     n_predicted: usize,
     prediction_age: i64,
+    /// What it obeys, with lines; nothing if there is none.
+    rules: Option<(Control, RulesSettings)>,
 }
 
 /// Somewhere, at any time in the next 100 s.
@@ -105,6 +108,7 @@ impl Drive {
             previous: None,
             n_predicted: 30,
             prediction_age: 0,
+            rules: None,
         }
     }
 
@@ -190,7 +194,11 @@ impl Drive {
             prediction_index: &PredictionIndex::of(&predictions, &self.positions()),
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
-            rules: Rules::default(),
+            rules: self.rules.as_ref().map_or_else(Rules::default, |(control, settings)| Rules {
+                control,
+                settings,
+                ..Rules::default()
+            }),
             last_time_step: None,
         })
     }

@@ -1,0 +1,204 @@
+//! When the lane of the other direction is free to pass what stands.
+
+use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
+use super::super::frame::Start;
+use super::super::{Other, PlanRequest};
+use super::passing::{CLEARANCES, LEAD, LENGTH, STEP, Section, reach};
+use crate::geometry::Point;
+use crate::rules::{EARLY, travel_time};
+
+/// The agent has left the lane of the other direction so long before an oncoming vehicle comes [s]; less if it is on its
+/// way already.
+const GAP: f64 = 2.0;
+const GAP_UNDER_WAY: f64 = 0.5;
+/// Who waits to pass stands so far behind [m]: from there it can swing out.
+const WAITING_GAP: f64 = 7.0;
+/// Its swing ends when its front is so far beside [m], but is neither shorter nor longer than this.
+const SWING_BESIDE: f64 = 2.0;
+const SWING: (f64, f64) = (6.0, 12.0);
+/// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
+const ACCELERATION: f64 = 1.0;
+const SPEED: f64 = 6.0;
+/// Whoever has moved by this share of the offset is under way.
+const UNDER_WAY: f64 = 0.3;
+/// Oncoming vehicles are looked for up to this distance from where they meet the agent [m].
+const SIGHT: f64 = 250.0;
+/// Modes that are less probable do not count.
+const PROBABILITY_MIN: f64 = 0.2;
+/// More than any rounding of a distance [m].
+const ROUNDING: f64 = 1e-6;
+
+/// A participant that the agent follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Leader {
+    /// Arc length of its nearest point [m].
+    pub(super) rear: f64,
+    /// Its speed along the path [m/s], not negative.
+    pub(super) velocity: f64,
+}
+
+/// All that stands in a row and is passed over the lane of the other direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Detour {
+    /// Arc lengths between which it stands [m].
+    rear: f64,
+    front: f64,
+    /// Offset beside the first of them [m], and the largest one.
+    pub(super) offset: f64,
+    widest: f64,
+}
+
+impl Detour {
+    /// Past the nearest of some (arc lengths, offset), together with those so near behind it that the agent does not
+    /// return in between.
+    pub(super) fn past(blocks: &mut [(f64, f64, f64)], vehicle_length: f64) -> Option<Self> {
+        blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (&(rear, front, offset), others) = blocks.split_first()?;
+        let mut detour = Self { rear, front, offset, widest: offset };
+        for (rear, front, offset) in others {
+            if *rear > detour.front + vehicle_length + 2.0 * LENGTH {
+                break;
+            }
+            detour.front = detour.front.max(*front);
+            if offset.abs() > detour.widest.abs() {
+                detour.widest = *offset;
+            }
+        }
+        Some(detour)
+    }
+
+    /// Arc length of its nearest point [m].
+    pub(super) fn rear(&self) -> f64 {
+        self.rear
+    }
+
+    /// Length in which an agent has moved over that starts from rest, with its front at an arc length [m].
+    pub(super) fn swing(&self, front: f64) -> f64 {
+        (self.rear - front + SWING_BESIDE).clamp(SWING.0, SWING.1)
+    }
+
+    /// Who waits to pass follows this.
+    pub(super) fn leader(&self, gap: f64) -> Leader {
+        Leader { rear: self.rear - (WAITING_GAP - gap).max(0.0), velocity: 0.0 }
+    }
+
+    /// The agent may pass now. It depends on nothing but what the agent sees: once beside what stands, or too fast to stop
+    /// before it, the agent goes on; when it has begun to move over, smaller gaps suffice.
+    pub(super) fn is_free(
+        &self,
+        request: &PlanRequest,
+        start: &Start,
+        mut leaders: impl Iterator<Item = Leader>,
+        deceleration: f64,
+    ) -> bool {
+        let vehicle = request.vehicle;
+        let front = start.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
+        let moved = start.d * self.offset.signum();
+        let is_under_way = moved > UNDER_WAY * self.offset.abs();
+        let can_stop = front + 0.5 * start.velocity.powi(2) / deceleration < self.rear - LEAD;
+        if is_under_way && !can_stop {
+            return true;
+        }
+        // Both ways of the swing are half on the lane of the other direction.
+        let swing = 0.5 * reach(start);
+        let (from, to) = (self.rear - swing, self.front + swing);
+        let largest = start.velocity.max(SPEED);
+        let enter = travel_time(from - front, start.velocity, largest, EARLY);
+        let leave = travel_time(to + vehicle.length - front, start.velocity, largest, ACCELERATION);
+        let room = to + vehicle.length;
+        let is_held = leaders.any(|leader| leader.rear < self.rear || leader.rear + leader.velocity * leave < room);
+        let gap = if is_under_way { GAP_UNDER_WAY } else { GAP };
+        !is_held && !self.is_blocked(request) && !self.meets(request, (from, to), (enter, leave + gap))
+    }
+
+    /// Something else stands where the agent would pass.
+    fn is_blocked(&self, request: &PlanRequest) -> bool {
+        let (path, half) = (&request.route.path, 0.5 * request.vehicle.width + CLEARANCES[1] - ROUNDING);
+        let (middle, length) = (0.5 * (self.rear + self.front), self.front - self.rear + 2.0 * request.vehicle.length);
+        request.others.iter().any(|other| {
+            if !other.is_static && other.velocity.abs() >= LEADER_STATIONARY_SPEED {
+                return false;
+            }
+            let body = other.shape.oriented_box(other.pose);
+            let size = body.half_length + body.half_width;
+            let Some((s, d)) = path.project_near(body.center, middle, 0.5 * length + size) else { return false };
+            let tangent = path.at(s).tangent();
+            let (cos, sin) = (tangent.dot(body.axis).abs(), tangent.cross(body.axis).abs());
+            let half_s = body.half_length * cos + body.half_width * sin;
+            let half_d = body.half_length * sin + body.half_width * cos;
+            let is_beside = (s - middle).abs() < 0.5 * length + half_s;
+            is_beside && [self.offset, self.widest].iter().any(|offset| (d - offset).abs() < half + half_d)
+        })
+    }
+
+    /// An oncoming vehicle is on the stretch of its lane beside the path at the time [s].
+    fn meets(&self, request: &PlanRequest, (from, to): (f64, f64), (enter, leave): (f64, f64)) -> bool {
+        let entries = self.entries(request, (from, to));
+        request.others.iter().filter(|other| !other.is_static).any(|other| {
+            let Some(distance) = distance(other, request, &entries) else { return false };
+            let half = other.shape.oriented_box(other.pose).half_length;
+            let (arrives, leaves) = (distance - half, distance + (to - from) + half);
+            leaves > 0.0 && speeds(other, request).any(|speed| arrives < speed * leave && leaves > speed * enter)
+        })
+    }
+
+    /// Lanelets of the other direction beside the path and those that lead into them, with the arc length on each, beyond
+    /// its end on those before, at which oncoming vehicles reach the stretch [m].
+    fn entries(&self, request: &PlanRequest, (from, to): (f64, f64)) -> Vec<(usize, f64)> {
+        let (path, road) = (&request.route.path, request.road);
+        let mut found: Vec<(usize, f64)> = Vec::new();
+        let n = ((to - from) / STEP).ceil();
+        let last = path.at(to).position;
+        for i in 0..=n as usize {
+            let at = path.at((from + (to - from) * i as f64 / n).max(0.0));
+            let section = Section { request, tangent: at.tangent(), middle: at.position };
+            for lanelet in section.opposite() {
+                if found.iter().all(|(known, _)| *known != lanelet) {
+                    found.push((lanelet, road.lanelets()[lanelet].center.project(last).s));
+                }
+            }
+        }
+        let mut next = 0;
+        while let Some((lanelet, entry)) = found.get(next).copied() {
+            next += 1;
+            for before in &road.lanelets()[lanelet].predecessors {
+                let entry = entry + road.lanelets()[*before].length;
+                if entry < SIGHT && found.iter().all(|(known, _)| known != before) {
+                    found.push((*before, entry));
+                }
+            }
+        }
+        found
+    }
+}
+
+/// How far the middle of an oncoming vehicle has to go to a stretch of its lane [m], negative behind its beginning.
+fn distance(other: &Other, request: &PlanRequest, entries: &[(usize, f64)]) -> Option<f64> {
+    let road = request.road;
+    let axis = Point::from_angle(other.pose.orientation) * if other.velocity < 0.0 { -1.0 } else { 1.0 };
+    let here = road.lanelets_near(other.pose.position, 1.0);
+    let entries = entries.iter().filter(|(lanelet, _)| here.binary_search(lanelet).is_ok());
+    let along = entries.filter_map(|(lanelet, entry)| {
+        let foot = road.lanelets()[*lanelet].center.project(other.pose.position).s;
+        let leads = Point::from_angle(road.heading_at(*lanelet, foot)).dot(axis) > LEADER_HEADING_COSINE;
+        leads.then_some(entry - foot)
+    });
+    along.reduce(f64::min)
+}
+
+/// Its speed now, and in the mean over each of its predicted modes [m/s].
+fn speeds(other: &Other, request: &PlanRequest) -> impl Iterator<Item = f64> {
+    let predictions = request.predictions;
+    let (row, now) = (other.row, other.pose.position);
+    let mean = move |mode: usize| {
+        if predictions.probability[row * predictions.n_modes + mode] < PROBABILITY_MIN {
+            return None;
+        }
+        let first = predictions.offset(row, mode);
+        let last = (0..predictions.n_steps).rev().find(|step| predictions.valid[first + step])?;
+        let place = Point::new(predictions.x[first + last], predictions.y[first + last]);
+        let steps = predictions.time_step + last as i64 + 1 - request.time_step;
+        (steps > 0).then(|| now.distance(place) / (steps as f64 * request.dt))
+    };
+    std::iter::once(other.velocity.abs()).chain((0..predictions.n_modes).filter_map(mean))
+}

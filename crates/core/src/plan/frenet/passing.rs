@@ -1,0 +1,145 @@
+//! What stands in the way and is passed: on which side there is room.
+
+use super::super::car_following::LEADER_HEADING_COSINE;
+use super::super::frame::Start;
+use super::super::{Other, PlanRequest};
+use crate::geometry::Point;
+use crate::vehicle::ParticipantKind;
+
+/// Distance to what stands and is passed [m]: the first one for which there is room.
+pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
+/// Room is needed from so far before it to so far behind it [m], examined at such steps [m].
+pub(super) const LEAD: f64 = 1.0;
+pub(super) const STEP: f64 = 2.0;
+/// The agent moves to the side so long before it [s], but no less than this [m].
+const TIME: f64 = 3.0;
+pub(super) const LENGTH: f64 = 10.0;
+/// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
+const QUEUE_OFFSET: f64 = 1.0;
+/// Vehicles that stand so near before a stop line or behind another one [m] wait there.
+const WAITING_REACH: f64 = 15.0;
+
+/// How far ahead of its front the agent looks for a place beside what it passes [m].
+pub(super) fn reach(start: &Start) -> f64 {
+    LENGTH.max(TIME * start.velocity)
+}
+
+/// What stands in the way, along and across the path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Standing {
+    /// Arc lengths of its nearest and furthest point [m].
+    pub(super) rear: f64,
+    pub(super) front: f64,
+    /// Offset of its middle [m], and half its width across the path.
+    pub(super) d: f64,
+    pub(super) half_d: f64,
+    /// Cosine of its heading to the path's.
+    pub(super) cos: f64,
+}
+
+/// How something that stands may be passed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Passage {
+    /// On lanelets of the agent's direction, at an offset [m].
+    Here(f64),
+    /// Over the lane of the other direction, at an offset [m], while nobody comes there.
+    Opposite(f64),
+}
+
+impl Standing {
+    /// Where the agent can pass it; not if it waits in a queue.
+    pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
+        let is_left = other.is_static || other.kind == ParticipantKind::ParkedVehicle;
+        if !is_left && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
+            return None;
+        }
+        let found = self.sides(request, d_max, |place, road| road.is_own(place));
+        if let Some(offset) = found {
+            return Some(Passage::Here(offset));
+        }
+        let settings = request.rules.settings;
+        if !(settings.enabled && settings.passing) || !(is_left || self.is_parked(request)) {
+            return None;
+        }
+        let found = self.sides(request, d_max, |place, road| road.is_own(place) || road.is_open(place));
+        found.filter(|offset| is_left || offset * self.d < 0.0).map(Passage::Opposite)
+    }
+
+    /// A vehicle at the side that waits neither before a line nor behind others.
+    fn is_parked(&self, request: &PlanRequest) -> bool {
+        let before = |s: f64| (self.rear..self.front + WAITING_REACH).contains(&s);
+        let follows = |other: &Other| {
+            let found = request.route.path.project_near(other.pose.position, self.front, WAITING_REACH);
+            found.is_some_and(|(s, d)| s > self.front && before(s) && (d - self.d).abs() < QUEUE_OFFSET)
+        };
+        self.d.abs() >= QUEUE_OFFSET
+            && self.cos.abs() > LEADER_HEADING_COSINE
+            && !request.rules.way.lines().any(|(s, _)| before(s))
+            && !request.others.iter().any(follows)
+    }
+
+    /// The nearest offset beside it whose ground is admitted.
+    fn sides(&self, request: &PlanRequest, d_max: f64, admits: impl Fn(Point, &Section) -> bool) -> Option<f64> {
+        CLEARANCES.into_iter().find_map(|clearance| {
+            let half_gap = self.half_d + 0.5 * request.vehicle.width + clearance;
+            let mut sides = [(self.d - half_gap).min(0.0), (self.d + half_gap).max(0.0)];
+            sides.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+            let has_room = |side: &f64| side.abs() <= d_max && self.has_room(request, *side, &admits);
+            sides.into_iter().find(has_room)
+        })
+    }
+
+    /// The ground is admitted on which the agent passes at an offset of its rear axle.
+    fn has_room(&self, request: &PlanRequest, d: f64, admits: impl Fn(Point, &Section) -> bool) -> bool {
+        let (path, vehicle) = (&request.route.path, request.vehicle);
+        let length = self.front - self.rear + 2.0 * LEAD + vehicle.length;
+        let n = (length / STEP).ceil();
+        let first = self.rear - LEAD - vehicle.length;
+        (0..=n as usize).all(|i| {
+            let at = path.at((first + length * i as f64 / n).max(0.0));
+            let section = Section { request, tangent: at.tangent(), middle: at.position };
+            let left = section.tangent.left();
+            [-0.5, 0.5].iter().all(|side| admits(at.position + left * (d + side * vehicle.width), &section))
+        })
+    }
+}
+
+/// The road across the path at a place.
+pub(super) struct Section<'a> {
+    pub(super) request: &'a PlanRequest<'a>,
+    pub(super) tangent: Point,
+    pub(super) middle: Point,
+}
+
+impl Section<'_> {
+    /// Cosine of a lanelet's direction to the path's, beside a place.
+    fn cosine(&self, lanelet: usize, place: Point) -> f64 {
+        let road = self.request.road;
+        let foot = road.lanelets()[lanelet].center.project(place).s;
+        Point::from_angle(road.heading_at(lanelet, foot)).dot(self.tangent)
+    }
+
+    /// A place lies on a lanelet of the agent's direction.
+    fn is_own(&self, place: Point) -> bool {
+        let here = self.request.road.lanelets_at(place);
+        here.iter().any(|lanelet| self.cosine(*lanelet, place) > LEADER_HEADING_COSINE)
+    }
+
+    /// A place lies on a lane of the other direction beside the agent's, with a line between them that may be crossed.
+    fn is_open(&self, place: Point) -> bool {
+        self.opposite().any(|lanelet| self.request.road.lanelets_at(place).contains(&lanelet))
+    }
+
+    /// Lanes of the other direction beside the agent's that may be entered.
+    pub(super) fn opposite(&self) -> impl Iterator<Item = usize> {
+        let (road, closed) = (self.request.road, &self.request.rules.control.closed);
+        let mut own = road.lanelets_at(self.middle);
+        own.retain(|lanelet| self.cosine(*lanelet, self.middle) > LEADER_HEADING_COSINE);
+        own.into_iter().flat_map(move |lanelet| {
+            let found = &road.lanelets()[lanelet];
+            let beside = [found.adjacent_left, found.adjacent_right].into_iter().zip(closed);
+            let open = beside.filter(move |(_, closed)| closed.binary_search(&lanelet).is_err());
+            open.filter_map(|(beside, _)| beside.filter(|(_, is_same)| !is_same).map(|(beside, _)| beside))
+        })
+    }
+}

@@ -1,0 +1,112 @@
+"""A vehicle parked in an agent's lane, passed over the lane of the other direction.
+
+Lanes along x, 3.5 m wide; the parked car reaches from y = -1.5 m to 0.3 m: a car 1.8 m wide needs an offset of 1.5 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.scenario import Lanelets
+from interdrive.testing.worlds import Car, problem, world
+
+PARKED = 100.0
+SHIFT = 1.5
+
+
+def street(marking):
+    """Lanelet 1 towards +x at y = 0, lanelet 2 towards -x at y = 3.5 m, with a line between them."""
+    x = np.linspace(0.0, 300.0, 61)
+
+    def bound(y, ahead):
+        return np.column_stack([x if ahead else x[::-1], np.full_like(x, y)])
+
+    return Lanelets(
+        ids=np.array([1, 2]),
+        left=(bound(1.75, True), bound(1.75, False)),
+        right=(bound(-1.75, True), bound(5.25, False)),
+        predecessors=((), ()),
+        successors=((), ()),
+        adjacent_left=np.array([2, 1]),
+        adjacent_left_same_direction=np.zeros(2, dtype=bool),
+        adjacent_right=np.full(2, -1),
+        adjacent_right_same_direction=np.zeros(2, dtype=bool),
+        speed_limit=np.full(2, 10.0),
+        types=((), ()),
+        left_marking=(marking, marking),
+        right_marking=("solid", "solid"),
+    )
+
+
+def blocked(marking="dashed", cars=(), problems=()):
+    """The street with the parked car and an agent 60 m before it."""
+    agent = problem(1, 40.0, 0.0, 8.0, goal=(250.0, 0.0), time_step=(0, 500))
+    scenario = world(street(marking), cars=[Car(50, PARKED, -0.6), *cars], problems=[agent, *problems], steps=900)
+    kinds = ("parked_vehicle", *scenario.obstacles.kinds[1:])
+    return replace(scenario, obstacles=replace(scenario.obstacles, kinds=kinds))
+
+
+def driven(scenario, agents=(1,), **settings):
+    run = idr.simulate(scenario, agents=list(agents), settings=settings, threads=1)
+    return run, run.states.x[0, run.states.valid[0]], run.states.y[0, run.states.valid[0]]
+
+
+@pytest.mark.parametrize("marking", ["dashed", "broad_dashed", "no_marking", "unknown", "lowered_curb", "solid_dashed"])
+def test_a_parked_car_is_passed_over_a_lane_whose_line_may_be_crossed(marking):
+    run, x, y = driven(blocked(marking))
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert np.interp(PARKED, x, y) == pytest.approx(SHIFT, abs=0.2), "m, beside it"
+    assert abs(np.interp(PARKED + 2.25 + 30.0, x, y)) <= 0.3, "m, 30 m behind it"
+    assert len(run.violations.rule) == 0
+
+
+@pytest.mark.parametrize("marking", ["solid", "broad_solid", "curb", "dashed_solid"])
+def test_an_agent_waits_behind_a_parked_car_where_the_line_must_not_be_crossed(marking):
+    run, x, y = driven(blocked(marking))
+    assert run.outcomes.outcome != ("goal_reached",)
+    assert x.max() < PARKED - 4.5 and np.abs(y).max() < 0.3, "m"
+    assert "solid_line" not in run.violations.rule
+
+
+def test_passing_can_be_switched_off_per_agent():
+    _, x, _ = driven(blocked(), **{"rules.passing": False})
+    assert x.max() < PARKED - 4.5, "m"
+
+
+@pytest.mark.parametrize("start", [140.0, 170.0, 200.0])
+def test_an_oncoming_car_that_would_be_met_leaves_first(start):
+    oncoming = Car(60, start, 3.5, 10.0, np.pi, last=int(start) - 5)
+    run, x, _ = driven(blocked(cars=[oncoming]))
+    assert run.outcomes.outcome == ("goal_reached",)
+    beside, met = 0.1 * float(np.argmax(x > PARKED - 4.5)), (start - PARKED) / 10.0
+    assert beside > met or beside + 3.0 < met, "s"
+
+
+def test_a_queue_is_not_passed():
+    cars = [Car(51, 120.0, -0.6), Car(52, 127.0, -0.6)]
+    scenario = world(
+        street("dashed"), cars=cars, problems=[problem(1, 40.0, 0.0, 8.0, goal=(250.0, 0.0), time_step=(0, 300))],
+        steps=600,
+    )  # fmt: skip
+    _, x, y = driven(scenario)
+    assert x.max() < 120.0 - 4.5 and np.abs(y).max() < 0.3, "m"
+
+
+@pytest.mark.parametrize("start", [150.0, 170.0, 190.0, 210.0, 230.0, 250.0])
+@pytest.mark.parametrize("velocity", [4.0, 10.0])
+def test_two_agents_meet_at_a_parked_car_without_contact(start, velocity):
+    other = problem(
+        2, start, 3.5, velocity, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 500)
+    )  # fmt: skip
+    run, _, _ = driven(blocked(problems=[other]), agents=(1, 2))
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+
+
+def test_passing_does_not_depend_on_threads():
+    other = problem(2, 170.0, 3.5, 10.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 500))
+    runs = [idr.simulate(blocked(problems=[other]), agents=[1, 2], threads=threads) for threads in (1, 2)]
+    assert runs[0].digest == runs[1].digest
