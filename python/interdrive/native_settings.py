@@ -48,7 +48,7 @@ class FrenetWeights:
     longitudinal_acceleration: float = 0.0
     orientation_offset: float = 0.0
     distance_to_obstacles: float = 0.0
-    prediction: float = 0.2
+    prediction: float = 0.07
 
 
 @dataclass(frozen=True)

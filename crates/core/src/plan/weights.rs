@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     fn actions(change: WeightChange) -> WeightActions {
-        // Distance to the reference (5), prediction (0.2).
+        // Distance to the reference (5), prediction (0.07).
         WeightActions { planner: FrenetSettings::default(), terms: vec![1, 12], change }
     }
 
@@ -106,7 +106,7 @@ mod tests {
         let start = actions.planner.weights;
         let (weights, change) = actions.changed(&start, [1.0, -0.5].into_iter());
         assert!((weights.distance_to_reference - 50.0).abs() < 1e-12);
-        assert!((weights.prediction - 0.2 / 10_f64.sqrt()).abs() < 1e-15);
+        assert!((weights.prediction - 0.07 / 10_f64.sqrt()).abs() < 1e-15);
         assert!((change - 0.75).abs() < 1e-12);
         assert_eq!(weights.velocity_offset, start.velocity_offset);
         // They do not add up.
@@ -118,11 +118,11 @@ mod tests {
         let actions = actions(WeightChange::Additive);
         let mut weights = actions.planner.weights;
         weights = actions.changed(&weights, [1.0, -1.0].into_iter()).0;
-        assert!((weights.distance_to_reference - 5.5).abs() < 1e-12 && (weights.prediction - 0.18).abs() < 1e-12);
+        assert!((weights.distance_to_reference - 5.5).abs() < 1e-12 && (weights.prediction - 0.063).abs() < 1e-12);
         for _ in 0..20 {
             weights = actions.changed(&weights, [2.0, -2.0].into_iter()).0;
         }
-        assert!((weights.distance_to_reference - 10.0).abs() < 1e-12 && (weights.prediction - 0.0002).abs() < 1e-12);
+        assert!((weights.distance_to_reference - 10.0).abs() < 1e-12 && (weights.prediction - 0.00007).abs() < 1e-12);
         let powers: Vec<f64> = actions.powers(&weights).collect();
         assert!((powers[0] - 2_f64.log10()).abs() < 1e-12 && (powers[1] + 3.0).abs() < 1e-9);
     }

@@ -33,7 +33,7 @@ settings! {
         distance_to_obstacles: f64 = 0.0, NOT_NEGATIVE;
         /// 1000 times the summed probabilities that a participant's centre or corners lie in the ego's footprint, over
         /// points and participants, weighted by the probabilities of the participants' modes.
-        prediction: f64 = 0.2, NOT_NEGATIVE;
+        prediction: f64 = 0.07, NOT_NEGATIVE;
     }
 
     /// Comfortable driving; the desired speed respects these values, feasibility does not depend on them.
