@@ -162,6 +162,7 @@ class Scenario:
             Sequence[tuple[int, int]], Sequence[tuple[int, tuple[int, int, int]]], Sequence[int], bool, int, bool
         ]
         | None = ...,
+        crosswalks: Sequence[int] = ...,
     ) -> Scenario: ...
     @property
     def dt(self) -> float: ...

@@ -1,4 +1,5 @@
-//! Traffic control: traffic lights, the lines before which vehicles stop, signs of priority. Immutable once built.
+//! Traffic control: traffic lights, the lines before which vehicles stop, signs of priority, crosswalks. Immutable once
+//! built.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -128,7 +129,7 @@ impl Default for Priorities {
     }
 }
 
-/// Traffic lights, stop lines and priorities of a map.
+/// Traffic lights, stop lines, priorities and crosswalks of a map.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Control {
     /// The lights.
@@ -137,10 +138,12 @@ pub struct Control {
     pub lines: Vec<StopLine>,
     /// Priority at junctions.
     pub priorities: Priorities,
+    /// Indices of the lanelets on which people cross the road, ascending.
+    pub crosswalks: Vec<usize>,
 }
 
 impl Control {
-    /// Checks and keeps the parts; without priorities.
+    /// Checks and keeps the parts; without priorities and crosswalks.
     ///
     /// # Errors
     /// `InvalidInput` naming the light or the lanelet: a lanelet or light that does not exist, a phase without length, an
@@ -167,7 +170,7 @@ impl Control {
             Ok(StopLine { lanelet: index(lanelet)?, ends, has_stop_sign, lights })
         };
         let lines = lines.into_iter().map(line).collect::<Result<_>>()?;
-        Ok(Self { lights, lines, priorities: Priorities::default() })
+        Ok(Self { lights, lines, ..Self::default() })
     }
 
     /// What some lights show together: one green is green, else one yellow is yellow, else red; dark if all are.

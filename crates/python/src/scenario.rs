@@ -334,7 +334,7 @@ impl PyScenario {
     #[new]
     #[pyo3(signature = (
         dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
-        lights=vec![], lines=vec![], priorities=None
+        lights=vec![], lines=vec![], priorities=None, crosswalks=vec![]
     ))]
     fn new(
         dt: f64,
@@ -354,6 +354,7 @@ impl PyScenario {
         lights: Vec<LightParts>,
         lines: Vec<LineParts>,
         priorities: Option<PriorityParts>,
+        crosswalks: Vec<i64>,
     ) -> PyResult<Self> {
         let fields = [&y, &orientation, &velocity, &acceleration];
         let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
@@ -365,6 +366,8 @@ impl PyScenario {
         if let Some(parts) = priorities {
             scenario.control.priorities = self::priorities(parts, &road.0)?;
         }
+        let index = |id: i64| road.0.index_of(id).ok_or_else(|| exception(Error::UnknownId { what: "lanelet", id }));
+        scenario.control.crosswalks = crosswalks.into_iter().map(index).collect::<PyResult<_>>()?;
         Ok(Self(Arc::new(scenario)))
     }
 

@@ -109,6 +109,7 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
             ],
             _lines(scenario),
             _priorities(scenario),
+            list(scenario.crosswalks),
         )
 
 
