@@ -38,7 +38,9 @@ def crosswalk_road():
     return Lanelets(**both)
 
 
-def meeting(y, speed, *, x=60.0, velocity=10.0, first=0, kind="pedestrian", person_x=100.0, heading=np.pi / 2, goal=200):
+def meeting(
+    y, speed, *, x=60.0, velocity=10.0, first=0, kind="pedestrian", person_x=100.0, heading=np.pi / 2, goal=200
+):
     """An agent at `x` and a person at `y` who walks with a speed to the left [m, m/s]; the goal is at x = 150 m."""
     person = Car(9, person_x, y, speed, heading, first=first)
     agent = problem(1, x, 0.0, velocity, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, goal))

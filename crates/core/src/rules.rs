@@ -9,6 +9,7 @@ mod course;
 mod crosswalks;
 mod gaps;
 mod meeting;
+mod narrow;
 mod room;
 mod windows;
 

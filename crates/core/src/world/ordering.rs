@@ -132,6 +132,7 @@ impl World {
                     settings: &drive.agent.rules,
                     memory: drive.memory,
                     line: self.line(drive),
+                    sight: drive.agent.view.sensor_radius,
                 })
             })
             .collect();
