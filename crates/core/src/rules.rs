@@ -227,8 +227,7 @@ pub struct Hold {
 }
 
 static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
-static NO_WAY: Way =
-    Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new(), crosswalks: Vec::new() };
+static NO_WAY: Way = Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new(), crosswalks: Vec::new() };
 static NO_SETTINGS: RulesSettings = RulesSettings {
     enabled: false,
     speed: false,

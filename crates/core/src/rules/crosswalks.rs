@@ -53,12 +53,8 @@ pub struct Person {
 
 impl Crosswalk {
     /// The crosswalks on a path along lanelets, in its order.
-    pub(super) fn along(
-        path: &ReferencePath,
-        lanelets: &[usize],
-        control: &Control,
-        road: &RoadNetwork,
-    ) -> Vec<Self> {
+    #[cold]
+    pub(super) fn along(path: &ReferencePath, lanelets: &[usize], control: &Control, road: &RoadNetwork) -> Vec<Self> {
         let mut found: Vec<Self> = Vec::new();
         for lanelet in control.crosswalks.iter().filter(|lanelet| !lanelets.contains(lanelet)) {
             let outline = &road.lanelets()[*lanelet].polygon;

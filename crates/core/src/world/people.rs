@@ -26,9 +26,11 @@ pub(super) struct CrosswalkWait {
 impl World {
     /// Before which crosswalk an agent has to wait.
     pub(super) fn crosswalk_hold(&self, drive: &Drive) -> Option<Hold> {
-        if !self.has_crosswalks {
-            return None;
-        }
+        if self.has_crosswalks { self.hold_for_people(drive) } else { None }
+    }
+
+    #[cold]
+    fn hold_for_people(&self, drive: &Drive) -> Option<Hold> {
         let waits = self.waits();
         let wait = &waits[waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok()?];
         let distance = drive.way.crosswalks()[wait.crosswalk].entry - drive.front();
@@ -42,9 +44,13 @@ impl World {
 
     /// Agents remember before which crosswalk they have been told to wait.
     pub(super) fn remember_crosswalks(&mut self) {
-        if !self.has_crosswalks {
-            return;
+        if self.has_crosswalks {
+            self.keep_waits();
         }
+    }
+
+    #[cold]
+    fn keep_waits(&mut self) {
         self.waits();
         let waits = self.waits.take().unwrap_or_default();
         for drive in &mut self.drives {
@@ -53,6 +59,7 @@ impl World {
         }
     }
 
+    #[cold]
     fn look_for_people(&self) -> Vec<CrosswalkWait> {
         let scene = self.scene_with_past(PAST);
         let people: Vec<Option<Person>> = scene.present.iter().map(|row| person(&scene, *row)).collect();
@@ -74,7 +81,13 @@ impl World {
     }
 
     /// The first crosswalk ahead that somebody in sight claims, unless stopping before it takes too much.
-    fn wait(&self, drive: &Drive, scene: &Scene, people: &[Option<Person>], visible: &[usize]) -> Option<CrosswalkWait> {
+    fn wait(
+        &self,
+        drive: &Drive,
+        scene: &Scene,
+        people: &[Option<Person>],
+        visible: &[usize],
+    ) -> Option<CrosswalkWait> {
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
         let front = drive.front();
         let ahead = drive.way.crosswalks().iter().enumerate().filter(|(_, crosswalk)| crosswalk.entry > front);
@@ -85,11 +98,7 @@ impl World {
             }
             let claims = |place: &&usize| people[**place].is_some_and(|person| crosswalk.is_claimed(&person));
             let by = visible.iter().find(claims)?;
-            Some(CrosswalkWait {
-                id: drive.agent.id,
-                crosswalk: place,
-                by: self.participants.ids[scene.present[*by]],
-            })
+            Some(CrosswalkWait { id: drive.agent.id, crosswalk: place, by: self.participants.ids[scene.present[*by]] })
         });
         found.next()
     }
