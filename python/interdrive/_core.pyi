@@ -163,6 +163,7 @@ class Scenario:
         ]
         | None = ...,
         closed: tuple[Sequence[int], Sequence[int]] = ...,
+        crosswalks: Sequence[int] = ...,
     ) -> Scenario: ...
     @property
     def dt(self) -> float: ...

@@ -352,6 +352,7 @@ class RulesSettings:
         speed: It keeps to speed limits.
         lights: It stops for traffic lights.
         stop_signs: It stops at stop signs.
+        crossings: It gives way to people on crosswalks.
         precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
             as others keep to the same order.
         keep_clear: It does not enter a junction without room behind it.
@@ -370,6 +371,7 @@ class RulesSettings:
     speed: bool = True
     lights: bool = True
     stop_signs: bool = True
+    crossings: bool = True
     precedence: bool = False
     keep_clear: bool = True
     passing: bool = True

@@ -73,6 +73,16 @@ def test_signs_that_planners_do_not_obey_are_counted_in_a_note(read):
     assert not any("obeyed" in note for note in read(document("")).notes)
 
 
+def test_crosswalks_are_lanelets_of_that_type_and_those_that_an_intersection_names(read):
+    crossing = '<crossing><crossingLanelet ref="3"/></crossing>'
+    incoming = '<incoming id="12"><incomingLanelet ref="1"/></incoming>'
+    typed = lanelet(2, more="<laneletType>crosswalk</laneletType>")
+    found = f'<intersection id="11">{incoming}{crossing}</intersection>'
+    scenario = read(document(found, lanelets=lanelet(1) + typed + lanelet(3)))
+    assert scenario.crosswalks == (2, 3)
+    assert inspect(scenario).n_crosswalks == 2
+
+
 def test_a_trajectory_is_in_the_tables_at_its_time_steps(read):
     states = [state(t, float(t), orientation=0.5, velocity=10.0, acceleration=0.25, yawRate=0.125) for t in (1, 2, 3)]
     one = driven(read(document(car(30, initial(0.0, orientation=0.5, acceleration=0.25, yawRate=0.125), states))))

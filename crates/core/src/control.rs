@@ -1,5 +1,5 @@
-//! Traffic control: traffic lights, the lines before which vehicles stop, signs of priority, lines between lanes.
-//! Immutable once built.
+//! Traffic control: traffic lights, the lines before which vehicles stop, signs of priority, lines between lanes,
+//! crosswalks. Immutable once built.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -129,7 +129,7 @@ impl Default for Priorities {
     }
 }
 
-/// Traffic lights, stop lines, priorities and closed lines of a map.
+/// Traffic lights, stop lines, priorities, closed lines and crosswalks of a map.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Control {
     /// The lights.
@@ -140,10 +140,12 @@ pub struct Control {
     pub priorities: Priorities,
     /// Lanelets whose left and whose right line must not be crossed from there, ascending.
     pub closed: [Vec<usize>; 2],
+    /// Indices of the lanelets on which people cross the road, ascending.
+    pub crosswalks: Vec<usize>,
 }
 
 impl Control {
-    /// Checks and keeps the parts; without priorities and closed lines.
+    /// Checks and keeps the parts; without priorities, closed lines and crosswalks.
     ///
     /// # Errors
     /// `InvalidInput` naming the light or the lanelet: a lanelet or light that does not exist, a phase without length, an

@@ -6,13 +6,16 @@ mod circles;
 mod claims;
 mod components;
 mod course;
+mod crosswalks;
 mod gaps;
 mod meeting;
+mod narrow;
 mod room;
 mod windows;
 
 pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
 pub use course::Course;
+pub use crosswalks::{Crosswalk, Person};
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
 pub(crate) use windows::{EARLY, LATE, travel_time};
 
@@ -47,6 +50,8 @@ settings! {
         lights: bool = true;
         /// It stops at stop signs.
         stop_signs: bool = true;
+        /// It gives way to people on crosswalks.
+        crossings: bool = true;
         /// It gives way at junctions: it enters one only if no other vehicle uses its way across, as long as others keep to
         /// the same order.
         precedence: bool = false;
@@ -131,6 +136,7 @@ pub struct Way {
     /// Its speed limits.
     pub limits: SpeedLimits,
     crossings: Vec<Crossing>,
+    crosswalks: Vec<Crosswalk>,
 }
 
 impl Way {
@@ -157,7 +163,17 @@ impl Way {
             crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights) }));
         }
         crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
-        Self { limits, crossings }
+        let crosswalks = if settings.crossings && !scenario.control.crosswalks.is_empty() {
+            Crosswalk::along(path, lanelets, &scenario.control, &scenario.road)
+        } else {
+            Vec::new()
+        };
+        Self { limits, crossings, crosswalks }
+    }
+
+    /// The crosswalks on the path, in its order, if they are obeyed.
+    pub fn crosswalks(&self) -> &[Crosswalk] {
+        &self.crosswalks
     }
 
     /// Arc lengths of the stop lines on the path [m], ascending, and their positions in `Control::lines`.
@@ -198,11 +214,11 @@ pub struct Rules<'a> {
     pub dt: f64,
     /// The line in `Control::lines` at whose stop sign the agent has stood long enough.
     pub served: Option<usize>,
-    /// It has to wait before a junction.
+    /// It has to wait before a junction or a crosswalk.
     pub hold: Option<Hold>,
 }
 
-/// An agent waits before a junction.
+/// An agent waits before a junction or a crosswalk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold {
     /// How far its front may go [m] ...
@@ -214,12 +230,13 @@ pub struct Hold {
 }
 
 static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
-static NO_WAY: Way = Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new() };
+static NO_WAY: Way = Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new(), crosswalks: Vec::new() };
 static NO_SETTINGS: RulesSettings = RulesSettings {
     enabled: false,
     speed: false,
     lights: false,
     stop_signs: false,
+    crossings: false,
     precedence: false,
     keep_clear: false,
     passing: false,

@@ -326,8 +326,8 @@ fn priorities(parts: PriorityParts, road: &RoadNetwork) -> PyResult<Priorities> 
     })
 }
 
-/// Lanelets whose line on one side must not be crossed from there.
-fn closed_lines(ids: Vec<i64>, road: &RoadNetwork) -> PyResult<Vec<usize>> {
+/// Indices of lanelets, ascending.
+fn sorted_lanelets(ids: Vec<i64>, road: &RoadNetwork) -> PyResult<Vec<usize>> {
     let index = |id: i64| road.index_of(id).ok_or_else(|| exception(Error::UnknownId { what: "lanelet", id }));
     let mut found: Vec<usize> = ids.into_iter().map(index).collect::<PyResult<_>>()?;
     found.sort_unstable();
@@ -342,7 +342,7 @@ impl PyScenario {
     #[new]
     #[pyo3(signature = (
         dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
-        lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![])
+        lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![]), crosswalks=vec![]
     ))]
     fn new(
         dt: f64,
@@ -363,6 +363,7 @@ impl PyScenario {
         lines: Vec<LineParts>,
         priorities: Option<PriorityParts>,
         closed: (Vec<i64>, Vec<i64>),
+        crosswalks: Vec<i64>,
     ) -> PyResult<Self> {
         let fields = [&y, &orientation, &velocity, &acceleration];
         let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
@@ -374,7 +375,8 @@ impl PyScenario {
         if let Some(parts) = priorities {
             scenario.control.priorities = self::priorities(parts, &road.0)?;
         }
-        scenario.control.closed = [closed_lines(closed.0, &road.0)?, closed_lines(closed.1, &road.0)?];
+        scenario.control.closed = [sorted_lanelets(closed.0, &road.0)?, sorted_lanelets(closed.1, &road.0)?];
+        scenario.control.crosswalks = sorted_lanelets(crosswalks, &road.0)?;
         Ok(Self(Arc::new(scenario)))
     }
 

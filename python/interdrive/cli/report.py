@@ -263,6 +263,7 @@ def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals:
         (found.n_traffic_lights, "traffic light"),
         (found.n_stop_lines, "stop line"),
         (found.n_stop_signs, "stop sign"),
+        (found.n_crosswalks, "crosswalk"),
     )
     controls = [f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n]
     if found.n_priority_signs:

@@ -1,4 +1,4 @@
-"""Reads traffic lights, stop lines and priority signs, and derives what the file leaves out."""
+"""Reads traffic lights, stop lines, priority signs and crosswalks, and derives what the file leaves out."""
 
 from __future__ import annotations
 
@@ -179,6 +179,19 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
         priority_side={"JPN": "left", "GBR": "none"}.get(country, "right"),  # type: ignore[arg-type]
         derives_main_road=country in _MAIN_ROAD or facts.version == "2018b",
     )
+
+
+def crosswalks(network: Foreign, lanelets: Lanelets) -> tuple[int, ...]:
+    """Lanelets on which people cross the road: of type crosswalk, or named as a crossing by an intersection."""
+    stated = {
+        int(number)
+        for intersection in network.intersections
+        for crossing in intersection.crossings or ()
+        # A set of lanelets in commonroad-io 2024, of groups of them in 2026.
+        for number in getattr(crossing, "crossing_lanelets", (crossing,)) or ()
+    }
+    found = zip(lanelets.ids.tolist(), lanelets.types, strict=True)
+    return tuple(number for number, kinds in found if "crosswalk" in kinds or number in stated)
 
 
 def is_priority_sign(sign: Foreign, facts: Facts) -> bool:

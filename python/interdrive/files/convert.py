@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files.control import control, is_priority_sign, is_sign, priorities
+from interdrive.files.control import control, crosswalks, is_priority_sign, is_sign, priorities
 from interdrive.files.document import Facts
 from interdrive.files.motion import Track, completed, track, wrapped
 from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
@@ -110,6 +110,7 @@ def converted(
         traffic_lights=lights,
         stop_lines=lines,
         priorities=priorities(scenario.lanelet_network, lanelets, benchmark_id, facts),
+        crosswalks=crosswalks(scenario.lanelet_network, lanelets),
     )
     limits.require_scenario(found, file)
     return found

@@ -82,6 +82,7 @@ class Inspection:
         n_stop_signs: Number of lines with a stop sign.
         n_priority_signs: Number of lanelets that lead to a junction and have a sign of priority there: to stop, to give
             way, or to go first.
+        n_crosswalks: Number of lanelets on which people cross the road.
         kinds: Number of obstacles per kind, the most frequent first.
         n_static: Number of static obstacles among them.
         planning_problems: Sorted by id.
@@ -102,6 +103,7 @@ class Inspection:
     n_stop_lines: int
     n_stop_signs: int
     n_priority_signs: int
+    n_crosswalks: int
     kinds: tuple[tuple[str, int], ...]
     n_static: int
     planning_problems: tuple[ProblemSummary, ...]
@@ -209,6 +211,7 @@ def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
         n_stop_lines=len(scenario.stop_lines),
         n_stop_signs=sum(line.has_stop_sign for line in scenario.stop_lines),
         n_priority_signs=len(scenario.priorities.ranks),
+        n_crosswalks=len(scenario.crosswalks),
         kinds=tuple(kinds),
         n_static=int(obstacles.is_static.sum()),
         planning_problems=tuple(_summary(problem, scenario) for problem in scenario.planning_problems),

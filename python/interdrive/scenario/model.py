@@ -266,6 +266,7 @@ class Scenario:
         traffic_lights: Sorted by id.
         stop_lines: Where vehicles stop for lights and stop signs, sorted by lanelet.
         priorities: Who goes first at junctions, as far as the file says.
+        crosswalks: Lanelets on which people cross the road, ascending ids.
     """
 
     name: str
@@ -281,6 +282,7 @@ class Scenario:
     traffic_lights: tuple[TrafficLight, ...] = ()
     stop_lines: tuple[StopLine, ...] = ()
     priorities: Priorities = field(default_factory=Priorities)
+    crosswalks: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         still = int(self.obstacles.is_static.sum())

@@ -110,6 +110,7 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
             _lines(scenario),
             _priorities(scenario),
             (_closed(scenario.lanelets, "left"), _closed(scenario.lanelets, "right")),
+            list(scenario.crosswalks),
         )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+import warnings
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,8 @@ from interdrive.errors import InputError
 from interdrive.foreign import failure
 from interdrive.planners.contract import stated
 from interdrive.planners.workers import can_be_sent
-from interdrive.scenario import STATE_FIELDS
+from interdrive.scenario import STATE_FIELDS, StopLine, TrafficLight
+from interdrive.scenario.control import Priorities
 from interdrive.simulation import simulate
 from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
 
@@ -73,6 +76,23 @@ def _worlds() -> dict[str, Scenario]:
                 problem(100, 20.0, goal=(200.0, 0.0), time_step=limits),
             ],
         ),
+    }
+
+
+def _worlds_with_rules() -> dict[str, Scenario]:
+    limits = (0, 200)
+    goal = problem(100, 20.0, goal=(150.0, 0.0), time_step=limits)
+    line = StopLine(1, np.array([[80.0, 1.75], [80.0, -1.75]]), ((1, (7,)),))
+    road = straight_road(300.0)
+    met = problem(1, 0.0, -45.0, 8.0, 0.5 * np.pi, goal=(0.0, 60.0), goal_size=(3.5, 10.0), time_step=limits)
+    cross = world(crossing(), problems=[met, problem(100, -45.0, velocity=8.0, goal=(60.0, 0.0), time_step=limits)])
+    return {
+        "a red light": replace(
+            world(road, problems=[goal]),
+            traffic_lights=(TrafficLight(7, (("red", 100), ("green", 900))),),
+            stop_lines=(line,),
+        ),
+        "a sign to give way": replace(cross, priorities=Priorities(ranks=((1, (2, 2, 2)),))),
     }
 
 
@@ -151,7 +171,8 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
 
     The checks cover shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits
     of speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
-    planner with `parallel = True` must be picklable.
+    planner with `parallel = True` must be picklable. One with `obeys_rules = True` also drives to a red light and to a
+    sign to give way; a rule that it breaks there is a warning.
 
     Args:
         factory: Makes a planner; called without arguments, once or more per world.
@@ -179,4 +200,22 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
         if run.outcomes.outcome[-1] == "planner_error":
             raise PlannerContractError(f"{name}: {run.outcomes.message[-1]}")
         ends[name] = run.outcomes.outcome[-1]
+    if getattr(factory, "obeys_rules", False):
+        _warn_of_violations(factory)
     return ends
+
+
+def _warn_of_violations(factory: Callable[[], Planner]) -> None:
+    for name, scenario in _worlds_with_rules().items():
+        others = [problem.id for problem in scenario.planning_problems if problem.id != 100]
+        planners: dict[int, PlannerSpec] = {100: factory, **dict.fromkeys(others, "frenet")}
+        run = simulate(
+            scenario, agents=[*others, 100], planner=planners, settings={"rules.precedence": True}, threads=1
+        )
+        found = run.violations
+        if found is None:
+            continue
+        rows = zip(found.source, found.participant_id.tolist(), found.rule, strict=True)
+        broken = sorted({rule for source, who, rule in rows if source == "agent" and who == 100})
+        if broken:
+            warnings.warn(f"{name}: the planner has `obeys_rules = True`, but breaks {', '.join(broken)}", stacklevel=3)

@@ -15,9 +15,9 @@ use super::gaps::Links;
 use super::meeting::{Booking, Meeting, Memory, Order, OrderKind};
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
-const COMMITTED: f64 = 4.0;
+pub(super) const COMMITTED: f64 = 4.0;
 /// Agents stop this far before a passage [m].
-const GAP: f64 = 0.5;
+pub(super) const GAP: f64 = 0.5;
 /// Tickets are taken at this distance beyond the braking distance [m], with this deceleration [m/s²].
 const TICKET_REACH: f64 = 5.0;
 const STICKY_REACH: f64 = 10.0;
@@ -140,6 +140,8 @@ impl Meeting<'_> {
                 let is_granted = answer == Answer::GO;
                 if is_granted {
                     self.grant(&mut claims, index, links, &mut booked, seen);
+                } else {
+                    booked.add(self.next_turn(&claims[index], answer));
                 }
                 !is_granted
             });
@@ -263,6 +265,9 @@ impl Meeting<'_> {
             if !has_room {
                 return (Answer::wait(OrderKind::Exit, last), Links::default());
             }
+        }
+        if !self.sees_through(claim) {
+            return (Answer::wait(OrderKind::Yield, None), Links::default());
         }
         let stood = traveller.memory.standing as f64 * self.dt;
         let patience = 1.0 - 0.5 * (stood / settings.impatience).min(1.0);

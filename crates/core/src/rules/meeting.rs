@@ -74,6 +74,8 @@ pub struct Traveller<'a> {
     pub memory: Memory,
     /// Arc length of the line that holds it [m]; infinite without one.
     pub line: f64,
+    /// It sees others up to this distance [m].
+    pub sight: f64,
 }
 
 /// A place on a lanelet and how far the front is ahead of it [m].

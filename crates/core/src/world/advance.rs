@@ -46,6 +46,7 @@ impl World {
         }
         self.orders();
         let orders = self.orders.take().unwrap_or_default();
+        self.remember_crosswalks();
         self.adopt(plans);
         self.send_messages(plans);
         let mut memory = std::mem::take(&mut self.step_memory);

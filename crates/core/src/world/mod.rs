@@ -4,6 +4,7 @@
 mod advance;
 mod cooperation;
 mod ordering;
+mod people;
 mod planning;
 mod settings;
 mod staging;
@@ -80,6 +81,8 @@ struct Drive {
     memory: Memory,
     /// How long it has stood at a stop sign.
     stop_sign: StopSign,
+    /// The crosswalk on its way before which it was told to wait at the last step.
+    crosswalk: Option<usize>,
     /// Row among the participants.
     row: usize,
     /// Place among the agents with V2X.
@@ -156,6 +159,10 @@ pub struct World {
     has_passages: bool,
     /// Orders of the present time step, once they were needed.
     orders: OnceLock<Vec<Order>>,
+    /// Some agent has a crosswalk on its way that it obeys.
+    has_crosswalks: bool,
+    /// Who waits before crosswalks at the present time step, once that was needed.
+    waits: OnceLock<Vec<people::CrosswalkWait>>,
     /// State now, per participant; `None` if absent.
     states: Vec<Option<State>>,
     /// Pairs that touched when one of them entered: contact counts once they have separated.

@@ -160,11 +160,16 @@ impl World {
     /// The rules of the road for an agent now.
     pub(super) fn rules<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
         let holds = [self.hold(drive), self.agreed_hold(drive)];
-        let nearest = holds.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
+        let mut nearest = holds.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
+        if let Some(hold) = self.crosswalk_hold(drive)
+            && nearest.is_none_or(|nearest| hold.distance < nearest.distance)
+        {
+            nearest = Some(hold);
+        }
         Rules { hold: nearest, ..self.lines(drive) }
     }
 
-    /// The same without junctions.
+    /// The same without junctions and crosswalks.
     pub(super) fn lines<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
         Rules {
             control: &self.scenario.control,

@@ -86,6 +86,8 @@ impl World {
             time_step: first_time_step,
             has_passages: false,
             orders: OnceLock::new(),
+            has_crosswalks: false,
+            waits: OnceLock::new(),
             entered_in_contact: BTreeSet::new(),
             scenario,
             settings,
@@ -109,6 +111,7 @@ impl World {
             course: Arc::clone(&staged.course),
             memory: Memory::default(),
             stop_sign: StopSign::default(),
+            crosswalk: None,
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
             place: None,
             crossings: Vec::new(),
@@ -135,6 +138,8 @@ impl World {
         self.entered_in_contact.clear();
         self.has_passages = agents.iter().any(|staged| !staged.course.passages.is_empty());
         self.orders = OnceLock::new();
+        self.has_crosswalks = agents.iter().any(|staged| !staged.way.crosswalks().is_empty());
+        self.waits = OnceLock::new();
         self.network = None;
         self.equip();
         self.enter(first_time_step);

@@ -1,0 +1,37 @@
+//! Narrow streets, in which vehicles cannot meet: who looks through before entering, and who waits at the other end.
+
+use super::arbitration::{COMMITTED, GAP};
+use super::claims::{Answer, Claim};
+use super::course::{Crossed, MARGIN};
+use super::meeting::{Booking, Meeting, OrderKind};
+use crate::junctions::AreaKind;
+
+impl Meeting<'_> {
+    /// An agent sees whoever could not stop at the other end any more. Where that is never so, it need not.
+    pub(super) fn sees_through(&self, claim: &Claim<'_>) -> bool {
+        let traveller = &self.travellers[claim.traveller];
+        let passage = claim.passage;
+        let narrow = passage.areas.iter().filter(|crossed| self.is_narrow(crossed));
+        let Some(end) = narrow.map(|crossed| crossed.exit + MARGIN).reduce(f64::max) else { return true };
+        // From centre to centre: half of this vehicle and half of one like it.
+        let reach = traveller.sight - self.bodies[claim.body].length;
+        let needed = 0.5 * passage.approach * passage.approach / COMMITTED;
+        let sees_from = |front: f64| reach - (end - front) >= needed;
+        sees_from(traveller.front) || !sees_from(passage.mouth - GAP - MARGIN)
+    }
+
+    /// What an agent that has arrived at a narrow street, and has to wait for those inside, books before later ones follow
+    /// them.
+    pub(super) fn next_turn(&self, claim: &Claim<'_>, answer: Answer) -> Vec<Booking> {
+        if answer.kind != OrderKind::Yield || !answer.delay.is_finite() || claim.ticket.is_none() {
+            return Vec::new();
+        }
+        let crossed = |area: usize| claim.passage.areas.iter().find(|crossed| crossed.area == area);
+        let is_narrow = |window: &&Booking| crossed(window.area).is_some_and(|crossed| self.is_narrow(crossed));
+        claim.windows.iter().filter(is_narrow).map(|window| window.moved(answer.delay)).collect()
+    }
+
+    fn is_narrow(&self, crossed: &Crossed) -> bool {
+        self.junctions.areas[crossed.area].kind == AreaKind::Opposed
+    }
+}

@@ -1,0 +1,124 @@
+"""People on a crosswalk: a road of 3.5 m along x, a crosswalk of 4 m across it at x = 100 m; steps of 0.1 s.
+
+The crosswalk reaches from x = 98 to 102 m and from y = -4 to 4 m; the lane from y = -1.75 to 1.75 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.scenario import Lanelets, Shape
+from interdrive.simulation import Simulation
+from interdrive.testing.worlds import Car, problem, straight_road, world
+
+HALF = 2.25
+EDGE = 98.0
+PLANNERS = ["frenet", "idm", "idm_mobil"]
+
+
+def crosswalk_road():
+    road, y = straight_road(), np.array([-4.0, 4.0])
+    both = {
+        "ids": np.array([1, 2]),
+        "left": (*road.left, np.column_stack([np.full(2, EDGE), y])),
+        "right": (*road.right, np.column_stack([np.full(2, EDGE + 4.0), y])),
+        "predecessors": ((), ()),
+        "successors": ((), ()),
+        "adjacent_left": np.array([-1, -1]),
+        "adjacent_left_same_direction": np.array([False, False]),
+        "adjacent_right": np.array([-1, -1]),
+        "adjacent_right_same_direction": np.array([False, False]),
+        "speed_limit": np.array([10.0, np.nan]),
+        "types": (("urban",), ("crosswalk",)),
+    }
+    return Lanelets(**both)
+
+
+def meeting(
+    y, speed, *, x=60.0, velocity=10.0, first=0, kind="pedestrian", person_x=100.0, heading=np.pi / 2, goal=200
+):
+    """An agent at `x` and a person at `y` who walks with a speed to the left [m, m/s]; the goal is at x = 150 m."""
+    person = Car(9, person_x, y, speed, heading, first=first)
+    agent = problem(1, x, 0.0, velocity, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, goal))
+    made = world(crosswalk_road(), cars=[person], problems=[agent], steps=300)
+    obstacles = replace(made.obstacles, kinds=(kind,), shapes=(Shape("rectangle", length=0.6, width=0.6),))
+    return replace(made, obstacles=obstacles, crosswalks=(2,))
+
+
+def driven(scenario, planner="frenet", **settings):
+    """x of the front of the agent [m] and its speed [m/s], and the run."""
+    run = idr.simulate(scenario, agents=[1], planner=planner, settings=settings, threads=1)
+    row = run.states.participant_id.tolist().index(1)
+    valid = run.states.valid[row]
+    return run.states.x[row, valid] + HALF, run.states.velocity[row, valid], run
+
+
+def told(scenario, **settings):
+    """Distance from the front to where it has to stop now [m], and because of whom."""
+    simulation = Simulation(scenario, agents=[1], settings=settings, threads=1)
+    ego = simulation.world.view(simulation.world.scene(), 1).ego
+    front = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0]) + HALF
+    return ego.stop_s - front, ego.stop_by
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_an_agent_waits_for_a_person_who_walks_onto_the_crosswalk_and_goes_on_when_they_have_left(planner):
+    x, speed, run = driven(meeting(-5.0, 0.8, goal=300), planner)
+    # The person has left the lane by 2 m at y = 3.75 m.
+    leaves = int(np.ceil((5.0 + 3.75) / 0.8 / 0.1))
+    assert EDGE - 1.0 < x[leaves] < EDGE - 0.1, "it stands before the edge, or still comes nearer"
+    assert speed[leaves + 30] > 1.0, "3 s later it drives"
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize(("y", "speed"), [(3.9, 1.3), (-3.0, 0.0), (-12.0, 0.0)])
+def test_a_person_who_walks_away_or_stands_beside_the_road_changes_nothing(planner, y, speed):
+    scenario = meeting(y, speed)
+    run, free = driven(scenario, planner)[2], driven(replace(scenario, crosswalks=()), planner)[2]
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert run.digest == free.digest
+
+
+def test_a_person_beside_the_crosswalk_holds_nobody():
+    assert told(meeting(-3.0, 1.3)) == (pytest.approx(EDGE - 60.0 - HALF, abs=0.15), 9)
+    assert told(meeting(-3.0, 1.3, person_x=95.0)) == (np.inf, None)
+    assert told(meeting(-3.0, 1.3, heading=0.0)) == (np.inf, None), "along the road"
+
+
+def test_an_agent_that_is_too_near_does_not_stop_for_the_rule():
+    # 10 m/s: 16.7 m are needed for 3 m/s².
+    assert told(meeting(-3.5, 1.0, x=EDGE - HALF - 16.0)) == (np.inf, None)
+    assert told(meeting(-3.5, 1.0, x=EDGE - HALF - 17.5))[1] == 9
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize(("distance", "stops"), [(16.0, False), (17.5, True)])
+def test_the_rule_takes_no_harder_braking_than_a_light(planner, distance, stops):
+    # The person appears when the agent is there, and is still 3.25 m beside the lane.
+    x, speed, _ = driven(meeting(-5.0, 1.2, x=EDGE - HALF - distance), planner)
+    assert (x[30] < EDGE) == stops, "after 3 s"
+    assert stops or np.diff(speed).min() / 0.1 > -3.0, "m/s²"
+
+
+def test_a_bicycle_counts_where_it_rides_across():
+    assert told(meeting(-8.0, 3.0, kind="bicycle"))[1] == 9
+    assert told(meeting(0.0, 3.0, kind="bicycle", heading=0.0)) == (np.inf, None), "it rides along the lane"
+
+
+def test_a_person_out_of_sight_changes_nothing():
+    assert told(meeting(-3.0, 1.3), **{"view.sensor_radius": 30.0}) == (np.inf, None)
+
+
+def test_without_the_rule_an_agent_drives_as_if_there_were_no_crosswalk():
+    scenario = meeting(-5.0, 0.8)
+    digests = [
+        driven(replace(scenario, crosswalks=crosswalks), **{"rules.crossings": rule})[2].digest
+        for crosswalks, rule in [((2,), False), ((), False), ((), True), ((2,), True)]
+    ]
+    assert len(set(digests[:3])) == 1
+    assert digests[3] != digests[0]

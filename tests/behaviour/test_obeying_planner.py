@@ -1,0 +1,128 @@
+"""Planners in Python that obey the rules of the road, as in examples/08_obeying_planner.py, and one that does not."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.scenario import StopLine, TrafficLight
+from interdrive.scenario.control import Priorities
+from interdrive.testing import check_planner
+from interdrive.testing.worlds import crossing, problem, straight_road, world
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+HALF = 2.25
+RULES = {"rules.precedence": True}
+
+
+class Ignores:
+    """Keeps its speed, whatever it is told."""
+
+    def plan(self, view: Any, predictions: Any) -> idr.Trajectory:
+        ego, n = view.ego, 31
+        way = ego.velocity * view.dt * np.arange(n)
+        heading = np.full(n, ego.orientation)
+        x, y = ego.x + way * np.cos(heading), ego.y + way * np.sin(heading)
+        return idr.Trajectory(x, y, heading, np.full(n, ego.velocity))
+
+
+@pytest.fixture(scope="module")
+def obeys():
+    """The planner of the example."""
+    sys.path.insert(0, str(EXAMPLES))
+    try:
+        return __import__("08_obeying_planner").Obeys
+    finally:
+        sys.path.remove(str(EXAMPLES))
+
+
+def car(agent_id, direction, before, velocity=10.0):
+    """An agent whose front is so far before the origin [m]; it wants to get 60 m beyond it."""
+    heading = float(np.arctan2(direction[1], direction[0]))
+    x, y = -(before + HALF) * np.array(direction)
+    goal = tuple(60.0 * np.array(direction, dtype=float))
+    return problem(
+        agent_id, x, y, velocity, heading, goal=goal, goal_size=(20.0, 3.5), goal_orientation=heading,
+        time_step=(0, 200),
+    )  # fmt: skip
+
+
+def met(*cars, **changes):
+    """Two lanes that cross at the origin."""
+    return replace(world(crossing(), problems=cars), **changes)
+
+
+def enters(run, number):
+    """Time at which the front of an agent is 1.1 m before the origin [s]."""
+    row = run.states.participant_id.tolist().index(number)
+    along = np.where(run.states.valid[row], run.states.x[row] + run.states.y[row], -np.inf)
+    return 0.1 * float(np.argmax(along + HALF > -1.1))
+
+
+def light(*phases):
+    """A light at x = 100 m and an agent that comes with 10 m/s from 60 m before it."""
+    agent = problem(1, 40.0 - HALF, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 250))
+    line = StopLine(1, np.array([[100.0, 1.75], [100.0, -1.75]]), ((1, (7,)),))
+    return replace(
+        world(straight_road(), problems=[agent]), traffic_lights=(TrafficLight(7, phases),), stop_lines=(line,)
+    )
+
+
+def test_of_two_that_arrive_together_the_right_one_goes_first(obeys):
+    run = idr.simulate(met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0)), planner=obeys, settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    assert enters(run, 2) < enters(run, 1) - 1.0, "s"
+
+
+def test_a_sign_to_give_way_turns_the_order_around(obeys):
+    scenario = met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0), priorities=Priorities(ranks=((2, (2, 2, 2)),)))
+    run = idr.simulate(scenario, planner=obeys, settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    assert enters(run, 1) < enters(run, 2) - 1.0, "s"
+
+
+def test_it_stops_at_red_and_goes_on_at_green(obeys):
+    run = idr.simulate(light(("red", 120), ("green", 900)), planner=obeys, threads=1)
+    front = run.states.x[0] + HALF
+    assert 98.0 < front[119] < 100.0, "m"
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert run.violations.rule == ()
+
+
+def test_at_yellow_it_stops_if_it_is_not_too_near(obeys):
+    # It keeps below 10 m/s, for which 16.7 m are needed with 3 m/s².
+    for green, stops in [(38, True), (55, False)]:
+        phases = (("green", green), ("yellow", 30), ("red", 900))
+        run = idr.simulate(light(*phases), planner=partial(obeys, 10.0), threads=1)
+        assert (np.nanmax(run.states.x[0]) + HALF < 100.0) == stops
+        assert "red_light" not in run.violations.rule
+
+
+def test_nobody_hits_a_planner_that_does_not_obey(obeys):
+    scenario = met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0))
+    planner = {"default": obeys, 1: Ignores}
+    run = idr.simulate(scenario, agents="all", planner=planner, settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    assert enters(run, 1) < enters(run, 2) - 0.5, "the other one goes first by precedence, but waits"
+
+
+def test_the_check_warns_of_a_planner_that_breaks_its_word(obeys):
+    class Promises(Ignores):
+        obeys_rules = True
+
+    with pytest.warns(UserWarning, match="obeys_rules") as caught:
+        check_planner(Promises)
+    texts = [str(warning.message) for warning in caught]
+    assert texts[0].startswith("a red light") and texts[0].endswith("breaks red_light")
+    assert texts[1].startswith("a sign to give way") and texts[1].endswith("breaks right_of_way")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_planner(obeys)
