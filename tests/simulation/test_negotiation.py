@@ -55,8 +55,12 @@ def ends(run):
     return dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.time_step.tolist(), strict=True))
 
 
-@pytest.mark.parametrize("planner", ["idm", "frenet"])
-@pytest.mark.parametrize("meeting", [four_arms, three_left_turns, narrow_street])
+#: `frenet` gets through three left turns without agreeing.
+DEADLOCKS = [(four_arms, "idm"), (three_left_turns, "idm"), (narrow_street, "idm")]
+DEADLOCKS += [(four_arms, "frenet"), (narrow_street, "frenet")]
+
+
+@pytest.mark.parametrize(("meeting", "planner"), DEADLOCKS)
 def test_agents_that_would_wait_for_each_other_for_ever_pass_if_they_agree(meeting, planner):
     alone, _ = drive(meeting(), planner)
     assert "time_limit" in alone.outcomes.outcome
