@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from causes import Delay
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
 from interdrive.plots.road import draw_scale, map_axes
 from interdrive.plots.still import save_figure
@@ -47,7 +48,7 @@ def chosen(rows: list[dict[str, str]], count: int) -> list[dict[str, str]]:
     return sorted(all_found, key=late.index)[:count]
 
 
-def draw(figure, place: tuple[float, float, float, float], path: Path, row: dict[str, str]) -> None:  # noqa: ANN001
+def draw(figure: Figure, place: tuple[float, float, float, float], path: Path, row: dict[str, str]) -> None:
     """One panel: left, bottom, width and height are parts of the figure."""
     number = int(row["agent_id"])
     simulation = Simulation(path, threads=1)
@@ -65,7 +66,11 @@ def draw(figure, place: tuple[float, float, float, float], path: Path, row: dict
         traffic = STATIC if states.is_static[other] else OTHER if states.is_agent[other] else TRAFFIC
         color = AGENT if other == own else traffic
         lines = footprints.outlines(other, column, view)
-        style: dict[str, Any] = {"facecolors": color, "edgecolors": INK if other == own else RECORDED_EDGE, "linewidths": 0.4}
+        style: dict[str, Any] = {
+            "facecolors": color,
+            "edgecolors": INK if other == own else RECORDED_EDGE,
+            "linewidths": 0.4,
+        }
         axes.add_collection(PolyCollection(lines, zorder=4, **style), autolim=False)
         if not states.is_static[other]:
             mark = [footprints.heading_mark(other, column, view)]
