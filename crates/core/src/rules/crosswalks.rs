@@ -129,9 +129,15 @@ fn stretches(path: &ReferencePath, outline: &[Point]) -> Vec<(f64, f64)> {
         let offset = |i: usize| foot.offset(i as f64 * STEP_ACROSS - STRIP);
         region.contains(foot.position) && (0..=n_across).any(|i| contains(outline, offset(i)))
     };
+    // Only where the path is near: between the first and the last of its points there.
+    let around = region.grown(path.spacing());
+    let is_near = |i: &usize| around.contains(Point::new(path.x()[*i], path.y()[*i]));
+    let n = path.x().len();
+    let (Some(first), Some(last)) = ((0..n).find(is_near), (0..n).rfind(is_near)) else { return Vec::new() };
+    let step_at = |knot: usize| (knot as f64 * path.spacing() / STEP) as usize;
     let mut found: Vec<(f64, f64)> = Vec::new();
     let mut was_on = false;
-    for i in 0..=(path.length() / STEP) as usize {
+    for i in step_at(first.saturating_sub(1))..=step_at(last + 1).min((path.length() / STEP) as usize) {
         let s = i as f64 * STEP;
         let on = is_on(s);
         match found.last_mut() {
