@@ -39,8 +39,8 @@ def car(agent_id, sign, start=START, velocity=8.0):
     """An agent that comes from the west (1.0) or from the east (-1.0)."""
     heading = 0.0 if sign > 0 else np.pi
     return problem(
-        agent_id, -sign * start, -sign * 1.75, velocity, heading, goal=(sign * 90.0, -sign * 1.75), goal_size=(20.0, 3.5),
-        goal_orientation=heading, time_step=(0, 900),
+        agent_id, -sign * start, -sign * 1.75, velocity, heading, goal=(sign * 90.0, -sign * 1.75),
+        goal_size=(20.0, 3.5), goal_orientation=heading, time_step=(0, 900),
     )  # fmt: skip
 
 

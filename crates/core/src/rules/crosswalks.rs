@@ -193,6 +193,18 @@ mod tests {
     }
 
     #[test]
+    fn a_path_that_leads_over_a_crosswalk_twice_meets_it_twice() {
+        let outline = [(48.25, -5.0), (51.75, -5.0), (51.75, 5.0), (48.25, 5.0)].map(|(x, y)| Point::new(x, y));
+        let turn = [(0.0, 0.0), (80.0, 0.0), (80.0, 4.0), (0.0, 4.0)].map(|(x, y)| Point::new(x, y));
+        let path = ReferencePath::through(&turn).expect("a path");
+        let found = stretches(&path, &outline);
+        assert_eq!(found.len(), 2, "{found:?}");
+        let there = |s: f64| path.at(s).position.x;
+        assert!((there(found[0].0) - 48.25).abs() < 0.2 && (there(found[1].0) - 51.75).abs() < 0.2, "{found:?}");
+        assert!(stretches(&path, &outline.map(|point| point + Point::new(0.0, 20.0))).is_empty());
+    }
+
+    #[test]
     fn people_on_the_lane_or_about_to_walk_onto_it_go_first() {
         for (y, vy, expected) in [
             (0.0, 0.0, true),   // stands on the lane
