@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.behaviour.test_crosswalks import driven, meeting
 
 import interdrive as idr
 from interdrive.scenario import StopLine, TrafficLight
@@ -18,7 +19,6 @@ from interdrive.scenario.control import Priorities
 from interdrive.simulation import Simulation
 from interdrive.testing import check_planner
 from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
-from tests.behaviour.test_crosswalks import driven, meeting
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 HALF = 2.25
