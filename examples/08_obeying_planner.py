@@ -17,7 +17,7 @@ class Obeys:
         self.cruise = cruise
 
     def plan(self, view: idr.View, predictions: idr.Predictions) -> idr.Trajectory:
-        """A trajectory of 3 s; the vehicle ahead is expected to keep its speed."""
+        """A trajectory of 3 s; whoever is ahead is expected to keep its speed along the path, at least 0."""
         ego, route, dt = view.ego, view.ego.route, view.dt
         path, heading = route.reference_path, np.unwrap(route.reference_orientation)
         knots = np.linspace(0.0, route.length, len(path))
@@ -27,6 +27,8 @@ class Obeys:
         is_ahead = (s > center) & (np.abs(d) < 2.0)
         rears = np.where(is_ahead, s - 0.5 * view.length, np.inf)
         leader = int(np.argmin(rears)) if is_ahead.any() else None
+        # An oncoming or crossing vehicle does not drive away.
+        away = np.maximum(0.0, view.velocity[:, -1] * np.cos(view.orientation[:, -1] - np.interp(s, knots, heading)))
 
         along, velocity = [0.0], [ego.velocity]
         for step in range(30):
@@ -34,7 +36,7 @@ class Obeys:
             limit = min(self.cruise, float(np.interp(front, knots, ego.speed_limit)))
             gaps = []  # with the speeds of what is ahead
             if leader is not None:
-                gaps.append((rears[leader] + view.velocity[leader, -1] * step * dt - front, view.velocity[leader, -1]))
+                gaps.append((rears[leader] + away[leader] * step * dt - front, away[leader]))
             if step * dt < ego.stop_release:
                 gaps.append((ego.stop_s + 1.5 - front, 0.0))  # a gap of 2 m is 0.5 m before the line
             wanted = [2.0 + max(0.0, v + v * (v - other) / 4.0) for _, other in gaps]

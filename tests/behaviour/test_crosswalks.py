@@ -13,7 +13,7 @@ import pytest
 import interdrive as idr
 from interdrive.scenario import Lanelets, Shape
 from interdrive.simulation import Simulation
-from interdrive.testing.worlds import Car, problem, straight_road, world
+from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
 
 HALF = 2.25
 EDGE = 98.0
@@ -122,3 +122,53 @@ def test_without_the_rule_an_agent_drives_as_if_there_were_no_crosswalk():
     ]
     assert len(set(digests[:3])) == 1
     assert digests[3] != digests[0]
+
+
+def junction(edge, *, person_y=-3.0, person_speed=0.0, velocity=8.0, x=-30.0):
+    """Two lanes that cross at the origin, and a crosswalk of 3 m behind it whose edge is at x = `edge`; agent 1 drives
+    along x, a person walks across.
+    """
+    lanes, y = crossing(), np.array([-4.0, 4.0])
+    none, no = np.full(3, -1), np.zeros(3, dtype=bool)
+    road = replace(
+        lanes,
+        ids=np.array([1, 2, 3]),
+        left=(*lanes.left, np.column_stack([np.full(2, edge), y])),
+        right=(*lanes.right, np.column_stack([np.full(2, edge + 3.0), y])),
+        predecessors=((), (), ()), successors=((), (), ()),
+        adjacent_left=none, adjacent_left_same_direction=no, adjacent_right=none, adjacent_right_same_direction=no,
+        speed_limit=np.full(3, 10.0), types=((), (), ("crosswalk",)),
+    )  # fmt: skip
+    person = Car(9, edge + 1.5, person_y, person_speed, np.pi / 2)
+    agent = problem(1, x, 0.0, velocity, goal=(60.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 400))
+    made = world(road, cars=[person], problems=[agent], steps=400)
+    obstacles = replace(made.obstacles, kinds=("pedestrian",), shapes=(Shape("rectangle", length=0.6, width=0.6),))
+    return replace(made, obstacles=obstacles, crosswalks=(3,))
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize("edge", [1.2, 3.0, 5.5])
+def test_an_agent_waits_before_a_junction_as_long_as_a_person_uses_the_crosswalk_behind_it(edge, planner):
+    scenario = junction(edge, person_y=-3.9, person_speed=0.5)
+    x, speed, run = driven(scenario, planner, **{"rules.precedence": True})
+    # The other lane, with what vehicles need beside it, reaches from x = -1.1 to 1.1 m.
+    is_inside = (x > -1.0) & (x - 2.0 * HALF < 1.0)
+    assert speed[is_inside].min() > 0.5, "m/s"
+    waits = (speed < 0.1) & (x < -1.0)
+    assert 0.1 * waits.sum() > 1.0, "s before the junction"
+    assert run.outcomes.outcome[0].startswith("goal_reached")
+    assert "exit" in run.orders.kind
+    assert "keep_clear" not in run.violations.rule
+
+
+def test_room_for_the_vehicle_before_the_crosswalk_is_enough_to_enter_a_junction():
+    # The vehicle has left the junction with its front at 1.4 + 4.5 m, and keeps 1 m.
+    front, mouth = -30.0 + HALF, -1.4
+    for edge, stop, by in [(6.7, mouth, None), (7.2, 7.2, 9)]:
+        found = told(junction(edge, person_speed=1.3), **{"rules.precedence": True})
+        assert found == (pytest.approx(stop - front, abs=0.15), by), f"crosswalk at {edge} m"
+
+
+def test_a_crosswalk_before_the_junction_holds_an_agent_there():
+    found = told(junction(-8.0, person_speed=1.3), **{"rules.precedence": True})
+    assert found == (pytest.approx(-8.0 + 30.0 - HALF, abs=0.15), 9)

@@ -35,12 +35,12 @@ def street(half=20.0, taper=12.0):
     return Lanelets(ids, (left1, left2), (right1, right2), ((), ()), ((), ()), none, no, none, no, limit, ((), ()))
 
 
-def car(agent_id, sign, start=START):
-    """An agent that comes from the west (1.0) or from the east (-1.0) with 8 m/s."""
+def car(agent_id, sign, start=START, velocity=8.0):
+    """An agent that comes from the west (1.0) or from the east (-1.0)."""
     heading = 0.0 if sign > 0 else np.pi
     return problem(
-        agent_id, -sign * start, -sign * 1.75, 8.0, heading, goal=(sign * 90.0, -sign * 1.75), goal_size=(20.0, 3.5),
-        goal_orientation=heading, time_step=(0, 900),
+        agent_id, -sign * start, -sign * 1.75, velocity, heading, goal=(sign * 90.0, -sign * 1.75),
+        goal_size=(20.0, 3.5), goal_orientation=heading, time_step=(0, 900),
     )  # fmt: skip
 
 
@@ -82,8 +82,24 @@ def test_a_third_one_that_arrives_later_waits_for_the_one_at_the_other_end(plann
 
 
 def test_a_street_that_cannot_be_seen_through_is_approached_slowly():
-    # From mouth to mouth it is 58 m long; at 80 m the cars see each other when neither could stop any more.
+    # At 80 m the cars see each other when neither could stop any more.
     run, fronts = driven([car(1, 1.0), car(2, -1.0)], "frenet", street(half=20.0, taper=16.0))
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
-    inside = [(front > 0.0) & (front - 2 * HALF < 58.0) for front in fronts]
+    length = length_of_the_street(run)
+    assert 58.0 < length < 62.0, "m: it is seen through before the mouth, but not from 5 m before it"
+    inside = [(front > 0.0) & (front - 2 * HALF < length) for front in fronts]
     assert not (inside[0] & inside[1]).any(), "never both in the street"
+    for row, front in enumerate(fronts):
+        speed = [run.states.velocity[row, np.argmax(front > -before)] for before in (20.0, 8.0)]
+        assert speed[0] < 8.0 and speed[1] < 5.0, "m/s at 20 and 8 m before the mouth; the limit is 10 m/s"
+
+
+@pytest.mark.parametrize("half", [21.3, 21.4])
+@pytest.mark.parametrize(("velocity", "waits"), [(0.0, False), (0.5, True)])
+def test_an_agent_that_stands_before_a_street_does_not_wait_for_nobody(half, velocity, waits):
+    # Of these streets it sees the other end from 0.8 m before the mouth, where agents stand, but not yet from 1.2 m.
+    mouth = half + 9.57
+    agent = car(1, 1.0, mouth + 1.2 + HALF, velocity)
+    simulation = Simulation(world(street(half=half, taper=16.0), problems=[agent]), settings=RULES, threads=1)
+    ego = simulation.world.view(simulation.world.scene(), 1).ego
+    assert np.isfinite(ego.stop_s) == waits

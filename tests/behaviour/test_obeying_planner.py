@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.behaviour.test_crosswalks import driven, meeting
 
 import interdrive as idr
 from interdrive.scenario import StopLine, TrafficLight
 from interdrive.scenario.control import Priorities
+from interdrive.simulation import Simulation
 from interdrive.testing import check_planner
-from interdrive.testing.worlds import crossing, problem, straight_road, world
+from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 HALF = 2.25
@@ -126,3 +128,48 @@ def test_the_check_warns_of_a_planner_that_breaks_its_word(obeys):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_planner(obeys)
+
+
+def test_the_check_looks_at_the_planner_that_a_factory_makes():
+    class Promises(Ignores):
+        obeys_rules = True
+
+        def __init__(self, number):
+            self.number = number
+
+    with pytest.warns(UserWarning, match="obeys_rules"):
+        check_planner(partial(Promises, 1))
+
+
+def test_it_stands_at_a_stop_sign_and_goes_on(obeys):
+    line = StopLine(1, np.array([[100.0, 1.75], [100.0, -1.75]]), has_stop_sign=True)
+    run = idr.simulate(replace(light(("green", 900)), stop_lines=(line,)), planner=obeys, threads=1)
+    front, speed = run.states.x[0] + HALF, run.states.velocity[0]
+    assert 98.0 < front[speed < 0.1].max() < 100.0, "m"
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert run.violations.rule == ()
+
+
+def test_it_keeps_to_a_lower_limit_ahead(obeys):
+    agent = problem(1, 40.0, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 400))
+    road = replace(straight_road(), speed_limit=np.array([6.0]))
+    run = idr.simulate(world(road, problems=[agent]), planner=obeys, threads=1)
+    assert np.nanmax(run.states.velocity[0, 60:]) < 6.1, "m/s, 6 s after it came with 10 m/s"
+
+
+def test_it_waits_for_a_person_on_a_crosswalk(obeys):
+    x, velocity, run = driven(meeting(-5.0, 0.8, goal=300), obeys)
+    # The person has left the lane by 2 m at y = 3.75 m, after 10.9 s.
+    assert 97.0 < x[105] < 98.0 and velocity[105] < 0.1, "m before the edge at 98 m, m/s"
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+@pytest.mark.parametrize(("heading", "speed"), [(0.0, 6.0), (np.pi, 6.0), (0.5 * np.pi, 6.0)])
+def test_only_a_vehicle_that_drives_along_the_path_is_expected_to_make_room(obeys, heading, speed):
+    # 25 m from bumper to bumper, or to the middle of one that crosses.
+    agent = problem(1, 40.0, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 400))
+    scenario = world(straight_road(), cars=[Car(9, 40.0 + 25.0 + 2 * HALF, 0.0, speed, heading)], problems=[agent])
+    simulation = Simulation(scenario, agents=[1], threads=1)
+    scene = simulation.world.scene()
+    plan = obeys().plan(simulation.world.view(scene, 1), None)
+    assert (plan.velocity[-1] < 4.0) == (heading != 0.0), f"{plan.velocity[-1]} m/s after 3 s"

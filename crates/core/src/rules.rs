@@ -15,6 +15,7 @@ mod windows;
 
 pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
 pub use course::Course;
+pub(crate) use course::reach;
 pub use crosswalks::{Crosswalk, Person};
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
 pub(crate) use windows::{EARLY, LATE, travel_time};
@@ -36,6 +37,8 @@ const LINE_MARGIN: f64 = 1.0;
 pub const LIGHT_DECELERATION: f64 = 3.0;
 /// A vehicle stands at a stop sign if it is slower than this [m/s].
 const STANDING: f64 = 0.1;
+/// An agent need not know yet of a stop that takes less than this deceleration [m/s²], if there is one before it.
+const EASY: f64 = 1.0;
 /// A stop counts at most so far before the line [m].
 pub const STOP_REACH: f64 = 2.0;
 
@@ -142,6 +145,20 @@ pub struct Way {
 impl Way {
     /// Of a path along lanelets, as far as these settings obey it.
     pub fn along(path: &ReferencePath, lanelets: &[usize], scenario: &Scenario, settings: &RulesSettings) -> Self {
+        let mut way = Self::without_crosswalks(path, lanelets, scenario, settings);
+        if settings.enabled && settings.crossings && !scenario.control.crosswalks.is_empty() {
+            way.crosswalks = Crosswalk::along(path, lanelets, &scenario.control, &scenario.road);
+        }
+        way
+    }
+
+    /// The same without crosswalks: agents look for people on their reference paths only.
+    pub fn without_crosswalks(
+        path: &ReferencePath,
+        lanelets: &[usize],
+        scenario: &Scenario,
+        settings: &RulesSettings,
+    ) -> Self {
         if !settings.enabled {
             return Self::default();
         }
@@ -163,12 +180,7 @@ impl Way {
             crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights) }));
         }
         crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
-        let crosswalks = if settings.crossings && !scenario.control.crosswalks.is_empty() {
-            Crosswalk::along(path, lanelets, &scenario.control, &scenario.road)
-        } else {
-            Vec::new()
-        };
-        Self { limits, crossings, crosswalks }
+        Self { limits, crossings, crosswalks: Vec::new() }
     }
 
     /// The crosswalks on the path, in its order, if they are obeyed.
@@ -214,11 +226,13 @@ pub struct Rules<'a> {
     pub dt: f64,
     /// The line in `Control::lines` at whose stop sign the agent has stood long enough.
     pub served: Option<usize>,
-    /// It has to wait before a junction or a crosswalk.
+    /// How far its front may go before a crosswalk that somebody uses [m]; infinite without one.
+    pub crosswalk: f64,
+    /// It has to wait before a junction.
     pub hold: Option<Hold>,
 }
 
-/// An agent waits before a junction or a crosswalk.
+/// An agent waits before a junction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold {
     /// How far its front may go [m] ...
@@ -227,6 +241,17 @@ pub struct Hold {
     pub release: f64,
     /// Because of this participant.
     pub by: Option<i64>,
+}
+
+impl Hold {
+    /// A stop at a distance behind it [m] is the harder one at a speed [m/s], of an agent that is told only one of both.
+    pub fn is_easier_than(&self, stop: f64, velocity: f64) -> bool {
+        let braking = |distance: f64| 0.5 * velocity * velocity / distance.max(1e-3);
+        // It arrives when it may go, or stands until then.
+        let arriving = 2.0 * (velocity * self.release - self.distance) / (self.release * self.release).max(1e-6);
+        let waiting = braking(self.distance).min(arriving.max(0.0));
+        self.release.is_finite() && braking(stop) > waiting.max(EASY)
+    }
 }
 
 static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
@@ -259,20 +284,21 @@ impl Default for Rules<'_> {
             entered: 0,
             dt: 0.1,
             served: None,
+            crosswalk: f64::INFINITY,
             hold: None,
         }
     }
 }
 
 impl Rules<'_> {
-    /// Arc length of a way that the front of the agent must not pass now [m]: that of the nearest stop line that holds it;
-    /// infinite without one. `front` is the arc length of its front [m].
+    /// Arc length of a way that the front of the agent must not pass now [m]: that of the nearest stop line or crosswalk
+    /// that holds it; infinite without one. `front` is the arc length of its front [m].
     ///
     /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
     /// `LIGHT_DECELERATION` at its present speed. So an agent that passes on yellow goes on without remembering it.
     pub fn stop(&self, way: &Way, front: f64, velocity: f64) -> f64 {
         let holding = way.crossings.iter().find(|crossing| crossing.s > front && self.holds(crossing, front, velocity));
-        holding.map_or(f64::INFINITY, |crossing| crossing.s)
+        holding.map_or(f64::INFINITY, |crossing| crossing.s).min(front + self.crosswalk)
     }
 
     fn holds(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {

@@ -201,7 +201,7 @@ impl Lane {
             let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
             pieces[i].last_chance = last.min(goal_s) - RESERVE;
         }
-        Ok(Self { way: Way::along(&path, &chain, scenario, rules), path, pieces })
+        Ok(Self { way: Way::without_crosswalks(&path, &chain, scenario, rules), path, pieces })
     }
 
     fn piece_at(&self, s: f64) -> &Piece {

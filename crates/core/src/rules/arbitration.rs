@@ -103,7 +103,8 @@ impl Meeting<'_> {
                 let ahead = passage.mouth - traveller.front;
                 if body.velocity * body.velocity < 2.0 * COMMITTED * ahead {
                     let is_near = ahead <= reach(body.velocity);
-                    if is_near && traveller.line > passage.end {
+                    // Behind a line or a crosswalk that holds it there is time to ask.
+                    if is_near && traveller.line > passage.end && traveller.crosswalk > passage.mouth {
                         claims.push(self.claim(index, number, seen));
                     }
                     break;

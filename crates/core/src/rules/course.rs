@@ -27,7 +27,7 @@ const LATERAL: f64 = 3.0;
 const SIGN_LEAD: f64 = 0.5;
 
 /// Agents ask for passages up to this far ahead [m].
-pub(super) fn reach(velocity: f64) -> f64 {
+pub(crate) fn reach(velocity: f64) -> f64 {
     REACH.max(REACH_TIME * velocity)
 }
 

@@ -129,9 +129,15 @@ fn stretches(path: &ReferencePath, outline: &[Point]) -> Vec<(f64, f64)> {
         let offset = |i: usize| foot.offset(i as f64 * STEP_ACROSS - STRIP);
         region.contains(foot.position) && (0..=n_across).any(|i| contains(outline, offset(i)))
     };
+    // Only where the path is near: between the first and the last of its points there.
+    let around = region.grown(path.spacing());
+    let is_near = |i: &usize| around.contains(Point::new(path.x()[*i], path.y()[*i]));
+    let n = path.x().len();
+    let (Some(first), Some(last)) = ((0..n).find(is_near), (0..n).rfind(is_near)) else { return Vec::new() };
+    let step_at = |knot: usize| (knot as f64 * path.spacing() / STEP) as usize;
     let mut found: Vec<(f64, f64)> = Vec::new();
     let mut was_on = false;
-    for i in 0..=(path.length() / STEP) as usize {
+    for i in step_at(first.saturating_sub(1))..=step_at(last + 1).min((path.length() / STEP) as usize) {
         let s = i as f64 * STEP;
         let on = is_on(s);
         match found.last_mut() {
@@ -184,6 +190,18 @@ mod tests {
         let found = crosswalk();
         assert!((found.entry - 48.25).abs() <= STEP, "{}", found.entry);
         assert!((found.half_lane - 1.75).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_path_that_leads_over_a_crosswalk_twice_meets_it_twice() {
+        let outline = [(48.25, -5.0), (51.75, -5.0), (51.75, 5.0), (48.25, 5.0)].map(|(x, y)| Point::new(x, y));
+        let turn = [(0.0, 0.0), (80.0, 0.0), (80.0, 4.0), (0.0, 4.0)].map(|(x, y)| Point::new(x, y));
+        let path = ReferencePath::through(&turn).expect("a path");
+        let found = stretches(&path, &outline);
+        assert_eq!(found.len(), 2, "{found:?}");
+        let there = |s: f64| path.at(s).position.x;
+        assert!((there(found[0].0) - 48.25).abs() < 0.2 && (there(found[1].0) - 51.75).abs() < 0.2, "{found:?}");
+        assert!(stretches(&path, &outline.map(|point| point + Point::new(0.0, 20.0))).is_empty());
     }
 
     #[test]

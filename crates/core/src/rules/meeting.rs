@@ -72,8 +72,10 @@ pub struct Traveller<'a> {
     pub settings: &'a RulesSettings,
     /// What it remembers.
     pub memory: Memory,
-    /// Arc length of the line that holds it [m]; infinite without one.
+    /// Arc length of the stop line that holds it [m]; infinite without one.
     pub line: f64,
+    /// Arc length of the crosswalk before which it has to wait [m]; infinite without one.
+    pub crosswalk: f64,
     /// It sees others up to this distance [m].
     pub sight: f64,
 }

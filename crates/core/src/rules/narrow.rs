@@ -6,8 +6,12 @@ use super::course::{Crossed, MARGIN};
 use super::meeting::{Booking, Meeting, OrderKind};
 use crate::junctions::AreaKind;
 
+/// An agent stands below this speed [m/s].
+const STANDING: f64 = 0.1;
+
 impl Meeting<'_> {
-    /// An agent sees whoever could not stop at the other end any more. Where that is never so, it need not.
+    /// An agent sees whoever could not stop at the other end any more. Where that is never so, it need not. One that stands
+    /// further from the mouth than agents usually do may come nearer.
     pub(super) fn sees_through(&self, claim: &Claim<'_>) -> bool {
         let traveller = &self.travellers[claim.traveller];
         let passage = claim.passage;
@@ -17,7 +21,8 @@ impl Meeting<'_> {
         let reach = traveller.sight - self.bodies[claim.body].length;
         let needed = 0.5 * passage.approach * passage.approach / COMMITTED;
         let sees_from = |front: f64| reach - (end - front) >= needed;
-        sees_from(traveller.front) || !sees_from(passage.mouth - GAP - MARGIN)
+        let stands = self.bodies[claim.body].velocity < STANDING;
+        stands || sees_from(traveller.front) || !sees_from(passage.mouth - GAP - MARGIN)
     }
 
     /// What an agent that has arrived at a narrow street, and has to wait for those inside, books before later ones follow

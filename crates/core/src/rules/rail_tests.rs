@@ -170,6 +170,7 @@ impl<'a> World<'a> {
             settings: &self.settings,
             memory: vehicle.memory,
             line: f64::INFINITY,
+            crosswalk: f64::INFINITY,
             sight: f64::INFINITY,
         };
         let travellers: Vec<Traveller<'_>> = driving.iter().enumerate().map(traveller).collect();

@@ -1,7 +1,7 @@
 //! Room behind a passage.
 
 use super::course::Passage;
-use super::meeting::Meeting;
+use super::meeting::{Body, Meeting};
 
 /// Room that is left behind a passage and between vehicles beside their lengths [m].
 pub(super) const ROOM: f64 = 1.0;
@@ -10,7 +10,7 @@ const BRAKING: f64 = 0.5;
 
 impl Meeting<'_> {
     /// Whether there is room for an agent behind a passage beside what is reserved [m], and the last body there. Each body
-    /// ahead may come to rest, with all that are between.
+    /// ahead may come to rest, with all that are between, and so do those before a crosswalk that holds the agent.
     pub(super) fn has_room(
         &self,
         index: usize,
@@ -21,12 +21,17 @@ impl Meeting<'_> {
         let traveller = &self.travellers[index];
         let mut needed = reserved + self.bodies[traveller.body].length + ROOM;
         let ahead = self.ahead(index, passage.end, seen);
-        let mut fits = true;
+        let (mut fits, mut before_crosswalk) = (true, needed);
         for &(rear, other) in &ahead {
-            let braking = 0.5 * self.bodies[other].velocity.powi(2) / BRAKING;
+            let Body { length, velocity, .. } = self.bodies[other];
+            let braking = 0.5 * velocity.powi(2) / BRAKING;
             fits &= rear + braking - passage.end >= needed;
-            needed += self.bodies[other].length + ROOM;
+            needed += length + ROOM;
+            if rear + length <= traveller.crosswalk {
+                before_crosswalk = needed;
+            }
         }
+        fits &= traveller.crosswalk - passage.end >= before_crosswalk;
         (fits, ahead.first().map(|one| one.1))
     }
 

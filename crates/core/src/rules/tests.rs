@@ -119,3 +119,32 @@ fn a_speed_limit_holds_on_its_lanelet_times_the_factor() {
         assert_eq!((limits.at(50.0), limits.at(150.0)), (f64::INFINITY, expected));
     }
 }
+
+#[test]
+fn a_crosswalk_holds_like_a_line_whatever_is_before_it() {
+    let light = scenario(&[(1000, Signal::Red)], false);
+    let settings = RulesSettings::default();
+    let way = Way::along(&path(), &[0, 1], &light, &settings);
+    let hold = Some(Hold { distance: 10.0, release: 0.8, by: None });
+    for (crosswalk, expected) in [(20.0, 80.0), (60.0, 100.0), (f64::INFINITY, 100.0)] {
+        let rules =
+            Rules { control: &light.control, settings: &settings, way: &way, crosswalk, hold, ..Rules::default() };
+        assert!((rules.stop(&way, 60.0, 10.0) - expected).abs() < 1e-6, "{crosswalk} m before the front");
+    }
+}
+
+#[test]
+fn of_a_wait_and_a_stop_behind_it_the_one_that_takes_harder_braking_counts() {
+    for (distance, release, velocity, stop, expected) in [
+        (10.0, 0.8, 10.0, 20.0, true),            // no wait at 10 m/s, then 2.5 m/s²
+        (10.0, 0.8, 10.0, 60.0, false),           // 0.8 m/s²: there is time
+        (10.0, 1.5, 10.0, 20.0, false),           // 4.4 m/s² to arrive after 1.5 s
+        (10.0, 1.1, 10.0, 20.0, true),            // 1.7 m/s²
+        (10.0, f64::INFINITY, 10.0, 12.0, false), // no other place to stop than the first one
+        (0.5, 0.8, 0.0, 2.0, false),              // it stands
+    ] {
+        let hold = Hold { distance, release, by: None };
+        let found = hold.is_easier_than(stop, velocity);
+        assert_eq!(found, expected, "{distance} m, {release} s, {velocity} m/s, {stop} m");
+    }
+}

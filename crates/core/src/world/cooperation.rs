@@ -186,6 +186,7 @@ impl World {
         let (path, center) = (&drive.agent.route.path, drive.s + vehicle.rear_axle_to_center);
         let rear_axle = vehicle.rear_axle_from_center(state.pose());
         let offset = path.project_near(rear_axle, drive.s, 5.0).map_or(f64::INFINITY, |(_, d)| d);
+        let held = self.hold(drive).map_or(f64::INFINITY, |hold| hold.distance);
         Negotiator {
             place,
             id: drive.agent.id,
@@ -198,7 +199,7 @@ impl World {
             extent: drive.agent.shape.extent(),
             crossings: &drive.crossings,
             is_ordered: !drive.course.stations.is_empty(),
-            line: self.line(drive).min(self.hold(drive).map_or(f64::INFINITY, |hold| drive.front() + hold.distance)),
+            line: self.line(drive).min(drive.front() + self.to_crosswalk(drive).min(held)),
         }
     }
 

@@ -402,9 +402,12 @@ impl World {
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
         let rules = self.rules(drive);
         let line = rules.stop(&drive.way, drive.front(), velocity);
-        let own = Progress { s: drive.s, stop_s: line, stop_release: f64::INFINITY, stop_by: None };
+        let to_line = line - drive.front();
+        let is_line = |(distance, _): &(f64, i64)| drive.front() + distance <= line;
+        let by = self.crosswalk_ahead(drive).filter(is_line).map(|(_, by)| by);
+        let own = Progress { s: drive.s, stop_s: line, stop_release: f64::INFINITY, stop_by: by };
         Ok(match rules.hold {
-            Some(hold) if drive.front() + hold.distance < line => {
+            Some(hold) if hold.distance < to_line && !hold.is_easier_than(to_line, velocity) => {
                 Progress { stop_s: drive.front() + hold.distance, stop_release: hold.release, stop_by: hold.by, ..own }
             }
             _ => own,

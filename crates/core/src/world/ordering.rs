@@ -132,6 +132,7 @@ impl World {
                     settings: &drive.agent.rules,
                     memory: drive.memory,
                     line: self.line(drive),
+                    crosswalk: drive.front() + self.to_crosswalk(drive),
                     sight: drive.agent.view.sensor_radius,
                 })
             })
@@ -156,11 +157,10 @@ impl World {
         meeting.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok())
     }
 
-    /// Arc length of the stop line or the crosswalk that holds an agent [m].
+    /// Arc length of the stop line that holds an agent [m].
     pub(super) fn line(&self, drive: &Drive) -> f64 {
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
-        let line = self.lines(drive).stop(&drive.way, drive.front(), velocity);
-        self.crosswalk_hold(drive).map_or(line, |hold| line.min(drive.front() + hold.distance))
+        self.lines(drive).stop(&drive.way, drive.front(), velocity)
     }
 
     fn matching(&self, scene: &Scene, row: usize) -> Vec<LaneMatch> {

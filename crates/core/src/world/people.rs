@@ -3,8 +3,8 @@
 use super::{Drive, World};
 use crate::geometry::Point;
 use crate::plan::Planner;
-use crate::rules::{Hold, LIGHT_DECELERATION, Person};
-use crate::scene::Scene;
+use crate::rules::{Crosswalk, LIGHT_DECELERATION, Person, reach};
+use crate::scene::{Participants, Scene};
 use crate::vehicle::ParticipantKind;
 
 /// Past steps from which the speed of people is observed.
@@ -24,17 +24,21 @@ pub(super) struct CrosswalkWait {
 }
 
 impl World {
-    /// Before which crosswalk an agent has to wait.
-    pub(super) fn crosswalk_hold(&self, drive: &Drive) -> Option<Hold> {
-        if self.has_crosswalks { self.hold_for_people(drive) } else { None }
+    /// The crosswalk before which an agent has to wait: distance from its front [m], and for whom.
+    pub(super) fn crosswalk_ahead(&self, drive: &Drive) -> Option<(f64, i64)> {
+        if self.has_crosswalks { self.wait_for_people(drive) } else { None }
+    }
+
+    /// The distance alone [m]; infinite without one.
+    pub(super) fn to_crosswalk(&self, drive: &Drive) -> f64 {
+        self.crosswalk_ahead(drive).map_or(f64::INFINITY, |(distance, _)| distance)
     }
 
     #[cold]
-    fn hold_for_people(&self, drive: &Drive) -> Option<Hold> {
+    fn wait_for_people(&self, drive: &Drive) -> Option<(f64, i64)> {
         let waits = self.waits();
         let wait = &waits[waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok()?];
-        let distance = drive.way.crosswalks()[wait.crosswalk].entry - drive.front();
-        Some(Hold { distance, release: f64::INFINITY, by: Some(wait.by) })
+        Some((drive.way.crosswalks()[wait.crosswalk].entry - drive.front(), wait.by))
     }
 
     /// Those who wait now, by ids; a pure function of the present state.
@@ -61,6 +65,15 @@ impl World {
 
     #[cold]
     fn look_for_people(&self) -> Vec<CrosswalkWait> {
+        let is_near = |drive: &&Drive| {
+            let planner = &drive.agent.planner;
+            let obeys = planner.knows_holds() || *planner == Planner::External;
+            obeys && drive.is_driving(self.time_step) && self.crosswalks_near(drive).next().is_some()
+        };
+        let near: Vec<&Drive> = self.drives.iter().filter(is_near).collect();
+        if near.is_empty() {
+            return Vec::new();
+        }
         let scene = self.scene_with_past(PAST);
         let people: Vec<Option<Person>> = scene.present.iter().map(|row| person(&scene, *row)).collect();
         if people.iter().all(Option::is_none) {
@@ -69,15 +82,23 @@ impl World {
         let positions = scene.positions();
         let mut visible = Vec::new();
         let mut waits = Vec::new();
-        for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
-            let planner = &drive.agent.planner;
-            if drive.way.crosswalks().is_empty() || !(planner.knows_holds() || *planner == Planner::External) {
-                continue;
-            }
+        for drive in near {
             scene.see(drive.row, &drive.agent.view, &positions, &mut visible);
             waits.extend(self.wait(drive, &scene, &people, &visible));
         }
         waits
+    }
+
+    fn speed(&self, drive: &Drive) -> f64 {
+        self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0))
+    }
+
+    /// The crosswalks ahead that an agent cares about already, with their positions on its way.
+    fn crosswalks_near<'a>(&self, drive: &'a Drive) -> impl Iterator<Item = (usize, &'a Crosswalk)> + use<'a> {
+        let front = drive.front();
+        let end = front + reach(self.speed(drive));
+        let all = drive.way.crosswalks().iter().enumerate();
+        all.filter(move |(_, crosswalk)| crosswalk.entry > front && crosswalk.entry <= end)
     }
 
     /// The first crosswalk ahead that somebody in sight claims, unless stopping before it takes too much.
@@ -88,10 +109,8 @@ impl World {
         people: &[Option<Person>],
         visible: &[usize],
     ) -> Option<CrosswalkWait> {
-        let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
-        let front = drive.front();
-        let ahead = drive.way.crosswalks().iter().enumerate().filter(|(_, crosswalk)| crosswalk.entry > front);
-        let mut found = ahead.filter_map(|(place, crosswalk)| {
+        let (velocity, front) = (self.speed(drive), drive.front());
+        let mut found = self.crosswalks_near(drive).filter_map(|(place, crosswalk)| {
             let deceleration = if drive.crosswalk == Some(place) { STOPPING } else { LIGHT_DECELERATION };
             if velocity * velocity > 2.0 * deceleration * (crosswalk.entry - front) {
                 return None;
@@ -102,6 +121,12 @@ impl World {
         });
         found.next()
     }
+}
+
+/// Somebody may use a crosswalk.
+pub(super) fn any_people(participants: &Participants) -> bool {
+    let may_walk = |kind: &ParticipantKind| matches!(kind, ParticipantKind::Pedestrian | ParticipantKind::Bicycle);
+    participants.kind.iter().zip(&participants.is_static).any(|(kind, is_static)| may_walk(kind) && !is_static)
 }
 
 /// Whoever is on foot or on a bicycle.

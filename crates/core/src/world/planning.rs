@@ -160,13 +160,8 @@ impl World {
     /// The rules of the road for an agent now.
     pub(super) fn rules<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
         let holds = [self.hold(drive), self.agreed_hold(drive)];
-        let mut nearest = holds.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
-        if let Some(hold) = self.crosswalk_hold(drive)
-            && nearest.is_none_or(|nearest| hold.distance < nearest.distance)
-        {
-            nearest = Some(hold);
-        }
-        Rules { hold: nearest, ..self.lines(drive) }
+        let hold = holds.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
+        Rules { crosswalk: self.to_crosswalk(drive), hold, ..self.lines(drive) }
     }
 
     /// The same without junctions and crosswalks.
@@ -179,6 +174,7 @@ impl World {
             entered: drive.agent.start_time_step,
             dt: self.scenario.dt,
             served: drive.stop_sign.served(&drive.agent.rules, self.scenario.dt),
+            crosswalk: f64::INFINITY,
             hold: None,
         }
     }

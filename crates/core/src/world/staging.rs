@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::AtomicUsize;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use super::{Agent, Drive, StepMemory, Threads, World, WorldSettings, ordering};
+use super::{Agent, Drive, StepMemory, Threads, World, WorldSettings, ordering, people};
 use crate::error::{Error, Result};
 use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
 use crate::plan::Prepared;
@@ -104,6 +104,7 @@ impl World {
     /// Memory is reused.
     pub(crate) fn restart(&mut self, scenario: &Arc<Scenario>, agents: &[StagedAgent], first_time_step: i64) {
         let (participants, recorded_row) = participants(scenario, agents);
+        let has_people = people::any_people(&participants);
         self.drives.clear();
         self.drives.extend(agents.iter().map(|staged| Drive {
             prepared: Arc::clone(&staged.prepared),
@@ -138,7 +139,7 @@ impl World {
         self.entered_in_contact.clear();
         self.has_passages = agents.iter().any(|staged| !staged.course.passages.is_empty());
         self.orders = OnceLock::new();
-        self.has_crosswalks = agents.iter().any(|staged| !staged.way.crosswalks().is_empty());
+        self.has_crosswalks = has_people && agents.iter().any(|staged| !staged.way.crosswalks().is_empty());
         self.waits = OnceLock::new();
         self.network = None;
         self.equip();
