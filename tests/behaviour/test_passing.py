@@ -167,7 +167,7 @@ def test_two_agents_with_parked_cars_on_both_sides_pass_one_after_the_other(gap,
     other = problem(
         2, start + gap, 3.5, 8.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 600)
     )  # fmt: skip
-    scenario = blocked(cars=[Car(51, PARKED + gap, 4.1)], problems=[other])
+    scenario = blocked(cars=[Car(51, PARKED + gap, 4.1, 0.0, np.pi)], problems=[other])
     run, _, _ = driven(scenario, agents=(1, 2))
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     assert run.outcomes.time_step.max() < 600, "60 s"
@@ -178,6 +178,6 @@ def test_an_agent_does_not_wait_for_ever_for_one_that_cannot_pass():
     other = problem(
         2, 160.0, 3.5, 8.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 500)
     )  # fmt: skip
-    scenario = blocked(cars=[Car(51, PARKED + 6.0, 4.1)], problems=[other])
+    scenario = blocked(cars=[Car(51, PARKED + 6.0, 4.1, 0.0, np.pi)], problems=[other])
     run = idr.simulate(scenario, agents=[1, 2], rules={2: {"passing": False}}, threads=1)
     assert run.outcomes.outcome[0] == "goal_reached"

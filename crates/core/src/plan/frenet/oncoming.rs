@@ -29,7 +29,7 @@ const SLOW: f64 = 3.0;
 pub(super) enum Order {
     /// The other one.
     First,
-    /// The agent, and the other one is slow enough to wait.
+    /// The agent, and the other one is parked or slow enough to wait.
     Waits,
     /// There is nothing to agree on, or the other one is too fast to rely on it.
     None,
@@ -86,7 +86,14 @@ pub(super) struct Lane<'a> {
 impl Lane<'_> {
     /// Whether an oncoming vehicle goes before the agent because something stands on its lane, too.
     pub(super) fn order(&self, other: &Other, agent: &Passer) -> Order {
-        let Some(passer) = self.passer(other, agent) else { return Order::None };
+        let Some((ahead, d, lanelet)) = self.place(other.pose.position) else { return Order::None };
+        let side = self.request.road.lanelets()[lanelet].center.project(agent.position).d.signum();
+        let stands = other.velocity.abs() < LEADER_STATIONARY_SPEED;
+        // Whoever stands on the far side of its lane is parked.
+        if is_left(other) || stands && side * d <= -QUEUE_OFFSET {
+            return Order::Waits;
+        }
+        let Some(passer) = self.passer(other, ahead, side * d) else { return Order::None };
         let seconds = self.request.time_step as f64 * self.request.dt;
         if passer.goes_before(agent, seconds) {
             return Order::First;
@@ -95,21 +102,16 @@ impl Lane<'_> {
         if passer.velocity.abs() <= SLOW && can_stop { Order::Waits } else { Order::None }
     }
 
-    /// An oncoming vehicle that has to pass something near what the agent passes.
-    fn passer(&self, other: &Other, agent: &Passer) -> Option<Passer> {
-        if is_left(other) || is_person(other) {
-            return None;
-        }
-        let (ahead, d, lanelet) = self.place(other.pose.position)?;
-        let side = self.request.road.lanelets()[lanelet].center.project(agent.position).d.signum();
-        // Whoever stands on the far side of its lane is parked.
-        if other.velocity.abs() < LEADER_STATIONARY_SPEED && side * d < -QUEUE_OFFSET {
+    /// An oncoming vehicle that has to pass something near what the agent passes, so far before the stretch and so far
+    /// moved over [m].
+    fn passer(&self, other: &Other, ahead: f64, moved: f64) -> Option<Passer> {
+        if is_person(other) {
             return None;
         }
         let body = other.shape.oriented_box(other.pose);
         let gap = |block: &Other| self.gap(block, ahead, body.half_length, body.half_width);
         let gap = self.request.others.iter().filter(|block| block.row != other.row).filter_map(gap).reduce(f64::min)?;
-        Some(Passer { gap, moved: side * d, velocity: other.velocity, position: other.pose.position })
+        Some(Passer { gap, moved, velocity: other.velocity, position: other.pose.position })
     }
 
     /// From the front of a vehicle to something that stands on its lane [m], unless it has passed that or it is far from
