@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import interdrive as idr
-from interdrive.scenario import Lanelets
+from interdrive.scenario import Lanelets, StopLine, TrafficLight
+from interdrive.scenario.control import Priorities
 from interdrive.testing.worlds import Car, problem, world
 
 PARKED = 100.0
@@ -42,11 +43,26 @@ def street(marking):
     )
 
 
-def blocked(marking="dashed", cars=(), problems=()):
-    """The street with the parked car and an agent 60 m before it."""
+def mirrored(lanelets):
+    """The same street for traffic on the left: lanelet 2 at y = -3.5 m."""
+    turned = [tuple(bound * [1.0, -1.0] for bound in bounds) for bounds in (lanelets.right, lanelets.left)]
+    return replace(
+        lanelets,
+        left=turned[0],
+        right=turned[1],
+        adjacent_left=lanelets.adjacent_right,
+        adjacent_right=lanelets.adjacent_left,
+        left_marking=lanelets.right_marking,
+        right_marking=lanelets.left_marking,
+    )
+
+
+def blocked(marking="dashed", cars=(), problems=(), y=-0.6, kind="parked_vehicle", lanelets=None):
+    """The street with the parked car and an agent 60 m before it; cars with ids from 50 to 59 are parked."""
     agent = problem(1, 40.0, 0.0, 8.0, goal=(250.0, 0.0), time_step=(0, 500))
-    scenario = world(street(marking), cars=[Car(50, PARKED, -0.6), *cars], problems=[agent, *problems], steps=900)
-    kinds = ("parked_vehicle", *scenario.obstacles.kinds[1:])
+    lanelets = street(marking) if lanelets is None else lanelets
+    scenario = world(lanelets, cars=[Car(50, PARKED, y), *cars], problems=[agent, *problems], steps=900)
+    kinds = tuple(kind if number < 60 else "car" for number in scenario.obstacles.ids)
     return replace(scenario, obstacles=replace(scenario.obstacles, kinds=kinds))
 
 
@@ -77,13 +93,46 @@ def test_passing_can_be_switched_off_per_agent():
     assert x.max() < PARKED - 4.5, "m"
 
 
-@pytest.mark.parametrize("start", [140.0, 170.0, 200.0])
+@pytest.mark.parametrize("y", [-0.6, -0.3, 0.0, 0.2, 0.4])
+def test_passing_breaks_no_rule_however_far_the_parked_car_stands_in_the_lane(y):
+    run, x, offset = driven(blocked(y=y))
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert np.interp(PARKED, x, offset) == pytest.approx(y + 0.9 + 0.3 + 0.9, abs=0.3), "m, beside it"
+    assert run.violations.rule == ()
+
+
+def test_traffic_on_the_left_passes_on_the_right():
+    scenario = blocked(y=0.6, lanelets=mirrored(street("dashed")))
+    run, x, y = driven(replace(scenario, priorities=Priorities(left_hand=True, priority_side="left")))
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert np.interp(PARKED, x, y) == pytest.approx(-SHIFT, abs=0.2), "m, beside it"
+    assert run.violations.rule == ()
+
+
+@pytest.mark.parametrize("kind", ["pedestrian", "bicycle"])
+def test_people_who_stand_in_the_lane_are_not_passed_over_the_other_lane(kind):
+    _, x, y = driven(blocked(kind=kind))
+    assert x.max() < PARKED - 4.5 and np.abs(y).max() < 0.3, "m"
+
+
+@pytest.mark.parametrize("gap", [1.0, 3.0, 5.0])
+def test_an_agent_that_has_to_stop_beside_a_parked_car_waits_behind_it(gap):
+    line = PARKED + 2.25 + gap
+    light = TrafficLight(7, (("red", 250), ("green", 2000)))
+    stop = StopLine(1, np.array([[line, 1.75], [line, -1.75]]), ((1, (7,)),))
+    run, x, y = driven(replace(blocked(), traffic_lights=(light,), stop_lines=(stop,)))
+    assert x[:250].max() < PARKED - 4.5 and np.abs(y[:250]).max() < 0.3, "m, while it is red"
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert run.violations.rule == ()
+
+
+@pytest.mark.parametrize("start", [175.0, 185.0, 195.0])
 def test_an_oncoming_car_that_would_be_met_leaves_first(start):
     oncoming = Car(60, start, 3.5, 10.0, np.pi, last=int(start) - 5)
-    run, x, _ = driven(blocked(cars=[oncoming]))
+    run, x, y = driven(blocked(cars=[oncoming]))
     assert run.outcomes.outcome == ("goal_reached",)
-    beside, met = 0.1 * float(np.argmax(x > PARKED - 4.5)), (start - PARKED) / 10.0
-    assert beside > met or beside + 3.0 < met, "s"
+    met = int(np.argmax(x > start - np.arange(len(x))))
+    assert np.abs(y[:met]).max() < 0.3 and x[met] < PARKED - 4.5, "m: it waits until the other one is past"
 
 
 def test_a_queue_is_not_passed():
@@ -110,3 +159,25 @@ def test_passing_does_not_depend_on_threads():
     other = problem(2, 170.0, 3.5, 10.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 500))
     runs = [idr.simulate(blocked(problems=[other]), agents=[1, 2], threads=threads) for threads in (1, 2)]
     assert runs[0].digest == runs[1].digest
+
+
+@pytest.mark.parametrize("gap", [0.0, 6.0, 10.0, 15.0, 20.0])
+@pytest.mark.parametrize("start", [160.0, 175.0])
+def test_two_agents_with_parked_cars_on_both_sides_pass_one_after_the_other(gap, start):
+    other = problem(
+        2, start + gap, 3.5, 8.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 600)
+    )  # fmt: skip
+    scenario = blocked(cars=[Car(51, PARKED + gap, 4.1, 0.0, np.pi)], problems=[other])
+    run, _, _ = driven(scenario, agents=(1, 2))
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    assert run.outcomes.time_step.max() < 600, "60 s"
+    assert run.violations.rule == ()
+
+
+def test_an_agent_does_not_wait_for_ever_for_one_that_cannot_pass():
+    other = problem(
+        2, 160.0, 3.5, 8.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 500)
+    )  # fmt: skip
+    scenario = blocked(cars=[Car(51, PARKED + 6.0, 4.1, 0.0, np.pi)], problems=[other])
+    run = idr.simulate(scenario, agents=[1, 2], rules={2: {"passing": False}}, threads=1)
+    assert run.outcomes.outcome[0] == "goal_reached"

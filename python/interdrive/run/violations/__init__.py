@@ -14,6 +14,7 @@ from interdrive.run.violations.junction_rules import keep_clear, right_of_way, u
 from interdrive.run.violations.lanes import lane_rules
 from interdrive.run.violations.lines import line_rules, passings
 from interdrive.run.violations.markings import has_closed_markings, solid_lines
+from interdrive.run.violations.passing import Standing, recorded_standing, standing
 from interdrive.run.violations.ways import Ways
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]
     ended = run.outcomes
     pairs = [(int(i), int(j)) for i, j in zip(ended.agent_id, ended.partner_id, strict=True) if j >= 0]
     collisions = {*pairs, *((j, i) for i, j in pairs)}
-    rows = _broken(driven(run), run, road, areas, collisions, grants)
-    rows += _broken(recorded(run), run, road, areas, set(), Grants({}, {}))
+    rows = _broken(driven(run), standing(run, road), run, road, areas, collisions, grants)
+    rows += _broken(recorded(run), recorded_standing(run, road), run, road, areas, set(), Grants({}, {}))
     rows.sort(key=lambda row: (Violations.SOURCES.index(row.source), row.participant_id, VIOLATIONS.index(row.rule)))
     return Violations(
         source=tuple(row.source for row in rows),
@@ -58,6 +59,7 @@ def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]
 
 def _broken(
     drives: Drives,
+    still: Standing,
     run: RunRecord,
     road: _core.RoadNetwork,
     areas: Mapping[str, Any],
@@ -69,7 +71,7 @@ def _broken(
         return []
     lanelets = run.scenario.lanelets
     passed = passings(drives, run.scenario, road)
-    rows = lane_rules(drives, road) + line_rules(drives, passed, road)
+    rows = lane_rules(drives, road, still) + line_rules(drives, passed, road)
     has_lines = has_closed_markings(lanelets)
     if not len(areas["junction"]) and not has_lines:
         return rows

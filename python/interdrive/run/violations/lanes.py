@@ -10,6 +10,7 @@ from interdrive.run.violations.drives import Drives, Row, stretches
 
 if TYPE_CHECKING:
     from interdrive import _core
+    from interdrive.run.violations.passing import Standing
 
 #: A vehicle is speeding that is faster than the limit by more than this [m/s] for at least this long [s].
 SPEED_MARGIN, SPEEDING_TIME = 0.5, 0.3
@@ -19,7 +20,7 @@ BRAKING = 1.0
 WRONG_WAY, WRONG_WAY_TIME = np.radians(120.0), 1.0
 
 
-def lane_rules(drives: Drives, road: _core.RoadNetwork) -> list[Row]:
+def lane_rules(drives: Drives, road: _core.RoadNetwork, standing: Standing) -> list[Row]:
     """Speeding and driving the wrong way."""
     judged = np.zeros(drives.valid.shape, dtype=np.bool_)
     judged[drives.judged] = drives.valid[drives.judged]
@@ -34,7 +35,11 @@ def lane_rules(drives: Drives, road: _core.RoadNetwork) -> list[Row]:
             if not _brakes_from_the_start(drives, k, last):
                 value = float(excess[k, first : last + 1].max())
                 rows.append(drives.row(k, "speeding", (first, last), value, road=road))
-        for first, last in stretches(judged[k] & (off[k] > WRONG_WAY), WRONG_WAY_TIME / dt):
+        wrong = judged[k] & (off[k] > WRONG_WAY)
+        if stretches(wrong, WRONG_WAY_TIME / dt):
+            columns = np.flatnonzero(wrong)
+            wrong[columns] = ~standing.is_passed(drives, k, columns)
+        for first, last in stretches(wrong, WRONG_WAY_TIME / dt):
             value = float(np.abs(drives.velocity[k, first : last + 1]).sum() * dt)
             rows.append(drives.row(k, "wrong_way", (first, last), value, road=road))
     return rows

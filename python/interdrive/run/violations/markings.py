@@ -27,10 +27,11 @@ _OPPOSITE = {"left": "right", "right": "left"}
 
 def has_closed_markings(lanelets: Lanelets) -> bool:
     """Some lanelet is bounded by a line that must not be crossed."""
-    return any(_is_closed(lanelets, row, side) for row in range(len(lanelets.ids)) for side in CLOSED)
+    return any(is_closed(lanelets, row, side) for row in range(len(lanelets.ids)) for side in CLOSED)
 
 
-def _is_closed(lanelets: Lanelets, row: int, side: str) -> bool:
+def is_closed(lanelets: Lanelets, row: int, side: str) -> bool:
+    """The line on a side must not be crossed from this lanelet."""
     markings = lanelets.left_marking if side == "left" else lanelets.right_marking
     return bool(markings) and markings[row] in CLOSED[side]
 
@@ -46,8 +47,8 @@ def solid_lines(drives: Drives, ways: Ways, lanelets: Lanelets, road: _core.Road
             row = place[way.lanelet]
             for side in CLOSED:
                 other = _beside(lanelets, row, side)
-                from_here = _is_closed(lanelets, row, side)
-                from_there = other >= 0 and _is_closed(lanelets, other, _OPPOSITE[side])
+                from_here = is_closed(lanelets, row, side)
+                from_there = other >= 0 and is_closed(lanelets, other, _OPPOSITE[side])
                 if len(way.columns) and (from_here or from_there):
                     beyond = _beyond(corners[:, way.columns], lanelets, row, side)
                     came = _came(beyond, way, ways.taken[k], int(lanelets.ids[other]) if other >= 0 else -1)

@@ -1,10 +1,10 @@
 //! When the lane of the other direction is free to pass what stands.
 
-use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
+use super::super::PlanRequest;
+use super::super::car_following::LEADER_STATIONARY_SPEED;
 use super::super::frame::Start;
-use super::super::{Other, PlanRequest};
+use super::oncoming::{Lane, Order, Passer, distance, speeds};
 use super::passing::{CLEARANCES, LEAD, LENGTH, STEP, Section, reach};
-use crate::geometry::Point;
 use crate::rules::{EARLY, travel_time};
 
 /// The agent has left the lane of the other direction so long before an oncoming vehicle comes [s]; less if it is on its
@@ -23,8 +23,6 @@ const SPEED: f64 = 6.0;
 const UNDER_WAY: f64 = 0.3;
 /// Oncoming vehicles are looked for up to this distance from where they meet the agent [m].
 const SIGHT: f64 = 250.0;
-/// Modes that are less probable do not count.
-const PROBABILITY_MIN: f64 = 0.2;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
 
@@ -43,8 +41,10 @@ pub(super) struct Detour {
     /// Arc lengths between which it stands [m].
     rear: f64,
     front: f64,
-    /// Offset beside the first of them [m], and the largest one.
+    /// Offset beside the first of them [m]. The agent aims at no more than that: once the first one lies behind, the next
+    /// one is the first.
     pub(super) offset: f64,
+    /// The largest offset [m]: before the agent enters, nothing may stand there either.
     widest: f64,
 }
 
@@ -84,13 +84,7 @@ impl Detour {
 
     /// The agent may pass now. It depends on nothing but what the agent sees: once beside what stands, or too fast to stop
     /// before it, the agent goes on; when it has begun to move over, smaller gaps suffice.
-    pub(super) fn is_free(
-        &self,
-        request: &PlanRequest,
-        start: &Start,
-        mut leaders: impl Iterator<Item = Leader>,
-        deceleration: f64,
-    ) -> bool {
+    pub(super) fn is_free(&self, request: &PlanRequest, start: &Start, leaders: &[Leader], deceleration: f64) -> bool {
         let vehicle = request.vehicle;
         let front = start.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let moved = start.d * self.offset.signum();
@@ -106,9 +100,13 @@ impl Detour {
         let enter = travel_time(from - front, start.velocity, largest, EARLY);
         let leave = travel_time(to + vehicle.length - front, start.velocity, largest, ACCELERATION);
         let room = to + vehicle.length;
-        let is_held = leaders.any(|leader| leader.rear < self.rear || leader.rear + leader.velocity * leave < room);
+        let is_held =
+            leaders.iter().any(|leader| leader.rear < self.rear || leader.rear + leader.velocity * leave < room);
         let gap = if is_under_way { GAP_UNDER_WAY } else { GAP };
-        !is_held && !self.is_blocked(request) && !self.meets(request, (from, to), (enter, leave + gap))
+        let passer = Passer::agent(request, self.offset.signum(), self.rear - front);
+        !is_held
+            && !self.is_blocked(request)
+            && !self.meets(request, &passer, (from, to), (enter, leave + gap), deceleration)
     }
 
     /// Something else stands where the agent would pass.
@@ -131,11 +129,24 @@ impl Detour {
         })
     }
 
-    /// An oncoming vehicle is on the stretch of its lane beside the path at the time [s].
-    fn meets(&self, request: &PlanRequest, (from, to): (f64, f64), (enter, leave): (f64, f64)) -> bool {
+    /// An oncoming vehicle is on the stretch of its lane beside the path at the time [s], or goes first.
+    fn meets(
+        &self,
+        request: &PlanRequest,
+        passer: &Passer,
+        (from, to): (f64, f64),
+        (enter, leave): (f64, f64),
+        deceleration: f64,
+    ) -> bool {
         let entries = self.entries(request, (from, to));
+        let lane = Lane { request, entries: &entries, own: (to - self.front, to - self.rear), deceleration };
         request.others.iter().filter(|other| !other.is_static).any(|other| {
             let Some(distance) = distance(other, request, &entries) else { return false };
+            match lane.order(other, passer) {
+                Order::First => return true,
+                Order::Waits => return false,
+                Order::None => {}
+            }
             let half = other.shape.oriented_box(other.pose).half_length;
             let (arrives, leaves) = (distance - half, distance + (to - from) + half);
             leaves > 0.0 && speeds(other, request).any(|speed| arrives < speed * leave && leaves > speed * enter)
@@ -151,8 +162,8 @@ impl Detour {
         let last = path.at(to).position;
         for i in 0..=n as usize {
             let at = path.at((from + (to - from) * i as f64 / n).max(0.0));
-            let section = Section { request, tangent: at.tangent(), middle: at.position };
-            for lanelet in section.opposite() {
+            let section = Section::new(request, at.tangent(), at.position);
+            for &lanelet in section.opposite() {
                 if found.iter().all(|(known, _)| *known != lanelet) {
                     found.push((lanelet, road.lanelets()[lanelet].center.project(last).s));
                 }
@@ -170,35 +181,4 @@ impl Detour {
         }
         found
     }
-}
-
-/// How far the middle of an oncoming vehicle has to go to a stretch of its lane [m], negative behind its beginning.
-fn distance(other: &Other, request: &PlanRequest, entries: &[(usize, f64)]) -> Option<f64> {
-    let road = request.road;
-    let axis = Point::from_angle(other.pose.orientation) * if other.velocity < 0.0 { -1.0 } else { 1.0 };
-    let here = road.lanelets_near(other.pose.position, 1.0);
-    let entries = entries.iter().filter(|(lanelet, _)| here.binary_search(lanelet).is_ok());
-    let along = entries.filter_map(|(lanelet, entry)| {
-        let foot = road.lanelets()[*lanelet].center.project(other.pose.position).s;
-        let leads = Point::from_angle(road.heading_at(*lanelet, foot)).dot(axis) > LEADER_HEADING_COSINE;
-        leads.then_some(entry - foot)
-    });
-    along.reduce(f64::min)
-}
-
-/// Its speed now, and in the mean over each of its predicted modes [m/s].
-fn speeds(other: &Other, request: &PlanRequest) -> impl Iterator<Item = f64> {
-    let predictions = request.predictions;
-    let (row, now) = (other.row, other.pose.position);
-    let mean = move |mode: usize| {
-        if predictions.probability[row * predictions.n_modes + mode] < PROBABILITY_MIN {
-            return None;
-        }
-        let first = predictions.offset(row, mode);
-        let last = (0..predictions.n_steps).rev().find(|step| predictions.valid[first + step])?;
-        let place = Point::new(predictions.x[first + last], predictions.y[first + last]);
-        let steps = predictions.time_step + last as i64 + 1 - request.time_step;
-        (steps > 0).then(|| now.distance(place) / (steps as f64 * request.dt))
-    };
-    std::iter::once(other.velocity.abs()).chain((0..predictions.n_modes).filter_map(mean))
 }

@@ -13,6 +13,7 @@
 // Each uses only those above it.
 mod settings;
 mod passing;
+mod oncoming;
 mod detour;
 mod targets;
 mod feasibility;

@@ -1,5 +1,7 @@
 //! What stands in the way and is passed: on which side there is room.
 
+use std::cell::OnceCell;
+
 use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
@@ -15,7 +17,7 @@ pub(super) const STEP: f64 = 2.0;
 const TIME: f64 = 3.0;
 pub(super) const LENGTH: f64 = 10.0;
 /// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
-const QUEUE_OFFSET: f64 = 1.0;
+pub(super) const QUEUE_OFFSET: f64 = 1.0;
 /// Vehicles that stand so near before a stop line or behind another one [m] wait there.
 const WAITING_REACH: f64 = 15.0;
 
@@ -58,23 +60,26 @@ impl Standing {
             return Some(Passage::Here(offset));
         }
         let settings = request.rules.settings;
-        if !(settings.enabled && settings.passing) || !(is_left || self.is_parked(request)) {
+        let may_be_left = !is_person(other) && (is_left || self.is_parked(request));
+        if !(settings.enabled && settings.passing && may_be_left) {
             return None;
         }
         let found = self.sides(request, d_max, |place, road| road.is_own(place) || road.is_open(place));
         found.filter(|offset| is_left || offset * self.d < 0.0).map(Passage::Opposite)
     }
 
-    /// A vehicle at the side that waits neither before a line nor behind others.
+    /// A vehicle at the side that waits neither before a line or a crosswalk nor behind others.
     fn is_parked(&self, request: &PlanRequest) -> bool {
         let before = |s: f64| (self.rear..self.front + WAITING_REACH).contains(&s);
         let follows = |other: &Other| {
             let found = request.route.path.project_near(other.pose.position, self.front, WAITING_REACH);
             found.is_some_and(|(s, d)| s > self.front && before(s) && (d - self.d).abs() < QUEUE_OFFSET)
         };
+        let way = request.rules.way;
+        let mut places = way.lines().map(|(s, _)| s).chain(way.crosswalks().iter().map(|crosswalk| crosswalk.entry));
         self.d.abs() >= QUEUE_OFFSET
             && self.cos.abs() > LEADER_HEADING_COSINE
-            && !request.rules.way.lines().any(|(s, _)| before(s))
+            && !places.any(before)
             && !request.others.iter().any(follows)
     }
 
@@ -97,21 +102,31 @@ impl Standing {
         let first = self.rear - LEAD - vehicle.length;
         (0..=n as usize).all(|i| {
             let at = path.at((first + length * i as f64 / n).max(0.0));
-            let section = Section { request, tangent: at.tangent(), middle: at.position };
+            let section = Section::new(request, at.tangent(), at.position);
             let left = section.tangent.left();
             [-0.5, 0.5].iter().all(|side| admits(at.position + left * (d + side * vehicle.width), &section))
         })
     }
 }
 
-/// The road across the path at a place.
-pub(super) struct Section<'a> {
-    pub(super) request: &'a PlanRequest<'a>,
-    pub(super) tangent: Point,
-    pub(super) middle: Point,
+/// People on foot or on a bicycle need more room than the other lane leaves.
+pub(super) fn is_person(other: &Other) -> bool {
+    matches!(other.kind, ParticipantKind::Pedestrian | ParticipantKind::Bicycle)
 }
 
-impl Section<'_> {
+/// The road across the path at a place.
+pub(super) struct Section<'a> {
+    request: &'a PlanRequest<'a>,
+    tangent: Point,
+    middle: Point,
+    opposite: OnceCell<Vec<usize>>,
+}
+
+impl<'a> Section<'a> {
+    pub(super) fn new(request: &'a PlanRequest<'a>, tangent: Point, middle: Point) -> Self {
+        Self { request, tangent, middle, opposite: OnceCell::new() }
+    }
+
     /// Cosine of a lanelet's direction to the path's, beside a place.
     fn cosine(&self, lanelet: usize, place: Point) -> f64 {
         let road = self.request.road;
@@ -127,19 +142,23 @@ impl Section<'_> {
 
     /// A place lies on a lane of the other direction beside the agent's, with a line between them that may be crossed.
     fn is_open(&self, place: Point) -> bool {
-        self.opposite().any(|lanelet| self.request.road.lanelets_at(place).contains(&lanelet))
+        let here = self.request.road.lanelets_at(place);
+        self.opposite().iter().any(|lanelet| here.contains(lanelet))
     }
 
-    /// Lanes of the other direction beside the agent's that may be entered.
-    pub(super) fn opposite(&self) -> impl Iterator<Item = usize> {
-        let (road, closed) = (self.request.road, &self.request.rules.control.closed);
-        let mut own = road.lanelets_at(self.middle);
-        own.retain(|lanelet| self.cosine(*lanelet, self.middle) > LEADER_HEADING_COSINE);
-        own.into_iter().flat_map(move |lanelet| {
-            let found = &road.lanelets()[lanelet];
-            let beside = [found.adjacent_left, found.adjacent_right].into_iter().zip(closed);
-            let open = beside.filter(move |(_, closed)| closed.binary_search(&lanelet).is_err());
-            open.filter_map(|(beside, _)| beside.filter(|(_, is_same)| !is_same).map(|(beside, _)| beside))
+    /// Lanes of the other direction beside the agent's that may be entered; worked out when they are first asked for.
+    pub(super) fn opposite(&self) -> &[usize] {
+        self.opposite.get_or_init(|| {
+            let (road, closed) = (self.request.road, &self.request.rules.control.closed);
+            let mut own = road.lanelets_at(self.middle);
+            own.retain(|lanelet| self.cosine(*lanelet, self.middle) > LEADER_HEADING_COSINE);
+            let beside = |lanelet: usize| {
+                let found = &road.lanelets()[lanelet];
+                let sides = [found.adjacent_left, found.adjacent_right].into_iter().zip(closed);
+                let open = sides.filter(move |(_, closed)| closed.binary_search(&lanelet).is_err());
+                open.filter_map(|(beside, _)| beside.filter(|(_, is_same)| !is_same).map(|(beside, _)| beside))
+            };
+            own.into_iter().flat_map(beside).collect()
         })
     }
 }

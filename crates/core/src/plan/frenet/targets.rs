@@ -67,16 +67,18 @@ impl Targets {
         let stretch = Stretch::ahead(request, start);
         let near = request.others.iter().filter(|other| stretch.may_hold(other));
         let (mut offset, mut nearest) = (0.0, front + passing::reach(start));
-        let (mut blocks, mut swing) = (Vec::new(), 0.0);
+        let (mut blocks, mut leaders, mut swing) = (Vec::new(), Vec::new(), 0.0);
         let mut follow = |leader: Leader| {
             let gap = leader.rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, leader.velocity, comfort));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
         };
-        let all = near.filter_map(|other| ahead(other, request, start, settings));
-        for ahead in all.clone() {
+        for ahead in near.filter_map(|other| ahead(other, request, start, settings)) {
             match ahead {
-                Ahead::Leads(leader) => follow(leader),
+                Ahead::Leads(leader) => {
+                    follow(leader);
+                    leaders.push(leader);
+                }
                 Ahead::Stands(Standing { rear, .. }, Passage::Here(beside)) => {
                     if rear < nearest {
                         (nearest, offset) = (rear, beside);
@@ -85,16 +87,19 @@ impl Targets {
                 Ahead::Stands(found, Passage::Opposite(beside)) => blocks.push((found.rear, found.front, beside)),
             }
         }
+        let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min, true);
+        let (goal_velocity, goal_stop) = goal;
         if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
-            let leaders = all.filter_map(|ahead| if let Ahead::Leads(leader) = ahead { Some(leader) } else { None });
-            if !detour.is_free(request, start, leaders, comfort.deceleration) {
+            // Where the agent has to stop there is no room to return, as behind a leader that stands.
+            let hold = Some(hold).filter(|_| release > HOLD_STOP);
+            let stops = [Some(line), hold, goal_stop.map(|s| s + front - start.s)];
+            leaders.extend(stops.into_iter().flatten().map(|rear| Leader { rear, velocity: 0.0 }));
+            if !detour.is_free(request, start, &leaders, comfort.deceleration) {
                 follow(detour.leader(comfort.standstill_gap));
             } else if detour.rear() < nearest {
                 (offset, swing) = (detour.offset, detour.swing(front));
             }
         }
-        let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min, true);
-        let (goal_velocity, goal_stop) = goal;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
         let velocity = path_velocity(request, start, comfort, elsewhere).max(start.velocity - step).max(0.0);

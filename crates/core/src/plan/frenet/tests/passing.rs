@@ -96,12 +96,14 @@ fn what_is_parked_in_the_lane_is_passed_over_the_other_lane_if_the_line_may_be_c
 }
 
 #[test]
-fn an_oncoming_vehicle_is_let_through_first() {
-    for x in [120.0, 150.0, 180.0, 210.0] {
+fn an_agent_waits_until_an_oncoming_vehicle_is_past() {
+    for x in [160.0, 170.0, 180.0] {
         let driven = places(on_a_blocked_street(&[], true, &[Car::at(x, 3.5, PI, 10.0)]), 30.0);
-        let met = (x - 90.0) / 10.0;
-        let at = driven.iter().position(|place| place.0 > 85.0).expect("it passes") as f64 * 0.1;
-        assert!(at > met || at + 2.0 < met, "{x} m: it is beside at {at} s, the other one at {met} s");
+        let met = |(i, place): (usize, &(f64, f64))| place.0 + 1.4 > x - 1.0 * (i + 1) as f64;
+        let met = driven.iter().enumerate().position(met).expect("they meet");
+        let widest = driven[..met].iter().fold(0.0_f64, |widest, place| widest.max(place.1.abs()));
+        assert!(widest < 0.3 && driven[met].0 < 85.0, "{x} m: {widest} m, {:?}", driven[met]);
+        assert!(offset_at(&driven, 110.0).is_some(), "{x} m: then it passes");
     }
 }
 
