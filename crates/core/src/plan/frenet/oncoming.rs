@@ -18,8 +18,8 @@ const MARGIN: f64 = 0.3;
 const OVER: f64 = 0.5;
 /// Differences of distances that are less than this [m] do not decide.
 const TIE: f64 = 0.5;
-/// While both stand, the other one goes first in every second interval of this length [s]: the first one may have reasons
-/// to stay that nobody sees.
+/// While the first one stands, the other one goes first in every second interval of this length [s]: the first one may
+/// have reasons to stay that nobody sees.
 const TURN: f64 = 10.0;
 /// A vehicle that is no faster than this [m/s] and can stop before what blocks its lane is trusted to wait.
 const SLOW: f64 = 3.0;
@@ -66,8 +66,8 @@ impl Passer {
         } else {
             (self.position.x, self.position.y) < (other.position.x, other.position.y)
         };
-        let stands = |passer: &Self| passer.velocity.abs() < LEADER_STATIONARY_SPEED;
-        let is_swapped = stands(self) && stands(other) && (seconds / TURN).rem_euclid(2.0) >= 1.0;
+        let first = if is_nearer { self } else { other };
+        let is_swapped = first.velocity.abs() < LEADER_STATIONARY_SPEED && (seconds / TURN).rem_euclid(2.0) >= 1.0;
         is_nearer != is_swapped
     }
 }
