@@ -161,7 +161,7 @@ def test_passing_does_not_depend_on_threads():
     assert runs[0].digest == runs[1].digest
 
 
-@pytest.mark.parametrize("gap", [0.0, 6.0, 10.0, 15.0, 20.0])
+@pytest.mark.parametrize("gap", [-10.0, -6.0, 0.0, 6.0, 10.0, 15.0, 20.0])
 @pytest.mark.parametrize("start", [160.0, 175.0])
 def test_two_agents_with_parked_cars_on_both_sides_pass_one_after_the_other(gap, start):
     other = problem(

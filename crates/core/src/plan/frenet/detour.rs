@@ -11,8 +11,10 @@ use crate::rules::{EARLY, travel_time};
 /// way already.
 const GAP: f64 = 2.0;
 const GAP_UNDER_WAY: f64 = 0.5;
-/// Who waits to pass stands so far behind [m]: from there it can swing out.
+/// Who waits to pass stands so far behind [m]: from there it can swing out, or one that passes from the other end can
+/// return before it.
 const WAITING_GAP: f64 = 7.0;
+const YIELDING_GAP: f64 = 11.0;
 /// Its swing ends when its front is so far beside [m], but is neither shorter nor longer than this.
 const SWING_BESIDE: f64 = 2.0;
 const SWING: (f64, f64) = (6.0, 12.0);
@@ -33,6 +35,15 @@ pub(super) struct Leader {
     pub(super) rear: f64,
     /// Its speed along the path [m/s], not negative.
     pub(super) velocity: f64,
+}
+
+/// What comes on the lane of the other direction.
+enum Oncoming {
+    None,
+    /// Somebody whom the agent would meet.
+    Meets,
+    /// Somebody whose turn it is to pass something that ends, for them, at an arc length [m].
+    GoesFirst(f64),
 }
 
 /// All that stands in a row and is passed over the lane of the other direction.
@@ -77,21 +88,24 @@ impl Detour {
         (self.rear - front + SWING_BESIDE).clamp(SWING.0, SWING.1)
     }
 
-    /// Who waits to pass follows this.
-    pub(super) fn leader(&self, gap: f64) -> Leader {
-        Leader { rear: self.rear - (WAITING_GAP - gap).max(0.0), velocity: 0.0 }
-    }
-
-    /// The agent may pass now. It depends on nothing but what the agent sees: once beside what stands, or too fast to stop
-    /// before it, the agent goes on; when it has begun to move over, smaller gaps suffice.
-    pub(super) fn is_free(&self, request: &PlanRequest, start: &Start, leaders: &[Leader], deceleration: f64) -> bool {
+    /// What the agent follows at a gap [m] until it may pass; `None` if it may pass now. It depends on nothing but what the
+    /// agent sees: once beside what stands, or too fast to stop before it, the agent goes on; when it has begun to move
+    /// over, smaller gaps suffice.
+    pub(super) fn wait(
+        &self,
+        request: &PlanRequest,
+        start: &Start,
+        leaders: &[Leader],
+        (deceleration, gap): (f64, f64),
+    ) -> Option<Leader> {
+        let behind = |s: f64, distance: f64| Some(Leader { rear: s - (distance - gap).max(0.0), velocity: 0.0 });
         let vehicle = request.vehicle;
         let front = start.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let moved = start.d * self.offset.signum();
         let is_under_way = moved > UNDER_WAY * self.offset.abs();
         let can_stop = front + 0.5 * start.velocity.powi(2) / deceleration < self.rear - LEAD;
         if is_under_way && !can_stop {
-            return true;
+            return None;
         }
         // Both ways of the swing are half on the lane of the other direction.
         let swing = 0.5 * reach(start);
@@ -102,11 +116,13 @@ impl Detour {
         let room = to + vehicle.length;
         let is_held =
             leaders.iter().any(|leader| leader.rear < self.rear || leader.rear + leader.velocity * leave < room);
-        let gap = if is_under_way { GAP_UNDER_WAY } else { GAP };
+        let reserve = if is_under_way { GAP_UNDER_WAY } else { GAP };
         let passer = Passer::agent(request, self.offset.signum(), self.rear - front);
-        !is_held
-            && !self.is_blocked(request)
-            && !self.meets(request, &passer, (from, to), (enter, leave + gap), deceleration)
+        match self.oncoming(request, &passer, (from, to), (enter, leave + reserve), deceleration) {
+            Oncoming::GoesFirst(end) => behind(self.rear.min(end), YIELDING_GAP),
+            Oncoming::None if !is_held && !self.is_blocked(request) => None,
+            _ => behind(self.rear, WAITING_GAP),
+        }
     }
 
     /// Something else stands where the agent would pass.
@@ -129,28 +145,33 @@ impl Detour {
         })
     }
 
-    /// An oncoming vehicle is on the stretch of its lane beside the path at the time [s], or goes first.
-    fn meets(
+    /// Whether an oncoming vehicle goes first, or is on the stretch of its lane beside the path at the time [s].
+    fn oncoming(
         &self,
         request: &PlanRequest,
         passer: &Passer,
         (from, to): (f64, f64),
         (enter, leave): (f64, f64),
         deceleration: f64,
-    ) -> bool {
+    ) -> Oncoming {
         let entries = self.entries(request, (from, to));
-        let lane = Lane { request, entries: &entries, own: (to - self.front, to - self.rear), deceleration };
-        request.others.iter().filter(|other| !other.is_static).any(|other| {
-            let Some(distance) = distance(other, request, &entries) else { return false };
+        let lane = Lane { request, entries: &entries, own: (self.rear - to, self.front - to), deceleration };
+        let mut found = Oncoming::None;
+        for other in request.others.iter().filter(|other| !other.is_static) {
+            let Some(distance) = distance(other, request, &entries) else { continue };
             match lane.order(other, passer) {
-                Order::First => return true,
-                Order::Waits => return false,
+                Order::First(end) => return Oncoming::GoesFirst(to + end),
+                Order::Waits => continue,
                 Order::None => {}
             }
             let half = other.shape.oriented_box(other.pose).half_length;
             let (arrives, leaves) = (distance - half, distance + (to - from) + half);
-            leaves > 0.0 && speeds(other, request).any(|speed| arrives < speed * leave && leaves > speed * enter)
-        })
+            let mut speeds = speeds(other, request);
+            if leaves > 0.0 && speeds.any(|speed| arrives < speed * leave && leaves > speed * enter) {
+                found = Oncoming::Meets;
+            }
+        }
+        found
     }
 
     /// Lanelets of the other direction beside the path and those that lead into them, with the arc length on each, beyond

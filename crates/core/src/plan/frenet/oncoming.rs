@@ -18,17 +18,17 @@ const MARGIN: f64 = 0.3;
 const OVER: f64 = 0.5;
 /// Differences of distances that are less than this [m] do not decide.
 const TIE: f64 = 0.5;
-/// While both stand, the other one goes first in every second interval of this length [s]: the first one may have reasons
-/// to stay that nobody sees.
+/// While the first one stands, the other one goes first in every second interval of this length [s]: the first one may
+/// have reasons to stay that nobody sees.
 const TURN: f64 = 10.0;
 /// A vehicle that is no faster than this [m/s] and can stop before what blocks its lane is trusted to wait.
 const SLOW: f64 = 3.0;
 
 /// Who goes first, as both see it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Order {
-    /// The other one.
-    First,
+    /// The other one, which passes something that ends so far before the stretch [m].
+    First(f64),
     /// The agent, and the other one is parked or slow enough to wait.
     Waits,
     /// There is nothing to agree on, or the other one is too fast to rely on it.
@@ -66,8 +66,8 @@ impl Passer {
         } else {
             (self.position.x, self.position.y) < (other.position.x, other.position.y)
         };
-        let stands = |passer: &Self| passer.velocity.abs() < LEADER_STATIONARY_SPEED;
-        let is_swapped = stands(self) && stands(other) && (seconds / TURN).rem_euclid(2.0) >= 1.0;
+        let first = if is_nearer { self } else { other };
+        let is_swapped = first.velocity.abs() < LEADER_STATIONARY_SPEED && (seconds / TURN).rem_euclid(2.0) >= 1.0;
         is_nearer != is_swapped
     }
 }
@@ -77,7 +77,7 @@ pub(super) struct Lane<'a> {
     pub(super) request: &'a PlanRequest<'a>,
     /// Its lanelets, and where on each the stretch begins that the agent uses [m].
     pub(super) entries: &'a [(usize, f64)],
-    /// What the agent passes lies between these distances before that [m].
+    /// What the agent passes lies between these distances before that [m], which are negative.
     pub(super) own: (f64, f64),
     /// A comfortable one [m/s²].
     pub(super) deceleration: f64,
@@ -93,30 +93,31 @@ impl Lane<'_> {
         if is_left(other) || stands && side * d <= -QUEUE_OFFSET {
             return Order::Waits;
         }
-        let Some(passer) = self.passer(other, ahead, side * d) else { return Order::None };
+        let Some((passer, end)) = self.passer(other, ahead, side * d) else { return Order::None };
         let seconds = self.request.time_step as f64 * self.request.dt;
         if passer.goes_before(agent, seconds) {
-            return Order::First;
+            return Order::First(end);
         }
         let can_stop = 0.5 * passer.velocity.powi(2) / self.deceleration < passer.gap - LEAD;
         if passer.velocity.abs() <= SLOW && can_stop { Order::Waits } else { Order::None }
     }
 
     /// An oncoming vehicle that has to pass something near what the agent passes, so far before the stretch and so far
-    /// moved over [m].
-    fn passer(&self, other: &Other, ahead: f64, moved: f64) -> Option<Passer> {
+    /// moved over [m]; and how far before the stretch that ends [m].
+    fn passer(&self, other: &Other, ahead: f64, moved: f64) -> Option<(Passer, f64)> {
         if is_person(other) {
             return None;
         }
         let body = other.shape.oriented_box(other.pose);
         let gap = |block: &Other| self.gap(block, ahead, body.half_length, body.half_width);
-        let gap = self.request.others.iter().filter(|block| block.row != other.row).filter_map(gap).reduce(f64::min)?;
-        Some(Passer { gap, moved, velocity: other.velocity, position: other.pose.position })
+        let gap = self.request.others.iter().filter(|block| block.row != other.row).filter_map(gap);
+        let (gap, end) = gap.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some((Passer { gap, moved, velocity: other.velocity, position: other.pose.position }, end))
     }
 
-    /// From the front of a vehicle to something that stands on its lane [m], unless it has passed that or it is far from
-    /// what the agent passes.
-    fn gap(&self, block: &Other, ahead: f64, half_length: f64, half_width: f64) -> Option<f64> {
+    /// From the front of a vehicle to something that stands on its lane [m], and how far before the stretch that ends
+    /// [m], unless the vehicle has passed it or it is far from what the agent passes.
+    fn gap(&self, block: &Other, ahead: f64, half_length: f64, half_width: f64) -> Option<(f64, f64)> {
         let stands = block.is_static || block.velocity.abs() < LEADER_STATIONARY_SPEED;
         if !stands || is_person(block) {
             return None;
@@ -134,7 +135,7 @@ impl Lane<'_> {
         let is_near = middle - half_s < self.own.1 + APART && middle + half_s > self.own.0 - APART;
         let is_behind = middle - half_s > ahead + half_length;
         let gap = ahead - middle - half_s - half_length;
-        (is_in_the_way && is_near && !is_behind).then_some(gap)
+        (is_in_the_way && is_near && !is_behind).then_some((gap, middle - half_s))
     }
 
     /// How far a place lies before the stretch along the lane, its offset to the lane's left [m], and the lanelet.

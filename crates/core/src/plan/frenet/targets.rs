@@ -94,8 +94,9 @@ impl Targets {
             let hold = Some(hold).filter(|_| release > HOLD_STOP);
             let stops = [Some(line), hold, goal_stop.map(|s| s + front - start.s)];
             leaders.extend(stops.into_iter().flatten().map(|rear| Leader { rear, velocity: 0.0 }));
-            if !detour.is_free(request, start, &leaders, comfort.deceleration) {
-                follow(detour.leader(comfort.standstill_gap));
+            let comfortable = (comfort.deceleration, comfort.standstill_gap);
+            if let Some(leader) = detour.wait(request, start, &leaders, comfortable) {
+                follow(leader);
             } else if detour.rear() < nearest {
                 (offset, swing) = (detour.offset, detour.swing(front));
             }
