@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.behaviour.test_crosswalks import driven, meeting
+from tests.behaviour.test_right_of_way import ARMS, lanes
+from tests.behaviour.test_right_of_way import car as arriving
 
 import interdrive as idr
 from interdrive.scenario import StopLine, TrafficLight
@@ -114,6 +116,15 @@ def test_nobody_hits_a_planner_that_does_not_obey(obeys):
     run = idr.simulate(scenario, agents="all", planner=planner, settings=RULES, threads=1)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     assert enters(run, 1) < enters(run, 2) - 0.5, "the other one goes first by precedence, but waits"
+
+
+@pytest.mark.parametrize("ignoring", [None, 1, 3])
+def test_four_get_through_a_cross_whether_all_obey_or_one_does_not(obeys, ignoring):
+    problems = [arriving(number, way, 20.0, mouth=-3.15) for number, way in enumerate(ARMS, start=1)]
+    scenario = world(lanes(*ARMS), problems=problems)
+    planner = {"default": obeys} | ({} if ignoring is None else {ignoring: Ignores})
+    run = idr.simulate(scenario, planner=planner, settings=RULES, threads=1)
+    assert all(outcome.startswith("goal_reached") for outcome in run.outcomes.outcome), run.outcomes.outcome
 
 
 def test_the_check_warns_of_a_planner_that_breaks_its_word(obeys):
