@@ -65,20 +65,20 @@ impl Targets {
             following = following.min(safe_velocity(room, 0.0, comfort).max(room / release.max(request.dt)));
         }
         let stretch = Stretch::ahead(request, start);
-        let near = request.others.iter().filter(|other| stretch.may_hold(other));
+        let all = || {
+            let near = request.others.iter().filter(|other| stretch.may_hold(other));
+            near.filter_map(|other| ahead(other, request, start, settings))
+        };
         let (mut offset, mut nearest) = (0.0, front + passing::reach(start));
-        let (mut blocks, mut leaders, mut swing) = (Vec::new(), Vec::new(), 0.0);
+        let (mut blocks, mut swing) = (Vec::new(), 0.0);
         let mut follow = |leader: Leader| {
             let gap = leader.rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, leader.velocity, comfort));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
         };
-        for ahead in near.filter_map(|other| ahead(other, request, start, settings)) {
+        for ahead in all() {
             match ahead {
-                Ahead::Leads(leader) => {
-                    follow(leader);
-                    leaders.push(leader);
-                }
+                Ahead::Leads(leader) => follow(leader),
                 Ahead::Stands(Standing { rear, .. }, Passage::Here(beside)) => {
                     if rear < nearest {
                         (nearest, offset) = (rear, beside);
@@ -93,7 +93,10 @@ impl Targets {
             // Where the agent has to stop there is no room to return, as behind a leader that stands.
             let hold = Some(hold).filter(|_| release > HOLD_STOP);
             let stops = [Some(line), hold, goal_stop.map(|s| s + front - start.s)];
-            leaders.extend(stops.into_iter().flatten().map(|rear| Leader { rear, velocity: 0.0 }));
+            let stops = stops.into_iter().flatten().map(|rear| Leader { rear, velocity: 0.0 });
+            // Looked for once more, as plans without a detour have to do without memory for them.
+            let leaders = all().filter_map(|ahead| if let Ahead::Leads(leader) = ahead { Some(leader) } else { None });
+            let leaders: Vec<Leader> = leaders.chain(stops).collect();
             let comfortable = (comfort.deceleration, comfort.standstill_gap);
             if let Some(leader) = detour.wait(request, start, &leaders, comfortable) {
                 follow(leader);
