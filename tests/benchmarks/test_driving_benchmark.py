@@ -25,7 +25,7 @@ def part(monkeypatch):
         return __import__(name)
 
     yield imported
-    for name in ("causes", "drives", "realism", "side_by_side", "tables"):
+    for name in ("causes", "drives", "realism", "side_by_side", "tables", "worst"):
         sys.modules.pop(name, None)
 
 
@@ -54,6 +54,28 @@ def test_every_agent_has_a_row_and_a_second_run_differs_in_none(tmp_path):
     assert len(rows) > 1
     assert all(row["category"] == "junction" for row in rows)
     assert second.stdout.split("cause now |")[1].split("## Failures")[0].strip() == "|---|--:|---|---|---|---|"
+
+
+def test_the_agents_that_lose_most_are_drawn_one_per_queue(part, tmp_path):
+    worst = part("worst")
+    row = {"category": "junction", "scenario": "t_junction", "reachable": "True", "cause": "steering"}
+    late = row | {"outcome": "goal_reached_late", "head_id": "1001"}
+    rows = [late | {"agent_id": "1001", "lost": "2.5"}, late | {"agent_id": "2001", "lost": "1.5"}]
+    rows += [row | {"agent_id": "1002", "lost": "9.0", "outcome": "goal_reached", "head_id": "1002"}]
+    assert [one["agent_id"] for one in worst.chosen(rows, 10)] == ["1001"]
+    (tmp_path / "junction").mkdir()
+    shutil.copy(shipped_scenario("t_junction"), tmp_path / "junction")
+    with (tmp_path / "agents.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    command = [sys.executable, FOLDER / "worst.py", tmp_path / "agents.csv", tmp_path / "worst.png"]
+    done = subprocess.run(
+        [*map(str, command), "--folder", str(tmp_path)], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "t_junction 1001: 2.5 s lost, steering (1001)\n"
+    assert (tmp_path / "worst.png").stat().st_size > 5000
 
 
 def test_a_folder_without_scenarios_is_refused_in_one_line(tmp_path):

@@ -40,7 +40,7 @@ pub struct Crosswalk {
     half_lane: f64,
 }
 
-/// Somebody who may use a crosswalk.
+/// A person who may use a crosswalk, or a bicycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Person {
     /// Where they are [m].
@@ -83,7 +83,7 @@ impl Crosswalk {
         found
     }
 
-    /// A vehicle gives way to somebody here: they are on the lane, have not left it by 2 m, or are about to walk onto it.
+    /// A vehicle gives way to people here if they are on the lane, have not left it by 2 m, or are about to walk onto it.
     pub fn is_claimed(&self, person: &Person) -> bool {
         let aside = (person.position - self.middle).dot(self.left);
         let outside = (aside.abs() - self.half_lane).max(0.0);

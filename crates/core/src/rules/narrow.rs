@@ -10,7 +10,7 @@ use crate::junctions::AreaKind;
 const STANDING: f64 = 0.1;
 
 impl Meeting<'_> {
-    /// An agent sees whoever could not stop at the other end any more. Where that is never so, it need not. One that stands
+    /// An agent sees all that could not stop at the other end any more. Where that is never so, it need not. One that stands
     /// further from the mouth than agents usually do may come nearer.
     pub(super) fn sees_through(&self, claim: &Claim<'_>) -> bool {
         let traveller = &self.travellers[claim.traveller];

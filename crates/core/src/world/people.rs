@@ -101,7 +101,7 @@ impl World {
         all.filter(move |(_, crosswalk)| crosswalk.entry > front && crosswalk.entry <= end)
     }
 
-    /// The first crosswalk ahead that somebody in sight claims, unless stopping before it takes too much.
+    /// The first crosswalk ahead that a person in sight claims, unless stopping before it takes too much.
     fn wait(
         &self,
         drive: &Drive,
@@ -123,13 +123,13 @@ impl World {
     }
 }
 
-/// Somebody may use a crosswalk.
+/// Some participant may use a crosswalk.
 pub(super) fn any_people(participants: &Participants) -> bool {
     let may_walk = |kind: &ParticipantKind| matches!(kind, ParticipantKind::Pedestrian | ParticipantKind::Bicycle);
     participants.kind.iter().zip(&participants.is_static).any(|(kind, is_static)| may_walk(kind) && !is_static)
 }
 
-/// Whoever is on foot or on a bicycle.
+/// On foot or on a bicycle.
 fn person(scene: &Scene, row: usize) -> Option<Person> {
     let participants = &scene.participants;
     let rides = match participants.kind[row] {

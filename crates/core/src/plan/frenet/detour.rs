@@ -21,7 +21,7 @@ const SWING: (f64, f64) = (6.0, 12.0);
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
 const ACCELERATION: f64 = 1.0;
 const SPEED: f64 = 6.0;
-/// Whoever has moved by this share of the offset is under way.
+/// An agent that has moved by this share of the offset is under way.
 const UNDER_WAY: f64 = 0.3;
 /// Oncoming vehicles are looked for up to this distance from where they meet the agent [m].
 const SIGHT: f64 = 250.0;
@@ -40,9 +40,9 @@ pub(super) struct Leader {
 /// What comes on the lane of the other direction.
 enum Oncoming {
     None,
-    /// Somebody whom the agent would meet.
+    /// A vehicle that the agent would meet.
     Meets,
-    /// Somebody whose turn it is to pass something that ends, for them, at an arc length [m].
+    /// A vehicle whose turn it is to pass something that ends, for it, at an arc length [m].
     GoesFirst(f64),
 }
 

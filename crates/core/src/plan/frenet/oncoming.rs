@@ -2,9 +2,8 @@
 
 use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
 use super::super::{Other, PlanRequest};
-use super::passing::{LEAD, QUEUE_OFFSET, is_person};
+use super::passing::{LEAD, QUEUE_OFFSET, is_left, is_person};
 use crate::geometry::Point;
-use crate::vehicle::ParticipantKind;
 
 /// Modes that are less probable do not count.
 const PROBABILITY_MIN: f64 = 0.2;
@@ -14,17 +13,17 @@ const BESIDE: f64 = 2.0;
 const APART: f64 = 50.0;
 /// Something blocks a lane if it leaves a vehicle less than this on one side of the middle [m].
 const MARGIN: f64 = 0.3;
-/// Whoever has moved so far towards the lane of the other one [m] goes first.
+/// A vehicle that has moved so far towards the lane of the other one [m] goes first.
 const OVER: f64 = 0.5;
 /// Differences of distances that are less than this [m] do not decide.
 const TIE: f64 = 0.5;
 /// While the first one stands, the other one goes first in every second interval of this length [s]: the first one may
-/// have reasons to stay that nobody sees.
+/// have reasons to stay that the other one cannot see.
 const TURN: f64 = 10.0;
 /// A vehicle that is no faster than this [m/s] and can stop before what blocks its lane is trusted to wait.
 const SLOW: f64 = 3.0;
 
-/// Who goes first, as both see it.
+/// Which of two goes first, as both see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Order {
     /// The other one, which passes something that ends so far before the stretch [m].
@@ -54,7 +53,7 @@ impl Passer {
         Self { gap, moved: side * d, velocity: request.state.velocity, position }
     }
 
-    /// Both vehicles find the same one: who has begun, then who is nearer to what it passes, then the one with the smaller
+    /// Both vehicles find the same one: one that has begun, then the nearer one, then the one with the smaller
     /// coordinates, which is arbitrary but never the same for both.
     fn goes_before(&self, other: &Self, seconds: f64) -> bool {
         let is_over = |passer: &Self| passer.moved > OVER;
@@ -89,7 +88,7 @@ impl Lane<'_> {
         let Some((ahead, d, lanelet)) = self.place(other.pose.position) else { return Order::None };
         let side = self.request.road.lanelets()[lanelet].center.project(agent.position).d.signum();
         let stands = other.velocity.abs() < LEADER_STATIONARY_SPEED;
-        // Whoever stands on the far side of its lane is parked.
+        // A vehicle that stands on the far side of its lane is parked.
         if is_left(other) || stands && side * d <= -QUEUE_OFFSET {
             return Order::Waits;
         }
@@ -149,11 +148,6 @@ impl Lane<'_> {
         });
         along.min_by(|a, b| a.0.total_cmp(&b.0))
     }
-}
-
-/// It stands for good.
-fn is_left(other: &Other) -> bool {
-    other.is_static || other.kind == ParticipantKind::ParkedVehicle
 }
 
 /// How far the middle of an oncoming vehicle has to go to a stretch of its lane [m], negative behind its beginning.

@@ -44,14 +44,14 @@ pub(super) struct Standing {
 pub(super) enum Passage {
     /// On lanelets of the agent's direction, at an offset [m].
     Here(f64),
-    /// Over the lane of the other direction, at an offset [m], while nobody comes there.
+    /// Over the lane of the other direction, at an offset [m], while no vehicle is oncoming there.
     Opposite(f64),
 }
 
 impl Standing {
     /// Where the agent can pass it; not if it waits in a queue.
     pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
-        let is_left = other.is_static || other.kind == ParticipantKind::ParkedVehicle;
+        let is_left = is_left(other);
         if !is_left && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;
         }
@@ -107,6 +107,11 @@ impl Standing {
             [-0.5, 0.5].iter().all(|side| admits(at.position + left * (d + side * vehicle.width), &section))
         })
     }
+}
+
+/// It stands for good.
+pub(super) fn is_left(other: &Other) -> bool {
+    other.is_static || other.kind == ParticipantKind::ParkedVehicle
 }
 
 /// People on foot or on a bicycle need more room than the other lane leaves.
