@@ -223,8 +223,12 @@ class Replays:
 
 @pytest.mark.parametrize("traffic", ["frenet", "idm", "idm_mobil", "velocity_adjusting", "recorded"])
 @pytest.mark.parametrize("scenario", ["t_junction", "lane_merge"])
-def test_an_environment_and_a_run_of_the_same_drives_have_the_same_bits(scenario, traffic):
-    env = envs.DriveEnv(scenarios=scenario, learners=[PROBLEM], traffic=traffic, record=True)
+@pytest.mark.parametrize("precedence", [False, True])
+def test_an_environment_and_a_run_of_the_same_drives_have_the_same_bits(scenario, traffic, precedence):
+    """With orders at junctions, too: a learner gets none, and others do not count on it."""
+    rules = {"rules.precedence": precedence}
+    orders = {f"simulation.{name}": value for name, value in rules.items()}
+    env = envs.DriveEnv(scenarios=scenario, learners=[PROBLEM], traffic=traffic, record=True, **orders)
     *_, info, _ = driven(env, (0.05, 0))
     run = env.run()
     agents = "all" if traffic != "recorded" else [PROBLEM]
@@ -234,7 +238,7 @@ def test_an_environment_and_a_run_of_the_same_drives_have_the_same_bits(scenario
         planner={"default": traffic, PROBLEM: lambda: Replays(run.states, PROBLEM)},
         predictor="lane_following",
         threads=1,
-        settings={"step.max_steps": info["steps"]},
+        settings={"step.max_steps": info["steps"], **rules},
     )
     n = info["steps"] + 1
     for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate", "valid"):

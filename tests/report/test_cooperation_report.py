@@ -16,7 +16,8 @@ MCM = SERVICES.index("mcm")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    settings = {"v2x.penetration": 1.0, "v2x.negotiate": True, "record.messages": "links", "step.max_steps": 200}
+    settings = {"v2x.penetration": 1.0, "v2x.negotiate": True, "rules.precedence": False}
+    settings |= {"record.messages": "links", "step.max_steps": 200}
     run = simulate(four_arms(), planner="frenet", predictor="lane_following", settings=settings, threads=1)
     return save(run, tmp_path_factory.mktemp("v2x") / "run")
 

@@ -43,8 +43,9 @@ class Waiting:
 
 
 def drive(scenario, planner, seed=0, **settings):
-    """The run and its agreements; settings with __ for a dot."""
-    values = {"step.max_steps": 500, **{name.replace("__", "."): value for name, value in settings.items()}}
+    """The run and its agreements; settings with __ for a dot. No orders at junctions: the agents have to agree."""
+    values = {"step.max_steps": 500, "rules.precedence": False}
+    values |= {name.replace("__", "."): value for name, value in settings.items()}
     simulation = Simulation(
         scenario, planner=planner, predictor="lane_following", settings=values, seed=seed, threads=1
     )
@@ -227,7 +228,7 @@ def test_a_bar_is_gone_soon_after_the_other_agent_has_crashed():
 def test_agents_in_a_queue_arrive_one_after_the_other_and_an_unequipped_leader_is_not_overtaken_by_a_claim(planner):
     def arrivals(equipped):
         scenario = replace(queue_at_a_crossing(), priorities=Priorities(priority_side="none"))
-        values = {"step.max_steps": 500, "v2x.negotiate": True, "v2x.penetration": 1.0}
+        values = {"step.max_steps": 500, "v2x.negotiate": True, "v2x.penetration": 1.0, "rules.precedence": False}
         simulation = Simulation(
             scenario,
             planner=planner,
@@ -291,6 +292,7 @@ def test_the_same_bits_for_any_number_of_threads_with_all_services_and_a_poor_ch
         "v2x.loss": 0.3,
         "v2x.jitter": 0.2,
         "view.occlusion": True,
+        "rules.precedence": False,
         "step.max_steps": 120,
     }
     seen = set()

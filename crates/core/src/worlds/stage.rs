@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::geometry::wrap_angle;
 use crate::observation::PathTable;
 use crate::plan::Planner;
+use crate::rules::RulesSettings;
 use crate::scenario::Scenario;
 use crate::trajectory::State;
 use crate::vehicle::single_track::Kinematic;
@@ -65,7 +66,10 @@ impl Stage {
                 Some(planner) => Some(StagedAgent::new(Agent { planner, ..agent.clone() }, &scenario)?),
                 None => None,
             };
-            let learner = StagedAgent::new(Agent { planner: learning.clone(), ..agent }, &scenario)?;
+            // A learner that chooses its motion itself gets no orders at junctions; others do not count on it.
+            let precedence = agent.rules.precedence && *learning != Planner::External;
+            let rules = RulesSettings { precedence, ..agent.rules };
+            let learner = StagedAgent::new(Agent { planner: learning.clone(), rules, ..agent }, &scenario)?;
             Ok(Player { learner, table, traffic, row })
         };
         let players = agents.into_iter().map(player).collect::<Result<_>>()?;
