@@ -3,11 +3,12 @@
 use super::course::{Crossed, MARGIN, Passage};
 use super::meeting::{Body, Booking, Meeting, Traveller};
 use super::room::ROOM;
+use crate::junctions::Junctions;
 
 /// Acceleration of the earliest entry that a vehicle is capable of in traffic [m/s²].
 pub(crate) const EARLY: f64 = 2.0;
 /// Others expect that it keeps its speed, or accelerates so [m/s²] up to this speed [m/s]; if it is faster, it is told not
-/// to arrive before they have left.
+/// to arrive before they have left. One that goes first is told nothing: up to any speed then.
 const EXPECTED: f64 = 1.0;
 const EXPECTED_SPEED: f64 = 3.0;
 /// Acceleration of a late exit [m/s²], and the share of the speed there.
@@ -37,14 +38,15 @@ pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, accelerati
 
 impl Traveller<'_> {
     /// When it uses the areas of a passage that its rear has not left. One that can still stop before them claims them.
-    fn windows(&self, passage: &Passage, body: &Body, is_claim: bool) -> Vec<Booking> {
+    fn windows(&self, passage: &Passage, body: &Body, is_claim: bool, junctions: &Junctions) -> Vec<Booking> {
         let (velocity, front) = (body.velocity, self.front);
         let early = largest(passage, velocity);
         let expected = velocity.max(early.min(EXPECTED_SPEED));
         let late = (SLOW * passage.speed).max(velocity);
         let window = |crossed: &Crossed| {
             let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + MARGIN + body.length - front);
-            let earliest = travel_time(ahead, velocity, early, EARLY);
+            let goes_first = is_claim && junctions.areas[crossed.area].first == Some(crossed.side);
+            let earliest = travel_time(ahead, velocity, early, if goes_first { EXPECTED } else { EARLY });
             (leaves > 0.0).then(|| Booking {
                 area: crossed.area,
                 side: crossed.side,
@@ -75,7 +77,7 @@ impl Meeting<'_> {
     pub(super) fn windows(&self, index: usize, passage: &Passage, is_claim: bool, seen: &[usize]) -> Vec<Booking> {
         let traveller = &self.travellers[index];
         let body = &self.bodies[traveller.body];
-        let mut windows = traveller.windows(passage, body, is_claim);
+        let mut windows = traveller.windows(passage, body, is_claim, self.junctions);
         let Some(&(rear, leader)) = self.ahead(index, traveller.front, seen).first() else { return windows };
         let speed = self.bodies[leader].velocity.max(LEADER_SPEED);
         for window in &mut windows {
