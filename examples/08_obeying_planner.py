@@ -17,7 +17,7 @@ class Obeys:
         self.cruise = cruise
 
     def plan(self, view: idr.View, predictions: idr.Predictions) -> idr.Trajectory:
-        """A trajectory of 3 s; whoever is ahead is expected to keep its speed along the path, at least 0."""
+        """A trajectory of 3 s; a vehicle ahead is expected to keep its speed along the path, at least 0."""
         ego, route, dt = view.ego, view.ego.route, view.dt
         path, heading = route.reference_path, np.unwrap(route.reference_orientation)
         knots = np.linspace(0.0, route.length, len(path))

@@ -245,7 +245,7 @@ class Hasty(Straight):
                 " no message can ever be used"
             ),
         ),
-        ({"v2x.penetration": 0.1}, "frenet", "v2x.penetration: 0.1 of the agents rounds to none: nobody has V2X"),
+        ({"v2x.penetration": 0.1}, "frenet", "v2x.penetration: 0.1 of the agents rounds to none: no agent has V2X"),
         (
             {"v2x.penetration": 1.0},
             {2001: Hasty, "default": "frenet"},

@@ -226,7 +226,7 @@ pub struct Rules<'a> {
     pub dt: f64,
     /// The line in `Control::lines` at whose stop sign the agent has stood long enough.
     pub served: Option<usize>,
-    /// How far its front may go before a crosswalk that somebody uses [m]; infinite without one.
+    /// How far its front may go before a crosswalk that is in use [m]; infinite without one.
     pub crosswalk: f64,
     /// It has to wait before a junction.
     pub hold: Option<Hold>,

@@ -48,7 +48,7 @@ def cooperation_notes(settings: V2xSettings, equipped: Sequence[int], plans: Pla
     """
     if not equipped:
         share = settings.penetration
-        return [f"v2x.penetration: {share:g} of the agents rounds to none: nobody has V2X"] if share > 0 else []
+        return [f"v2x.penetration: {share:g} of the agents rounds to none: no agent has V2X"] if share > 0 else []
     notes = []
     arrival = max(1, int(np.ceil(settings.delay / dt - 1e-9))) * dt
     if arrival > settings.age_max + 1e-9:

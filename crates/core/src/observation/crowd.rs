@@ -25,7 +25,7 @@ pub struct Body {
     pub(super) class: usize,
     /// Its row in the predictions; `None` if nothing is expected of it.
     pub predicted: Option<usize>,
-    /// Centre [m] and unit vector along the heading half a second ago; `None` if it was not there or nobody asks.
+    /// Centre [m] and unit vector along the heading half a second ago; `None` if it was not there or none is needed.
     pub(super) before: Option<(Point, Point)>,
 }
 

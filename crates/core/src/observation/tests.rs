@@ -269,7 +269,7 @@ fn the_most_probable_drive_is_told_in_the_order_of_the_partners_as_far_as_it_is_
     let table = predictions(&world);
     let found = world.observed_with(&settings, &world.state(60.0, 0.0, 0.0, 10.0, 0.0), &bodies, Some(&table));
     let rows = &found[28 + 3 * 14..];
-    // Nothing is expected of the nearest one, and nobody is third.
+    // Nothing is expected of the nearest one, and there is no third one.
     close(&rows[..10], &[0.0; 10]);
     let beside = 3.5 / 80.0;
     close(&rows[10..20], &[0.7, 15.0 / 80.0, beside, 0.1, 20.0 / 80.0, beside, 0.1, 0.0, 0.0, 0.0]);

@@ -61,7 +61,7 @@ impl Meeting<'_> {
         answer
     }
 
-    /// By precedence; nobody is held back for one that has to wait for it.
+    /// By precedence; no vehicle is held back for one that has to wait for it.
     fn goes_first(&self, booking: &Booking) -> bool {
         self.junctions.areas[booking.area].first == Some(booking.side)
     }

@@ -17,7 +17,7 @@ const CURVE_REACH: f64 = 250.0;
 const CORRIDOR_MARGIN: f64 = 0.3;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
-/// Whoever has to wait for more than this [s] may want to stop.
+/// An agent that has to wait for more than this [s] may want to stop.
 const HOLD_STOP: f64 = 2.0;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
