@@ -8,7 +8,7 @@ use crate::junctions::Junctions;
 /// Acceleration of the earliest entry that a vehicle is capable of in traffic [m/s²].
 pub(crate) const EARLY: f64 = 2.0;
 /// Others expect that it keeps its speed, or accelerates so [m/s²] up to this speed [m/s]; if it is faster, it is told not
-/// to arrive before they have left. One that goes first is told nothing: up to any speed then.
+/// to arrive before they have left. One that goes first is not held back, so any speed counts.
 const EXPECTED: f64 = 1.0;
 const EXPECTED_SPEED: f64 = 3.0;
 /// Acceleration of a late exit [m/s²], and the share of the speed there.
