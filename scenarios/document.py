@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from network import Incoming, Lanelet, Light, Network, rounded
+from network import Incoming, Lanelet, Light, Network, Sign, rounded
 from traffic import DT, Vehicle
 
-#: Ids: lanelets from 1 (or beyond all others), then the speed sign, intersections, lights; vehicles, planning problems.
-SIGN_ID = 900
+#: Ids: lanelets from 1 (or beyond all others), then the speed sign, intersections, signs, lights; vehicles, planning problems.
+SPEED_SIGN_ID = 900
 INTERSECTION_ID = 901
+FIRST_SIGN_ID = 931
 FIRST_LIGHT_ID = 951
 FIRST_VEHICLE_ID = 1001
 PLANNING_PROBLEM_ID = 2001
@@ -49,9 +50,12 @@ def document(made: Made) -> str:
         "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>",
         f"<scenarioTags>{''.join(f'<{tag}/>' for tag in made.tags)}</scenarioTags>",
     ]
-    of_lanelet = {number: FIRST_LIGHT_ID + i for i, light in enumerate(network.lights) for number in light.lanelets}
-    lines += [_lanelet(lanelet, of_lanelet.get(number)) for number, lanelet in sorted(network.lanelets.items())]
+    light_of = {number: FIRST_LIGHT_ID + i for i, light in enumerate(network.lights) for number in light.lanelets}
+    sign_of = {number: FIRST_SIGN_ID + i for i, sign in enumerate(network.signs) for number in sign.lanelets}
+    for number, lanelet in sorted(network.lanelets.items()):
+        lines.append(_lanelet(lanelet, light_of.get(number), sign_of.get(number)))
     lines.append(_speed_sign(network))
+    lines += [_sign(FIRST_SIGN_ID + i, sign) for i, sign in enumerate(network.signs)]
     lines += [_light(FIRST_LIGHT_ID + i, light) for i, light in enumerate(network.lights)]
     number = INTERSECTION_ID
     for incomings in network.intersections:
@@ -75,7 +79,7 @@ def _point(x: float, y: float, tag: str = "point") -> str:
     return f"<{tag}><x>{_number(x)}</x><y>{_number(y)}</y></{tag}>"
 
 
-def _lanelet(lanelet: Lanelet, light: int | None) -> str:
+def _lanelet(lanelet: Lanelet, light: int | None, sign: int | None) -> str:
     parts = [f'<lanelet id="{lanelet.id}">']
     for tag, bound, marking in zip(
         ("leftBound", "rightBound"), (lanelet.left, lanelet.right), lanelet.markings, strict=True
@@ -91,7 +95,8 @@ def _lanelet(lanelet: Lanelet, light: int | None) -> str:
     if ref:
         parts.append(f"<stopLine><lineMarking>solid</lineMarking>{ref}</stopLine>")
     parts += [f"<laneletType>{kind}</laneletType>" for kind in lanelet.kinds]
-    parts += [f'<trafficSignRef ref="{SIGN_ID}"/>{ref}', "</lanelet>"]
+    own = "" if sign is None else f'<trafficSignRef ref="{sign}"/>'
+    parts += [f'<trafficSignRef ref="{SPEED_SIGN_ID}"/>{own}{ref}', "</lanelet>"]
     return "\n".join(parts)
 
 
@@ -99,9 +104,15 @@ def _speed_sign(network: Network) -> str:
     x, y = network.lanelets[min(network.lanelets)].right[0]
     element = f"<trafficSignID>274</trafficSignID><additionalValue>{network.speed_limit:.4f}</additionalValue>"
     return (
-        f'<trafficSign id="{SIGN_ID}"><trafficSignElement>{element}</trafficSignElement>'
+        f'<trafficSign id="{SPEED_SIGN_ID}"><trafficSignElement>{element}</trafficSignElement>'
         f"<position>{_point(x, y)}</position><virtual>true</virtual></trafficSign>"
     )
+
+
+def _sign(number: int, sign: Sign) -> str:
+    element = f"<trafficSignElement><trafficSignID>{sign.code}</trafficSignID></trafficSignElement>"
+    position = f"<position>{_point(*sign.position)}</position>"
+    return f'<trafficSign id="{number}">{element}{position}<virtual>false</virtual></trafficSign>'
 
 
 def _light(number: int, light: Light) -> str:

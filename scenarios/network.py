@@ -47,13 +47,23 @@ class Light:
 
 
 @dataclass
+class Sign:
+    """A traffic sign beside lanelets: its German code, its lanelets, its place [m]."""
+
+    code: str
+    lanelets: tuple[int, ...]
+    position: tuple[float, float]
+
+
+@dataclass
 class Network:
-    """All lanelets by id, the arms of each intersection, lights, and the speed limit of all lanelets [m/s]."""
+    """All lanelets by id, the arms of each intersection, lights, signs, and the speed limit of all lanelets [m/s]."""
 
     speed_limit: float
     lanelets: dict[int, Lanelet] = field(default_factory=dict)
     intersections: list[list[Incoming]] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    signs: list[Sign] = field(default_factory=list)
 
     def add(
         self,

@@ -1,11 +1,11 @@
-"""A T-junction of two-way roads with crossing, turning and yielding traffic; the planning problem turns left."""
+"""A T-junction of a main road and a side road, where the planning problem gives way and turns left."""
 
 from __future__ import annotations
 
 import numpy as np
 from curves import Pose, connection, straight
 from document import Goal, Made
-from network import Incoming, Network
+from network import Incoming, Network, Sign
 from traffic import Vehicle, distance_over_time, distance_through_zone, drive, first_free
 
 ARM = 150.0
@@ -13,6 +13,8 @@ ARM = 150.0
 BOX = 14.0
 DURATION = 13.0
 HALF_LANE = 1.75
+#: Traffic signs: this road goes first, this one gives way.
+PRIORITY, YIELD = "306", "205"
 
 EAST, NORTH, WEST, SOUTH = 0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi
 FROM_WEST, TO_WEST, FROM_EAST, TO_EAST, FROM_SOUTH, TO_SOUTH = 1, 2, 3, 4, 5, 6
@@ -53,6 +55,9 @@ def network() -> Network:
         Incoming([FROM_SOUTH], left=[SOUTH_WEST], right=[SOUTH_EAST]),
     ]
     roads.intersections.append(incomings)
+    for code, number in ((PRIORITY, FROM_WEST), (PRIORITY, FROM_EAST), (YIELD, FROM_SOUTH)):
+        x, y = roads.lanelets[number].right[-1]
+        roads.signs.append(Sign(code, (number,), (float(x), float(y))))
     return roads
 
 
@@ -78,24 +83,25 @@ def make() -> Made:
         choice = [drive(path, distance_through_zone(ARM - ahead, speeds, zone, DURATION), size) for ahead in aheads]
         vehicles.append(first_free(choice, vehicles, along=4.0))
 
+    # All of them keep the right of way: the left turn behind the bus, the car from the south between it and the next one.
     add(WEST_EAST, [98.0], (13.0, 13.0, 13.0), ("car", 4.6, 1.85))
-    add(WEST_EAST, [138.0], (11.0, 11.0, 11.0), ("bus", 12.0, 2.55))
+    add(WEST_EAST, [6.0], (11.0, 11.0, 11.0), ("bus", 12.0, 2.55))
     add(EAST_WEST, [62.0], (12.8, 12.8, 12.8), ("car", 4.4, 1.8))
-    add(EAST_WEST, [118.0], (9.0, 9.0, 9.0), ("truck", 9.2, 2.5))
+    add(EAST_WEST, [90.0], (11.0, 11.0, 11.0), ("truck", 9.2, 2.5))
     add(EAST_SOUTH, [18.0], (8.5, 5.6, 12.0), ("car", 4.3, 1.78))
-    add(SOUTH_EAST, [*np.arange(6.0, 40.0, 2.0)], (6.5, 4.8, 13.0), ("car", 4.5, 1.82))
-    add(WEST_SOUTH, [*np.arange(30.0, 60.0, 2.0)], (10.0, 4.8, 12.0), ("motorcycle", 2.2, 0.85))
-    ego = first_free([_ego(roads, go) for go in np.arange(5.0, 9.0, 0.25)], vehicles, along=5.0)
-    goal = Goal(time_step=(90, 130), lanelets=(TO_WEST,))
+    add(SOUTH_EAST, [*np.arange(6.0, 14.0, 1.0)], (6.5, 4.8, 13.0), ("car", 4.5, 1.82))
+    add(WEST_SOUTH, [*np.arange(110.0, 144.0, 2.0)], (11.0, 4.8, 12.0), ("motorcycle", 2.2, 0.85))
+    ego = first_free([_ego(roads, go) for go in np.arange(5.5, 9.0, 0.25)], vehicles, along=5.0)
+    goal = Goal(time_step=(90, 140), lanelets=(TO_WEST,))
     tags = ("urban", "intersection", "two_lane", "turn_left", "oncoming_traffic")
     return Made("ZAM_InterdriveTJunction-1_1_T-1", tags, roads, vehicles, [(ego, goal)])
 
 
 def _ego(roads: Network, go: float) -> Vehicle:
-    """Comes from the south, stops at the junction after 4.5 s, goes at `go` [s] and turns left."""
+    """Comes from the south, stops at the junction after 5 s, goes at `go` [s] and turns left."""
     path = roads.path([FROM_SOUTH, SOUTH_WEST, TO_WEST])
     s = distance_over_time(
-        [(0.0, 7.5), (4.5, 0.0), (go, 0.0), (go + 3.0, 4.8), (go + 4.5, 5.2), (go + 8.0, 10.0)], DURATION
+        [(0.0, 8.5), (5.0, 0.0), (go, 0.0), (go + 3.0, 4.8), (go + 4.5, 5.2), (go + 8.0, 10.0)], DURATION
     )
     stop = ARM - 3.0
-    return drive(path, s + stop - s[round(4.5 / 0.005)], ("car", 4.5, 1.8))
+    return drive(path, s + stop - s[round(5.0 / 0.005)], ("car", 4.5, 1.8))

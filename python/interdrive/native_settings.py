@@ -372,7 +372,7 @@ class RulesSettings:
     lights: bool = True
     stop_signs: bool = True
     crossings: bool = True
-    precedence: bool = False
+    precedence: bool = True
     keep_clear: bool = True
     passing: bool = True
     speed_factor: float = 1.0

@@ -57,7 +57,7 @@ settings! {
         crossings: bool = true;
         /// It gives way at junctions: it enters one only if no other vehicle uses its way across, as long as others keep to
         /// the same order.
-        precedence: bool = false;
+        precedence: bool = true;
         /// It does not enter a junction without room behind it.
         keep_clear: bool = true;
         /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and

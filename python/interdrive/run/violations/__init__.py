@@ -76,8 +76,8 @@ def _broken(
     if not len(areas["junction"]) and not has_lines:
         return rows
     collided = {number for pair in collisions for number in pair}
-    routes = {agent.id: agent.route_lanelet_ids for agent in run.agents if agent.id in collided}
-    ways = Ways(drives, lanelets, road, routes)
+    routes = {agent.id: agent.route_lanelet_ids for agent in run.agents}
+    ways = Ways(drives, lanelets, road, routes, collided)
     used = uses(drives, ways, areas)
     rows += right_of_way(drives, ways, areas, used, passed, collisions, road)
     rows += keep_clear(drives, areas, used, grants, road)

@@ -60,6 +60,7 @@ class Ways:
         lanelets: Lanelets,
         road: _core.RoadNetwork,
         routes: Mapping[int, tuple[int, ...]],
+        collided: Set[int],
     ) -> None:
         """Follows all vehicles.
 
@@ -67,30 +68,35 @@ class Ways:
             drives: Their motion.
             lanelets: The lanelets.
             road: The same as a road network.
-            routes: Lanelets of the routes of vehicles that ended in a collision, by id: where they would have gone.
+            routes: Lanelets of the routes of agents, by id: where they would have gone.
+            collided: Ids of vehicles that ended in a collision; they are followed beyond their last state.
         """
         self._relations = _Relations(lanelets)
+        self._valid = drives.valid
         self.travelled = _travelled(drives)
         below = _below(drives, road)
         self.taken = [
-            self._of_vehicle(k, found, np.flatnonzero(drives.valid[k]), routes.get(int(drives.ids[k]), ()))
-            for k, found in enumerate(below)
+            self._of_vehicle(k, found, routes.get(number, ()), is_followed=number in collided)
+            for k, (found, number) in enumerate(zip(below, drives.ids.tolist(), strict=True))
         ]
 
     def _of_vehicle(
-        self, k: int, found: dict[int, tuple[Ints, Floats, Floats]], present: Ints, route: tuple[int, ...]
+        self, k: int, found: dict[int, tuple[Ints, Floats, Floats]], route: tuple[int, ...], *, is_followed: bool
     ) -> list[Way]:
         """Lanelets below a vehicle on chains from where it or the road begins to where it or the road ends."""
+        present = np.flatnonzero(self._valid[k])
         before, after = self._relations.before, self._relations.after
         starts = [i for i, (columns, *_) in found.items() if not before[i] or columns[0] == present[0]]
         ends = [i for i, (columns, *_) in found.items() if not after[i] or columns[-1] == present[-1]]
         passed = self._relations.reached(starts, after, found) & self._relations.reached(ends, before, found)
 
-        def fits(lanelet: int) -> tuple[int, float, int]:
+        def fits(lanelet: int) -> tuple[bool, int, float, int]:
             columns, _, d = found[lanelet]
-            return len(columns), -float(np.abs(d).mean()), -lanelet
+            is_ahead = columns[-1] == present[-1] and lanelet in route
+            return is_ahead, len(columns), -float(np.abs(d).mean()), -lanelet
 
-        # Lanelets that begin or end together share ground; the vehicle took the one on which it was for longer.
+        # Lanelets that begin or end together share ground; the vehicle took the one on which it was for longer. An agent
+        # whose drive ended on such ground would have kept to its route.
         kept = [
             lanelet
             for lanelet in passed
@@ -98,7 +104,7 @@ class Ways:
         ]
         ways = [Way(lanelet, *found[lanelet][:2]) for lanelet in kept]
         ways.sort(key=lambda way: (int(way.columns[0]), way.lanelet))
-        return ways + self._beyond(k, ways, present, route)
+        return ways + (self._beyond(k, ways, present, route) if is_followed else [])
 
     def _beyond(self, k: int, ways: list[Way], present: Ints, route: tuple[int, ...]) -> list[Way]:
         """Where a route leads on from the last state."""
