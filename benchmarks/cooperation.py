@@ -18,6 +18,8 @@ import numpy as np
 from interdrive.simulation import Simulation
 
 V2X = {"v2x.penetration": 1.0, "v2x.negotiate": True}
+#: Agents that enter junctions on orders have nothing to negotiate there.
+SETTINGS = {"rules.precedence": False}
 
 
 def step_time(given: argparse.Namespace, agents: int, settings: dict[str, float | bool]) -> float:
@@ -27,7 +29,7 @@ def step_time(given: argparse.Namespace, agents: int, settings: dict[str, float 
         agents=agents,
         planner="frenet",
         predictor=given.predictor,
-        settings={"step.max_steps": given.steps, "view.occlusion": given.cpm, **settings},
+        settings={**SETTINGS, "step.max_steps": given.steps, "view.occlusion": given.cpm, **settings},
         threads=1,
     )
     begin = time.process_time()

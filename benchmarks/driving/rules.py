@@ -1,7 +1,7 @@
 """Recorded drivers beside planners: which rules of the road they break, what they reach, whether they block each other.
 
     python benchmarks/driving/rules.py                             # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
-    python benchmarks/driving/rules.py --only 'DEU_*' --drivers idm 'frenet, right of way'
+    python benchmarks/driving/rules.py --only 'DEU_*' --drivers idm 'frenet, no right of way'
 
 Every vehicle that can be an agent is one. Prints a Markdown table; `--rows FILE` lists what was counted, one row each.
 Results do not depend on the number of workers.
@@ -43,12 +43,12 @@ EXCESS = 0.1
 #: Name in the table, planner, settings.
 DRIVERS = {
     "frenet": ("frenet", {}),
-    "frenet, right of way": ("frenet", {"rules.precedence": True}),
+    "frenet, no right of way": ("frenet", {"rules.precedence": False}),
     "frenet, no rules": ("frenet", {"rules.enabled": False}),
     "idm": ("idm", {}),
-    "idm, right of way": ("idm", {"rules.precedence": True}),
+    "idm, no right of way": ("idm", {"rules.precedence": False}),
     "idm_mobil": ("idm_mobil", {}),
-    "idm_mobil, right of way": ("idm_mobil", {"rules.precedence": True}),
+    "idm_mobil, no right of way": ("idm_mobil", {"rules.precedence": False}),
 }
 RECORDED = "recorded drivers"
 #: Columns of the table and what is counted for them; those with a total are shown as "n of total".

@@ -12,7 +12,7 @@ use super::claims::{Answer, Bookings, Claim};
 use super::components::components;
 use super::course::{Crossed, conflict, reach};
 use super::gaps::Links;
-use super::meeting::{Booking, Meeting, Memory, Order, OrderKind};
+use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Queues, Seen};
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
 pub(super) const COMMITTED: f64 = 4.0;
@@ -32,32 +32,41 @@ impl Meeting<'_> {
     /// The orders of all travellers that are near a passage, by ids. `sees` says whether the body at the first position
     /// sees that at the second one.
     pub fn orders(&self, sees: &dyn Fn(usize, usize) -> bool) -> Vec<Order> {
+        let queues = self.queues();
         let mut orders = Vec::new();
         for members in self.clusters() {
+            let concerned = self.concerned(&members, &queues);
             let mut known: Vec<(Vec<usize>, Vec<Option<Order>>)> = Vec::new();
-            for &member in &members {
+            let mut bodies: Vec<usize> = Vec::with_capacity(concerned.len());
+            for (place, &member) in members.iter().enumerate() {
                 let viewer = self.travellers[member].body;
-                let seen: Vec<usize> =
-                    (0..self.bodies.len()).filter(|body| *body == viewer || sees(viewer, *body)).collect();
-                let own = |found: &[Option<Order>]| {
-                    let place = members.iter().position(|one| *one == member).expect("it is a member");
-                    found[place]
-                };
+                let is_seen = |body: &usize| *body == viewer || sees(viewer, *body);
+                bodies.clear();
+                bodies.extend(concerned.iter().copied().filter(is_seen));
                 // Agents that see the same bodies come to the same orders.
-                let order = if let Some((_, found)) = known.iter().find(|(same, _)| *same == seen) {
-                    own(found)
+                let order = if let Some((_, found)) = known.iter().find(|(same, _)| *same == bodies) {
+                    found[place]
                 } else {
-                    let found = self.arbitrate(&members, &seen);
-                    let order = own(&found);
-                    known.push((seen, found));
+                    let found = self.arbitrate(&members, &Seen { bodies: &bodies, queues: &queues });
+                    let order = found[place];
+                    known.push((bodies.clone(), found));
                     order
                 };
                 orders.extend(order);
             }
         }
         orders.sort_by_key(|order| order.id);
-        self.break_circles(&mut orders);
+        self.break_circles(&mut orders, &queues);
         orders
+    }
+
+    /// Bodies that may change the orders of a group of travellers.
+    fn concerned(&self, members: &[usize], queues: &Queues) -> Vec<usize> {
+        let own = members.iter().map(|index| self.travellers[*index].body);
+        let ahead = members.iter().flat_map(|index| queues.of(*index).iter().map(|one| one.body));
+        let mut is_concerned = vec![false; self.bodies.len()];
+        own.chain(ahead).chain(self.visits.iter().map(|visit| visit.body)).for_each(|body| is_concerned[body] = true);
+        (0..self.bodies.len()).filter(|body| is_concerned[*body]).collect()
     }
 
     /// Travellers near a passage, in groups whose passages belong to the same junctions.
@@ -88,13 +97,12 @@ impl Meeting<'_> {
     }
 
     /// Orders of a group of travellers, as seen by an agent that sees these bodies; `None` for those that are asked nothing.
-    fn arbitrate(&self, members: &[usize], seen: &[usize]) -> Vec<Option<Order>> {
-        let is_seen = |body: &usize| seen.binary_search(body).is_ok();
+    fn arbitrate(&self, members: &[usize], seen: &Seen<'_>) -> Vec<Option<Order>> {
         let mut booked = Bookings::default();
         let mut claims: Vec<Claim<'_>> = Vec::new();
-        booked.add(self.visits.iter().filter(|visit| is_seen(&visit.body)).copied());
+        booked.add(self.visits.iter().filter(|visit| seen.has(visit.body)).copied());
         let mut orders: Vec<Option<Order>> = vec![None; members.len()];
-        let present = || members.iter().enumerate().filter(|(_, index)| is_seen(&self.travellers[**index].body));
+        let present = || members.iter().enumerate().filter(|(_, index)| seen.has(self.travellers[**index].body));
         for (place, &index) in present() {
             let traveller = &self.travellers[index];
             let body = &self.bodies[traveller.body];
@@ -166,7 +174,7 @@ impl Meeting<'_> {
     }
 
     /// Books the windows of a claim and room behind them; those that it leaves before follow it.
-    fn grant(&self, claims: &mut [Claim<'_>], index: usize, links: Links, booked: &mut Bookings, seen: &[usize]) {
+    fn grant(&self, claims: &mut [Claim<'_>], index: usize, links: Links, booked: &mut Bookings, seen: &Seen<'_>) {
         let claim = &mut claims[index];
         let stays = claim.has_exception && !self.has_room(claim.traveller, claim.passage, 0.0, seen).0;
         let leave = |window: &Booking| if stays { f64::INFINITY } else { window.leave };
@@ -177,7 +185,7 @@ impl Meeting<'_> {
         links.after.into_iter().for_each(|other| claims[other].follows.push(index));
     }
 
-    fn claim(&self, index: usize, number: usize, seen: &[usize]) -> Claim<'_> {
+    fn claim(&self, index: usize, number: usize, seen: &Seen<'_>) -> Claim<'_> {
         let traveller = &self.travellers[index];
         let body = &self.bodies[traveller.body];
         let passage = &traveller.course.passages[number];
@@ -201,25 +209,22 @@ impl Meeting<'_> {
     }
 
     /// Finds the bodies ahead of each claim in its lane, and gives tickets to the first ones.
-    fn line_up(&self, claims: &mut [Claim<'_>], seen: &[usize]) {
+    fn line_up(&self, claims: &mut [Claim<'_>], seen: &Seen<'_>) {
         let by_body: BTreeMap<usize, usize> = claims.iter().enumerate().map(|(k, claim)| (claim.body, k)).collect();
         for claim in claims.iter_mut() {
             let traveller = &self.travellers[claim.traveller];
-            let (mut ahead, mut is_blocked, mut nearest) = (Vec::new(), false, f64::INFINITY);
-            for &other in seen.iter().filter(|other| **other != traveller.body) {
-                let Some(front) = self.front_on(traveller.course, other, traveller.front) else { continue };
-                // The mouth of one ahead that takes another way may be further on than the own one.
-                let (mouth, rear) = (claim.passage.mouth, front - self.bodies[other].length);
-                if front <= traveller.front || rear > mouth {
-                    continue;
-                }
-                match by_body.get(&other) {
+            let (mut ahead, mut is_blocked, mut nearest) = (Vec::new(), false, (f64::INFINITY, usize::MAX));
+            // The mouth of one ahead that takes another way may be further on than the own one.
+            let mouth = claim.passage.mouth;
+            for other in seen.ahead(claim.traveller, traveller.front).take_while(|other| other.rear <= mouth) {
+                match by_body.get(&other.body) {
                     Some(other) => ahead.push(*other),
-                    None if front > mouth => continue,
-                    None => is_blocked |= self.bodies[other].velocity < BLOCKING,
+                    None if other.front > mouth => continue,
+                    None => is_blocked |= self.bodies[other.body].velocity < BLOCKING,
                 }
-                if front < nearest {
-                    (nearest, claim.leader) = (front, Some(other));
+                if (other.front, other.body) < nearest {
+                    nearest = (other.front, other.body);
+                    claim.leader = Some(other.body);
                 }
             }
             let velocity = self.bodies[traveller.body].velocity;
@@ -254,7 +259,7 @@ impl Meeting<'_> {
     }
 
     /// Whether a claim can be granted now, and which others depend on it then.
-    fn test(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings, seen: &[usize]) -> (Answer, Links) {
+    fn test(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings, seen: &Seen<'_>) -> (Answer, Links) {
         let claim = &claims[index];
         let traveller = &self.travellers[claim.traveller];
         let settings = traveller.settings;

@@ -1,7 +1,7 @@
 //! Circles of agents that wait for each other: which of them may enter although there is no room behind its passage.
 
 use super::components::components;
-use super::meeting::{Meeting, Order, OrderKind, Traveller};
+use super::meeting::{Meeting, Order, OrderKind, Queues, Traveller};
 
 /// A vehicle stands below this speed [m/s].
 const STANDING: f64 = 0.1;
@@ -12,7 +12,7 @@ const EXCEPTION_TIME: f64 = 10.0;
 
 impl Meeting<'_> {
     /// In every circle of agents that wait for each other one may enter although there is no room behind.
-    pub(super) fn break_circles(&self, orders: &mut [Order]) {
+    pub(super) fn break_circles(&self, orders: &mut [Order], queues: &Queues) {
         let stands = |traveller: &Traveller<'_>| {
             let needed = traveller.settings.circle_after / self.dt;
             self.bodies[traveller.body].velocity < STANDING && traveller.memory.standing as f64 >= needed
@@ -30,7 +30,7 @@ impl Meeting<'_> {
             .iter()
             .map(|&index| {
                 let by = order_of(orders, index).and_then(|place| orders[place].by).and_then(node);
-                let leader = self.leader(index).and_then(|body| node(self.bodies[body].id));
+                let leader = self.leader(index, queues).and_then(|body| node(self.bodies[body].id));
                 by.into_iter().chain(leader).collect()
             })
             .collect();
@@ -55,14 +55,9 @@ impl Meeting<'_> {
     }
 
     /// The nearest body ahead on the path of a traveller, if it is near.
-    fn leader(&self, index: usize) -> Option<usize> {
-        let traveller = &self.travellers[index];
-        let gap = |body: usize| {
-            let front = self.front_on(traveller.course, body, traveller.front)?;
-            let gap = front - self.bodies[body].length - traveller.front;
-            (front > traveller.front && gap < NEAR).then_some((gap, body))
-        };
-        let others = (0..self.bodies.len()).filter(|body| *body != traveller.body);
-        others.filter_map(gap).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, body)| body)
+    fn leader(&self, index: usize, queues: &Queues) -> Option<usize> {
+        let front = self.travellers[index].front;
+        let nearest = queues.of(index).iter().find(|one| one.front > front);
+        nearest.filter(|one| one.rear - front < NEAR).map(|one| one.body)
     }
 }

@@ -1,7 +1,5 @@
 //! Agents that ask for a passage, and what is booked.
 
-use std::collections::BTreeMap;
-
 use super::course::Passage;
 use super::meeting::{Booking, OrderKind};
 use super::room::ROOM;
@@ -52,26 +50,26 @@ impl Answer {
 /// What has been booked so far.
 #[derive(Debug, Default)]
 pub(super) struct Bookings {
-    by_area: BTreeMap<usize, Vec<Booking>>,
+    booked: Vec<Booking>,
     /// Room behind passages that end on a lanelet [m].
-    reserved: BTreeMap<usize, f64>,
+    reserved: Vec<(usize, f64)>,
 }
 
 impl Bookings {
-    pub(super) fn of(&self, area: usize) -> &[Booking] {
-        self.by_area.get(&area).map_or(&[], Vec::as_slice)
+    pub(super) fn of(&self, area: usize) -> impl Iterator<Item = &Booking> {
+        self.booked.iter().filter(move |booking| booking.area == area)
     }
 
     pub(super) fn reserved(&self, passage: &Passage) -> f64 {
-        self.reserved.get(&passage.exit).copied().unwrap_or(0.0)
+        self.reserved.iter().filter(|(exit, _)| *exit == passage.exit).map(|(_, length)| length).sum()
     }
 
     pub(super) fn add(&mut self, windows: impl IntoIterator<Item = Booking>) {
-        windows.into_iter().for_each(|window| self.by_area.entry(window.area).or_default().push(window));
+        self.booked.extend(windows);
     }
 
     /// Keeps room for a vehicle of a length behind a passage.
     pub(super) fn reserve(&mut self, passage: &Passage, length: f64) {
-        *self.reserved.entry(passage.exit).or_default() += length + ROOM;
+        self.reserved.push((passage.exit, length + ROOM));
     }
 }

@@ -6,12 +6,13 @@ pub(super) fn components(edges: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let n = edges.len();
     let (mut index, mut low, mut on) = (vec![usize::MAX; n], vec![0; n], vec![false; n]);
     let (mut stack, mut found, mut next) = (Vec::new(), Vec::new(), 0);
+    // Nodes and the numbers of their edges that have been followed.
+    let mut path: Vec<(usize, usize)> = Vec::new();
     for root in 0..n {
         if index[root] != usize::MAX {
             continue;
         }
-        // Node and the number of edges that have been followed.
-        let mut path = vec![(root, 0)];
+        path.push((root, 0));
         while let Some(&mut (node, ref mut followed)) = path.last_mut() {
             if *followed == 0 && index[node] == usize::MAX {
                 (index[node], low[node]) = (next, next);

@@ -141,7 +141,7 @@ fn catching_up(ahead: f64, velocity: f64) -> f64 {
 /// Windows of a claim, and bookings of others on the other side of the same areas.
 fn pairs<'a>(claim: &'a Claim<'_>, booked: &'a Bookings) -> impl Iterator<Item = (&'a Booking, &'a Booking)> {
     let with_others = |mine: &'a Booking| {
-        let others = booked.of(mine.area).iter().filter(|theirs| theirs.side != mine.side && theirs.body != mine.body);
+        let others = booked.of(mine.area).filter(|theirs| theirs.side != mine.side && theirs.body != mine.body);
         others.map(move |theirs| (mine, theirs))
     };
     claim.windows.iter().flat_map(with_others)

@@ -166,9 +166,66 @@ impl Traveller<'_> {
     }
 }
 
+/// A body on the path of a traveller, its rear not far behind that one's front.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ahead {
+    /// Arc lengths of its front and its rear on the path [m].
+    pub(super) front: f64,
+    pub(super) rear: f64,
+    /// Position in `Meeting::bodies`.
+    pub(super) body: usize,
+}
+
+/// The bodies on the path of every traveller, the nearest rear first.
+#[derive(Debug)]
+pub(super) struct Queues {
+    bodies: Vec<Ahead>,
+    /// Where those of each traveller begin.
+    starts: Vec<usize>,
+}
+
+impl Queues {
+    pub(super) fn of(&self, traveller: usize) -> &[Ahead] {
+        &self.bodies[self.starts[traveller]..self.starts[traveller + 1]]
+    }
+}
+
+/// The bodies that an agent sees.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen<'a> {
+    pub(super) bodies: &'a [usize],
+    pub(super) queues: &'a Queues,
+}
+
+impl Seen<'_> {
+    pub(super) fn has(&self, body: usize) -> bool {
+        self.bodies.binary_search(&body).is_ok()
+    }
+
+    /// Bodies on the path of a traveller whose front is beyond an arc length [m], the nearest one first.
+    pub(super) fn ahead(&self, traveller: usize, beyond: f64) -> impl Iterator<Item = &Ahead> {
+        self.queues.of(traveller).iter().filter(move |one| one.front > beyond && self.has(one.body))
+    }
+}
+
 impl Meeting<'_> {
+    pub(super) fn queues(&self) -> Queues {
+        let (mut bodies, mut starts) = (Vec::new(), vec![0]);
+        for traveller in self.travellers {
+            let start = bodies.len();
+            let others = (0..self.bodies.len()).filter(|body| *body != traveller.body);
+            bodies.extend(others.filter_map(|body| {
+                let front = self.front_on(traveller.course, body, traveller.front)?;
+                Some(Ahead { front, rear: front - self.bodies[body].length, body })
+            }));
+            bodies[start..].sort_unstable_by(|a, b| a.rear.total_cmp(&b.rear).then(a.body.cmp(&b.body)));
+            starts.push(bodies.len());
+        }
+        Queues { bodies, starts }
+    }
+
     /// Arc length of the front of a body on a path [m], if it is on one of its lanelets.
-    pub(super) fn front_on(&self, course: &Course, body: usize, from: f64) -> Option<f64> {
+    fn front_on(&self, course: &Course, body: usize, from: f64) -> Option<f64> {
         let length = self.bodies[body].length;
         let on = |place: &Place| {
             let at = course.place(place.lanelet, place.s, from - length)?;

@@ -1,7 +1,7 @@
 //! When a vehicle uses the areas of its passage.
 
 use super::course::{Crossed, MARGIN, Passage};
-use super::meeting::{Body, Booking, Meeting, Traveller};
+use super::meeting::{Ahead, Body, Booking, Meeting, Seen, Traveller};
 use super::room::ROOM;
 use crate::junctions::Junctions;
 
@@ -74,11 +74,11 @@ fn largest(passage: &Passage, velocity: f64) -> f64 {
 impl Meeting<'_> {
     /// When a traveller uses the areas of a passage, as seen by an agent that sees these bodies. It does not leave them
     /// before the one ahead has made room.
-    pub(super) fn windows(&self, index: usize, passage: &Passage, is_claim: bool, seen: &[usize]) -> Vec<Booking> {
+    pub(super) fn windows(&self, index: usize, passage: &Passage, is_claim: bool, seen: &Seen<'_>) -> Vec<Booking> {
         let traveller = &self.travellers[index];
         let body = &self.bodies[traveller.body];
         let mut windows = traveller.windows(passage, body, is_claim, self.junctions);
-        let Some(&(rear, leader)) = self.ahead(index, traveller.front, seen).first() else { return windows };
+        let Some(&Ahead { rear, body: leader, .. }) = seen.ahead(index, traveller.front).next() else { return windows };
         let speed = self.bodies[leader].velocity.max(LEADER_SPEED);
         for window in &mut windows {
             let is_its = |crossed: &&Crossed| (crossed.area, crossed.side) == (window.area, window.side);

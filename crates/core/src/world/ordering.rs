@@ -141,6 +141,7 @@ impl World {
         let mut seen = vec![Vec::new(); rows.len()];
         for traveller in &travellers {
             let drive = obeying[traveller.body].expect("it obeys");
+            seen[traveller.body].reserve(scene.present.len());
             scene.see(drive.row, &drive.agent.view, &positions, &mut seen[traveller.body]);
         }
         let junctions = self.scenario.junctions();

@@ -85,9 +85,10 @@ class Variant:
 
     @property
     def settings(self) -> dict[str, Setting]:
-        """Settings of its runs."""
+        """Settings of its runs; without orders at junctions, which would leave nothing to negotiate there."""
         names = ("penetration", "negotiate", "delay", "loss", "mcm", "cpm")
         values: dict[str, Setting] = {f"v2x.{name}": getattr(self, name) for name in names}
+        values["rules.precedence"] = False
         return {**values, "view.occlusion": True} if self.occlusion else values
 
 
