@@ -81,7 +81,7 @@ def reset_share(settings: dict[str, object], world_steps: float, clock: Clock) -
 
 def single(seconds: float, runs: int, clock: Clock) -> float:
     """Steps per second of one environment made by gymnasium."""
-    env = gymnasium.make("interdrive/TJunction-v0", traffic="recorded", disable_env_checker=True)
+    env = gymnasium.make("interdrive/TJunction-v1", traffic="recorded", disable_env_checker=True)
     env.reset(seed=0)
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1, 1, (64, 2)).astype(np.float32)

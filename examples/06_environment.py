@@ -4,7 +4,7 @@ from collections import Counter
 
 import gymnasium
 
-env = gymnasium.make("interdrive.envs:interdrive/TJunction-v0")
+env = gymnasium.make("interdrive.envs:interdrive/TJunction-v1")
 env.action_space.seed(0)
 observation, info = env.reset(seed=0)
 print(f"{observation.shape[0]} numbers are observed, {env.action_space.shape[0]} are an action")

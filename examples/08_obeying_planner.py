@@ -56,7 +56,7 @@ class Obeys:
 
 def main() -> None:
     print(check_planner(Obeys))
-    run = idr.simulate("signals", agents="all", planner=Obeys, settings={"rules.precedence": True})
+    run = idr.simulate("signals", agents="all", planner=Obeys)
     outcomes = [outcome.startswith("goal_reached") for outcome in run.outcomes.outcome]
     broken = sum(source == "agent" for source in run.violations.source)
     print(f"{sum(outcomes)} of {len(outcomes)} agents reached their goal, {broken} broke a rule")

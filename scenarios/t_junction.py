@@ -83,25 +83,25 @@ def make() -> Made:
         choice = [drive(path, distance_through_zone(ARM - ahead, speeds, zone, DURATION), size) for ahead in aheads]
         vehicles.append(first_free(choice, vehicles, along=4.0))
 
-    # All of them keep the right of way: the left turn behind the bus, the car from the south between it and the next one.
-    add(WEST_EAST, [98.0], (13.0, 13.0, 13.0), ("car", 4.6, 1.85))
-    add(WEST_EAST, [6.0], (11.0, 11.0, 11.0), ("bus", 12.0, 2.55))
-    add(EAST_WEST, [62.0], (12.8, 12.8, 12.8), ("car", 4.4, 1.8))
-    add(EAST_WEST, [90.0], (11.0, 11.0, 11.0), ("truck", 9.2, 2.5))
-    add(EAST_SOUTH, [18.0], (8.5, 5.6, 12.0), ("car", 4.3, 1.78))
+    # All of them keep the right of way: the left turn comes behind the bus, the car from the south between it and the next.
+    add(WEST_EAST, [104.0], (13.0, 13.0, 13.0), ("car", 4.6, 1.85))
+    add(WEST_EAST, [9.0], (11.0, 11.0, 11.0), ("bus", 12.0, 2.55))
+    add(EAST_WEST, [66.0], (12.8, 12.8, 12.8), ("car", 4.4, 1.8))
+    add(EAST_WEST, [94.0], (11.0, 11.0, 11.0), ("truck", 9.2, 2.5))
+    add(EAST_SOUTH, [20.0], (8.5, 5.6, 12.0), ("car", 4.3, 1.78))
     add(SOUTH_EAST, [*np.arange(6.0, 14.0, 1.0)], (6.5, 4.8, 13.0), ("car", 4.5, 1.82))
-    add(WEST_SOUTH, [*np.arange(110.0, 144.0, 2.0)], (11.0, 4.8, 12.0), ("motorcycle", 2.2, 0.85))
+    add(WEST_SOUTH, [*np.arange(-6.0, -12.0, -1.0)], (6.0, 5.2, 12.0), ("motorcycle", 2.2, 0.85))
     ego = first_free([_ego(roads, go) for go in np.arange(5.5, 9.0, 0.25)], vehicles, along=5.0)
-    goal = Goal(time_step=(90, 140), lanelets=(TO_WEST,))
+    goal = Goal(time_step=(90, 160), lanelets=(TO_WEST,))
     tags = ("urban", "intersection", "two_lane", "turn_left", "oncoming_traffic")
-    return Made("ZAM_InterdriveTJunction-1_1_T-1", tags, roads, vehicles, [(ego, goal)])
+    return Made("ZAM_InterdriveTJunction-2_1_T-1", tags, roads, vehicles, [(ego, goal)])
 
 
 def _ego(roads: Network, go: float) -> Vehicle:
     """Comes from the south, stops at the junction after 5 s, goes at `go` [s] and turns left."""
     path = roads.path([FROM_SOUTH, SOUTH_WEST, TO_WEST])
     s = distance_over_time(
-        [(0.0, 8.5), (5.0, 0.0), (go, 0.0), (go + 3.0, 4.8), (go + 4.5, 5.2), (go + 8.0, 10.0)], DURATION
+        [(0.0, 9.0), (5.0, 0.0), (go, 0.0), (go + 3.0, 4.8), (go + 4.5, 5.2), (go + 8.0, 10.0)], DURATION
     )
     stop = ARM - 3.0
     return drive(path, s + stop - s[round(5.0 / 0.005)], ("car", 4.5, 1.8))

@@ -154,8 +154,24 @@ def test_a_car_that_goes_straight_on_is_not_on_the_lanes_that_cross_its_own():
         ("replayed",), np.array([1]), ("car",), 0, scenario.dt, np.array([4.5]), np.array([1.8]),
         *(getattr(scenario.obstacles, name) for name in ("valid", "x", "y", "orientation", "velocity", "acceleration")),
     )  # fmt: skip
-    ways = Ways(shown, scenario.lanelets, road, {})
+    ways = Ways(shown, scenario.lanelets, road, {}, set())
     assert [way.lanelet for way in ways.taken[0]] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("chosen", [2, 12])
+def test_an_agent_that_ends_where_lanes_part_would_have_kept_to_its_route(chosen):
+    # Lanelet 2 leads straight on from x = 0, 12 turns left; its centre ends 1 m behind the fork.
+    centers = {
+        1: straight((-60.0, 0.0), (0.0, 0.0)),
+        2: straight((0.0, 0.0), (60.0, 0.0)),
+        12: left_turn(10.0, (0.0, 0.0)),
+    }
+    scenario = world(network(centers, {1: (2, 12)}), cars=[Car(1, -29.0, 0.0, 10.0, last=30)])
+    names = ("valid", "x", "y", "orientation", "velocity", "acceleration")
+    columns = (getattr(scenario.obstacles, name) for name in names)
+    shown = Drives(("agent",), np.array([1]), ("car",), 0, scenario.dt, np.array([4.5]), np.array([1.8]), *columns)
+    ways = Ways(shown, scenario.lanelets, core_road(scenario, RoadSettings()), {1: (1, chosen)}, set())
+    assert [way.lanelet for way in ways.taken[0]] == [1, chosen]
 
 
 def test_of_those_that_go_first_the_nearest_one_counts():

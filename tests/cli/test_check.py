@@ -134,4 +134,4 @@ def test_recorded_scenarios_have_as_many_candidates_as_were_counted_with_commonr
 
 def test_the_junctions_of_a_map_are_printed_with_what_decides_who_goes_first():
     printed = " ".join(CliRunner().invoke(main, ["check", "t_junction"]).output.split())
-    assert "junction 1 6 lanelets about (-0, -3); areas: 3 crossing, 3 merge, 2 left turns wait, 4 by side" in printed
+    assert "junction 1 6 lanelets about (-0, -3); areas: 3 crossing, 3 merge, 5 by signs, 1 left turns wait" in printed

@@ -17,20 +17,20 @@ from interdrive.errors import MissingExtraError
 @pytest.mark.parametrize("actions", [envs.Kinematic(), envs.KinematicGrid()], ids=["continuous", "discrete"])
 @pytest.mark.parametrize("form", ["flat", "dict"])
 def test_gymnasium_checks_the_environment(actions, form):
-    env = gymnasium.make("interdrive/TJunction-v0", actions=actions, **{"observation.form": form})
+    env = gymnasium.make("interdrive/TJunction-v1", actions=actions, **{"observation.form": form})
     check_env(env.unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize("form", ["flat", "dict"])
 def test_gymnasium_checks_pictures_and_all_other_observations(form):
     wanted = {"observation.edges": 8, "observation.predictions": True, "observation.raster": True}
-    env = gymnasium.make("interdrive/TJunction-v0", **wanted, **{"observation.form": form})
+    env = gymnasium.make("interdrive/TJunction-v1", **wanted, **{"observation.form": form})
     check_env(env.unwrapped, skip_render_check=True)
 
 
 @pytest.mark.parametrize("name", sorted(envs.IDS))
 def test_every_id_makes_an_environment(name):
-    settings = {"scenarios": "t_junction"} if name == "interdrive/Drive-v0" else {}
+    settings = {"scenarios": "t_junction"} if name == "interdrive/Drive-v1" else {}
     env = gymnasium.make(f"interdrive.envs:{name}", **settings)
     assert env.spec.max_episode_steps is None
     observation, info = env.reset(seed=0)

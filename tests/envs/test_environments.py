@@ -318,7 +318,7 @@ def test_updates_hold_from_the_next_episode_on():
 
 
 def test_gymnasium_makes_the_native_environment_and_its_wrappers_work():
-    env = gymnasium.make_vec("interdrive/TJunction-v0", num_envs=2, vectorization_mode="vector_entry_point")
+    env = gymnasium.make_vec("interdrive/TJunction-v1", num_envs=2, vectorization_mode="vector_entry_point")
     assert isinstance(env.unwrapped, envs.DriveVectorEnv)
     wrapped = gymnasium.wrappers.NormalizeObservation(
         gymnasium.wrappers.RecordEpisodeStatistics(envs.DriveEnv(scenarios="t_junction"))

@@ -78,7 +78,7 @@ def test_an_action_that_is_not_a_number_ends_only_its_own_agent():
 
 @pytest.mark.parametrize("form", ["flat", "dict"])
 def test_gymnasium_checks_frenet_targets(form):
-    env = gymnasium.make("interdrive/TJunction-v0", actions=envs.FrenetTarget(), **{"observation.form": form})
+    env = gymnasium.make("interdrive/TJunction-v1", actions=envs.FrenetTarget(), **{"observation.form": form})
     check_env(env.unwrapped, skip_render_check=True)
 
 

@@ -93,7 +93,7 @@ def test_an_action_that_is_not_a_number_ends_only_its_own_agent():
 
 @pytest.mark.parametrize("form", ["flat", "dict"])
 def test_gymnasium_checks_weights(form):
-    env = gymnasium.make("interdrive/TJunction-v0", actions=envs.FrenetWeights(), **{"observation.form": form})
+    env = gymnasium.make("interdrive/TJunction-v1", actions=envs.FrenetWeights(), **{"observation.form": form})
     check_env(env.unwrapped, skip_render_check=True)
     if form == "dict":
         assert env.observation_space["planner"].shape == (20,)

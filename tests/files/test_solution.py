@@ -36,7 +36,7 @@ def test_a_solution_starts_where_its_problem_does_and_ends_in_its_goal(run):
     root, states = states_of(idr.write_solution(run))
     problem = run.scenario.planning_problems[0]
     start = problem.initial_state
-    assert root.get("benchmark_id") == "KS2:SM1:ZAM_InterdriveTJunction-1_1_T-1:2020a"
+    assert root.get("benchmark_id") == "KS2:SM1:ZAM_InterdriveTJunction-2_1_T-1:2020a"
     first, last = states[0], states[-1]
     assert (first["x"], first["y"], first["orientation"]) == (start.x, start.y, start.orientation)
     assert [state["time"] for state in states] == list(range(start.time_step, run.outcomes.time_step[0] + 1))
@@ -74,7 +74,7 @@ def test_a_point_mass_moves_as_the_centre_does(run):
     x, y, along_x, along_y = (np.array([s[name] for s in states]) for name in ("x", "y", "xVelocity", "yVelocity"))
     dt = run.scenario.dt
     for place, velocity in ((x, along_x), (y, along_y)):
-        assert np.diff(place) / dt == pytest.approx(0.5 * (velocity[1:] + velocity[:-1]), abs=0.03)
+        assert np.diff(place) / dt == pytest.approx(0.5 * (velocity[1:] + velocity[:-1]), abs=0.04)
 
 
 @pytest.mark.parametrize(("number", "name"), [(1, "FORD_ESCORT"), (3, "VW_VANAGON"), (4, "TRUCK")])

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.long
 
 
 def test_released_sets_are_known_by_their_content():
-    assert set_names() == ("public-1", "shipped-1")
+    assert set_names() == ("public-1", "shipped-2")
     public = read_set("public-1")
     assert (len(public.files), len(public.of_split("test"))) == (92, 34)
     assert sum(len(file.agents) for file in public.files) == 1125
@@ -36,13 +36,13 @@ def test_no_place_is_in_both_splits():
 
 
 def test_shipped_files_are_those_of_the_package():
-    for file in read_set("shipped-1").files:
+    for file in read_set("shipped-2").files:
         content = shipped_scenario(file.name).read_bytes()
         assert hashlib.sha256(content).hexdigest() == file.sha256, "make a new version of the set"
 
 
 def test_files_are_found_below_a_folder_and_other_content_is_told(tmp_path):
-    wanted = tuple(replace(file, source=("a/b", "c.xml", "1")) for file in read_set("shipped-1").files[:2])
+    wanted = tuple(replace(file, source=("a/b", "c.xml", "1")) for file in read_set("shipped-2").files[:2])
     first, second = (replace(file, name=f"copy_{file.name}") for file in wanted)
     (tmp_path / "below").mkdir()
     shutil.copy(shipped_scenario(wanted[0].name), tmp_path / "below" / f"{first.name}.xml")
@@ -55,9 +55,9 @@ def test_files_are_found_below_a_folder_and_other_content_is_told(tmp_path):
 
 
 def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tmp_path, monkeypatch):
-    whole = read_set("shipped-1")
+    whole = read_set("shipped-2")
     junction = next(file for file in whole.files if file.name == "t_junction")
-    tiny = replace(whole, files=(replace(junction, agents=(1001, 1002)),))
+    tiny = replace(whole, files=(replace(junction, agents=(1002, 1006)),))
     gone = replace(junction, name="gone", sha256="0" * 64, place="elsewhere", agents=(1,))
     monkeypatch.setattr(run, "read_set", lambda _: replace(tiny, files=(*tiny.files, gone)))
     found = idr.benchmark("recorded", predictor="constant_velocity", out=tmp_path / "out", workers=1)
@@ -66,16 +66,16 @@ def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tm
     assert found.missing == ("gone: not found (shipped)",)
     stored = json.loads((tmp_path / "out" / "benchmark.json").read_text())
     assert (stored["partial"], stored["rows"][0]["planner"]) == (True, "recorded")
-    assert stored["command"] == "interdrive benchmark recorded --set shipped-1 --split dev"
+    assert stored["command"] == "interdrive benchmark recorded --set shipped-2 --split dev"
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         ([], "name a planner"),
-        (["idm", "--set", "private-1"], "there are public-1, shipped-1"),
+        (["idm", "--set", "private-1"], "there are public-1, shipped-2"),
         (["idm", "--split", "train"], "expected one of test, dev, all"),
-        (["idm", "--split", "test"], "shipped-1 has no scenarios in it"),
+        (["idm", "--split", "test"], "shipped-2 has no scenarios in it"),
         (["idm", "--set", "public-1", "--scenarios", "no/such/folder"], "no such folder"),
     ],
 )

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Sets and splits with rows, and planners that they have.
 SHIPPED = [
-    ("shipped-1", "dev", ("frenet", "frenetix", "idm", "reactive", "recorded")),
+    ("shipped-2", "dev", ("frenet", "frenetix", "idm", "reactive", "recorded")),
     ("public-1", "test", ("frenet", "idm", "idm_mobil", "recorded")),
 ]
 
@@ -58,8 +58,8 @@ def test_the_number_of_a_planner_is_the_mean_of_its_scenarios(name, split, plann
 @pytest.mark.parametrize(
     ("planner", "chosen", "split", "name"),
     [
-        ("idm", "shipped-1", "dev", "t_junction"),
-        ("frenet", "shipped-1", "dev", "lane_merge"),
+        ("idm", "shipped-2", "dev", "t_junction"),
+        ("frenet", "shipped-2", "dev", "lane_merge"),
         ("frenet", "public-1", "test", "ZAM_Tjunction-1_42_T-1"),
     ],
 )

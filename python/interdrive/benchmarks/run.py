@@ -80,7 +80,7 @@ class Benchmark:
 def benchmark(
     planner: PlannerSpecs,
     *,
-    set: str = "shipped-1",  # noqa: A002 - the word for it
+    set: str = "shipped-2",  # noqa: A002 - the word for it
     split: str = "dev",
     scenarios: str | Path | None = None,
     predictor: PredictorSpecs = "neural",

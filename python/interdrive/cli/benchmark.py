@@ -9,7 +9,7 @@ from interdrive.errors import InputError
 
 @click.command()
 @click.argument("planner", metavar="PLANNER[,NAME=VALUE...][,PLANNER...]", required=False)
-@click.option("--set", "name", metavar="SET", default="shipped-1", help="Set of scenarios (shipped-1).")
+@click.option("--set", "name", metavar="SET", default="shipped-2", help="Set of scenarios (shipped-2).")
 @click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev); claims are made on test.")
 @click.option("--scenarios", metavar="DIR", help="Folder below which the files of the set are (INTERDRIVE_SCENARIOS).")
 @click.option("--list", "listed", metavar="SET", help="List the files of a set, and do nothing else.")

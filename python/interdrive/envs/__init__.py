@@ -3,7 +3,7 @@
 Example:
     >>> import gymnasium
     >>> import interdrive.envs  # registers the ids
-    >>> env = gymnasium.make("interdrive/TJunction-v0")
+    >>> env = gymnasium.make("interdrive/TJunction-v1")
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ _PROBLEM = 2001
 
 #: Ids and what their environments are made with. A change of a default raises the version of all of them.
 IDS: dict[str, dict[str, object]] = {
-    "interdrive/Drive-v0": {},
+    "interdrive/Drive-v1": {},
     **{
-        f"interdrive/{name}-v0": {"scenarios": scenario, "learners": [_PROBLEM], "traffic": "idm"}
+        f"interdrive/{name}-v1": {"scenarios": scenario, "learners": [_PROBLEM], "traffic": "idm"}
         for name, scenario in (
             ("TJunction", "t_junction"),
             ("Merge", "lane_merge"),

@@ -49,7 +49,7 @@ class Planner(Protocol):
 
     Set `parallel = True` in a class if its objects are independent of each other: they run in separate processes when a
     run has more than one thread, with the same results. Set `obeys_rules = True` if your planner stops where
-    `view.ego.stop_s` says: with `rules.precedence` its agents then get orders at junctions, and others count on it.
+    `view.ego.stop_s` says: its agents then get orders at junctions (`rules.precedence`), and others count on it.
     """
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
