@@ -101,6 +101,14 @@ def test_a_gap_that_is_large_enough_is_taken():
     assert told(scenario) == {1: FREE, 2: FREE}
 
 
+@pytest.mark.parametrize(("metres", "goes"), [(31.0, True), (28.0, False)])
+def test_a_gap_has_to_hold_if_the_other_one_becomes_faster_by_two_metres_per_second(metres, goes):
+    # From rest the first one has left after 0.3 + 3.2 s and wants 1 s more. The other one comes with 5 m/s, 2 s later
+    # with 7 m/s, and needs 4.7 s for 31 m. If it became faster all the way, it would need 4.3 s.
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 0.1, 0.0), car(2, NORTH_WAY, metres, 5.0)])
+    assert (told(scenario)[1] == FREE) == goes
+
+
 @pytest.mark.parametrize("predictor", ["neural", "lane_following", "constant_velocity"])
 def test_one_that_goes_first_does_not_slow_down_for_one_that_was_told_to_wait(predictor):
     scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 25.0), car(2, NORTH_WAY, 25.0)])

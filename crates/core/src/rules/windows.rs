@@ -8,9 +8,10 @@ use crate::junctions::Junctions;
 /// Acceleration of the earliest entry that a vehicle is capable of in traffic [m/s²].
 pub(crate) const EARLY: f64 = 2.0;
 /// Others expect that it keeps its speed, or accelerates so [m/s²] up to this speed [m/s]; if it is faster, it is told not
-/// to arrive before they have left. One that goes first is not held back, so any speed counts.
+/// to arrive before they have left. One that goes first is not held back, so it may become faster, by so much [m/s].
 const EXPECTED: f64 = 1.0;
 const EXPECTED_SPEED: f64 = 3.0;
+const GAIN: f64 = 2.0;
 /// Acceleration of a late exit [m/s²], and the share of the speed there.
 pub(crate) const LATE: f64 = 1.5;
 const SLOW: f64 = 0.9;
@@ -46,7 +47,11 @@ impl Traveller<'_> {
         let window = |crossed: &Crossed| {
             let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + MARGIN + body.length - front);
             let goes_first = is_claim && junctions.areas[crossed.area].first == Some(crossed.side);
-            let earliest = travel_time(ahead, velocity, early, if goes_first { EXPECTED } else { EARLY });
+            let earliest = if goes_first {
+                travel_time(ahead, velocity, early.min(velocity.max(EXPECTED_SPEED) + GAIN), EXPECTED)
+            } else {
+                travel_time(ahead, velocity, early, EARLY)
+            };
             (leaves > 0.0).then(|| Booking {
                 area: crossed.area,
                 side: crossed.side,
