@@ -91,6 +91,25 @@ def test_a_left_turn_waits_for_oncoming_traffic(planner):
     assert run.violations.count("right_of_way") == 0
 
 
+def test_an_agent_does_not_slow_down_for_replayed_traffic_that_would_have_to_wait_if_it_turned():
+    centers = {
+        1: straight((-80.0, -1.75), (-15.0, -1.75)),
+        2: left_turn(16.75, (-15.0, -1.75)),
+        3: straight((1.75, 15.0), (1.75, 80.0)),
+        4: straight((-15.0, -1.75), (15.0, -1.75)),
+        5: straight((15.0, -1.75), (80.0, -1.75)),
+        11: straight((80.0, 1.75), (15.0, 1.75)),
+        14: straight((15.0, 1.75), (-15.0, 1.75)),
+        15: straight((-15.0, 1.75), (-80.0, 1.75)),
+    }
+    roads = network(centers, {1: (2, 4), 2: (3,), 4: (5,), 11: (14,), 14: (15,)}, speed_limit=10.0)
+    agent = problem(1, 60.0, 1.75, 10.0, np.pi, goal=(-60.0, 1.75), goal_size=(20.0, 3.5), time_step=(0, 150))
+    scenario = world(roads, cars=[Car(2, -60.0, -1.75, 10.0)], problems=[agent], steps=150)
+    run = idr.simulate(scenario, agents=[1], settings=RULES, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert run.states.velocity[0, run.states.valid[0]].min() > 9.0, "m/s"
+
+
 @pytest.mark.parametrize("planner", ["frenet", "idm_mobil"])
 def test_two_queues_merge_without_contact(planner):
     centers = {

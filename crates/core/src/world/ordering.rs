@@ -22,10 +22,11 @@ const LEAVING: f64 = 4.0;
 /// They may be slower by this factor on their way out.
 const SLOWER: f64 = 0.7;
 /// One that has to wait is expected to, as long as this deceleration is enough [m/s²].
-const BRAKING: f64 = 1.5;
-/// It is not expected to take a bend that takes more than this lateral acceleration [m/s²] unless it can still slow down.
-const LATERAL: f64 = 4.0;
-const SLOWING: f64 = 3.0;
+const BRAKING: f64 = 3.0;
+/// A vehicle is not expected to take a bend that takes more than the first [m/s²] across, unless the second suffices to slow
+/// down. Those that would have to wait behind the bend are expected to have slowed down more.
+const BEARABLE: (f64, f64) = (4.0, 3.0);
+const COMFORTABLE: (f64, f64) = (3.0, 2.0);
 const BEND_STEP: f64 = 3.0;
 /// Past steps from which the speed of a recorded vehicle is observed.
 const PAST: usize = 4;
@@ -175,9 +176,11 @@ impl World {
         let front = start.s + 0.5 * length;
         let reach = velocity * FOLLOWED + length;
         for chain in road.paths_from(start.lanelet, start.s, reach, WAYS_MAX) {
-            if bends_too_much(road, &chain, start.s, (velocity, reach)) {
+            let too_fast = |limits| bends_too_much(road, &chain, start.s, (velocity, reach), limits);
+            if too_fast(BEARABLE) {
                 continue;
             }
+            let goes_elsewhere = too_fast(COMFORTABLE);
             let mut base = 0.0;
             for lanelet in &chain {
                 for &(index, side) in junctions.of_lanelet(*lanelet) {
@@ -187,7 +190,8 @@ impl World {
                     if exit + length <= 0.0 || area.is_side_by_side || (velocity < STANDING && !is_inside) {
                         continue;
                     }
-                    let waits = area.first == Some(1 - side) && velocity * velocity <= 2.0 * BRAKING * entry;
+                    let waits = area.first == Some(1 - side)
+                        && (goes_elsewhere || velocity * velocity <= 2.0 * BRAKING * entry);
                     if waits || visits.iter().any(|known| (known.body, known.area) == (body, index)) {
                         continue;
                     }
@@ -234,12 +238,19 @@ fn places_of(matches: &[LaneMatch], length: f64) -> Vec<Place> {
     matches.iter().map(place).collect()
 }
 
-/// A vehicle is too fast for a bend of a chain of lanelets, and too near to slow down.
-fn bends_too_much(road: &RoadNetwork, chain: &[usize], s: f64, (velocity, reach): (f64, f64)) -> bool {
+/// A vehicle is too fast for the lateral acceleration [m/s²] in a bend of a chain of lanelets, and too near to slow down
+/// with the deceleration [m/s²].
+fn bends_too_much(
+    road: &RoadNetwork,
+    chain: &[usize],
+    s: f64,
+    (velocity, reach): (f64, f64),
+    (lateral, slowing): (f64, f64),
+) -> bool {
     let n = (reach / BEND_STEP) as usize;
     (1..=n).any(|i| {
         let distance = i as f64 * BEND_STEP;
-        let bearable = LATERAL / road.chain_curvature(chain, s, distance).abs().max(1e-6);
-        velocity * velocity > bearable + 2.0 * SLOWING * distance
+        let bearable = lateral / road.chain_curvature(chain, s, distance).abs().max(1e-6);
+        velocity * velocity > bearable + 2.0 * slowing * distance
     })
 }
