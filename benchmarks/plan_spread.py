@@ -30,6 +30,8 @@ from interdrive.simulation import simulate
 LEADS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 #: Share of normally distributed values that are within one standard deviation.
 SHARE = 0.6827
+#: Agents are not held at junctions, as in the study of cooperation.
+SETTINGS = {"record.violations": False, "rules.precedence": False}
 #: Status of a plan and its lead -> distances along and across [m], shape (2, plans).
 Deviations = dict[tuple[str, float], np.ndarray]
 
@@ -37,7 +39,7 @@ Deviations = dict[tuple[str, float], np.ndarray]
 def drive(path: Path, planner: str, predictor: str) -> Deviations:
     """Deviations of all agents of a scenario."""
     try:
-        run = simulate(path, planner=planner, predictor=predictor, threads=1, settings={"record.violations": False})
+        run = simulate(path, planner=planner, predictor=predictor, threads=1, settings=SETTINGS)
     except InterdriveError:
         return {}
     states, plans, dt = run.states, run.plans, run.scenario.dt

@@ -91,7 +91,8 @@ def test_a_left_turn_waits_for_oncoming_traffic(planner):
     assert run.violations.count("right_of_way") == 0
 
 
-def test_an_agent_does_not_slow_down_for_replayed_traffic_that_would_have_to_wait_if_it_turned():
+def straight_on_or_left():
+    """Eastwards 1, then straight on (4, 5) or to the north by a left turn (2, 3); westwards 11, 14, 15."""
     centers = {
         1: straight((-80.0, -1.75), (-15.0, -1.75)),
         2: left_turn(16.75, (-15.0, -1.75)),
@@ -102,12 +103,30 @@ def test_an_agent_does_not_slow_down_for_replayed_traffic_that_would_have_to_wai
         14: straight((15.0, 1.75), (-15.0, 1.75)),
         15: straight((-15.0, 1.75), (-80.0, 1.75)),
     }
-    roads = network(centers, {1: (2, 4), 2: (3,), 4: (5,), 11: (14,), 14: (15,)}, speed_limit=10.0)
-    agent = problem(1, 60.0, 1.75, 10.0, np.pi, goal=(-60.0, 1.75), goal_size=(20.0, 3.5), time_step=(0, 150))
-    scenario = world(roads, cars=[Car(2, -60.0, -1.75, 10.0)], problems=[agent], steps=150)
+    return network(centers, {1: (2, 4), 2: (3,), 4: (5,), 11: (14,), 14: (15,)}, speed_limit=10.0)
+
+
+def westwards(x):
+    return problem(1, x, 1.75, 10.0, np.pi, goal=(-60.0, 1.75), goal_size=(20.0, 3.5), time_step=(0, 150))
+
+
+def test_an_agent_does_not_slow_down_for_replayed_traffic_that_would_have_to_wait_if_it_turned():
+    scenario = world(
+        straight_on_or_left(), cars=[Car(2, -60.0, -1.75, 10.0)], problems=[westwards(60.0)], steps=150
+    )
     run = idr.simulate(scenario, agents=[1], settings=RULES, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
     assert run.states.velocity[0, run.states.valid[0]].min() > 9.0, "m/s"
+
+
+def test_an_agent_waits_for_a_replayed_car_that_turns_left_although_it_should_have_waited():
+    # It is in the bend, 20 degrees on, at an uncomfortable speed (3.4 m/s² across).
+    angle = np.radians(20.0)
+    x, y = -15.0 + 16.75 * np.sin(angle), -1.75 + 16.75 * (1.0 - np.cos(angle))
+    turning_left = Car(2, float(x), float(y), 7.5, float(angle))
+    scenario = world(straight_on_or_left(), cars=[turning_left], problems=[westwards(20.0)], steps=150)
+    simulation = Simulation(scenario, agents=[1], settings=RULES, threads=1)
+    assert simulation.world.view(simulation.world.scene(), 1).ego.stop_by == 2
 
 
 @pytest.mark.parametrize("planner", ["frenet", "idm_mobil"])

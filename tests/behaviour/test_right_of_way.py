@@ -109,6 +109,12 @@ def test_a_gap_has_to_hold_if_the_other_one_becomes_faster_by_two_metres_per_sec
     assert (told(scenario)[1] == FREE) == goes
 
 
+def test_one_that_stands_and_goes_first_is_expected_to_become_as_fast_as_the_limit():
+    # With 1 m/s² it comes after 0.3 + 6.9 s. The other one has left after 57.3 m at 9 m/s, 6.4 s, and wants 1 s more.
+    scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 50.0, 9.0), car(2, NORTH_WAY, 23.7, 0.0)])
+    assert told(scenario)[1][2] == 2
+
+
 @pytest.mark.parametrize("predictor", ["neural", "lane_following", "constant_velocity"])
 def test_one_that_goes_first_does_not_slow_down_for_one_that_was_told_to_wait(predictor):
     scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 25.0), car(2, NORTH_WAY, 25.0)])

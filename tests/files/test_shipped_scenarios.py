@@ -226,3 +226,10 @@ def test_the_agents_of_the_town_reach_their_goals_without_touching_each_other(to
     assert set(run.outcomes.outcome) == {"goal_reached"}
     # All of them drive for most of the time, so density stays as it is.
     assert np.count_nonzero(run.states.valid[:, 180]) >= 45
+
+
+def test_no_vehicle_breaks_a_rule_of_the_road_in_the_recordings_of_the_t_junction():
+    from interdrive.simulation import simulate
+
+    run = simulate("t_junction", agents="all", planner={"default": "recorded", 2001: "frenet"})
+    assert run.violations.rule == ()

@@ -85,8 +85,8 @@ const LIMITS: [(&str, [usize; 2], f64); 5] = [
     ("observe", [12, 13], 0.1),
     ("predict", [11, 13], 0.1),
     ("predict, neural,", [19, 21], 0.1),
-    // Most of them for the orders at junctions, which are found once for every set of bodies that agents see there.
-    ("plan", [430, 436], 9.0),
+    // All but 40 for the orders at junctions, which are found once for every set of bodies that agents see there.
+    ("plan", [445, 452], 9.0),
     ("step", [19, 20], 0.2),
 ];
 

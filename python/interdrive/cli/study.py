@@ -70,7 +70,8 @@ def study(
     runtime measures the time per step over the number of agents, with one thread and with all of them, in four
     scenarios and in the shipped town with up to 1000 agents, with tables and figures.
 
-    cooperation compares shares of agents with V2X, delays and losses of messages, over scenarios and seeds.
+    cooperation compares shares of agents with V2X, delays and losses of messages, over scenarios and seeds; without orders
+    at junctions, unless you set rules.precedence=true.
     """
     if what == "cooperation":
         for_others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps}
@@ -137,6 +138,7 @@ def _cooperation(
     from interdrive.cli.report import print_cooperation, progress  # noqa: PLC0415 - rich
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.studies.cooperation import (  # noqa: PLC0415
+        WITHOUT_ORDERS,
         check_cooperation_target,
         cooperation_files,
         cooperation_study,
@@ -144,7 +146,7 @@ def _cooperation(
         save_cooperation,
     )
 
-    settings = bind(SimulationSettings(), assigned(assignments))
+    settings = bind(SimulationSettings(), WITHOUT_ORDERS | assigned(assignments))
     folder = check_cooperation_target(target[0], overwrite=target[1])
     files, notes = cooperation_files(quick=quick)
     with progress(quiet=quiet) as report:

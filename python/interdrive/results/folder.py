@@ -71,7 +71,7 @@ class Results:
         predictions: None unless `record.predictions`.
         candidates: None unless `record.candidates`.
         violations: Violations of rules of the road; None with `record.violations=false`.
-        orders: Orders to wait before junctions; None if no agent has `rules.precedence`.
+        orders: Orders to wait before junctions; None if no agent gets any, and with `record.orders=false`.
         messages: V2X messages; None unless `record.messages`.
         agreements: Which agent held for which; None if no agents negotiate.
         missing: Names of tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.

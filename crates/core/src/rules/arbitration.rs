@@ -32,9 +32,12 @@ impl Meeting<'_> {
     /// The orders of all travellers that are near a passage, by ids. `sees` says whether the body at the first position
     /// sees that at the second one.
     pub fn orders(&self, sees: &dyn Fn(usize, usize) -> bool) -> Vec<Order> {
-        let queues = self.queues();
+        let clusters = self.clusters();
+        let mut is_wanted: Vec<bool> = self.travellers.iter().map(|traveller| self.is_stuck(traveller)).collect();
+        clusters.iter().flatten().for_each(|member| is_wanted[*member] = true);
+        let queues = self.queues(&is_wanted);
         let mut orders = Vec::new();
-        for members in self.clusters() {
+        for members in clusters {
             let concerned = self.concerned(&members, &queues);
             let mut known: Vec<(Vec<usize>, Vec<Option<Order>>)> = Vec::new();
             let mut bodies: Vec<usize> = Vec::with_capacity(concerned.len());
@@ -64,8 +67,13 @@ impl Meeting<'_> {
     fn concerned(&self, members: &[usize], queues: &Queues) -> Vec<usize> {
         let own = members.iter().map(|index| self.travellers[*index].body);
         let ahead = members.iter().flat_map(|index| queues.of(*index).iter().map(|one| one.body));
+        let passages = members.iter().flat_map(|index| &self.travellers[*index].course.passages);
+        let mut crossed: Vec<usize> = passages.flat_map(|passage| passage.areas.iter().map(|one| one.area)).collect();
+        crossed.sort_unstable();
+        let is_crossed = |area: usize| crossed.binary_search(&area).is_ok();
+        let visiting = self.visits.iter().filter(|visit| is_crossed(visit.area)).map(|visit| visit.body);
         let mut is_concerned = vec![false; self.bodies.len()];
-        own.chain(ahead).chain(self.visits.iter().map(|visit| visit.body)).for_each(|body| is_concerned[body] = true);
+        own.chain(ahead).chain(visiting).for_each(|body| is_concerned[body] = true);
         (0..self.bodies.len()).filter(|body| is_concerned[*body]).collect()
     }
 

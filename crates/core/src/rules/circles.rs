@@ -13,11 +13,8 @@ const EXCEPTION_TIME: f64 = 10.0;
 impl Meeting<'_> {
     /// In every circle of agents that wait for each other one may enter although there is no room behind.
     pub(super) fn break_circles(&self, orders: &mut [Order], queues: &Queues) {
-        let stands = |traveller: &Traveller<'_>| {
-            let needed = traveller.settings.circle_after / self.dt;
-            self.bodies[traveller.body].velocity < STANDING && traveller.memory.standing as f64 >= needed
-        };
-        let stuck: Vec<usize> = (0..self.travellers.len()).filter(|index| stands(&self.travellers[*index])).collect();
+        let is_stuck = |index: &usize| self.is_stuck(&self.travellers[*index]);
+        let stuck: Vec<usize> = (0..self.travellers.len()).filter(is_stuck).collect();
         if stuck.len() < 2 {
             return;
         }
@@ -52,6 +49,12 @@ impl Meeting<'_> {
                 orders[place].memory.exception = Some(self.time_step);
             }
         }
+    }
+
+    /// It has stood for long.
+    pub(super) fn is_stuck(&self, traveller: &Traveller<'_>) -> bool {
+        let needed = traveller.settings.circle_after / self.dt;
+        self.bodies[traveller.body].velocity < STANDING && traveller.memory.standing as f64 >= needed
     }
 
     /// The nearest body ahead on the path of a traveller, if it is near.

@@ -176,7 +176,7 @@ pub(super) struct Ahead {
     pub(super) body: usize,
 }
 
-/// The bodies on the path of every traveller, the nearest rear first.
+/// The bodies on the paths of travellers, the nearest rear first.
 #[derive(Debug)]
 pub(super) struct Queues {
     bodies: Vec<Ahead>,
@@ -209,11 +209,23 @@ impl Seen<'_> {
 }
 
 impl Meeting<'_> {
-    pub(super) fn queues(&self) -> Queues {
-        let (mut bodies, mut starts) = (Vec::new(), vec![0]);
-        for traveller in self.travellers {
+    /// Queues of some travellers; those of the others are empty.
+    pub(super) fn queues(&self, is_wanted: &[bool]) -> Queues {
+        let numbered = self.bodies.iter().enumerate();
+        let mut on: Vec<(usize, usize)> =
+            numbered.flat_map(|(body, one)| one.places.iter().map(move |place| (place.lanelet, body))).collect();
+        on.sort_unstable();
+        let (mut bodies, mut starts, mut near) = (Vec::new(), vec![0], Vec::new());
+        for (traveller, is_wanted) in self.travellers.iter().zip(is_wanted) {
+            near.clear();
+            for station in if *is_wanted { &*traveller.course.stations } else { &[] } {
+                let from = on.partition_point(|(lanelet, _)| *lanelet < station.lanelet);
+                near.extend(on[from..].iter().take_while(|one| one.0 == station.lanelet).map(|one| one.1));
+            }
+            near.sort_unstable();
+            near.dedup();
             let start = bodies.len();
-            let others = (0..self.bodies.len()).filter(|body| *body != traveller.body);
+            let others = near.iter().copied().filter(|body| *body != traveller.body);
             bodies.extend(others.filter_map(|body| {
                 let front = self.front_on(traveller.course, body, traveller.front)?;
                 Some(Ahead { front, rear: front - self.bodies[body].length, body })

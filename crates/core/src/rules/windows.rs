@@ -48,7 +48,9 @@ impl Traveller<'_> {
             let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + MARGIN + body.length - front);
             let goes_first = is_claim && junctions.areas[crossed.area].first == Some(crossed.side);
             let earliest = if goes_first {
-                travel_time(ahead, velocity, early.min(velocity.max(EXPECTED_SPEED) + GAIN), EXPECTED)
+                // One that starts or creeps will become faster.
+                let most = if velocity > EXPECTED_SPEED { velocity + GAIN } else { f64::INFINITY };
+                travel_time(ahead, velocity, early.min(most), EXPECTED)
             } else {
                 travel_time(ahead, velocity, early, EARLY)
             };

@@ -24,7 +24,7 @@ const SLOWER: f64 = 0.7;
 /// One that has to wait is expected to, as long as this deceleration is enough [m/s²].
 const BRAKING: f64 = 3.0;
 /// A vehicle is not expected to take a bend that takes more than the first [m/s²] across, unless the second suffices to slow
-/// down. Those that would have to wait behind the bend are expected to have slowed down more.
+/// down. One that would have to wait after a fork, and is faster than the second pair allows, takes another way.
 const BEARABLE: (f64, f64) = (4.0, 3.0);
 const COMFORTABLE: (f64, f64) = (3.0, 2.0);
 const BEND_STEP: f64 = 3.0;
@@ -175,14 +175,14 @@ impl World {
         let road = &self.scenario.road;
         let front = start.s + 0.5 * length;
         let reach = velocity * FOLLOWED + length;
-        for chain in road.paths_from(start.lanelet, start.s, reach, WAYS_MAX) {
-            let too_fast = |limits| bends_too_much(road, &chain, start.s, (velocity, reach), limits);
-            if too_fast(BEARABLE) {
-                continue;
-            }
-            let goes_elsewhere = too_fast(COMFORTABLE);
+        let ways = road.paths_from(start.lanelet, start.s, reach, WAYS_MAX);
+        let too_fast = |way: &[usize], limits| bends_too_much(road, way, start.s, (velocity, reach), limits);
+        let likely = |way: &&Vec<usize>| !too_fast(way, COMFORTABLE);
+        for way in ways.iter().filter(|way| !too_fast(way, BEARABLE)) {
+            let is_likely = likely(&way);
             let mut base = 0.0;
-            for lanelet in &chain {
+            for lanelet in way {
+                let goes_elsewhere = || !is_likely && ways.iter().filter(likely).any(|other| !other.contains(lanelet));
                 for &(index, side) in junctions.of_lanelet(*lanelet) {
                     let area = &junctions.areas[index];
                     let (entry, exit) = (base + area.sides[side].entry - front, base + area.sides[side].exit - front);
@@ -191,7 +191,8 @@ impl World {
                         continue;
                     }
                     let waits = area.first == Some(1 - side)
-                        && (goes_elsewhere || velocity * velocity <= 2.0 * BRAKING * entry);
+                        && !is_inside
+                        && (velocity * velocity <= 2.0 * BRAKING * entry || goes_elsewhere());
                     if waits || visits.iter().any(|known| (known.body, known.area) == (body, index)) {
                         continue;
                     }

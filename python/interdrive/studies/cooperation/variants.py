@@ -38,6 +38,9 @@ RECORDED = (
     "urban/DEU_Muc-28_1_T-1.xml",
 )
 
+#: What `interdrive study cooperation` drives with unless told otherwise: orders at junctions leave nothing to negotiate.
+WITHOUT_ORDERS: dict[str, Setting] = {"rules.precedence": False}
+
 #: Shares of equipped agents with occlusion.
 _HIDDEN_SHARES = (0.5, 1.0)
 _SHARES, _DELAYS, _LOSSES = (0.25, 0.5, 0.75), (0.1, 0.2, 0.3, 0.5, 1.0), (0.1, 0.2, 0.3, 0.4, 0.5)
@@ -85,10 +88,9 @@ class Variant:
 
     @property
     def settings(self) -> dict[str, Setting]:
-        """Settings of its runs; without orders at junctions, which would leave nothing to negotiate there."""
+        """Settings of its runs."""
         names = ("penetration", "negotiate", "delay", "loss", "mcm", "cpm")
         values: dict[str, Setting] = {f"v2x.{name}": getattr(self, name) for name in names}
-        values["rules.precedence"] = False
         return {**values, "view.occlusion": True} if self.occlusion else values
 
 
