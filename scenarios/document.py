@@ -8,7 +8,8 @@ import numpy as np
 from network import Incoming, Lanelet, Light, Network, Sign, rounded
 from traffic import DT, Vehicle
 
-#: Ids: lanelets from 1 (or beyond all others), then the speed sign, intersections, signs, lights; vehicles, planning problems.
+#: Ids: lanelets from 1 (or beyond all others), then the speed sign, intersections, signs, lights; then vehicles, and
+#: planning problems.
 SPEED_SIGN_ID = 900
 INTERSECTION_ID = 901
 FIRST_SIGN_ID = 931

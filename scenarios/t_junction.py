@@ -83,7 +83,8 @@ def make() -> Made:
         choice = [drive(path, distance_through_zone(ARM - ahead, speeds, zone, DURATION), size) for ahead in aheads]
         vehicles.append(first_free(choice, vehicles, along=4.0))
 
-    # All of them respect the right of way: the left turn comes behind the bus, the car from the south between it and the next.
+    # All of them respect the right of way: the left turn comes behind the bus, the car from the south between it and
+    # the next one.
     add(WEST_EAST, [104.0], (13.0, 13.0, 13.0), ("car", 4.6, 1.85))
     add(WEST_EAST, [9.0], (11.0, 11.0, 11.0), ("bus", 12.0, 2.55))
     add(EAST_WEST, [66.0], (12.8, 12.8, 12.8), ("car", 4.4, 1.8))

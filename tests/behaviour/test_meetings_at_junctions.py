@@ -111,9 +111,7 @@ def westwards(x):
 
 
 def test_an_agent_does_not_slow_down_for_replayed_traffic_that_would_have_to_wait_if_it_turned():
-    scenario = world(
-        straight_on_or_left(), cars=[Car(2, -60.0, -1.75, 10.0)], problems=[westwards(60.0)], steps=150
-    )
+    scenario = world(straight_on_or_left(), cars=[Car(2, -60.0, -1.75, 10.0)], problems=[westwards(60.0)], steps=150)
     run = idr.simulate(scenario, agents=[1], settings=RULES, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
     assert run.states.velocity[0, run.states.valid[0]].min() > 9.0, "m/s"

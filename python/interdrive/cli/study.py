@@ -70,8 +70,8 @@ def study(
     runtime measures the time per step over the number of agents, with one thread and with all of them, in four
     scenarios and in the shipped town with up to 1000 agents, with tables and figures.
 
-    cooperation compares shares of agents with V2X, delays and losses of messages, over scenarios and seeds; without orders
-    at junctions, unless you set rules.precedence=true.
+    cooperation compares shares of agents with V2X, delays and losses of messages, over scenarios and seeds; without
+    orders at junctions, unless you set rules.precedence=true.
     """
     if what == "cooperation":
         for_others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps}

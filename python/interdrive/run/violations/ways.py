@@ -95,8 +95,8 @@ class Ways:
             is_ahead = columns[-1] == present[-1] and lanelet in route
             return is_ahead, len(columns), -float(np.abs(d).mean()), -lanelet
 
-        # Lanelets that begin or end together share ground; the vehicle took the one on which it was for longer. An agent
-        # whose drive ended on such ground would have kept to its route.
+        # Lanelets that begin or end together share ground; the vehicle took the one on which it was for longer. An
+        # agent whose drive ended on such ground would have kept to its route.
         kept = [
             lanelet
             for lanelet in passed

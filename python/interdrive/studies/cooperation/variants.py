@@ -38,7 +38,7 @@ RECORDED = (
     "urban/DEU_Muc-28_1_T-1.xml",
 )
 
-#: What `interdrive study cooperation` drives with unless told otherwise: orders at junctions leave nothing to negotiate.
+#: Settings of `interdrive study cooperation` unless told otherwise: orders at junctions leave nothing to negotiate.
 WITHOUT_ORDERS: dict[str, Setting] = {"rules.precedence": False}
 
 #: Shares of equipped agents with occlusion.
