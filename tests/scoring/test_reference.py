@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Sets and splits with rows, and planners that they have.
 SHIPPED = [
-    ("shipped-2", "dev", ("frenet", "idm", "recorded")),
+    ("shipped-2", "dev", ("frenet", "frenetix", "idm", "reactive", "recorded")),
     ("public-1", "test", ("frenet", "idm", "idm_mobil", "recorded")),
 ]
 
