@@ -10,6 +10,10 @@ use crate::vehicle::ParticipantKind;
 const BRAKING_FACTOR: f64 = 1.5;
 /// How it gets back to its speed behind a curve [m/s²].
 const ACCELERATION: f64 = 1.0;
+/// A lane is the less likely the more lateral acceleration its curves would take although the participant brakes for them: its
+/// weight falls like a Gaussian of this standard deviation [m/s²], to a hundredth at most, as curvatures of maps are rough.
+const LATERAL_SIGMA: f64 = 2.0;
+const UNLIKELY: f64 = 0.01;
 
 /// One lane to follow: a chain of lanelets, where on it, and how well it fits.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +34,7 @@ pub(super) struct LaneCandidates {
     /// The lanes that count, best fit first.
     pub(super) found: Vec<LaneCandidate>,
     all: Vec<LaneCandidate>,
+    driven: Vec<(LaneCandidate, SpeedCaps)>,
 }
 
 impl LaneCandidates {
@@ -46,7 +51,7 @@ impl LaneCandidates {
         const HEADING_SCALE: f64 = 0.25;
         /// Lanes that fit worse than the best by this factor are left out.
         const WEIGHT_SHARE: f64 = 0.05;
-        let Self { matching, chains, found: kept, all } = self;
+        let Self { matching, chains, found: kept, all, .. } = self;
         road.find_matching(pose, OFFSET_MAX, HEADING_MAX, matching);
         chains.clear();
         all.clear();
@@ -100,11 +105,21 @@ pub(super) fn follow_lanes(
         go_straight(out, i, (state, age), &settings.spread, dt);
         return;
     }
-    let total: f64 = lanes.found.iter().map(|lane| lane.weight).sum();
-    for (mode, lane) in lanes.found.iter().enumerate() {
-        out.probability[i * out.n_modes + mode] = lane.weight / total;
-        follow_lane(out, i, mode, (state, age), (lane, lanes.chain(lane)), settings, dt, road);
+    let mut driven = std::mem::take(&mut lanes.driven);
+    driven.clear();
+    for lane in &lanes.found {
+        let (caps, lateral) = SpeedCaps::along((lane.s, lanes.chain(lane)), (state.velocity, horizon), settings, road);
+        let excess = (lateral - settings.lateral_acceleration).max(0.0) / LATERAL_SIGMA;
+        let weight = lane.weight * (-0.5 * excess * excess).exp().max(UNLIKELY);
+        driven.push((LaneCandidate { weight, ..*lane }, caps));
     }
+    driven.sort_by(|(a, _), (b, _)| b.weight.total_cmp(&a.weight));
+    let total: f64 = driven.iter().map(|(lane, _)| lane.weight).sum();
+    for (mode, (lane, caps)) in driven.iter().enumerate() {
+        out.probability[i * out.n_modes + mode] = lane.weight / total;
+        follow_lane(out, i, mode, (state, age), (lane, lanes.chain(lane), caps), settings, dt, road);
+    }
+    lanes.driven = driven;
 }
 
 #[expect(clippy::too_many_arguments, reason = "private; the parts of one mode")]
@@ -113,12 +128,11 @@ fn follow_lane(
     i: usize,
     mode: usize,
     (state, age): (&State, f64),
-    (lane, chain): (&LaneCandidate, &[usize]),
+    (lane, chain, caps): (&LaneCandidate, &[usize], &SpeedCaps),
     settings: &LaneFollowing,
     dt: f64,
     road: &RoadNetwork,
 ) {
-    let caps = SpeedCaps::along((lane.s, chain), state.velocity * out.n_steps as f64 * dt, settings, road);
     let start = out.offset(i, mode);
     // The pose now, seen from the lane: the prediction starts exactly at the participant.
     let (now, _) = road.chain_pose(chain, lane.s, 0.0, lane.d);
@@ -158,6 +172,7 @@ fn returning(offset: f64, drift: f64, time: f64, duration: f64) -> f64 {
 }
 
 /// Speed up to which curves ahead can be driven, on a grid along the lane.
+#[derive(Debug, Clone)]
 struct SpeedCaps {
     spacing: f64,
     values: [f64; Self::COUNT],
@@ -166,17 +181,27 @@ struct SpeedCaps {
 impl SpeedCaps {
     const COUNT: usize = 33;
 
-    fn along((s, chain): (f64, &[usize]), reach: f64, settings: &LaneFollowing, road: &RoadNetwork) -> Self {
-        let spacing = (reach.max(10.0)) / (Self::COUNT - 1) as f64;
+    /// Also the largest lateral acceleration [m/s²] in curves within the horizon [s] of a participant with this velocity that
+    /// brakes all the way.
+    fn along(
+        (s, chain): (f64, &[usize]),
+        (velocity, horizon): (f64, f64),
+        settings: &LaneFollowing,
+        road: &RoadNetwork,
+    ) -> (Self, f64) {
+        let spacing = (velocity * horizon).max(10.0) / (Self::COUNT - 1) as f64;
         let mut values = [f64::INFINITY; Self::COUNT];
+        let mut lateral = 0.0_f64;
         for (j, value) in values.iter_mut().enumerate() {
-            let curvature = road.chain_curvature(chain, s, j as f64 * spacing);
-            *value = (settings.lateral_acceleration / curvature.abs().max(1e-6)).sqrt();
+            let distance = j as f64 * spacing;
+            let curvature = road.chain_curvature(chain, s, distance).abs();
+            lateral = lateral.max(curvature * (velocity * velocity - 2.0 * settings.deceleration * distance));
+            *value = (settings.lateral_acceleration / curvature.max(1e-6)).sqrt();
         }
         for j in (0..Self::COUNT - 1).rev() {
             values[j] = values[j].min((values[j + 1].powi(2) + 2.0 * settings.deceleration * spacing).sqrt());
         }
-        Self { spacing, values }
+        (Self { spacing, values }, lateral)
     }
 
     fn at(&self, distance: f64) -> f64 {

@@ -82,6 +82,30 @@ fn every_branch_of_a_fork_within_reach_is_a_mode() {
 }
 
 #[test]
+fn a_car_too_fast_for_a_bend_is_expected_to_go_straight_on() {
+    // A bend of 90 degrees with a radius of 10 m, which takes 5.5 m/s at 3 m/s².
+    let angles = (0..=9).map(|i| f64::from(i) / 9.0 * std::f64::consts::FRAC_PI_2);
+    let bend: Vec<Point> = angles.map(|a| Point::new(50.0 + 10.0 * a.sin(), 10.0 - 10.0 * a.cos())).collect();
+    let road = closed(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2, 3]),
+        lane(2, &bend),
+        lane(3, &straight((50.0, 0.0), (150.0, 0.0))),
+    ]);
+    // From 12 m/s at 2 m/s²: 25 m before the bend it still gets slow enough, 10 m before no more.
+    let left_bend = |x: f64| {
+        let predictions = lane_following(&[at(x, 0.0, 12.0)], &road);
+        let last = |mode: usize| predictions.y[predictions.offset(0, mode) + N_STEPS - 1];
+        let mode = (0..2).max_by(|a, b| last(*a).total_cmp(&last(*b))).expect("two");
+        (mode, probabilities(&predictions, 0)[mode])
+    };
+    let (_, early) = left_bend(25.0);
+    let (mode, late) = left_bend(40.0);
+    assert!(early > 0.3, "{early}");
+    assert_eq!(mode, 1, "the most probable mode is the first one");
+    assert!(late < 0.05, "{late}");
+}
+
+#[test]
 fn who_stands_stays_whoever_predicts() {
     let (road, standing) = (fork(), at(40.0, 0.2, 0.1));
     for predictor in
