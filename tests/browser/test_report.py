@@ -15,6 +15,8 @@ from PIL import Image, ImageChops
 
 from conftest import interdrive, opened
 
+#: What a page says of its run.
+HEADER = re.compile(r'(<script type="application/json" id="header">)(.*?)(</script>)')
 #: Frame times [ms] of so many frames while the slider is moved by one step per frame.
 SCRUB = """async (frames) => {
   const slider = document.querySelector(".scrub");
@@ -43,9 +45,6 @@ def said(root, name: str) -> str:
 def last_step(page) -> int:
     """The last time step that the player reaches."""
     return int(page.locator(".scrub").get_attribute("max"))
-
-
-HEADER = re.compile(r'(<script type="application/json" id="header">)(.*?)(</script>)')
 
 
 def header_of(page: Path) -> dict:

@@ -91,7 +91,7 @@ fn a_car_too_fast_for_a_bend_is_expected_to_go_straight_on() {
         lane(2, &bend),
         lane(3, &straight((50.0, 0.0), (150.0, 0.0))),
     ]);
-    // From 12 m/s at 2 m/s²: 25 m before the bend it still gets slow enough, 10 m before no more.
+    // From 12 m/s at 2 m/s²: 25 m before the bend it gets nearly slow enough (4.4 m/s² across), 10 m before it does not (10.4).
     let left_bend = |x: f64| {
         let predictions = lane_following(&[at(x, 0.0, 12.0)], &road);
         let last = |mode: usize| predictions.y[predictions.offset(0, mode) + N_STEPS - 1];
