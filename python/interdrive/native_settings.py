@@ -59,7 +59,8 @@ class FrenetComfort:
         time_gap: Time gap to a leader: the reaction time of the safe speed. Positive and at most 60.
         standstill_gap: Distance kept to a standing leader. Between 0 and 100.
         deceleration: Deceleration before leaders, curves and the goal. Positive and at most 100.
-        lateral_acceleration: Lateral acceleration in curves. Positive and at most 100.
+        lateral_acceleration: Lateral acceleration in curves; at most three quarters of what the vehicle can.
+            Positive and at most 100.
         velocity_step: Desired and present speed differ by at most this. Positive and at most 100.
         cruise_velocity_min: Lowest desired speed of late agents, and of those whose goal states neither place nor
             speed. Between 0 and 100.
@@ -68,7 +69,7 @@ class FrenetComfort:
     time_gap: Annotated[float, "s"] = 1.0
     standstill_gap: Annotated[float, "m"] = 2.0
     deceleration: Annotated[float, "m/s²"] = 3.0
-    lateral_acceleration: Annotated[float, "m/s²"] = 3.0
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
     velocity_step: Annotated[float, "m/s"] = 5.0
     cruise_velocity_min: Annotated[float, "m/s"] = 5.0
 
@@ -178,11 +179,12 @@ class Idm(CarFollowing):
 
     Attributes:
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
-        lateral_acceleration: Lateral acceleration in curves. Positive and at most 100.
+        lateral_acceleration: Lateral acceleration in curves; at most three quarters of what the vehicle can.
+            Positive and at most 100.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
-    lateral_acceleration: Annotated[float, "m/s²"] = 3.0
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

@@ -6,6 +6,10 @@ use crate::error::{Error, Result};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, Pose};
 
+/// Part of the largest lateral acceleration that planners use in curves. Trucks take them at 3 m/s² at most, a reserve of a
+/// quarter before they tip.
+const CORNERING: f64 = 0.75;
+
 /// Kind of a participant, in CommonRoad's words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
@@ -262,6 +266,11 @@ impl Vehicle {
         self.lateral_acceleration_max.min(rest)
     }
 
+    /// Lateral acceleration at which curves are taken [m/s²]: the comfortable one, but at most [`CORNERING`] of the largest.
+    pub fn cornering(&self, comfortable: f64) -> f64 {
+        comfortable.min(CORNERING * self.lateral_acceleration_max)
+    }
+
     /// Tangent of the largest change of the steering angle in a time [s]; angles beyond 1.5 rad are as good as any.
     pub fn steering_step(&self, time: f64) -> f64 {
         (self.steering_rate_max * time).min(1.5).tan()
@@ -336,6 +345,15 @@ mod tests {
         for (along, beside) in [(0.0, 8.0), (8.2, 8.0), (-10.5, 22.0_f64.sqrt()), (11.5, 0.0), (-12.0, 0.0)] {
             let found = Vehicle::BMW_320I.lateral_acceleration_beside(along);
             assert!((found - beside).abs() < 1e-12, "{along} m/s²: {found} m/s²");
+        }
+    }
+
+    #[test]
+    fn curves_are_taken_comfortably_but_never_near_the_limit_of_the_vehicle() {
+        for (vehicle, comfortable, taken) in
+            [(Vehicle::BMW_320I, 4.0, 4.0), (Vehicle::TRUCK, 4.0, 3.0), (Vehicle::TRUCK, 2.0, 2.0)]
+        {
+            assert_eq!(vehicle.cornering(comfortable), taken);
         }
     }
 }

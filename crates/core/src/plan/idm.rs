@@ -25,8 +25,8 @@ settings! {
     pub struct IdmSettings as Idm(law: CarFollowing) {
         /// Upper bound of the desired speed v0.
         desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);
-        /// Lateral acceleration in curves.
-        lateral_acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
+        /// Lateral acceleration in curves; at most three quarters of what the vehicle can.
+        lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
     }
 }
 
@@ -52,7 +52,8 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
     let way = request.rules.way;
     conflicts.collect(request, &ego, n_points, (request.stop(way, start.s), request.hold(start.s)));
-    speed_profile.fill(path, &way.limits, (start.s, ego.reach), settings.lateral_acceleration, law.deceleration);
+    let cornering = request.vehicle.cornering(settings.lateral_acceleration);
+    speed_profile.fill(path, &way.limits, (start.s, ego.reach), cornering, law.deceleration);
     let wish = settings.goal_velocity(request, &start);
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)));

@@ -44,8 +44,8 @@ settings! {
         standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
         /// Deceleration before leaders, curves and the goal.
         deceleration: f64 ["m/s²"] = 3.0, positive(100.0);
-        /// Lateral acceleration in curves.
-        lateral_acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
+        /// Lateral acceleration in curves; at most three quarters of what the vehicle can.
+        lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
         /// Desired and present speed differ by at most this.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
         /// Lowest desired speed of late agents, and of those whose goal states neither place nor speed.

@@ -230,6 +230,7 @@ fn path_velocity(request: &PlanRequest, start: &Start, comfort: &Comfort, veloci
     let (path, limits) = (&request.route.path, &request.rules.way.limits);
     let is_limited = limits.any();
     let b = comfort.deceleration;
+    let cornering = request.vehicle.cornering(comfort.lateral_acceleration);
     let lead = start.velocity * LOOK_AHEAD;
     let reach = (20.0 + lead + 0.5 * start.velocity.powi(2) / b).min(CURVE_REACH);
     let mut square = velocity * velocity;
@@ -240,8 +241,8 @@ fn path_velocity(request: &PlanRequest, start: &Start, comfort: &Comfort, veloci
             break; // Curves from here on do not matter.
         }
         let bend = path.curvature_at(start.s + ahead).abs();
-        if room * bend > comfort.lateral_acceleration {
-            square += comfort.lateral_acceleration / bend - room;
+        if room * bend > cornering {
+            square += cornering / bend - room;
         }
         if !is_limited {
             continue;
