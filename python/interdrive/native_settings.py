@@ -66,7 +66,7 @@ class FrenetComfort:
             speed. Between 0 and 100.
     """
 
-    time_gap: Annotated[float, "s"] = 1.0
+    time_gap: Annotated[float, "s"] = 0.85
     standstill_gap: Annotated[float, "m"] = 2.0
     deceleration: Annotated[float, "m/s²"] = 3.0
     lateral_acceleration: Annotated[float, "m/s²"] = 4.0

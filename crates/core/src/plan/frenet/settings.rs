@@ -39,7 +39,7 @@ settings! {
     /// Comfortable driving; the desired speed respects these values, feasibility does not depend on them.
     pub struct Comfort as FrenetComfort {
         /// Time gap to a leader: the reaction time of the safe speed.
-        time_gap: f64 ["s"] = 1.0, positive(60.0);
+        time_gap: f64 ["s"] = 0.85, positive(60.0);
         /// Distance kept to a standing leader.
         standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
         /// Deceleration before leaders, curves and the goal.
