@@ -87,7 +87,7 @@ def draw(figure: Figure, place: tuple[float, float, float, float], path: Path, r
     time, speed = (states.first_time_step + column) * dt, states.velocity[own, column]
     name = f"{row['scenario'].removesuffix('_T-1')} {number}"
     caption = f"{name}\n{time:.1f} s, {speed:.1f} m/s: {row['cause'] or 'none found'}"
-    axes.set_title(caption, fontsize=5.5, color=INK, loc="left", pad=2.0, path_effects=HALO)
+    axes.set_title(caption, fontsize=5.0, color=INK, loc="left", pad=2.0, path_effects=HALO)
     draw_scale(axes, view, SIDE / PANEL, 6.0)
 
 
