@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import RulesSettings, ViewSettings
     from interdrive.planners.calls import Answer
-    from interdrive.run import Outcomes, RunSettings
+    from interdrive.run import Orders, Outcomes, RunSettings
 
 
 class Simulation:
@@ -332,7 +332,7 @@ class Simulation:
             digest=digest(states),
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
-            orders=orders_of(self.world.waits()) if self.settings.record.orders and self.world.obeying else None,
+            orders=self._orders() if self.settings.record.orders else None,
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
             agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
@@ -349,6 +349,11 @@ class Simulation:
     @property
     def _negotiates(self) -> bool:
         return self.settings.v2x.negotiate and bool(self.world.equipped)
+
+    def _orders(self) -> Orders | None:
+        """What agents were told; None if none enters junctions by order and none has waited."""
+        orders = orders_of(self.world.waits())
+        return orders if self.world.obeying or len(orders.agent_id) else None
 
     def _grants(self) -> Grants:
         """What agents were told about junctions."""

@@ -75,6 +75,17 @@ def test_an_agent_waits_for_a_person_who_walks_onto_the_crosswalk_and_goes_on_wh
     assert run.outcomes.outcome == ("goal_reached",)
 
 
+def test_the_wait_is_recorded_and_told_as_the_reason():
+    run = driven(meeting(-5.0, 0.5, goal=100))[2]
+    orders = run.orders
+    assert set(zip(orders.kind, orders.by_id.tolist(), strict=True)) == {("crosswalk", 9)}
+    assert np.allclose(orders.stop_s, orders.stop_s[0]) and orders.first_time_step[0] < 30
+    path = run.agents[0].reference_path
+    before = np.hypot(*np.diff(path, axis=0).T).cumsum().searchsorted(orders.stop_s[0])
+    assert EDGE - 1.0 < path[before, 0] < EDGE + 1.0, "it was to stop before the edge"
+    assert "before a crosswalk: it gave way to pedestrian 9" in run.outcomes.reason[0]
+
+
 @pytest.mark.parametrize("planner", PLANNERS)
 @pytest.mark.parametrize(("y", "speed"), [(3.9, 1.3), (-3.0, 0.0), (-12.0, 0.0)])
 def test_a_person_who_walks_away_or_stands_beside_the_road_changes_nothing(planner, y, speed):

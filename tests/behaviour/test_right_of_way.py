@@ -205,6 +205,16 @@ def test_agents_wait_for_a_vehicle_that_does_not_obey():
     assert run.outcomes.outcome == ("goal_reached",)
 
 
+@pytest.mark.parametrize(("front", "waits"), [(-0.6, True), (-1.4, False)])
+def test_a_vehicle_that_creeps_in_the_junction_keeps_others_out_and_one_before_it_does_not(front, waits):
+    # It comes from the left, so it would have to wait; the area begins at -1.1 m.
+    creeping = Car(9, 0.0, front - HALF, 0.2, NORTH)
+    left = Priorities(priority_side="left")
+    scenario = replace(world(limited(crossing()), cars=[creeping], problems=[car(1, EAST_WAY, 15.0)]), priorities=left)
+    order = told(scenario)[1]
+    assert (order[2] == 9) if waits else (order == FREE)
+
+
 def test_one_agent_may_take_the_right_of_way():
     scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
     run = idr.simulate(scenario, settings=RULES, rules={1: {"precedence": False}}, threads=1)

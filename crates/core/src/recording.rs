@@ -77,7 +77,7 @@ impl Outcome {
     }
 }
 
-/// A stretch of time steps in which an agent had to wait before a junction for one reason.
+/// A stretch of time steps in which an agent had to wait before a junction or a crosswalk for one reason.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wait {
     /// The agent.
@@ -184,13 +184,14 @@ impl Recording {
         let is_same = |last: &&mut Wait| {
             last.last == wait.first - 1 && (last.kind, last.by, last.stop) == (wait.kind, wait.by, wait.stop)
         };
-        match stretches.last_mut().filter(is_same) {
+        // At most two at once: before a junction, and before a crosswalk.
+        match stretches.iter_mut().rev().take(2).find(is_same) {
             Some(last) => last.last = wait.last,
             None => stretches.push(wait),
         }
     }
 
-    /// Waits before junctions, sorted by agent and time.
+    /// Waits before junctions and crosswalks, sorted by agent and first time step.
     pub fn waits(&self) -> impl Iterator<Item = &Wait> {
         self.waits.values().flatten()
     }

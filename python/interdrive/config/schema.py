@@ -53,7 +53,7 @@ class RecordSettings:
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
         candidate_spacing: Time between plans of an agent whose candidates are kept.
         violations: Keep violations of rules of the road (`Run.violations`, violations.parquet).
-        orders: Keep what agents are told before junctions (`Run.orders`, orders.parquet).
+        orders: Keep what agents are told before junctions and crosswalks (`Run.orders`, orders.parquet).
         messages: Messages of agents with V2X to keep (`Run.messages`, messages.parquet): none, those that were sent,
             or besides them the links to receivers in range.
     """

@@ -94,7 +94,7 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
     speed = speed[np.isfinite(speed)]
     text = f"{said_time(run, first):>5} to {said_time(run, last):>5} s  {phase.kind}"
     if phase.order is not None:
-        text += f" before a junction: {said_order(run, *phase.order)}"
+        text += f" {said_order(run, *phase.order)}"
     elif phase.leader_id >= 0:
         text += f" behind {said_name(run, phase.leader_id)}"
     elif phase.red_lanelet_id >= 0:

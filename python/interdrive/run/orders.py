@@ -1,4 +1,4 @@
-"""What agents are told before junctions, as arrays."""
+"""What agents are told before junctions and crosswalks, as arrays."""
 
 from __future__ import annotations
 

@@ -59,8 +59,9 @@ class Phase:
             their order.
         red_lanelet_id: While it stood without a vehicle ahead: the lanelet of the stop line before it, if its light was
             red or yellow most of the time; -1 otherwise.
-        order: While it slowed or stood: why (one of `ORDERS`) it was told most of the time to wait before a junction,
-            and because of which participant (-1 for none); None if it was not, or only by the vehicle ahead.
+        order: Why (one of `ORDERS`) it was told most of the time to wait before a junction, while it slowed or stood, or
+            before a crosswalk, and because of which participant (-1 for none); None if it was not, or only by the
+            vehicle ahead.
     """
 
     kind: PhaseKind
@@ -96,7 +97,9 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
         inside = columns[at : at + length]
         leader = _leader_in(run, path, row, inside, standing=kind == "standing")
         first, last = (int(column) + states.first_time_step for column in (inside[0], inside[-1]))
-        order = _order(run, agent.id, first, last) if kind in ("slowing", "standing") else None
+        order = _order(run, agent.id, first, last) if kind != "emergency braking" else None
+        if kind == "driving" and order is not None and order[0] != "crosswalk":
+            order = None  # It drives towards a junction, which takes no time yet.
         is_first = kind == "standing" and leader < 0
         red = _red_line(run, agent, row, inside) if is_first else -1
         crossing = _crossing(run, path, row, inside) if is_first and red < 0 and order is None else ()

@@ -146,7 +146,7 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
     seconds = said_time(run, stop.n_steps)
     lasted = f"stood for {seconds} s"
     if stop.order is not None:
-        return f"{lasted} before a junction: {said_order(run, *stop.order)}"
+        return f"{lasted} {said_order(run, *stop.order)}"
     if stop.leader_id >= 0:
         return f"stood behind {said_name(run, stop.leader_id)} for {seconds} s"
     if stop.red_lanelet_id >= 0:
@@ -158,9 +158,10 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
 
 
 def said_order(run: RunRecord, kind: str, by: int) -> str:
-    """Why an agent was told to wait before a junction."""
+    """Where an agent was told to wait, and why."""
     name = said_name(run, by) if by >= 0 else "others"
-    return f"no room behind it, because of {name}" if kind == "exit" else f"it gave way to {name}"
+    why = f"no room behind it, because of {name}" if kind == "exit" else f"it gave way to {name}"
+    return f"before a {'crosswalk' if kind == 'crosswalk' else 'junction'}: {why}"
 
 
 def no_sample(run: RunRecord, agent_id: int, first: int | None = None, last: int | None = None) -> str:

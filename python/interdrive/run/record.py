@@ -336,15 +336,15 @@ class Violations(Tabular):
         return sum(pair == (rule, source) for pair in zip(self.rule, self.source, strict=True))
 
 
-#: What agents are told before junctions; the position is the code of the core. A yield is because of a vehicle that
-#: uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane waits. One that
-#: follows may enter, but not before another one has left.
-ORDERS = ("go", "yield", "exit", "queue", "follow")
+#: What agents are told before junctions and crosswalks; the position is the code of the core. A yield is because of a
+#: vehicle that uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane
+#: waits. One that follows may enter, but not before another one has left. At a crosswalk an agent waits for a person.
+ORDERS = ("go", "yield", "exit", "queue", "follow", "crosswalk")
 
 
 @dataclass(frozen=True, repr=False)
 class Orders(Tabular):
-    """Orders to wait before junctions, one row per stretch of time, sorted by agent and time.
+    """Orders to wait before junctions and crosswalks, one row per stretch of time, sorted by agent and time.
 
     Attributes:
         agent_id: The agent, shape (orders,).
@@ -504,7 +504,8 @@ class RunRecord:
         predictions: Predictions available to agents; None unless `record.predictions` is set.
         candidates: Candidates of agents; None unless `record.candidates` is set.
         violations: Violations of rules of the road; None if `record.violations` is not set.
-        orders: Orders to wait before junctions; None if no agent enters them by order or `record.orders` is not set.
+        orders: Orders to wait before junctions and crosswalks; None if no agent is told anything or `record.orders` is
+            not set.
         messages: V2X messages; None unless `record.messages` is set.
         agreements: Which agents held for which; None unless agents negotiate.
         cooperation: Totals of messages and of their use; None if no agent has V2X.

@@ -5,6 +5,7 @@ use crate::geometry::polyline::ReferencePath;
 use crate::junctions::{AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::route::Route;
+use crate::vehicle::Vehicle;
 
 /// The areas are made for vehicles of this width [m].
 const DESIGN_WIDTH: f64 = 1.8;
@@ -21,8 +22,8 @@ const ASIDE_MAX: f64 = 1.5;
 const WINDOW: f64 = 25.0;
 /// Where no speed limit is known, no vehicle is expected to be faster in a junction than this, unless it is already [m/s].
 const SPEED_MAX: f64 = 15.0;
-/// Lateral acceleration in bends [m/s²].
-const LATERAL: f64 = 3.0;
+/// Lateral acceleration in bends, if the vehicle can [m/s²]: that of the planners' defaults.
+const LATERAL: f64 = 4.0;
 /// More than the usual gaps before areas where a sign says so [s].
 const SIGN_LEAD: f64 = 0.5;
 
@@ -81,13 +82,15 @@ pub struct Course {
 }
 
 impl Course {
-    /// Of a route, for a vehicle of a length and width [m].
+    /// Of a route, for a vehicle.
     pub fn along(
         route: &Route,
         (road, junctions): (&RoadNetwork, &Junctions),
         limits: &SpeedLimits,
-        (length, width): (f64, f64),
+        vehicle: &Vehicle,
     ) -> Self {
+        let &Vehicle { length, width, .. } = vehicle;
+        let lateral = vehicle.cornering(LATERAL);
         let path = &route.path;
         let stations = stations(path, &route.lanelets, road);
         let wider = 0.5 * (width - DESIGN_WIDTH).max(0.0);
@@ -124,7 +127,7 @@ impl Course {
         }
         let passage = |(end, areas): (f64, Vec<Crossed>)| {
             let (mouth, end) = (areas[0].entry - MARGIN, end + MARGIN);
-            let at = |s: f64| limits.at(s).min(SPEED_MAX).min((LATERAL / path.curvature_at(s).abs()).sqrt());
+            let at = |s: f64| limits.at(s).min(SPEED_MAX).min((lateral / path.curvature_at(s).abs()).sqrt());
             let n = (end - mouth).ceil().max(1.0) as usize;
             let speed = (0..=n).map(|i| at(mouth + i as f64 * (end - mouth) / n as f64)).fold(f64::INFINITY, f64::min);
             let waits = |crossed: &Crossed| junctions.areas[crossed.area].waits_for_a_sign(crossed.side);

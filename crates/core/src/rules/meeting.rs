@@ -18,11 +18,13 @@ pub enum OrderKind {
     Queue = 3,
     /// Enter, but not before another one has left.
     Follow = 4,
+    /// Wait before a crosswalk: a person uses it.
+    Crosswalk = 5,
 }
 
 impl OrderKind {
     /// All kinds; the position is the code that crosses the Python boundary.
-    pub const ALL: [Self; 5] = [Self::Go, Self::Yield, Self::Exit, Self::Queue, Self::Follow];
+    pub const ALL: [Self; 6] = [Self::Go, Self::Yield, Self::Exit, Self::Queue, Self::Follow, Self::Crosswalk];
 }
 
 /// What an agent remembers of its next passage.

@@ -141,7 +141,9 @@ impl<'a> World<'a> {
             let route = self.grid.route(ids);
             let limits = SpeedLimits::uniform(LIMIT);
             let map = (&self.grid.road, &self.grid.junctions);
-            self.routes.push((route.path.length(), Course::along(&route, map, &limits, (length, 1.8))));
+            let car = crate::vehicle::Vehicle::BMW_320I;
+            let vehicle = crate::vehicle::Vehicle { length, width: 1.8, ..car };
+            self.routes.push((route.path.length(), Course::along(&route, map, &limits, &vehicle)));
             self.routes.len() - 1
         });
         let id = self.vehicles.len() as i64 + 1;

@@ -46,7 +46,7 @@ impl World {
         for drive in self.drives.iter_mut().filter(|drive| drive.place.is_some()) {
             let Agent { route, vehicle, .. } = &*drive.agent;
             let map = (&*self.scenario.road, junctions);
-            let course = Course::along(route, map, &drive.way.limits, (vehicle.length, vehicle.width));
+            let course = Course::along(route, map, &drive.way.limits, vehicle);
             drive.crossings =
                 course.crossings().map(|(area, side, entry, exit)| Crossing { area, side, entry, exit }).collect();
             drive.crossings.sort_by_key(|crossing| (crossing.area, crossing.side));

@@ -42,7 +42,7 @@ pub(super) fn course(agent: &Agent, scenario: &Scenario, way: &Way) -> Course {
         return Course::default();
     }
     let map = (&*scenario.road, scenario.junctions());
-    Course::along(&agent.route, map, &way.limits, (agent.vehicle.length, agent.vehicle.width))
+    Course::along(&agent.route, map, &way.limits, &agent.vehicle)
 }
 
 impl World {

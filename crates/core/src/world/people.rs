@@ -1,9 +1,11 @@
-//! Giving way to people on crosswalks: which agents wait for whom. It follows from what each agent sees now.
+//! Giving way to people on crosswalks: which agents wait for whom. It follows from what each agent sees now, and from
+//! where it waited at the last step.
 
 use super::{Drive, World};
 use crate::geometry::Point;
 use crate::plan::Planner;
-use crate::rules::{Crosswalk, LIGHT_DECELERATION, Person, reach};
+use crate::recording::Wait;
+use crate::rules::{Crosswalk, LIGHT_DECELERATION, OrderKind, Person, reach};
 use crate::scene::{Participants, Scene};
 use crate::vehicle::ParticipantKind;
 
@@ -46,7 +48,7 @@ impl World {
         self.waits.get_or_init(|| self.look_for_people())
     }
 
-    /// Agents remember before which crosswalk they have been told to wait.
+    /// Agents remember before which crosswalk they have been told to wait; that is recorded.
     pub(super) fn remember_crosswalks(&mut self) {
         if self.has_crosswalks {
             self.keep_waits();
@@ -58,8 +60,13 @@ impl World {
         self.waits();
         let waits = self.waits.take().unwrap_or_default();
         for drive in &mut self.drives {
-            let wait = waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok();
-            drive.crosswalk = wait.map(|place| waits[place].crosswalk);
+            let wait = waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok().map(|place| waits[place]);
+            drive.crosswalk = wait.map(|wait| wait.crosswalk);
+            if let Some(CrosswalkWait { id: agent, crosswalk, by }) = wait.filter(|_| self.settings.keep_recording) {
+                let (first, last, by) = (self.time_step, self.time_step, Some(by));
+                let (kind, stop) = (OrderKind::Crosswalk as u8, drive.way.crosswalks()[crosswalk].entry);
+                self.recording.push_wait(Wait { agent, first, last, kind, by, stop });
+            }
         }
     }
 

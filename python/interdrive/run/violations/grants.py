@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.run.phases import path_coordinates
+from interdrive.run.record import ORDERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -40,7 +41,8 @@ class Grants:
         if number not in self.obeying:
             return False
         step, waits = column + drives.first_time_step, self.waits
-        told = np.flatnonzero((waits["agent_id"] == number) & (waits["first_time_step"] <= step))
+        at_junctions = waits["kind"] != ORDERS.index("crosswalk")
+        told = np.flatnonzero((waits["agent_id"] == number) & at_junctions & (waits["first_time_step"] <= step))
         if not len(told):
             return True
         last, stop = int(waits["last_time_step"][told[-1]]), float(waits["stop_s"][told[-1]])

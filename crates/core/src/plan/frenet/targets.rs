@@ -15,6 +15,8 @@ const CURVE_STEP: f64 = 1.0;
 const CURVE_REACH: f64 = 250.0;
 /// The corridor of the path is wider than the agent by this, on each side [m].
 const CORRIDOR_MARGIN: f64 = 0.3;
+/// Reaction time of the safe speed before stop lines and the mouths of junctions [s]; that behind leaders is a setting.
+const LINE_REACTION: f64 = 1.0;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
@@ -56,13 +58,14 @@ impl Targets {
         let (mut following, mut standing) = (f64::INFINITY, f64::INFINITY);
         let line = request.stop(request.rules.way, start.s);
         if line.is_finite() {
-            following = safe_velocity(line - LINE_GAP - front, 0.0, comfort);
+            following = safe_velocity(line - LINE_GAP - front, 0.0, (LINE_REACTION, comfort.deceleration));
         }
         let (hold, release) = request.hold(start.s);
         if hold.is_finite() {
             // It arrives when it may go.
             let room = hold - LINE_GAP - front;
-            following = following.min(safe_velocity(room, 0.0, comfort).max(room / release.max(request.dt)));
+            let safe = safe_velocity(room, 0.0, (LINE_REACTION, comfort.deceleration));
+            following = following.min(safe.max(room / release.max(request.dt)));
         }
         let stretch = Stretch::ahead(request, start);
         let all = || {
@@ -73,7 +76,7 @@ impl Targets {
         let (mut blocks, mut swing) = (Vec::new(), 0.0);
         let mut follow = |leader: Leader| {
             let gap = leader.rear - front - comfort.standstill_gap;
-            following = following.min(safe_velocity(gap, leader.velocity, comfort));
+            following = following.min(safe_velocity(gap, leader.velocity, (comfort.time_gap, comfort.deceleration)));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
         };
         for ahead in all() {
@@ -123,10 +126,9 @@ impl Targets {
 }
 
 /// Gipps' safe speed: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
-/// and the agent reacts after the time gap. `gap` is what may be used up [m].
-fn safe_velocity(gap: f64, leader_velocity: f64, comfort: &Comfort) -> f64 {
-    let b = comfort.deceleration;
-    let lag = b * comfort.time_gap;
+/// (`b`, m/s²) and the agent reacts after `reaction` [s]. `gap` is what may be used up [m].
+fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f64 {
+    let lag = b * reaction;
     let radicand = lag * lag + leader_velocity * leader_velocity + 2.0 * b * gap;
     (radicand.max(0.0).sqrt() - lag).max(0.0)
 }
@@ -264,9 +266,8 @@ mod tests {
 
     #[test]
     fn the_safe_speed_keeps_the_time_gap_to_a_leader_of_the_same_speed() {
-        let comfort = Comfort::default();
         for v in [3.0, 10.0, 25.0] {
-            assert!((safe_velocity(v * comfort.time_gap, v, &comfort) - v).abs() < 1e-9);
+            assert!((safe_velocity(v * 0.85, v, (0.85, 3.0)) - v).abs() < 1e-9);
         }
     }
 
@@ -293,7 +294,7 @@ mod tests {
 
     #[test]
     fn nothing_is_safe_without_a_gap_to_a_standing_leader() {
-        assert_eq!(safe_velocity(0.0, 0.0, &Comfort::default()), 0.0);
-        assert_eq!(safe_velocity(-5.0, 0.0, &Comfort::default()), 0.0);
+        assert_eq!(safe_velocity(0.0, 0.0, (1.0, 3.0)), 0.0);
+        assert_eq!(safe_velocity(-5.0, 0.0, (1.0, 3.0)), 0.0);
     }
 }
