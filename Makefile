@@ -11,7 +11,7 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheel wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
@@ -106,6 +106,10 @@ docs: .venv-docs/.installed ## the site in out/site: tutorials are run, referenc
 	.venv-docs/bin/python -m sphinx -q -W --keep-going -b html -d out/doctrees docs out/site
 	.venv-docs/bin/python docs/extensions/links.py out/site README.md ARCHITECTURE.md CONTRIBUTING.md RELEASES.md
 	.venv-docs/bin/python docs/extensions/ages.py
+
+wheel: .venv-release/.tools ## a wheel for this machine in dist/ (some minutes)
+	.venv-release/bin/python -m maturin build --release --out dist --quiet
+	@ls -1 dist/*_$$(uname -m).whl
 
 wheels: .venv-release/.tools ## wheels for x86_64 and aarch64 and an sdist in dist/, tried in fresh environments; see RELEASES.md
 	.venv-release/bin/python releases/wheels.py

@@ -69,6 +69,8 @@ def main() -> int:
     parser.add_argument("--page", type=Path, metavar="FILE", help="the table also goes between markers of this page")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
+    if arguments.page:
+        tables.put_into(arguments.page.read_text(encoding="utf-8"), "", tables.SIDE_BY_SIDE)  # Fails before the runs.
     paths = sorted(arguments.folder.glob("*/"))
     if not any(arguments.folder.glob("*/*.xml")):
         print(f"{arguments.folder}: no scenario (a folder of folders with .xml files is expected)", file=sys.stderr)

@@ -157,8 +157,8 @@ def _of_collisions(one: ComparedSet, here: Mapping[str, Any], *, several: bool) 
     where = f" with traffic {one.traffic}, agents {one.agents}" if several else ""
     return [
         (
-            f"Few collisions{where} ({', '.join(few)}): a rate from so few events, and harm even more, hangs on "
-            "single agents."
+            f"Few collisions{where} ({', '.join(few)}): a rate from so few events, and harm even more, depends "
+            "on single agents."
         )
     ]
 

@@ -72,7 +72,10 @@ def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = Non
     if not shown:
         raise InputError(f"{run.scenario.name}: there is no agent to draw")
     if most is not None and len(shown) > most:
-        raise InputError(f"{len(shown)} agents are too many for lines in one picture; name at most {most} of them")
+        raise InputError(
+            f"{len(shown)} agents are too many for lines in one picture; name at most {most} of them "
+            "(--agents ID,ID, or agents=)"
+        )
     return shown
 
 
@@ -152,7 +155,8 @@ def draw_measures(
     """
     if len(agents) > LINES_MAX:
         raise InputError(
-            f"{len(agents)} agents are too many for lines in one picture; name at most {LINES_MAX} of them"
+            f"{len(agents)} agents are too many for lines in one picture; name at most {LINES_MAX} of them "
+            "(--agents ID,ID, or agents=)"
         )
     wanted = [measure_named(name) for name in dict.fromkeys(measures)]
     first = found.first_time_step

@@ -116,7 +116,11 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("agent_id", "integer", "agent that was told to wait before a junction or a crosswalk"),
         Column("first_time_step", "integer", "first time step of the order"),
         Column("last_time_step", "integer", "last time step of the order, included"),
-        Column("kind", "label", "yield, exit (no room behind the junction), queue (a vehicle ahead waits), follow (enter once another one has left), crosswalk"),
+        Column(
+            "kind",
+            "label",
+            "yield, exit (no room behind it), queue (behind one that waits), follow (enter after another), crosswalk",
+        ),
         Column("by_id", "integer", "participant because of which it waited", nullable=True),
         Column("stop_s", "number", "arc length on its reference path that its front was not to pass [m]"),
     ),

@@ -105,7 +105,8 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
         return text
     most = f", at most {speed.max():.1f} m/s" if speed.max() > max(speed[0], speed[-1]) + 0.5 else ""
     why = said_obstruction(run, agent.id, np.arange(first, last)) if phase.kind == "emergency braking" else ""
-    return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}" + (f": {why}" if why else "")
+    because = f"; most samples were rejected: {why}" if why else ""
+    return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}{because}"
 
 
 def _critical(run: Run, agent_id: int, found: Criticality) -> list[str]:

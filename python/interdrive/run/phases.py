@@ -59,7 +59,7 @@ class Phase:
             their order.
         red_lanelet_id: While it stood without a vehicle ahead: the lanelet of the stop line before it, if its light was
             red or yellow most of the time; -1 otherwise.
-        order: Why (one of `ORDERS`) it was told most of the time to wait before a junction, while it slowed or stood, or
+        order: Why (one of `ORDERS`) it was told most of the time to wait, before a junction while it slowed or stood or
             before a crosswalk, and because of which participant (-1 for none); None if it was not, or only by the
             vehicle ahead.
     """

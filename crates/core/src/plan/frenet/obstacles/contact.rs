@@ -10,7 +10,7 @@ const OWN_LANE: f64 = 1.0;
 /// A participant faster than this [m/s] is expected to yield ...
 const YIELDING_SPEED: f64 = 0.2;
 /// ... if this deceleration [m/s²] from now on stops it before the contact.
-const YIELDING_DECELERATION: f64 = 5.0;
+const YIELDING_DECELERATION: f64 = 4.0;
 /// A follower heads within 45 degrees of the agent (cosine).
 const FOLLOWER_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
