@@ -86,6 +86,42 @@ def test_the_wait_is_recorded_and_told_as_the_reason():
     assert "before a crosswalk: it gave way to pedestrian 9" in run.outcomes.reason[0]
 
 
+def violations(scenario, rule="crosswalk"):
+    run = idr.simulate(scenario, agents=[1], threads=1)
+    found = run.violations
+    rows = [i for i, name in enumerate(found.rule) if name == rule]
+    return [(found.source[i], int(found.participant_id[i]), int(found.partner_id[i]), found.value[i]) for i in rows]
+
+
+@pytest.mark.parametrize(
+    ("y", "speed", "passed_at"),
+    [
+        # Its front reaches the edge after 3.6 s, with the person 1.4 m beside its line, and its rear leaves the person
+        # after 4.2 s, then 1.1 m beside.
+        (-3.2, 0.5, 0.2),
+        (-3.0, 0.0, None),  # The person stands beside the lane.
+        (2.2, 0.5, None),  # The person walks away.
+        (-10.0, 1.3, None),  # The person has not come near.
+        (-7.0, 1.5, None),  # The person comes within 3.75 m after 2.2 s, when stopping takes more than 3 m/s².
+    ],
+)
+def test_a_recorded_vehicle_that_does_not_give_way_on_a_crosswalk_breaks_a_rule(y, speed, passed_at):
+    scenario = meeting(y, speed, x=20.0, velocity=2.0)
+    cars = [Car(8, 60.0, 0.0, 10.0), Car(9, 100.0, y, speed, np.pi / 2)]
+    both = world(crosswalk_road(), cars=cars, problems=scenario.planning_problems, steps=300).obstacles
+    person = Shape("rectangle", length=0.6, width=0.6)
+    both = replace(both, kinds=("car", "pedestrian"), shapes=(both.shapes[0], person))
+    found = violations(replace(scenario, obstacles=both))
+    if passed_at is None:
+        assert found == []
+    else:
+        assert found == [("replayed", 8, 9, pytest.approx(passed_at, abs=0.1))]
+
+
+def test_one_that_gives_way_breaks_no_rule():
+    assert violations(meeting(-3.2, 0.5)) == []
+
+
 @pytest.mark.parametrize("planner", PLANNERS)
 @pytest.mark.parametrize(("y", "speed"), [(3.9, 1.3), (-3.0, 0.0), (-12.0, 0.0)])
 def test_a_person_who_walks_away_or_stands_beside_the_road_changes_nothing(planner, y, speed):

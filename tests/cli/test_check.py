@@ -96,10 +96,10 @@ def test_goals_are_put_in_words(read):
         + planning_problem(62, "")
     )
     words = {problem.id: problem.goal for problem in inspect(read(text)).planning_problems}
-    assert words[60] == "lanelet 1, step 10 to 20 (1.0 to 2.0 s), speed 5.0 to 8.0 m/s"
+    assert words[60] == "lanelet 1, steps 10 to 20 (1.0 to 2.0 s), speed 5.0 to 8.0 m/s"
     assert words[61] == (
-        "a rectangle at (90.0, 1.0), step 0 to 50 (0.0 to 5.0 s), heading 0 to 90 degrees "
-        "or anywhere, step 0 to 9 (0.0 to 0.9 s)"
+        "a rectangle at (90.0, 1.0), steps 0 to 50 (0.0 to 5.0 s), heading 0 to 90 degrees "
+        "or anywhere, steps 0 to 9 (0.0 to 0.9 s)"
     )
     assert words[62] == "no goal"
 

@@ -247,7 +247,9 @@ def print_verdict(stored: Mapping[str, Any], repeated: Mapping[str, Any], *, equ
 def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals: Mapping[int, str]) -> None:
     """Prints the contents of a scenario, its junctions, and the reasons why vehicles cannot be agents (by id)."""
     console = output()
-    limits = "none stated" if np.isnan(found.speed_limits[0]) else "{:.1f} to {:.1f} m/s".format(*found.speed_limits)
+    least, largest = found.speed_limits
+    limits = f"{largest:.1f} m/s" if least == largest else f"{least:.1f} to {largest:.1f} m/s"
+    limits = "none stated" if np.isnan(least) else limits
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in found.kinds) or "none"
     static = f" ({found.n_static} static)" if found.n_static else ""
     able = [number for number in found.candidates.ids.tolist() if number not in refusals]

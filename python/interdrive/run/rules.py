@@ -34,6 +34,10 @@ RULES: Mapping[str, Rule] = {
         f"takes the right of way of {{partner}}, {{value:.1f}}{_GAP}s ahead of it",
     ),
     "keep_clear": Rule("time for which it stands there [s]", f"blocks a junction for {{value:.1f}}{_GAP}s"),
+    "crosswalk": Rule(
+        "least distance from the person while it passes [m]",
+        f"does not give way to {{partner}} on a crosswalk and passes {{value:.1f}}{_GAP}m away",
+    ),
     "wrong_way": Rule("distance driven the wrong way [m]", f"drives {{value:.0f}}{_GAP}m the wrong way"),
     "solid_line": Rule("distance driven across the line [m]", f"drives {{value:.0f}}{_GAP}m across a solid line"),
 }

@@ -285,7 +285,8 @@ def _in_words(goal: GoalState, dt: float) -> str:
     else:
         where = "anywhere"
     first, last = goal.time_step
-    words = [where, f"step {first} to {last} ({first * dt:.1f} to {last * dt:.1f} s)"]
+    steps = f"steps {first} to {last} ({first * dt:.1f} to {last * dt:.1f} s)"
+    words = [where, f"step {first} ({first * dt:.1f} s)" if first == last else steps]
     if goal.velocity is not None:
         words.append(f"speed {goal.velocity[0]:.1f} to {goal.velocity[1]:.1f} m/s")
     if goal.orientation is not None:

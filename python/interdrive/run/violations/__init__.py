@@ -8,6 +8,7 @@ import numpy as np
 
 from interdrive.run.record import Violations
 from interdrive.run.rules import VIOLATIONS
+from interdrive.run.violations.crosswalks import People, crosswalks, people, recorded_people
 from interdrive.run.violations.drives import Drives, Row, driven, recorded
 from interdrive.run.violations.grants import Grants
 from interdrive.run.violations.junction_rules import keep_clear, right_of_way, uses
@@ -47,8 +48,9 @@ def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]
     ended = run.outcomes
     pairs = [(int(i), int(j)) for i, j in zip(ended.agent_id, ended.partner_id, strict=True) if j >= 0]
     collisions = {*pairs, *((j, i) for i, j in pairs)}
-    rows = _broken(driven(run), standing(run, road), run, road, areas, collisions, grants)
-    rows += _broken(recorded(run), recorded_standing(run, road), run, road, areas, set(), Grants({}, {}))
+    rows = _broken(driven(run), standing(run, road), people(run), run, road, areas, collisions, grants)
+    still, walking = recorded_standing(run, road), recorded_people(run)
+    rows += _broken(recorded(run), still, walking, run, road, areas, set(), Grants({}, {}))
     rows.sort(key=lambda row: (Violations.SOURCES.index(row.source), row.participant_id, VIOLATIONS.index(row.rule)))
     return Violations(
         source=tuple(row.source for row in rows),
@@ -60,6 +62,7 @@ def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]
 def _broken(
     drives: Drives,
     still: Standing,
+    walking: People,
     run: RunRecord,
     road: _core.RoadNetwork,
     areas: Mapping[str, Any],
@@ -72,6 +75,7 @@ def _broken(
     lanelets = run.scenario.lanelets
     passed = passings(drives, run.scenario, road)
     rows = lane_rules(drives, road, still) + line_rules(drives, passed, road)
+    rows += crosswalks(drives, walking, run.scenario, road)
     has_lines = has_closed_markings(lanelets)
     if not len(areas["junction"]) and not has_lines:
         return rows
