@@ -28,9 +28,14 @@ _Interval = tuple[float, float]
 
 __all__ = [
     "CODES",
+    "COMMITTED",
+    "DESIGN_WIDTH",
     "LIGHT_DECELERATION",
+    "MEETING_MARGIN",
     "NEURAL",
     "RASTER",
+    "REACH",
+    "REACH_TIME",
     "REWARDS",
     "STOP_REACH",
     "Agent",
@@ -81,6 +86,13 @@ CODES: dict[str, list[str]]
 #: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
 LIGHT_DECELERATION: float
 STOP_REACH: float
+#: One that needs more than `COMMITTED` to stop before a junction has entered it [m/s²]; orders are asked from `REACH` [m]
+#: or `REACH_TIME` [s] on; areas are for vehicles of `DESIGN_WIDTH`, those that meet need `MEETING_MARGIN` more [m].
+COMMITTED: float
+DESIGN_WIDTH: float
+MEETING_MARGIN: float
+REACH: float
+REACH_TIME: float
 
 #: The input of the neural predictor: `version`; `knots` [s]; `agent`, `neighbours`, `paths`: name, scale and sign in a
 #: mirrored world of every feature; `slots`: names of the paths; `path_mirror_columns`, `mirror_slots`: their order in a

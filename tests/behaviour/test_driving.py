@@ -79,11 +79,12 @@ def test_two_agents_that_would_meet_at_a_crossing_both_arrive():
 def test_an_agent_that_can_only_brake_brakes_as_hard_as_it_can():
     scenario = world(
         straight_road(),
-        cars=[Car(7, 42.0)],
+        cars=[Car(7, 37.0)],
         problems=[problem(100, 20.0, velocity=15.0, goal=(150.0, 0.0), time_step=(0, 60))],
     )
     run = simulate(scenario, agents=[100], threads=1)
-    # 17.5 m to the car, 15 m/s: at 11.5 m/s² it stops after 9.8 m.
+    # 12.5 m to the car, 15 m/s: the brakes take 0.3 s to build up, in which it drives 4.3 m, then 11.5 m/s² suffice
+    # (7.9 m), and 10.5 m/s² would not.
     assert run.outcomes.outcome == ("time_limit",)
     _, _, velocity = track(run, 100)
     assert velocity[-1] == pytest.approx(0.0, abs=0.3)

@@ -168,17 +168,13 @@ def test_violations_are_saved_and_loaded(tmp_path):
 
 
 def test_driving_against_the_lane_for_a_second_is_a_violation(tmp_path):
-    class Against(Straight):
-        pass
-
-    scenario = road(tmp_path, phases=(), x=90.0)
     turned = cr.car(
         30,
         cr.initial(80.0, -1.0, orientation=float(np.pi), velocity=5.0),
         [cr.state(t, 80.0 - 0.5 * t, -1.0, orientation=float(np.pi), velocity=5.0) for t in range(1, 25)],
     )
     scenario = road(tmp_path, phases=(), x=90.0, content=turned)
-    found = idr.simulate(scenario, agents=[50], planner=Against, threads=1).violations
+    found = idr.simulate(scenario, agents=[50], planner=Straight, threads=1).violations
     assert [(s, r) for s, r in zip(found.source, found.rule, strict=True)] == [("replayed", "wrong_way")]
     assert found.value[0] > 5.0, "metres"
 

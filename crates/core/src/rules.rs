@@ -1,5 +1,6 @@
-//! Rules of the road that an agent obeys: speed limits, traffic lights, stop signs. They follow from the map, the lights
-//! as they are now, and the agent's own motion; what an agent remembers of a stop sign is part of the world.
+//! Rules of the road that an agent obeys: speed limits, traffic lights, stop signs, crosswalks and right of way. They
+//! follow from the map, the lights as they are now, and the motion of those that an agent sees; what it remembers (of a
+//! stop sign, a crosswalk, its order at a junction) is part of the world.
 
 mod arbitration;
 mod circles;
@@ -13,9 +14,10 @@ mod narrow;
 mod room;
 mod windows;
 
+pub use arbitration::COMMITTED;
 pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
-pub use course::Course;
 pub(crate) use course::reach;
+pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME};
 pub use crosswalks::{Crosswalk, Person};
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
 pub(crate) use windows::{EARLY, LATE, travel_time};

@@ -57,6 +57,11 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CODES", codes(module.py())?)?;
     module.add("LIGHT_DECELERATION", rules::LIGHT_DECELERATION)?;
     module.add("STOP_REACH", rules::STOP_REACH)?;
+    module.add("COMMITTED", rules::COMMITTED)?;
+    module.add("DESIGN_WIDTH", rules::DESIGN_WIDTH)?;
+    module.add("MEETING_MARGIN", rules::MEETING_MARGIN)?;
+    module.add("REACH", rules::REACH)?;
+    module.add("REACH_TIME", rules::REACH_TIME)?;
     criticality::register(module)?;
     worlds::register(module)?;
     neural::register(module)?;

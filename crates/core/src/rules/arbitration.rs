@@ -15,7 +15,7 @@ use super::gaps::Links;
 use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Queues, Seen};
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
-pub(super) const COMMITTED: f64 = 4.0;
+pub const COMMITTED: f64 = 4.0;
 /// Agents stop this far before a passage [m].
 pub(super) const GAP: f64 = 0.5;
 /// Tickets are taken at this distance beyond the braking distance [m], with this deceleration [m/s²].

@@ -8,12 +8,13 @@ use crate::route::Route;
 use crate::vehicle::Vehicle;
 
 /// The areas are made for vehicles of this width [m].
-const DESIGN_WIDTH: f64 = 1.8;
+pub const DESIGN_WIDTH: f64 = 1.8;
 /// Vehicles that meet need this more than their widths [m].
-const MEETING_MARGIN: f64 = 0.4;
+pub const MEETING_MARGIN: f64 = 0.4;
 /// Agents ask from this far on: this time at the present speed [s], at least this distance [m].
-const REACH_TIME: f64 = 8.0;
-const REACH: f64 = 60.0;
+pub const REACH_TIME: f64 = 8.0;
+/// See [`REACH_TIME`].
+pub const REACH: f64 = 60.0;
 /// Vehicles keep this distance from an area [m], on either side.
 pub(super) const MARGIN: f64 = 0.3;
 /// The path runs along a lanelet if it is within this distance of its middle [m].

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.phases import path_coordinates
 from interdrive.run.record import ORDERS
 
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
     from interdrive.run.violations.drives import Drives
 
-#: An agent that needs more than this to stop is taken for one that has entered [m/s²], as in the core.
-_COMMITTED = 4.0
 #: An order to wait is about areas that are at most so far beyond its place [m].
 _PASSAGE = 40.0
 
@@ -54,7 +53,7 @@ class Grants:
         # Orders to wait end when the agent may go, and when it cannot stop any more.
         then = last + 1 - drives.first_time_step
         room, speed = stop - self._front(drives, k, then), float(drives.velocity[k, then])
-        return speed * speed < 2.0 * _COMMITTED * room
+        return speed * speed < 2.0 * _core.COMMITTED * room
 
     def _front(self, drives: Drives, k: int, column: int) -> float:
         """Arc length of the front of an agent on its path [m]."""

@@ -7,26 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.violations.drives import Drives, Row, stretches
 from interdrive.scenario.inspection import AREA_KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set
 
-    from interdrive import _core
     from interdrive.run.violations.grants import Grants
     from interdrive.run.violations.lines import Passing
     from interdrive.run.violations.ways import Ways
 
-#: Areas are made for vehicles of this width; those that meet need so much more than their widths [m].
-DESIGN_WIDTH, MEETING_MARGIN = 1.8, 0.4
 #: The one that goes first must not reach the area sooner than this after the other one has left [s] ...
 GAP = 1.0
 #: ... nor need, or show, this deceleration [m/s²] within this time [s], if it is so near [m].
 HARD, HARD_TIME, HARD_REACH = 2.0, 3.0, 30.0
-#: It goes first if it is at most so far away: this distance [m], or this time at its speed [s] ...
-REACH, REACH_TIME = 60.0, 8.0
-#: ... and does not stand [m/s]: one that stands lets others go.
+#: It goes first if it is within the reach of orders and does not stand [m/s]: one that stands lets others go.
 STANDING = 0.2
 #: A vehicle that is already so near that stopping takes more than this when it enters the scene cannot wait [m/s²].
 HARDEST = 3.0
@@ -63,7 +59,7 @@ def uses(drives: Drives, ways: Ways, areas: Mapping[str, Any]) -> list[tuple[lis
         for side, lanelet in enumerate(lanelets):
             sides.setdefault(lanelet, []).append((area, side))
     for k, taken in enumerate(ways.taken):
-        half, wider = 0.5 * float(drives.length[k]), 0.5 * max(0.0, float(drives.width[k]) - DESIGN_WIDTH)
+        half, wider = 0.5 * float(drives.length[k]), 0.5 * max(0.0, float(drives.width[k]) - _core.DESIGN_WIDTH)
         for way in taken:
             for area, side in sides.get(way.lanelet, ()):
                 entry = ways.distance_at(k, way, float(areas["entry"][area, side]) - half - wider)
@@ -150,7 +146,7 @@ def _next(drives: Drives, ways: Ways, one: Use, others: Sequence[Use]) -> Use | 
         if k == one.vehicle or not drives.valid[k, column] or other.enters <= one.enters:
             continue
         distance, speed = other.entry - ways.travelled[k, column], float(drives.velocity[k, column])
-        if 0.0 < distance < least and distance <= max(REACH, REACH_TIME * speed):
+        if 0.0 < distance < least and distance <= max(_core.REACH, _core.REACH_TIME * speed):
             nearest, least = (other if speed > STANDING else None), distance
     return nearest
 
@@ -235,7 +231,7 @@ def keep_clear(
     for area, both in enumerate(used):
         for use in (*both[0], *both[1]):
             k = use.vehicle
-            needs = float(drives.width[k]) + DESIGN_WIDTH + MEETING_MARGIN
+            needs = float(drives.width[k]) + _core.DESIGN_WIDTH + _core.MEETING_MARGIN
             is_passable = areas["kind"][area] == _OPPOSED and needs <= areas["width"][area]
             counts = not is_passable and not areas["side_by_side"][area]
             if not stops.get(k) or not counts or not np.isfinite(use.enters):
