@@ -86,8 +86,8 @@ CODES: dict[str, list[str]]
 #: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
 LIGHT_DECELERATION: float
 STOP_REACH: float
-#: One that needs more than `COMMITTED` to stop before a junction has entered it [m/s²]; orders are asked from `REACH` [m]
-#: or `REACH_TIME` [s] on; areas are for vehicles of `DESIGN_WIDTH`, those that meet need `MEETING_MARGIN` more [m].
+#: One that needs more than `COMMITTED` to stop before a junction has entered it [m/s²]; orders are asked from `REACH`
+#: [m] or `REACH_TIME` [s] on; areas are for vehicles of `DESIGN_WIDTH`, those that meet need `MEETING_MARGIN` more [m].
 COMMITTED: float
 DESIGN_WIDTH: float
 MEETING_MARGIN: float
