@@ -110,6 +110,16 @@ def test_the_table_counts_agents_by_category(two):
     assert [r["category"] for r in found.table.to_pylist()] == ["all", "all", "highway", "highway", "urban", "urban"]
 
 
+def test_rules_that_somebody_broke_have_a_table_and_no_differences(tmp_path):
+    runs = [("urban/x", "a", {1: {"n_red_light": 2, "violations": 2}, 2: {}}), ("urban/x", "b", {1: {}, 2: {}})]
+    found = compare(invented(tmp_path / "batch", runs))
+    sheets = {sheet.title: sheet for sheet in sheets_of(found, found.sets[0])}
+    rules = sheets["Rules of the road that they broke, per 100 agents"]
+    assert rules.head == ("category", "planner", "red light")
+    assert [[cell.text for cell in line] for line in rules.rows[:2]] == [["all", "a", "100.0"], ["", "b", "0.0"]]
+    assert "n_red_light" not in found.differences["metric"].to_pylist()
+
+
 def test_the_median_of_the_smallest_ttc_counts_agents_without_a_conflict(two):
     # b: 1.0 (late), inf, 1.0, inf: the lower median is 1.0; in urban, of 1.0 and inf, too.
     assert row(compare(two), "all", "b")["ttc_min"] == 1.0

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.run import VIOLATIONS
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -29,6 +31,7 @@ class Metric:
         absent: Value of agents without one; nan: they do not count.
         median: Agents are put together by their median, otherwise by their mean.
         better: +1: more is better, -1: less is better, 0: neither by itself.
+        rule: Whether it counts violations of one rule of the road.
         digits: Behind the point.
     """
 
@@ -41,6 +44,7 @@ class Metric:
     absent: float = float("nan")
     median: bool = False
     better: int = -1
+    rule: bool = False
     digits: int = 1
 
     def values(self, columns: Mapping[str, NDArray[Any]]) -> Floats:
@@ -84,6 +88,7 @@ METRICS = (
     Metric("planner_error", "broken %", "planner_error", outcome=True, scale=100.0),
     Metric("collisions", "collisions per 100", "collision", outcome=True, scale=100.0, digits=2),
     Metric("violations", "violations per 100", "violations", scale=100.0),
+    *(Metric(f"n_{name}", name.replace("_", " "), f"n_{name}", scale=100.0, rule=True) for name in VIOLATIONS),
     Metric("harm", "harm per 100", "harm", scale=100.0, absent=0.0, digits=3),
     Metric("ttc_min", "min TTC [s]", "ttc_min", median=True, better=1, digits=2),
     Metric("ttc_critical", "TTC < 2 s %", "ttc_critical", scale=100.0, digits=2),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"))
 
 
-#: Other outcomes without agents need no column.
+#: Other outcomes without agents, and rules that nobody broke, need no column.
 _ALWAYS = ("goal_reached", "collisions")
 
 
@@ -53,7 +53,7 @@ class Sheet:
 
 
 def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
-    """How agents ended, how they drove, and how planners differ, of one set of a comparison."""
+    """How agents ended, how they drove, which rules they broke, and how planners differ, of one set of a comparison."""
     rows = [row for row in found.table.to_pylist() if (row["traffic"], row["agents"]) == (one.traffic, one.agents)]
     differences = [
         row
@@ -62,14 +62,16 @@ def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
     ]
     metrics = metrics_shown(rows)
     yield _by_category("How agents ended", rows, [m for m in metrics if m.outcome], _ABOUT)
-    yield _by_category("How they drove", rows, [m for m in metrics if not m.outcome], ())
+    yield _by_category("How they drove", rows, [m for m in metrics if not (m.outcome or m.rule)], ())
+    if rules := [m for m in metrics if m.rule]:
+        yield _by_category("Rules of the road that they broke, per 100 agents", rows, rules, ())
     if differences:
-        yield _of_differences(differences, metrics, found.level)
+        yield _of_differences(differences, [m for m in metrics if not m.rule], found.level)
 
 
 def metrics_shown(rows: Sequence[dict[str, Any]]) -> list[Metric]:
     """Metrics that are worth a column in a table with these rows."""
-    return [m for m in METRICS if not m.outcome or m.name in _ALWAYS or any(row[m.name] for row in rows)]
+    return [m for m in METRICS if not (m.outcome or m.rule) or m.name in _ALWAYS or any(row[m.name] for row in rows)]
 
 
 def _by_category(
