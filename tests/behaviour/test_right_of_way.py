@@ -215,6 +215,15 @@ def test_a_vehicle_that_creeps_in_the_junction_keeps_others_out_and_one_before_i
     assert (order[2] == 9) if waits else (order == FREE)
 
 
+@pytest.mark.parametrize(("rear", "waits"), [(1.0, True), (1.2, False)])
+def test_one_that_stands_behind_the_junction_with_its_rear_near_holds_nobody(rear, waits):
+    # The area ends at 1.1 m. In a jam vehicles would wait for each other in a circle because of some decimetres.
+    jam = Car(9, 0.0, rear + 2.0 * HALF + 1.0 + HALF, 0.0, NORTH)
+    problems = [car(1, EAST_WAY, 0.1, 0.0), car(2, NORTH_WAY, MOUTH - rear - 2.0 * HALF, 0.0)]
+    order = told(world(limited(crossing()), cars=[jam], problems=problems))[1]
+    assert (order[2] == 2) if waits else (order == FREE)
+
+
 def test_one_agent_may_take_the_right_of_way():
     scenario = world(limited(crossing()), problems=[car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)])
     run = idr.simulate(scenario, settings=RULES, rules={1: {"precedence": False}}, threads=1)

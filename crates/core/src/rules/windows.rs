@@ -18,6 +18,8 @@ const SLOW: f64 = 0.9;
 /// A vehicle that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
 const REACTING: f64 = 0.5;
+/// Slower than this it stands [m/s]: behind the end of an area it has left that, without the usual distance.
+const STANDING: f64 = 0.1;
 /// Leaders are expected to be at least this fast [m/s].
 const LEADER_SPEED: f64 = 1.0;
 
@@ -44,8 +46,9 @@ impl Traveller<'_> {
         let early = largest(passage, velocity);
         let expected = velocity.max(early.min(EXPECTED_SPEED));
         let late = (SLOW * passage.speed).max(velocity);
+        let behind = if velocity < STANDING { 0.0 } else { MARGIN };
         let window = |crossed: &Crossed| {
-            let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + MARGIN + body.length - front);
+            let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + behind + body.length - front);
             let goes_first = is_claim && junctions.areas[crossed.area].first == Some(crossed.side);
             let earliest = if goes_first {
                 // One that starts or creeps will become faster.
