@@ -36,11 +36,15 @@ def test_a_plan_is_as_old_as_its_delay_and_older_where_the_next_one_was_lost():
 def test_the_share_of_messages_received_falls_with_the_distance_if_they_fade():
     _, flat = received_share(drive(loss=0.25))
     assert np.mean(flat) == pytest.approx(0.75, abs=0.05)
-    distance, fading = received_share(drive(range=60.0, fading=True))
+    run = drive(range=60.0, fading=True)
+    distance, fading = received_share(run)
     assert distance[-1] < 60.0, "beyond the range nothing is known of losses"
     # Nakagami with m = 3: the probability that a gamma variable of that shape exceeds 3 (distance / range)².
     x = 3.0 * (np.asarray(distance) / 60.0) ** 2
-    np.testing.assert_allclose(fading, np.exp(-x) * (1.0 + x + 0.5 * x**2), atol=0.1)
+    expected = np.exp(-x) * (1.0 + x + 0.5 * x**2)
+    links = run.messages.distance[(run.messages.receiver_id >= 0) & (run.messages.distance <= 60.0)]
+    number = np.histogram(links, np.append(distance - distance[0], distance[-1] + distance[0]))[0]
+    assert (np.abs(fading - expected) <= 3.0 * np.sqrt(expected * (1.0 - expected) / number) + 0.05).all(), "3 sigma"
     assert fading[-1] < 0.7 < fading[0]
 
 
