@@ -1,7 +1,7 @@
 """The same agents with other predictors, and among traffic that interacts less: tables of docs/research/driving.md.
 
     python benchmarks/driving/side_by_side.py                          # continues what an earlier call began
-    python benchmarks/driving/side_by_side.py --page docs/research/driving.md   # writes its tables into the page, too
+    python benchmarks/driving/side_by_side.py --page PAGE        # writes its tables between the markers of a page, too
 
 With all vehicles as agents there is a run for each scenario; alone, there is one for each reachable agent.
 """
@@ -70,7 +70,11 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     if arguments.page:
-        tables.put_into(arguments.page.read_text(encoding="utf-8"), "", tables.SIDE_BY_SIDE)  # Fails before the runs.
+        try:
+            tables.put_into(arguments.page.read_text(encoding="utf-8"), "", tables.SIDE_BY_SIDE)
+        except (OSError, ValueError) as error:
+            print(f"{arguments.page}: {error}", file=sys.stderr)
+            return 2
     paths = sorted(arguments.folder.glob("*/"))
     if not any(arguments.folder.glob("*/*.xml")):
         print(f"{arguments.folder}: no scenario (a folder of folders with .xml files is expected)", file=sys.stderr)
