@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive import _core
-
 if TYPE_CHECKING:
+    from interdrive import _core
     from interdrive.run.record import RunRecord, States
     from interdrive.run.violations.drives import Drives, Floats, Ints, Row
     from interdrive.scenario import Obstacles, Scenario
@@ -75,7 +74,7 @@ def crosswalks(drives: Drives, walking: People, scenario: Scenario, road: _core.
         for k, column in _enterings(drives, scenario, road, lanelet):
             for person in range(len(walking.ids)):
                 since = _since(drives, k, column, walking, person, lanelet, road)
-                if since is None or _was_too_near(drives, k, since, column):
+                if since is None or drives.was_too_near(k, since, column):
                     continue
                 value = _distance(drives, k, column, walking, person)
                 partner = int(walking.ids[person])
@@ -124,13 +123,6 @@ def _since(
             break
         since = at
     return since
-
-
-def _was_too_near(drives: Drives, k: int, since: int, column: int) -> bool:
-    """Stopping would have taken too much when the person came, or when the vehicle entered."""
-    since = max(since, int(np.argmax(drives.valid[k])))
-    way = float(np.abs(drives.velocity[k, since:column]).sum() * drives.dt)
-    return bool(drives.velocity[k, since] ** 2 > 2.0 * _core.LIGHT_DECELERATION * way)
 
 
 def _distance(drives: Drives, k: int, column: int, walking: People, person: int) -> float:

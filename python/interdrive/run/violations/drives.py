@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from interdrive import _core
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive import _core
     from interdrive.run.record import RunRecord
 
     Floats = NDArray[np.float64]
@@ -74,6 +75,12 @@ class Drives:
         """Centres of the fronts [m]."""
         ahead = 0.5 * self.length[:, None]
         return self.x + ahead * np.cos(self.orientation), self.y + ahead * np.sin(self.orientation)
+
+    def was_too_near(self, k: int, since: int, column: int) -> bool:
+        """Stopping where it is in a column took more than before a light, since another one or since it entered."""
+        since = max(since, int(np.argmax(self.valid[k])))
+        way = float(np.abs(self.velocity[k, since:column]).sum() * self.dt)
+        return bool(self.velocity[k, since] ** 2 > 2.0 * _core.LIGHT_DECELERATION * way)
 
     def row(
         self,

@@ -74,7 +74,7 @@ def line_rules(drives: Drives, passed: list[Passing], road: _core.RoadNetwork) -
             continue
         if line.has_stop_sign and (least := _least_speed(drives, line, k, column)) > STOP_SPEED:
             rows.append(drives.row(k, "stop_sign", (column, column), least, road=road, lanelet=line.lanelet_id))
-        if one.is_red and not _was_too_near(drives, k, _last_change(shown, column), column):
+        if one.is_red and not drives.was_too_near(k, _last_change(shown, column), column):
             red = (column - _last(shown[: column + 1] != _RED)) * drives.dt
             rows.append(drives.row(k, "red_light", (column, column), red, road=road, lanelet=line.lanelet_id))
     return rows
@@ -123,13 +123,6 @@ def _last(holds: Bools) -> int:
     """Position behind the last true value; 0 if there is none."""
     places = np.flatnonzero(holds)
     return int(places[-1]) + 1 if len(places) else 0
-
-
-def _was_too_near(drives: Drives, k: int, since: int, step: int) -> bool:
-    """Stopping took too much when the light changed, or when the vehicle entered."""
-    since = max(since, int(np.argmax(drives.valid[k])))
-    way = float(np.abs(drives.velocity[k, since:step]).sum() * drives.dt)
-    return bool(drives.velocity[k, since] ** 2 > 2.0 * _core.LIGHT_DECELERATION * way)
 
 
 def _least_speed(drives: Drives, line: StopLine, k: int, step: int) -> float:
