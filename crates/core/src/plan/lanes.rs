@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use super::PlanRequest;
 use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
@@ -28,6 +29,20 @@ const RESERVE: f64 = 16.0;
 /// Feet are searched this far around the expected place [m].
 const FOOT_WINDOW: f64 = 25.0;
 
+/// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
+pub(super) const AIM: f64 = 5.0;
+
+/// Where an agent drives on one lane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim {
+    /// Position of the lane.
+    pub(super) lane: usize,
+    /// Arc length of the rear axle on its path [m].
+    pub(super) s: f64,
+    /// Offset of the rear axle from its path [m], left positive.
+    pub(super) d: f64,
+}
+
 /// One lane, possibly of many lanelets.
 #[derive(Debug, Clone)]
 pub struct Lane {
@@ -47,6 +62,8 @@ struct Piece {
     changes: usize,
     /// Arc length on the path up to which the next of them can be made [m]; infinite if none is missing.
     last_chance: f64,
+    /// Arc length at which the lane beside it that leads on ends [m]; infinite if no change is missing.
+    lane_end: f64,
 }
 
 /// What is left to do for an agent in a lane.
@@ -56,6 +73,8 @@ pub(super) struct Need {
     pub(super) changes: usize,
     /// Arc length on the path of the lane up to which the next of them can be made [m]; infinite if none is missing.
     pub(super) last_chance: f64,
+    /// Arc length at which no lane that leads to the goal is beside it any more [m]; infinite if none is missing.
+    pub(super) lane_end: f64,
 }
 
 /// All lanes of an agent; the first one is that of its start.
@@ -109,14 +128,8 @@ impl Lanes {
     /// # Errors
     /// `InvalidInput` if a lane makes no path.
     pub(super) fn along(route: &Route, goal: &Goal, scenario: &Scenario, rules: &RulesSettings) -> Result<Self> {
-        let road = &scenario.road;
-        let has_place = goal.states.iter().any(|state| !state.areas.is_empty());
-        let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
-        let changes = missing_changes(road, goal_lanelet);
-        let length = if has_place { route.path.length() + EXTENSION } else { FREE_LENGTH };
-        let goal_place = has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position);
-        let start = route.path.at(route.start_s).position;
-        let mut chains: Vec<Vec<usize>> = vec![chain(road, route.lanelets[0], &changes, start, length)];
+        let (road, ends) = (&scenario.road, Ends::of(route, goal, scenario));
+        let mut chains: Vec<Vec<usize>> = vec![chain(road, route.lanelets[0], (&[], &[]), &ends)];
         let mut at = 0;
         while at < chains.len() {
             for i in 0..chains[at].len() {
@@ -124,35 +137,88 @@ impl Lanes {
                 for (beside, same) in [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten() {
                     let is_new = same && !chains.iter().any(|chain| chain.contains(&beside));
                     if is_new && chains.len() < LANES_MAX {
-                        chains.push(chain(road, beside, &changes, start, length));
+                        chains.push(chain(road, beside, (&[], &[]), &ends));
                     }
                 }
             }
             at += 1;
         }
-        let lane = |chain| Lane::new((scenario, rules), chain, &changes, goal_place);
+        Self::through(chains, (scenario, rules), &ends)
+    }
+
+    /// The lanes of a route alone, in its order.
+    ///
+    /// # Errors
+    /// As [`Lanes::along`].
+    pub(super) fn of(route: &Route, goal: &Goal, scenario: &Scenario, rules: &RulesSettings) -> Result<Self> {
+        let (road, ends) = (&scenario.road, Ends::of(route, goal, scenario));
+        let goes_on = |pair: &[usize]| road.lanelets()[pair[0]].successors.contains(&pair[1]);
+        let changes = route.lanelets.windows(2).filter(|pair| !goes_on(pair)).map(|pair| pair[1]);
+        let mut chains = vec![chain(road, route.lanelets[0], (&route.lanelets, &[]), &ends)];
+        for first in changes {
+            chains.push(chain(road, first, (&route.lanelets, &chains[chains.len() - 1]), &ends));
+        }
+        Self::through(chains, (scenario, rules), &ends)
+    }
+
+    fn through(chains: Vec<Vec<usize>>, scenario: (&Scenario, &RulesSettings), ends: &Ends) -> Result<Self> {
+        let lane = |chain| Lane::new(scenario, chain, &ends.changes, ends.goal_place);
         Ok(Self { lanes: chains.into_iter().map(lane).collect::<Result<_>>()? })
     }
 }
 
-/// Lanelets of the lane through one of them: ahead the way with the fewest changes, the straightest of equals; behind the
-/// straightest.
-fn chain(road: &RoadNetwork, through: usize, changes: &[usize], start: Point, length: f64) -> Vec<usize> {
+/// What decides where lanes begin and end.
+struct Ends {
+    /// Lane changes that are missing from every lanelet.
+    changes: Vec<usize>,
+    start: Point,
+    goal_place: Option<Point>,
+    /// From the start on [m].
+    length: f64,
+}
+
+impl Ends {
+    fn of(route: &Route, goal: &Goal, scenario: &Scenario) -> Self {
+        let has_place = goal.states.iter().any(|state| !state.areas.is_empty());
+        let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
+        Self {
+            changes: missing_changes(&scenario.road, goal_lanelet),
+            start: route.path.at(route.start_s).position,
+            goal_place: has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position),
+            length: if has_place { route.path.length() + EXTENSION } else { FREE_LENGTH },
+        }
+    }
+}
+
+/// Lanelets of the lane through one of them: ahead the way with the fewest changes, of equals that of a route, of others the
+/// straightest; behind the one beside another lane, of others the straightest.
+fn chain(road: &RoadNetwork, through: usize, (route, lane): (&[usize], &[usize]), ends: &Ends) -> Vec<usize> {
+    let Ends { changes, start, length, .. } = ends;
     let lanelets = road.lanelets();
     let mut chain = VecDeque::from([through]);
-    let foot = lanelets[through].center.project(start).s;
+    let foot = lanelets[through].center.project(*start).s;
     let mut behind = foot;
+    let is_beside = |before: &usize| {
+        let sides = [lanelets[*before].adjacent_left, lanelets[*before].adjacent_right];
+        sides.into_iter().flatten().any(|(beside, same)| same && lane.contains(&beside))
+    };
     while behind < LEAD_IN && chain.len() < LANE_LANELETS_MAX {
         let before = road.predecessors_straightest_first(chain[0]);
-        let Some(&before) = before.iter().find(|before| !chain.contains(before)) else { break };
+        let mut before = before.iter().copied().filter(|before| !chain.contains(before));
+        let first = before.next();
+        let Some(before) = first.into_iter().chain(before).find(is_beside).or(first) else { break };
         behind += lanelets[before].length;
         chain.push_front(before);
     }
     let mut ahead = lanelets[through].length - foot;
-    while ahead < length && chain.len() < LANE_LANELETS_MAX {
+    while ahead < *length && chain.len() < LANE_LANELETS_MAX {
         let next = road.successors_straightest_first(chain[chain.len() - 1]);
         // The first of equals is the straightest.
-        let next = next.iter().copied().filter(|next| !chain.contains(next)).min_by_key(|next| changes[*next]);
+        let next = next
+            .iter()
+            .copied()
+            .filter(|next| !chain.contains(next))
+            .min_by_key(|next| (changes[*next], !route.contains(next)));
         let Some(next) = next else { break };
         ahead += lanelets[next].length;
         chain.push_back(next);
@@ -185,7 +251,8 @@ impl Lane {
             expected += lanelets[lanelet].length;
             let end = lanelets[lanelet].center.at(lanelets[lanelet].length);
             expected = path.project_near(end, expected, FOOT_WINDOW).map_or(expected, |foot| foot.0);
-            pieces.push(Piece { lanelet, end: expected, changes: changes[lanelet], last_chance: f64::INFINITY });
+            let (changes, never) = (changes[lanelet], f64::INFINITY);
+            pieces.push(Piece { lanelet, end: expected, changes, last_chance: never, lane_end: never });
         }
         // No lane change is needed beyond the goal.
         let goal_s = goal_place.and_then(|place| path.project(place)).map_or(f64::INFINITY, |foot| foot.0);
@@ -200,6 +267,7 @@ impl Lane {
             };
             let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
             pieces[i].last_chance = last.min(goal_s) - RESERVE;
+            pieces[i].lane_end = last;
         }
         Ok(Self { way: Way::without_crosswalks(&path, &chain, scenario, rules), path, pieces })
     }
@@ -211,8 +279,8 @@ impl Lane {
 
     /// What is left to do at an arc length; `None` if the goal cannot be reached from there.
     pub(super) fn need(&self, s: f64) -> Option<Need> {
-        let piece = self.piece_at(s);
-        (piece.changes != usize::MAX).then_some(Need { changes: piece.changes, last_chance: piece.last_chance })
+        let Piece { changes, last_chance, lane_end, .. } = *self.piece_at(s);
+        (changes != usize::MAX).then_some(Need { changes, last_chance, lane_end })
     }
 
     /// Width at an arc length of the path [m].
@@ -244,6 +312,16 @@ impl Lanes {
                 (index != lane && other.holds(beside, foot)).then_some((index, foot))
             })
         })
+    }
+
+    /// The lane that the previous plan leads to; without one the lane that is nearest so far ahead [m].
+    pub(super) fn aimed_at(&self, request: &PlanRequest, ahead: f64) -> Option<Aim> {
+        let rear_axle = |pose: Pose| Pose { position: request.vehicle.rear_axle_from_center(pose), ..pose };
+        let here = rear_axle(request.state.pose());
+        let last = request.previous.and_then(|plan| plan.points.last()).filter(|point| point.is_finite());
+        let towards = last.and_then(|last| self.nearest(rear_axle(last.pose()), AIM)).map(|(lane, ..)| lane);
+        let on = |lane: usize| self.lanes[lane].path.project(here.position).map(|(s, d)| Aim { lane, s, d });
+        towards.and_then(on).or_else(|| self.nearest(here, ahead).map(|(lane, s, d)| Aim { lane, s, d }))
     }
 
     /// The lane to which a pose fits best, with the arc length and the offset of its position; ties by number.

@@ -6,20 +6,15 @@
 //!
 //! A change that is under way is seen from the previous plan, which leads to the lane that it aims at.
 
-mod neighbours;
-
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::{IdmSettings, RETURN_TIME};
-use super::lanes::{Lane, Lanes, Need};
+use super::lanes::{Aim, Lane, Lanes, Need};
+use super::neighbours::{Neighbours, Next};
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
-use crate::geometry::Pose;
 use crate::settings::{between, positive, settings};
-use neighbours::{Neighbours, Next};
 
-/// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
-const AIM: f64 = 5.0;
 /// An agent this near to the middle of its lane may think of another one [m].
 const SETTLED: f64 = 0.4;
 /// A change is urgent if less than this time and this length are left for each one that is missing.
@@ -77,14 +72,6 @@ impl IdmMobilSettings {
     }
 }
 
-/// Where the agent drives on one lane.
-#[derive(Debug, Clone, Copy)]
-struct Aim {
-    lane: usize,
-    s: f64,
-    d: f64,
-}
-
 /// The plan for a request.
 pub(super) fn plan(
     request: &PlanRequest,
@@ -97,7 +84,7 @@ pub(super) fn plan(
         Ok(start) => settings.idm.goal_velocity(request, &start),
         Err(_) => request.state.velocity.max(0.0).min(settings.idm.desired_velocity_max),
     };
-    let Some(aim) = aim(request, lanes) else {
+    let Some(aim) = lanes.aimed_at(request, 0.0) else {
         return refused(request, memory, "the agent is on none of its lanes");
     };
     let chosen = choose(request, settings, lanes, aim, wish);
@@ -134,16 +121,6 @@ pub(super) fn plan(
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its lane bends too tightly where it is"),
     }
-}
-
-/// The lane that the previous plan leads to; without one the nearest lane.
-fn aim(request: &PlanRequest, lanes: &Lanes) -> Option<Aim> {
-    let rear_axle = |pose: Pose| Pose { position: request.vehicle.rear_axle_from_center(pose), ..pose };
-    let here = rear_axle(request.state.pose());
-    let last = request.previous.and_then(|plan| plan.points.last()).filter(|point| point.is_finite());
-    let towards = last.and_then(|last| lanes.nearest(rear_axle(last.pose()), AIM)).map(|(lane, ..)| lane);
-    let on = |lane: usize| lanes.lanes[lane].path.project(here.position).map(|(s, d)| Aim { lane, s, d });
-    towards.and_then(on).or_else(|| lanes.nearest(here, 0.0).map(|(lane, s, d)| Aim { lane, s, d }))
 }
 
 /// The lane to drive to: the one aimed at, another one if MOBIL says so, or back if a change has become unsafe.
@@ -295,8 +272,11 @@ mod tests {
     #[test]
     fn the_burden_of_a_lane_grows_towards_the_place_where_it_must_be_left() {
         let settings = IdmMobilSettings::default();
-        let need = |changes| Need { changes, last_chance: 340.0 };
-        assert_eq!(settings.burden(&Need { changes: 0, last_chance: f64::INFINITY }, 0.0, 10.0), 0.0);
+        let need = |changes| Need { changes, last_chance: 340.0, lane_end: 340.0 };
+        assert_eq!(
+            settings.burden(&Need { changes: 0, last_chance: f64::INFINITY, lane_end: f64::INFINITY }, 0.0, 10.0),
+            0.0
+        );
         // Urgent from 15 s and 40 m on: 190 m.
         assert!((settings.burden(&need(1), 100.0, 10.0) - 0.3).abs() < 1e-12);
         assert!((settings.burden(&need(1), 245.0, 10.0) - 2.3).abs() < 1e-12);

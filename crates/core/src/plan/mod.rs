@@ -4,9 +4,10 @@ mod conflicts;
 mod arrival;
 mod car_following;
 mod frame;
+mod lanes;
+mod neighbours;
 pub mod frenet;
 mod idm;
-mod lanes;
 pub mod learned;
 mod mobil;
 mod prediction_index;
@@ -121,6 +122,26 @@ pub struct PlanRequest<'a> {
     pub rules: Rules<'a>,
     /// Last time step of the grace period; `None` if the goal has no end.
     pub last_time_step: Option<i64>,
+    /// What a lane change asks of it.
+    pub merge: Merge,
+}
+
+/// What a lane change asks of an agent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Merge {
+    /// It changes into a gap that is large enough: vehicles behind it keep the distance.
+    pub is_accepted: bool,
+    /// Desired speed that brings it beside a gap [m/s].
+    pub velocity: Option<f64>,
+    /// Arc length on the path that its front must not pass in this lane [m]; infinite without one.
+    pub end: f64,
+}
+
+impl Default for Merge {
+    /// There is none.
+    fn default() -> Self {
+        Self { is_accepted: false, velocity: None, end: f64::INFINITY }
+    }
 }
 
 impl PlanRequest<'_> {
@@ -178,6 +199,8 @@ pub enum Prepared {
     RecordedPath(Box<RecordedPath>),
     /// The lanes that lead to the goal.
     Lanes(Lanes),
+    /// The same as routes.
+    LaneRoutes(Box<frenet::LaneRoutes>),
     /// What is known about the route of an observer.
     PathTable(Box<PathTable>),
 }
@@ -197,6 +220,9 @@ impl Prepared {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
+            Planner::Frenet(_) if route.lane_changes > 0 => {
+                Ok(Self::LaneRoutes(Box::new(frenet::LaneRoutes::along(route, goal, scenario, rules)?)))
+            }
             Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
@@ -204,6 +230,19 @@ impl Prepared {
             Planner::IdmMobil(_) => Ok(Self::Lanes(Lanes::along(route, goal, scenario, rules)?)),
         }
     }
+}
+
+impl Prepared {
+    /// The request in the frame in which the sampling planner answers it.
+    fn aim<'a>(&'a self, request: &PlanRequest<'a>, settings: &frenet::FrenetSettings) -> PlanRequest<'a> {
+        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, settings) } else { *request }
+    }
+}
+
+/// All samples of a planner with their costs and the reasons of rejection; `None` if it has none.
+pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<frenet::Candidates> {
+    let Planner::Frenet(settings) = planner else { return None };
+    Some(frenet::candidates(&prepared.aim(request, settings), settings))
 }
 
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
@@ -254,7 +293,7 @@ pub fn plan(
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
         (Planner::Frenet(settings), _) => {
-            let found = frenet::plan(request, settings, &mut memory.frenet);
+            let found = frenet::plan(&prepared.aim(request, settings), settings, &mut memory.frenet);
             memory.effort = memory.frenet.effort();
             found
         }

@@ -8,7 +8,7 @@ use super::{Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::plan::frenet::{self, Candidates, CostWeights, FrenetSettings, FrenetTarget};
-use crate::plan::{self, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
+use crate::plan::{self, Merge, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
@@ -80,8 +80,7 @@ impl World {
     pub fn candidates(&self, id: i64, scene: &Scene, predictions: &Predictions) -> Result<Option<Candidates>> {
         self.check_time_step("predictions", predictions.time_step)?;
         let drive = &self.drives[self.drive_index(id)?];
-        let Planner::Frenet(settings) = &drive.agent.planner else { return Ok(None) };
-        if !drive.is_driving(self.time_step) {
+        if !matches!(drive.agent.planner, Planner::Frenet(_)) || !drive.is_driving(self.time_step) {
             return Ok(None);
         }
         let expectations = self.expect(scene, predictions)?;
@@ -93,7 +92,8 @@ impl World {
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
         let prediction_index = PredictionIndex::of(table, &crowd.positions);
-        Ok(Some(frenet::candidates(&self.request(drive, &others, (table, &prediction_index)), settings)))
+        let request = self.request(drive, &others, (table, &prediction_index));
+        Ok(plan::candidates(&drive.agent.planner, &drive.prepared, &request))
     }
 
     /// Rows of the agents, those whose last plans took most work first: what begins last should not take longest. Nothing
@@ -234,6 +234,7 @@ impl World {
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
             rules,
             last_time_step: drive.last_time_step(self.settings.step.grace_factor),
+            merge: Merge::default(),
         }
     }
 }

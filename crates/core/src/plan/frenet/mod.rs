@@ -15,6 +15,7 @@ mod settings;
 mod passing;
 mod oncoming;
 mod detour;
+mod lane_change;
 mod targets;
 mod feasibility;
 mod profiles;
@@ -40,6 +41,7 @@ mod tests;
 
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
+pub use lane_change::LaneRoutes;
 pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
 pub use single::FrenetTarget;
 

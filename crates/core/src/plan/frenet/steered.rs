@@ -16,8 +16,25 @@ use super::whole::{Whole, Wholes};
 use super::{Bar, length};
 use crate::geometry::{Point, wrap_angle};
 
-/// How far ahead the drivers look at the path [s].
-const PREVIEWS: [f64; 2] = [0.2, 0.6];
+/// How a sample is steered.
+#[derive(Debug, Clone, Copy)]
+struct Driver {
+    /// How far ahead the driver looks at the path [s].
+    preview: f64,
+    /// The point that is kept on the path, ahead of the rear axle [wheelbases].
+    guided: f64,
+}
+
+/// Some keep the rear axle on the path, others a point behind the front axle, so that the vehicle cuts a bend as much as
+/// it swings out of it.
+const DRIVERS: [Driver; 4] = [
+    Driver { preview: 0.2, guided: 0.0 },
+    Driver { preview: 0.6, guided: 0.0 },
+    Driver { preview: 0.2, guided: 0.8 },
+    Driver { preview: 0.6, guided: 0.8 },
+];
+/// Guided points head this far away from the vehicle's axis at most [rad].
+const COURSE_MAX: f64 = 1.2;
 /// Offset and heading are corrected over the way of this time [s], but no less than this distance [m].
 const CORRECTION_TIME: f64 = 0.6;
 const CORRECTION_LENGTH: f64 = 2.5;
@@ -55,9 +72,9 @@ pub(super) fn steer_all(
         if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= bar.cost {
             continue;
         }
-        for preview in PREVIEWS {
+        for driver in DRIVERS {
             let whole = wholes.push();
-            let last = steer(whole, request, (start, targets, limits), samples, profile, preview);
+            let last = steer(whole, request, (start, targets, limits), samples, profile, driver);
             let is_before_stop = last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0));
             let comes_further = length(whole.points.iter().map(|point| point.center)) > bar.distance;
             if is_before_stop && comes_further && obstacles.cover(&whole.points) {
@@ -76,7 +93,7 @@ fn steer(
     (start, targets, limits): (&Start, &Targets, &Limits),
     samples: &SampleGrid,
     profile: usize,
-    preview: f64,
+    driver: Driver,
 ) -> Option<f64> {
     whole.points.clear();
     whole.motions.clear();
@@ -85,6 +102,8 @@ fn steer(
     let mut place = vehicle.rear_axle_from_center(request.state.pose());
     let mut heading = request.state.orientation;
     let (mut s, mut d, mut at) = path.project_from(place, start.s, SEARCH_WINDOW)?;
+    let ahead_of_axle = driver.guided * vehicle.wheelbase;
+    let mut guided_s = s + ahead_of_axle;
     let mut curvature = start.curvature;
     // The profile holds speeds along the path. Beside it in a bend, or askew, the vehicle is faster or slower than its
     // foot; this excess ends with the horizon, as offset and heading do.
@@ -95,9 +114,17 @@ fn steer(
         let speed = motion.s_dot[i] * (1.0 + rest);
         let acceleration = motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon();
         if i > 0 {
-            let ahead = path.curvature_at(s + before * preview);
             let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
-            let wanted = corrected(ahead, d - targets.offset, heading - at.theta, distance);
+            let wanted = if ahead_of_axle > 0.0 {
+                let guided = place + Point::from_angle(heading) * ahead_of_axle;
+                let (foot, offset, _) = path.project_from(guided, guided_s, SEARCH_WINDOW)?;
+                guided_s = foot + before * limits.dt;
+                let course = path.at(foot + before * driver.preview).theta - heading;
+                guide(course, offset - targets.offset, distance) / ahead_of_axle
+            } else {
+                let ahead = path.curvature_at(s + before * driver.preview);
+                corrected(ahead, d - targets.offset, heading - at.theta, distance)
+            };
             let mut next = limits.turned(curvature, wanted, (speed.max(before), acceleration), SHARE);
             if i == 1 && start.steers_freely() {
                 // Wheels of a standing vehicle turn before it drives off.
@@ -142,4 +169,10 @@ fn steer(
 /// damped, in the frame of the path.
 fn corrected(ahead: f64, offset: f64, heading: f64, distance: f64) -> f64 {
     ahead - (offset.clamp(-OFFSET_MAX, OFFSET_MAX) / distance + 2.0 * wrap_angle(heading)) / distance
+}
+
+/// The tangent of the angle between the axis of the vehicle and the course of a guided point that corrects its offset [m]
+/// over a distance [m] and else heads along the path [rad, relative to the axis].
+fn guide(course: f64, offset: f64, distance: f64) -> f64 {
+    (wrap_angle(course) - offset.clamp(-OFFSET_MAX, OFFSET_MAX) / distance).clamp(-COURSE_MAX, COURSE_MAX).tan()
 }

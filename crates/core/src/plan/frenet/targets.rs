@@ -17,6 +17,10 @@ const CURVE_REACH: f64 = 250.0;
 const CORRIDOR_MARGIN: f64 = 0.3;
 /// Reaction time of the safe speed before stop lines and the mouths of junctions [s]; that behind leaders is a setting.
 const LINE_REACTION: f64 = 1.0;
+/// Share of the comfortable deceleration with which an agent brakes before the end of a lane.
+const LANE_END_BRAKING: f64 = 0.7;
+/// A change of lanes aims at most this far to the side [m].
+const LANE_CHANGE_STEP: f64 = 1.75;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
@@ -34,7 +38,7 @@ pub(super) struct Targets {
     pub(super) stops: [Option<f64>; 3],
     /// Arc length that the rear axle must not pass [m], because of a stop line; infinite without one.
     pub(super) s_max: f64,
-    /// Lateral position [m]: 0, or beside what stands in the way and is passed.
+    /// Lateral position [m]: 0, on the way to another lane, or beside what stands in the way and is passed.
     pub(super) offset: f64,
     /// Slow agents move over within this length [m]; 0: as far as their wheels need.
     pub(super) swing: f64,
@@ -67,12 +71,19 @@ impl Targets {
             let safe = safe_velocity(room, 0.0, (LINE_REACTION, comfort.deceleration));
             following = following.min(safe.max(room / release.max(request.dt)));
         }
+        if request.merge.end.is_finite() {
+            let room = request.merge.end - front;
+            following =
+                following.min(safe_velocity(room, 0.0, (LINE_REACTION, LANE_END_BRAKING * comfort.deceleration)));
+        }
         let stretch = Stretch::ahead(request, start);
         let all = || {
             let near = request.others.iter().filter(|other| stretch.may_hold(other));
             near.filter_map(|other| ahead(other, request, start, settings))
         };
-        let (mut offset, mut nearest) = (0.0, front + passing::reach(start));
+        // A change of lanes is driven in two halves, so that it is gentle.
+        let aside = if request.merge.is_accepted { start.d - LANE_CHANGE_STEP.copysign(start.d) } else { 0.0 };
+        let (mut offset, mut nearest) = (aside, front + passing::reach(start));
         let (mut blocks, mut swing) = (Vec::new(), 0.0);
         let mut follow = |leader: Leader| {
             let gap = leader.rear - front - comfort.standstill_gap;
@@ -92,6 +103,7 @@ impl Targets {
         }
         let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min, true);
         let (goal_velocity, goal_stop) = goal;
+        let goal_velocity = request.merge.velocity.unwrap_or(goal_velocity);
         if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
             // Where the agent has to stop there is no room to return, as behind a leader that stands.
             let hold = Some(hold).filter(|_| release > HOLD_STOP);

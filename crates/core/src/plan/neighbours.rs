@@ -1,6 +1,9 @@
 //! Leader and follower in a lane, and how a lane change would affect them.
 
-use super::{CarFollowing, Ego, Lane, PlanRequest};
+use super::car_following::CarFollowing;
+use super::conflicts::Ego;
+use super::lanes::Lane;
+use super::{Other, PlanRequest};
 use crate::geometry::Point;
 
 /// Feet of others are searched within this distance of where they are on a straight lane [m].
@@ -24,38 +27,64 @@ pub(super) struct Neighbours {
     pub(super) follower: Option<Next>,
 }
 
+/// A vehicle in a lane, relative to the agent's centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Interval {
+    /// Where it ends and begins [m].
+    pub(super) rear: f64,
+    pub(super) front: f64,
+    /// Speed along the lane [m/s].
+    pub(super) velocity: f64,
+}
+
+impl Interval {
+    /// Its middle [m].
+    pub(super) fn middle(&self) -> f64 {
+        0.5 * (self.rear + self.front)
+    }
+}
+
+/// The vehicles in a lane, as an agent sees them that is (or would be) there; in the order of the request.
+pub(super) fn intervals(request: &PlanRequest, lane: &Lane, ego: &Ego) -> Vec<Interval> {
+    let (half, reach) = (ego.half_width + SIDE_MARGIN, ego.reach);
+    let here = request.state.pose().position;
+    let axis = Point::from_angle(request.state.orientation);
+    let interval = |other: &Other| {
+        if other.is_static && other.shape.parts().len() > 1 {
+            return None;
+        }
+        let body = other.shape.oriented_box(other.pose);
+        let distance = body.center.distance(here);
+        if distance > reach {
+            return None;
+        }
+        // On a lane that hardly bends the foot is about as far ahead as the body.
+        let expected = ego.s + (body.center - here).dot(axis);
+        let narrow = lane.path.project_near(body.center, expected, WINDOW);
+        let wide = || lane.path.project_near(body.center, ego.s, distance + 10.0);
+        let (s, d) = narrow.or_else(wide)?;
+        let tangent = lane.path.at(s).tangent();
+        let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis).abs());
+        let half_s = body.half_length * cos.abs() + body.half_width * sin;
+        let half_d = body.half_length * sin + body.half_width * cos.abs();
+        if d.abs() > half + half_d {
+            return None;
+        }
+        let offset = s - (ego.s + 0.5 * (ego.to_front + ego.to_rear));
+        let velocity = (other.velocity * cos).max(0.0);
+        Some(Interval { rear: offset - half_s, front: offset + half_s, velocity })
+    };
+    request.others.iter().filter_map(interval).collect()
+}
+
 impl Neighbours {
     pub(super) fn of(request: &PlanRequest, lane: &Lane, ego: &Ego) -> Self {
         let mut found = Self::default();
-        let (half, reach) = (ego.half_width + SIDE_MARGIN, ego.reach);
-        let here = request.state.pose().position;
-        let axis = Point::from_angle(request.state.orientation);
-        for other in request.others {
-            if other.is_static && other.shape.parts().len() > 1 {
-                continue;
-            }
-            let body = other.shape.oriented_box(other.pose);
-            let distance = body.center.distance(here);
-            if distance > reach {
-                continue;
-            }
-            // On a lane that hardly bends the foot is about as far ahead as the body.
-            let expected = ego.s + (body.center - here).dot(axis);
-            let narrow = lane.path.project_near(body.center, expected, WINDOW);
-            let wide = || lane.path.project_near(body.center, ego.s, distance + 10.0);
-            let Some((s, d)) = narrow.or_else(wide) else { continue };
-            let tangent = lane.path.at(s).tangent();
-            let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis).abs());
-            let half_s = body.half_length * cos.abs() + body.half_width * sin;
-            let half_d = body.half_length * sin + body.half_width * cos.abs();
-            if d.abs() > half + half_d {
-                continue;
-            }
-            let middle = 0.5 * (ego.to_front + ego.to_rear);
-            let half_ego = 0.5 * (ego.to_front - ego.to_rear);
-            let offset = s - (ego.s + middle);
-            let gap = offset.abs() - half_s - half_ego;
-            let next = Next { gap, velocity: (other.velocity * cos).max(0.0) };
+        let half_ego = 0.5 * (ego.to_front - ego.to_rear);
+        for other in intervals(request, lane, ego) {
+            let offset = other.middle();
+            let gap = offset.abs() - 0.5 * (other.front - other.rear) - half_ego;
+            let next = Next { gap, velocity: other.velocity };
             let place = if offset > 0.0 { &mut found.leader } else { &mut found.follower };
             if place.is_none_or(|known| gap < known.gap) {
                 *place = Some(next);

@@ -1,0 +1,153 @@
+"""Lane changes of `frenet` on two lanes along x, 3.5 m wide: the agent starts in lane 1, y = 0, and has its goal in lane
+2, y = 3.5 m. Recorded cars keep their speed whatever the agent does. All vehicles are 4.5 m long.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.testing.worlds import Car, problem, straight_road, world
+
+LENGTH = 4.5
+SPEED = 15.0
+
+
+def two_lanes(cars=(), velocity=SPEED, goal=560.0, first_ends=None, steps=500, problems=()):
+    """The agent at x = 50 m with a speed, the goal at an x in lane 2; lane 1 may end early; perhaps more agents."""
+    lanelets = straight_road(600.0, lanes=2)
+    if first_ends is not None:
+        lanelets = two_pieces(lanelets, first_ends)
+    agent = problem(1, 50.0, 0.0, velocity, goal=(goal, 3.5), goal_size=(40.0, 3.5), time_step=(0, steps))
+    return world(lanelets, cars=list(cars), problems=[agent, *problems], steps=steps)
+
+
+def two_pieces(lanelets, ends):
+    """Lanelet 1 up to an x; lanelet 2 beside it and lanelet 3 behind that."""
+
+    def cut(points, before):
+        return points[points[:, 0] <= ends if before else points[:, 0] >= ends]
+
+    return replace(
+        lanelets,
+        ids=np.array([1, 2, 3]),
+        left=(cut(lanelets.left[0], True), cut(lanelets.left[1], True), cut(lanelets.left[1], False)),
+        right=(cut(lanelets.right[0], True), cut(lanelets.right[1], True), cut(lanelets.right[1], False)),
+        predecessors=((), (), (2,)),
+        successors=((), (3,), ()),
+        adjacent_left=np.array([2, -1, -1]),
+        adjacent_left_same_direction=np.array([True, False, False]),
+        adjacent_right=np.array([-1, 1, -1]),
+        adjacent_right_same_direction=np.array([False, True, False]),
+        speed_limit=np.full(3, np.nan),
+        types=((),) * 3,
+        left_marking=("dashed", "solid", "solid"),
+        right_marking=("solid", "dashed", "solid"),
+    )
+
+
+class Drive:
+    """The agent's drive, and the cars around it when its middle crosses the line between the lanes."""
+
+    def __init__(self, scenario):
+        self.run = idr.simulate(scenario, agents=[1], threads=1)
+        states = self.run.states
+        row = list(states.participant_id).index(1)
+        there = states.valid[row]
+        self.x, self.y, self.velocity = states.x[row, there], states.y[row, there], states.velocity[row, there]
+        self.outcome = self.run.outcomes.outcome[0]
+        over = np.flatnonzero(self.y > 1.75)
+        self.crossing = int(over[0]) if len(over) else None
+
+    def gaps(self, cars):
+        """Bumper to bumper at the crossing: to the nearest car ahead and behind in lane 2 [m], and its speed [m/s]."""
+        at = self.crossing * self.run.scenario.dt
+        offsets = [(car.x + car.velocity * at - self.x[self.crossing], car.velocity) for car in cars if car.y > 1.75]
+        ahead = min((offset - LENGTH, v) for offset, v in [*offsets, (np.inf, 0.0)] if offset > 0)
+        behind = min((-offset - LENGTH, v) for offset, v in [*offsets, (-np.inf, 0.0)] if offset <= 0)
+        return ahead, behind
+
+
+def row(first, gap, n, velocity=SPEED, y=3.5):
+    """Cars in lane 2 from an x on backwards, with gaps between bumpers [m]."""
+    return [Car(100 + i, first - i * (LENGTH + gap), y, velocity) for i in range(n)]
+
+
+def test_an_agent_alone_changes_at_once_and_gently():
+    drive = Drive(two_lanes())
+    dt = drive.run.scenario.dt
+    assert drive.outcome == "goal_reached"
+    assert drive.crossing * dt < 4.0, "s until it is half over"
+    lateral = np.abs(np.diff(drive.y, 2)) / dt**2
+    assert lateral[2:].max() < 3.0, "m/s² across"
+    assert abs(drive.y[-1] - 3.5) < 0.1, "m from the middle of lane 2"
+
+
+def test_beside_a_car_of_the_same_speed_it_falls_back_or_goes_ahead_before_it_changes():
+    cars = row(50.0, 0.0, 1)
+    drive = Drive(two_lanes(cars))
+    ahead, behind = drive.gaps(cars)
+    assert drive.outcome == "goal_reached"
+    assert min(ahead[0], behind[0]) > 1.0, "m when it is half over"
+
+
+@pytest.mark.parametrize("velocity", [16.0, 20.0, 25.0])
+@pytest.mark.parametrize("distance", [10.0, 20.0, 30.0, 45.0])
+def test_another_agent_behind_never_has_to_brake_harder_than_4_meters_per_second_squared(velocity, distance):
+    behind = problem(2, 50.0 - distance, 3.5, velocity, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 500))
+    run = idr.simulate(two_lanes(problems=[behind]), agents=[1, 2], threads=1)
+    states = run.states
+    half_over = int(np.argmax(states.y[0] > 1.75))
+    gap = states.x[0, half_over] - states.x[1, half_over] - LENGTH
+    faster = max(0.0, states.velocity[1, half_over] - states.velocity[0, half_over])
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+    assert gap > 1.0 or gap < -2.0 * LENGTH - 1.0, "m: it is behind, or has passed"
+    assert gap < 0.0 or 0.5 * faster**2 / (gap - 1.0) <= 4.0, "m/s²: what it has to brake with"
+
+
+def test_it_waits_for_a_fast_car_behind_and_not_for_a_slow_one():
+    fast, slow = (Drive(two_lanes([Car(100, 20.0, 3.5, velocity)])) for velocity in (25.0, 12.0))
+    assert fast.gaps([Car(100, 20.0, 3.5, 25.0)])[0][0] < np.inf, "the fast car is ahead"
+    assert slow.gaps([Car(100, 20.0, 3.5, 12.0)])[1][0] < np.inf, "the slow car is behind"
+    assert slow.crossing < fast.crossing
+
+
+@pytest.mark.parametrize(("first", "place"), [(62.0, "behind"), (90.0, "ahead")])
+def test_in_a_dense_row_it_drives_to_the_only_gap(first, place):
+    # Cars 3 m apart but for one gap of 25 m, which begins 20 m behind or 5 m before the agent.
+    front = row(first, 3.0, 4)
+    back = row(front[-1].x - LENGTH - 25.0, 3.0, 8)
+    cars = [*front, *(replace(car, id=car.id + 50) for car in back)]
+    drive = Drive(two_lanes(cars))
+    (gap_ahead, _), (gap_behind, _) = drive.gaps(cars)
+    assert drive.outcome == "goal_reached", place
+    assert gap_ahead + gap_behind + LENGTH == pytest.approx(25.0, abs=0.1), "m: that gap"
+    assert min(gap_ahead, gap_behind) > 1.0, "m"
+
+
+def test_without_a_gap_it_stops_before_its_lane_ends_and_goes_on_behind_the_row():
+    cars = row(190.0, 2.0, 40, velocity=10.0)
+    drive = Drive(two_lanes(cars, velocity=10.0, first_ends=200.0, steps=900))
+    waiting = drive.velocity < 0.1
+    assert waiting.any()
+    assert 180.0 < drive.x[waiting].max() + 0.5 * LENGTH < 200.0, "m: its front, in lane 1"
+    assert drive.outcome == "goal_reached"
+    assert drive.gaps(cars)[1][0] == np.inf, "nobody is left behind it"
+
+
+def test_with_little_time_it_takes_smaller_gaps():
+    # 5 m behind the agent follows a car of its speed, 30 m ahead drives another one.
+    cars = [Car(100, 50.0 - LENGTH - 5.0, 3.5, SPEED), Car(101, 50.0 + LENGTH + 30.0, 3.5, SPEED)]
+    patient, hurried = Drive(two_lanes(cars)), Drive(two_lanes(cars, goal=160.0))
+    assert hurried.outcome == "goal_reached"
+    assert hurried.crossing <= patient.crossing
+    assert patient.gaps(cars)[1][0] >= hurried.gaps(cars)[1][0]
+
+
+def test_the_drive_does_not_depend_on_threads_or_on_others_that_watch():
+    scenario = two_lanes(row(70.0, 12.0, 6))
+    runs = [idr.simulate(scenario, agents=[1], threads=threads) for threads in (1, 2)]
+    assert runs[0].digest == runs[1].digest
