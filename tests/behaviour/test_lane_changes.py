@@ -1,5 +1,7 @@
-"""Lane changes of `frenet` on two lanes along x, 3.5 m wide: the agent starts in lane 1, y = 0, and has its goal in lane
-2, y = 3.5 m. Recorded cars keep their speed whatever the agent does. All vehicles are 4.5 m long.
+"""Lane changes of `frenet` on two lanes along x, 3.5 m wide.
+
+The agent starts in lane 1 (y = 0) and has its goal in lane 2 (y = 3.5 m). Recorded cars keep their speed whatever the
+agent does. All vehicles are 4.5 m long.
 """
 
 from __future__ import annotations

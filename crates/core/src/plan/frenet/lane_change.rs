@@ -111,8 +111,7 @@ impl LaneRoutes {
         let Some(there) = next.and_then(|(lane, s)| self.in_lane(request, lane, s)) else { return (aim, waiting) };
         // Too late to wait.
         let is_last = front(aim.s) + 0.5 * velocity * velocity / comfort.deceleration > need.lane_end;
-        let time = (need.last_chance - front(aim.s)) / velocity.max(1.0);
-        let time_gap = TIME_GAP * ((time - HURRY.0) / HURRY.1).clamp(0.0, 1.0);
+        let time_gap = time_gap((need.last_chance - front(aim.s)) / velocity.max(1.0));
         if is_last || self.fits(request, time_gap, there, (comfort.deceleration, SAFE_DECELERATION)) {
             return (there, Merge { is_accepted: true, ..Merge::default() });
         }
@@ -131,13 +130,12 @@ impl LaneRoutes {
         let velocity = request.state.velocity.max(0.0);
         let Neighbours { leader, follower } =
             Neighbours::of(request, &self.lanes.lanes[there.lane], &self.ego(request, there));
-        let brakes = |gap: f64, (velocity, ahead): (f64, f64), reaction: f64| {
-            let faster = (velocity - ahead).max(0.0);
-            let room = gap - kept(velocity, time_gap) - reaction * faster;
-            if room <= 0.0 { f64::INFINITY } else { 0.5 * faster * faster / room }
-        };
-        leader.is_none_or(|Next { gap, velocity: ahead }| brakes(gap, (velocity, ahead), 0.0) <= own)
-            && follower.is_none_or(|Next { gap, velocity: other }| brakes(gap, (other, velocity), NOTICED) <= behind)
+        let ahead_is_safe = leader.is_none_or(|Next { gap, velocity: ahead }| {
+            braking(gap - kept(velocity, time_gap), velocity - ahead, 0.0) <= own
+        });
+        let behind_is_safe =
+            |Next { gap, velocity: other }| braking(gap - kept(other, time_gap), other - velocity, NOTICED) <= behind;
+        ahead_is_safe && follower.is_none_or(behind_is_safe)
     }
 
     fn ego(&self, request: &PlanRequest, aim: Aim) -> Ego<'_> {
@@ -187,7 +185,49 @@ impl LaneRoutes {
     }
 }
 
-/// Distance that one keeps to the other who is faster [m].
+/// Time gap that is kept if the change must be done within a time [s].
+fn time_gap(time: f64) -> f64 {
+    TIME_GAP * ((time - HURRY.0) / HURRY.1).clamp(0.0, 1.0)
+}
+
+/// Distance that a vehicle keeps to the one ahead after a change [m].
 fn kept(velocity: f64, time_gap: f64) -> f64 {
     GAP_MIN + time_gap * velocity
+}
+
+/// Deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] has its speed when it has used
+/// up some room, and does nothing for some time [m/s²].
+fn braking(room: f64, faster: f64, idle: f64) -> f64 {
+    let faster = faster.max(0.0);
+    let room = room - idle * faster;
+    if room <= 0.0 { f64::INFINITY } else { 0.5 * faster * faster / room }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_room_of_a_gap_decides_how_hard_the_one_behind_brakes() {
+        for (room, faster, idle, expected) in [
+            (10.0, -3.0, 1.0, 0.0),
+            (10.0, 0.0, 1.0, 0.0),
+            // 4² / (2 2)
+            (2.0, 4.0, 0.0, 4.0),
+            // 8² / (2 (16 - 8))
+            (16.0, 8.0, 1.0, 4.0),
+            (8.0, 8.0, 1.0, f64::INFINITY),
+            (0.0, -1.0, 0.0, f64::INFINITY),
+        ] {
+            assert_eq!(braking(room, faster, idle), expected, "{room} m, {faster} m/s, {idle} s");
+        }
+    }
+
+    #[test]
+    fn the_time_gap_that_is_kept_shrinks_with_the_time_that_is_left() {
+        for (time, expected) in [(20.0, 0.5), (12.0, 0.5), (8.0, 0.25), (4.0, 0.0), (-1.0, 0.0)] {
+            assert!((time_gap(time) - expected).abs() < 1e-12, "{time} s");
+        }
+        assert_eq!(kept(12.0, time_gap(12.0)), 7.0);
+    }
 }
