@@ -129,8 +129,9 @@ pub struct PlanRequest<'a> {
 /// What a lane change asks of an agent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Merge {
-    /// It changes into a gap that is large enough: vehicles behind it keep the distance.
-    pub is_accepted: bool,
+    /// It changes into a gap that is large enough, so vehicles behind it keep the distance, and moves at most this far to the
+    /// side within a plan [m].
+    pub step: Option<f64>,
     /// Desired speed that brings it beside a gap [m/s].
     pub velocity: Option<f64>,
     /// Arc length on the path that its front must not pass in this lane [m]; infinite without one.
@@ -140,7 +141,7 @@ pub struct Merge {
 impl Default for Merge {
     /// There is none.
     fn default() -> Self {
-        Self { is_accepted: false, velocity: None, end: f64::INFINITY }
+        Self { step: None, velocity: None, end: f64::INFINITY }
     }
 }
 

@@ -39,6 +39,8 @@ const GAP_MIN: f64 = 1.0;
 const TIME_GAP: f64 = 0.5;
 /// ... which falls to nothing as the time until the change must be done falls from the sum of these to the first [s].
 const HURRY: (f64, f64) = (4.0, 8.0);
+/// At ease a plan moves at most this far to the side [m].
+const GENTLE_STEP: f64 = 1.75;
 /// Feet are searched this far around the expected place [m].
 const FOOT_WINDOW: f64 = 30.0;
 
@@ -92,15 +94,18 @@ impl LaneRoutes {
         let half = 0.5 * lanes[aim.lane].width(aim.s, request.road);
         let velocity = request.state.velocity.max(0.0);
         let front = |s: f64| s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
+        // Until the change must be done, for an agent in a lane [s].
+        let time = |Aim { lane, s, .. }: Aim| {
+            let last_chance = lanes[lane].need(s).map_or(f64::INFINITY, |need| need.last_chance);
+            (last_chance - front(s)) / velocity.max(1.0)
+        };
+        let into_gap = |time: f64| Merge { step: Some(step(time)), ..Merge::default() };
         if aim.d.abs() > half {
             // Under way. Back only if it has become unsafe.
-            let back = beside[usize::from(aim.d < 0.0)].and_then(|(lane, s)| self.in_lane(request, lane, s));
-            return match back {
-                Some(back) if !self.fits(request, 0.0, aim, (comfort.deceleration, RETURN_DECELERATION)) => {
-                    (back, Merge::default())
-                }
-                _ => (aim, Merge { is_accepted: back.is_some(), ..Merge::default() }),
-            };
+            let origin = beside[usize::from(aim.d < 0.0)].and_then(|(lane, s)| self.in_lane(request, lane, s));
+            let Some(origin) = origin else { return (aim, Merge::default()) };
+            let is_safe = self.fits(request, 0.0, aim, (comfort.deceleration, RETURN_DECELERATION));
+            return if is_safe { (aim, into_gap(time(origin))) } else { (origin, Merge::default()) };
         }
         let Some(need) = lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0) else {
             return (aim, Merge::default());
@@ -111,9 +116,10 @@ impl LaneRoutes {
         let Some(there) = next.and_then(|(lane, s)| self.in_lane(request, lane, s)) else { return (aim, waiting) };
         // Too late to wait.
         let is_last = front(aim.s) + 0.5 * velocity * velocity / comfort.deceleration > need.lane_end;
-        let time_gap = time_gap((need.last_chance - front(aim.s)) / velocity.max(1.0));
+        let (time, into_gap) = (time(aim), into_gap(time(aim)));
+        let time_gap = time_gap(time);
         if is_last || self.fits(request, time_gap, there, (comfort.deceleration, SAFE_DECELERATION)) {
-            return (there, Merge { is_accepted: true, ..Merge::default() });
+            return (there, into_gap);
         }
         (aim, Merge { velocity: self.seek(request, comfort, time_gap, (aim, there), waiting.end), ..waiting })
     }
@@ -188,6 +194,12 @@ impl LaneRoutes {
 /// Time gap that is kept if the change must be done within a time [s].
 fn time_gap(time: f64) -> f64 {
     TIME_GAP * ((time - HURRY.0) / HURRY.1).clamp(0.0, 1.0)
+}
+
+/// How far a plan moves to the side at most if the change must be done within a time [s]; as far as it takes if that is
+/// soon [m].
+fn step(time: f64) -> f64 {
+    if time > HURRY.0 { GENTLE_STEP } else { f64::INFINITY }
 }
 
 /// Distance that a vehicle keeps to the one ahead after a change [m].

@@ -19,8 +19,6 @@ const CORRIDOR_MARGIN: f64 = 0.3;
 const LINE_REACTION: f64 = 1.0;
 /// Share of the comfortable deceleration with which an agent brakes before the end of a lane.
 const LANE_END_BRAKING: f64 = 0.7;
-/// A change of lanes aims at most this far to the side [m].
-const LANE_CHANGE_STEP: f64 = 1.75;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
@@ -81,8 +79,7 @@ impl Targets {
             let near = request.others.iter().filter(|other| stretch.may_hold(other));
             near.filter_map(|other| ahead(other, request, start, settings))
         };
-        // A change of lanes is driven in two halves, so that it is gentle.
-        let aside = if request.merge.is_accepted { start.d - LANE_CHANGE_STEP.copysign(start.d) } else { 0.0 };
+        let aside = request.merge.step.map_or(0.0, |step| start.d - step.min(start.d.abs()).copysign(start.d));
         let (mut offset, mut nearest) = (aside, front + passing::reach(start));
         let (mut blocks, mut swing) = (Vec::new(), 0.0);
         let mut follow = |leader: Leader| {

@@ -87,7 +87,7 @@ impl Obstacles {
         }
         let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
         let time = (interval + 1) as f64 * dt;
-        let keeps_distance = (keeps_lane || request.merge.is_accepted) && is_follower(&ego, &swept.end);
+        let keeps_distance = (keeps_lane || request.merge.step.is_some()) && is_follower(&ego, &swept.end);
         if keeps_distance || keeps_lane && must_yield(&ego, &swept, dt, time) {
             return Meeting::Ignored;
         }
