@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import interdrive as idr
+from interdrive.scenario import Lanelets
 from interdrive.testing.worlds import Car, problem, straight_road, world
 
 LENGTH = 4.5
@@ -48,6 +49,30 @@ def two_pieces(lanelets, ends):
         types=((),) * 3,
         left_marking=("dashed", "solid", "solid"),
         right_marking=("solid", "dashed", "solid"),
+    )
+
+
+def straight_road_in_pieces(n, length):
+    """Two lanes as of `two_lanes`, in n lanelets each of a length: 1, 3, 5, ... and 2, 4, 6, ..."""
+    x = [np.linspace(i * length, (i + 1) * length, 21) for i in range(n)]
+
+    def bounds(y):
+        return tuple(np.column_stack([part, np.full_like(part, side)]) for part in x for side in y)
+
+    ids = np.arange(1, 2 * n + 1)
+    is_first = ids % 2 == 1
+    return Lanelets(
+        ids=ids,
+        left=bounds((1.75, 5.25)),
+        right=bounds((-1.75, 1.75)),
+        predecessors=tuple((int(i) - 2,) if i > 2 else () for i in ids),
+        successors=tuple((int(i) + 2,) if i <= 2 * n - 2 else () for i in ids),
+        adjacent_left=np.where(is_first, ids + 1, -1),
+        adjacent_left_same_direction=is_first,
+        adjacent_right=np.where(is_first, -1, ids - 1),
+        adjacent_right_same_direction=~is_first,
+        speed_limit=np.full(2 * n, np.nan),
+        types=((),) * (2 * n),
     )
 
 
@@ -141,15 +166,70 @@ def test_without_a_gap_it_stops_before_its_lane_ends_and_goes_on_behind_the_row(
 
 
 def test_with_little_time_it_takes_smaller_gaps():
-    # 5 m behind the agent follows a car of its speed, 30 m ahead drives another one.
-    cars = [Car(100, 50.0 - LENGTH - 5.0, 3.5, SPEED), Car(101, 50.0 + LENGTH + 30.0, 3.5, SPEED)]
-    patient, hurried = Drive(two_lanes(cars)), Drive(two_lanes(cars, goal=160.0))
+    # Beside the agent, from 4 m behind it to 24 m ahead, is a gap of its speed.
+    cars = [Car(100, 50.0 - LENGTH - 4.0, 3.5, SPEED), Car(101, 50.0 + LENGTH + 24.0, 3.5, SPEED)]
+    patient, hurried = Drive(two_lanes(cars)), Drive(two_lanes(cars, goal=170.0))
     assert hurried.outcome == "goal_reached"
-    assert hurried.crossing <= patient.crossing
-    assert patient.gaps(cars)[1][0] >= hurried.gaps(cars)[1][0]
+    assert hurried.crossing < patient.crossing
+    assert patient.gaps(cars)[1][0] > hurried.gaps(cars)[1][0] > 1.0, "m to the car behind"
 
 
-def test_the_drive_does_not_depend_on_threads_or_on_others_that_watch():
-    scenario = two_lanes(row(70.0, 12.0, 6))
-    runs = [idr.simulate(scenario, agents=[1], threads=threads) for threads in (1, 2)]
-    assert runs[0].digest == runs[1].digest
+def test_changes_to_the_right_are_those_to_the_left_mirrored():
+    cars = row(66.0, 12.0, 4)
+    left = Drive(two_lanes(cars))
+    agent = problem(1, 50.0, 3.5, SPEED, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 500))
+    mirrored = [replace(car, y=0.0) for car in cars]
+    right = idr.simulate(
+        world(straight_road(600.0, lanes=2), cars=mirrored, problems=[agent], steps=500), agents=[1], threads=1
+    )
+    states = right.states
+    x, y = states.x[0, states.valid[0]], states.y[0, states.valid[0]]
+    over = int(np.argmax(y < 1.75))
+    assert right.outcomes.outcome == ("goal_reached",)
+    assert x[over] == pytest.approx(left.x[left.crossing], abs=3.0), "m"
+
+
+def test_where_lanelets_follow_each_other_it_changes_as_early_as_on_long_ones():
+    pieces = straight_road_in_pieces(6, 100.0)
+    agent = problem(1, 50.0, 0.0, SPEED, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 500))
+    run = idr.simulate(world(pieces, problems=[agent], steps=500), agents=[1], threads=1)
+    over = int(np.argmax(run.states.y[0] > 1.75))
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert over * run.scenario.dt < 4.0, "s until it is half over"
+
+
+def test_two_changes_follow_each_other():
+    agent = problem(1, 50.0, 0.0, SPEED, goal=(560.0, 7.0), goal_size=(40.0, 3.5), time_step=(0, 500))
+    run = idr.simulate(world(straight_road(600.0, lanes=3), problems=[agent], steps=500), agents=[1], threads=1)
+    y = run.states.y[0, run.states.valid[0]]
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert np.argmax(y > 1.75) < np.argmax(y > 5.25) < 100, "time steps"
+
+
+def test_two_agents_beside_each_other_that_want_each_others_lanes_swap_them():
+    agents = [
+        problem(1, 50.0, 0.0, SPEED, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 500)),
+        problem(2, 50.0, 3.5, SPEED, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 500)),
+    ]
+    run = idr.simulate(world(straight_road(600.0, lanes=2), problems=agents, steps=500), agents=[1, 2], threads=1)
+    assert run.outcomes.outcome == ("goal_reached", "goal_reached")
+
+
+def test_the_drive_does_not_depend_on_threads_or_on_what_is_recorded():
+    agents = [
+        problem(
+            i,
+            90.0 - 20.0 * i,
+            3.5 * (i % 2),
+            SPEED + i,
+            goal=(560.0, 3.5 - 3.5 * (i % 2)),
+            goal_size=(40.0, 3.5),
+            time_step=(0, 500),
+        )
+        for i in range(1, 5)
+    ]
+    scenario = world(straight_road(600.0, lanes=2), problems=agents, steps=500)
+    observed = {"record.candidates": 10, "record.predictions": True}
+    runs = [idr.simulate(scenario, agents="all", threads=threads) for threads in (1, 2)]
+    runs.append(idr.simulate(scenario, agents="all", threads=2, settings=observed))
+    assert len({run.digest for run in runs}) == 1

@@ -6,7 +6,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::frenet::{FrenetMemory, FrenetSettings, plan};
-use interdrive_core::plan::{Merge, Other, PlanRequest, PredictionIndex};
+use interdrive_core::plan::{LaneChange, Other, PlanRequest, PredictionIndex};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::rules::Rules;
@@ -110,7 +110,7 @@ impl Bench {
             previous_age: 0,
             rules: Rules::default(),
             last_time_step: None,
-            merge: Merge::default(),
+            lane_change: LaneChange::default(),
         };
         plan(black_box(&request), settings, memory).cost
     }

@@ -62,7 +62,7 @@ struct Piece {
     changes: usize,
     /// Arc length on the path up to which the next of them can be made [m]; infinite if none is missing.
     last_chance: f64,
-    /// Arc length at which the lane beside it that leads on ends [m]; infinite if no change is missing.
+    /// Arc length at which the last lane beside it with fewer changes missing ends [m]; infinite if none is missing.
     lane_end: f64,
 }
 
@@ -73,7 +73,8 @@ pub(super) struct Need {
     pub(super) changes: usize,
     /// Arc length on the path of the lane up to which the next of them can be made [m]; infinite if none is missing.
     pub(super) last_chance: f64,
-    /// Arc length at which no lane that leads to the goal is beside it any more [m]; infinite if none is missing.
+    /// Arc length at which the last lane beside it with fewer changes missing ends, wherever the goal is [m]; infinite if
+    /// none is missing.
     pub(super) lane_end: f64,
 }
 
@@ -202,11 +203,12 @@ fn chain(road: &RoadNetwork, through: usize, (route, lane): (&[usize], &[usize])
         let sides = [lanelets[*before].adjacent_left, lanelets[*before].adjacent_right];
         sides.into_iter().flatten().any(|(beside, same)| same && lane.contains(&beside))
     };
-    while behind < LEAD_IN && chain.len() < LANE_LANELETS_MAX {
+    while chain.len() < LANE_LANELETS_MAX {
         let before = road.predecessors_straightest_first(chain[0]);
         let mut before = before.iter().copied().filter(|before| !chain.contains(before));
         let first = before.next();
-        let Some(before) = first.into_iter().chain(before).find(is_beside).or(first) else { break };
+        let beside = first.into_iter().chain(before).find(is_beside);
+        let Some(before) = beside.or(first.filter(|_| behind < LEAD_IN)) else { break };
         behind += lanelets[before].length;
         chain.push_front(before);
     }

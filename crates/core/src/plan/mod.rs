@@ -123,25 +123,29 @@ pub struct PlanRequest<'a> {
     /// Last time step of the grace period; `None` if the goal has no end.
     pub last_time_step: Option<i64>,
     /// What a lane change asks of it.
-    pub merge: Merge,
+    pub lane_change: LaneChange,
 }
 
 /// What a lane change asks of an agent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Merge {
-    /// It changes into a gap that is large enough, so vehicles behind it keep the distance, and moves at most this far to the
-    /// side within a plan [m].
-    pub step: Option<f64>,
+pub struct LaneChange {
+    /// It changes into a gap that is large enough: vehicles behind it keep the distance.
+    pub is_accepted: bool,
+    /// It changes lanes, in any gap: nobody beside it has to yield.
+    pub is_under_way: bool,
+    /// A plan aims at most this far to the side [m].
+    pub step: f64,
     /// Desired speed that brings it beside a gap [m/s].
     pub velocity: Option<f64>,
     /// Arc length on the path that its front must not pass in this lane [m]; infinite without one.
     pub end: f64,
 }
 
-impl Default for Merge {
+impl Default for LaneChange {
     /// There is none.
     fn default() -> Self {
-        Self { step: None, velocity: None, end: f64::INFINITY }
+        let never = f64::INFINITY;
+        Self { is_accepted: false, is_under_way: false, step: never, velocity: None, end: never }
     }
 }
 
@@ -200,7 +204,7 @@ pub enum Prepared {
     RecordedPath(Box<RecordedPath>),
     /// The lanes that lead to the goal.
     Lanes(Lanes),
-    /// The same as routes.
+    /// The lanes of a route with lane changes.
     LaneRoutes(Box<frenet::LaneRoutes>),
     /// What is known about the route of an observer.
     PathTable(Box<PathTable>),
@@ -221,10 +225,11 @@ impl Prepared {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
-            Planner::Frenet(_) if route.lane_changes > 0 => {
-                Ok(Self::LaneRoutes(Box::new(frenet::LaneRoutes::along(route, goal, scenario, rules)?)))
+            Planner::Frenet(_) => {
+                let lanes = frenet::LaneRoutes::along(route, goal, scenario, rules);
+                Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
             }
-            Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),

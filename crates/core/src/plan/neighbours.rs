@@ -45,11 +45,11 @@ impl Interval {
 }
 
 /// The vehicles in a lane, as an agent sees them that is (or would be) there; in the order of the request.
-pub(super) fn intervals(request: &PlanRequest, lane: &Lane, ego: &Ego) -> Vec<Interval> {
+pub(super) fn intervals(request: &PlanRequest, lane: &Lane, ego: &Ego) -> impl Iterator<Item = Interval> {
     let (half, reach) = (ego.half_width + SIDE_MARGIN, ego.reach);
     let here = request.state.pose().position;
     let axis = Point::from_angle(request.state.orientation);
-    let interval = |other: &Other| {
+    let interval = move |other: &Other| {
         if other.is_static && other.shape.parts().len() > 1 {
             return None;
         }
@@ -74,7 +74,7 @@ pub(super) fn intervals(request: &PlanRequest, lane: &Lane, ego: &Ego) -> Vec<In
         let velocity = (other.velocity * cos).max(0.0);
         Some(Interval { rear: offset - half_s, front: offset + half_s, velocity })
     };
-    request.others.iter().filter_map(interval).collect()
+    request.others.iter().filter_map(interval)
 }
 
 impl Neighbours {

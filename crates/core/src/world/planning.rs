@@ -8,7 +8,7 @@ use super::{Drive, World};
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::plan::frenet::{self, Candidates, CostWeights, FrenetSettings, FrenetTarget};
-use crate::plan::{self, Merge, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
+use crate::plan::{self, LaneChange, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
@@ -234,7 +234,7 @@ impl World {
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
             rules,
             last_time_step: drive.last_time_step(self.settings.step.grace_factor),
-            merge: Merge::default(),
+            lane_change: LaneChange::default(),
         }
     }
 }

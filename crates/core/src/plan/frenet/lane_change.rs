@@ -4,45 +4,66 @@
 //!
 //! A gap is large enough if the vehicle behind has to brake with at most 4 m/s² and the agent no harder than is
 //! comfortable: the safety criterion of MOBIL (Kesting, Treiber, Helbing, Transportation Research Record 1999, 2007, doi
-//! 10.3141/1999-10, eq. 2) with the deceleration that makes the speeds equal before what is to be kept is used up. That
-//! is less the sooner the change has to be done. A change that is under way is seen from the previous plan.
+//! 10.3141/1999-10, eq. 2), without its incentive, as the route demands the change, and with the deceleration that makes
+//! the speeds equal in the room that is left. The sooner the change has to be done, the smaller the gaps that suffice. A
+//! change that is under way is seen from the previous plan.
 
 use super::super::arrival;
 use super::super::conflicts::Ego;
 use super::super::frame::Start;
-use super::super::lanes::{AIM, Aim, Lanes};
+use super::super::lanes::{AIM, Aim, Lanes, Need};
 use super::super::neighbours::{Interval, Neighbours, Next, intervals};
-use super::super::{Merge, PlanRequest};
+use super::super::{LaneChange, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
-use crate::error::Result;
+use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings};
 use crate::scenario::{Goal, Scenario};
 
-/// The vehicle behind a gap must not have to brake harder than this [m/s²] ...
+/// Lag vehicles must not have to brake harder than this [m/s²] ...
 const SAFE_DECELERATION: f64 = 4.0;
-/// ... and once a change is under way, not harder than this: otherwise the agent returns.
+/// ... and once a change is under way, neither they nor the agent harder than this: otherwise it returns.
 const RETURN_DECELERATION: f64 = 6.0;
-/// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m].
-const END_MARGIN: f64 = 10.0;
-/// Duration of a change [s].
-const DURATION: f64 = 4.0;
-/// The agent wants to be beside a gap after this time [s]; what the gap lacks then [m] counts against it so many times as
-/// much as a change of speed [m/s].
-const SEEKING_TIME: f64 = 3.0;
-const LACK_WEIGHT: f64 = 2.0;
-/// The vehicle behind takes notice after this time [s].
-const NOTICED: f64 = 1.0;
-/// Kept to the vehicles ahead and behind: at least this [m], and a time [s] at ease ...
+/// The lag vehicle begins to brake after this time [s].
+const REACTION: f64 = 1.0;
+/// Kept to the vehicles ahead and behind: at least this [m], and a time gap [s] ...
 const GAP_MIN: f64 = 1.0;
 const TIME_GAP: f64 = 0.5;
-/// ... which falls to nothing as the time until the change must be done falls from the sum of these to the first [s].
-const HURRY: (f64, f64) = (4.0, 8.0);
-/// At ease a plan moves at most this far to the side [m].
-const GENTLE_STEP: f64 = 1.75;
-/// Feet are searched this far around the expected place [m].
+/// ... which shrinks to nothing as the time until the change must be done falls from the second to the first [s].
+const HURRY: (f64, f64) = (4.0, 12.0);
+/// Where there is time, a plan aims at most this far to the side [m].
+const GENTLE_STEP: f64 = 2.0;
+/// A change is done this near to the middle of the new lane [m].
+const SETTLED: f64 = 0.4;
+/// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
+/// change that is missing.
+const END_MARGIN: f64 = 10.0;
+/// The agent wants to be beside a gap after this time [s].
+const SEEKING_TIME: f64 = 3.0;
+/// A gap that is too small by 1 m counts as a change of speed by this [m/s].
+const LACK_WEIGHT: f64 = 2.0;
+/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two side by side the one that changes
+/// to the right falls back.
+const PASSING_WEIGHT: f64 = 1.0;
+const SIDE_BY_SIDE: f64 = 0.25;
+/// Vehicles up to this far away are looked at [m].
+const REACH: f64 = 250.0;
+/// The agent is searched on a lane this far around the expected place [m].
 const FOOT_WINDOW: f64 = 30.0;
+/// A lane runs beside the route up to this distance [m]; it is examined in such steps [m].
+const BESIDE: f64 = 8.0;
+const STEP: f64 = 2.0;
+
+/// What a gap must leave.
+#[derive(Debug, Clone, Copy)]
+struct Criterion {
+    gap_min: f64,
+    time_gap: f64,
+    /// Decelerations of the agent and of the lag vehicle [m/s²].
+    own: f64,
+    lag: f64,
+}
 
 /// The lanes of a route with lane changes, each as a route of its own.
 #[derive(Debug, Clone)]
@@ -52,34 +73,42 @@ pub struct LaneRoutes {
 }
 
 impl LaneRoutes {
-    /// # Errors
-    /// `InvalidInput` if a lane makes no path.
+    /// `None` if the route has no lane changes, passes a lanelet twice, or one of its lanes makes no path: then the agent
+    /// drives along the reference path.
     pub(in crate::plan) fn along(
         route: &Route,
         goal: &Goal,
         scenario: &Scenario,
         rules: &RulesSettings,
-    ) -> Result<Self> {
-        let lanes = Lanes::of(route, goal, scenario, rules)?;
-        let beside = |path: &ReferencePath, s: f64| {
-            let there = (!s.is_nan()).then(|| path.project(route.path.at(s).position)).flatten();
-            there.map_or(f64::NAN, |foot| foot.0)
-        };
-        let routes = lanes.lanes.iter().map(|lane| Route {
-            start_s: beside(&lane.path, route.start_s),
-            goal_entry_s: beside(&lane.path, route.goal_entry_s),
-            goal_exit_s: beside(&lane.path, route.goal_exit_s),
-            path: lane.path.clone(),
-            ..route.clone()
+    ) -> Option<Self> {
+        let passes_twice = (1..route.lanelets.len()).any(|i| route.lanelets[..i].contains(&route.lanelets[i]));
+        if route.lane_changes == 0 || passes_twice {
+            return None;
+        }
+        let lanes = Lanes::of(route, goal, scenario, rules).ok()?;
+        let routes = lanes.lanes.iter().map(|lane| {
+            let shift = shift(route, &lane.path);
+            Route {
+                start_s: route.start_s + shift,
+                goal_entry_s: route.goal_entry_s + shift,
+                goal_exit_s: route.goal_exit_s + shift,
+                path: lane.path.clone(),
+                ..route.clone()
+            }
         });
-        Ok(Self { routes: routes.collect(), lanes })
+        Some(Self { routes: routes.collect(), lanes })
     }
 
-    /// The request in the frame of the lane that the agent aims at; as it is if the agent is on none of them.
+    /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
     pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, settings: &FrenetSettings) -> PlanRequest<'a> {
-        let Some(aim) = self.lanes.aimed_at(request, AIM) else { return *request };
-        let (aim, merge) = self.choose(request, &settings.comfort, aim);
-        PlanRequest { merge, ..self.on(request, aim) }
+        let axis = Point::from_angle(request.state.orientation);
+        let leads_on = |aim: &Aim| {
+            let lane = &self.lanes.lanes[aim.lane];
+            lane.need(aim.s).is_some() && lane.path.at(aim.s).tangent().dot(axis) > 0.0
+        };
+        let Some(aim) = self.lanes.aimed_at(request, AIM).filter(leads_on) else { return *request };
+        let (aim, lane_change) = self.choose(request, &settings.comfort, aim);
+        PlanRequest { lane_change, ..self.on(request, aim) }
     }
 
     fn on<'a>(&'a self, request: &PlanRequest<'a>, aim: Aim) -> PlanRequest<'a> {
@@ -88,40 +117,50 @@ impl LaneRoutes {
     }
 
     /// The lane to drive in, and what the change asks of the agent.
-    fn choose(&self, request: &PlanRequest, comfort: &Comfort, aim: Aim) -> (Aim, Merge) {
+    fn choose(&self, request: &PlanRequest, comfort: &Comfort, aim: Aim) -> (Aim, LaneChange) {
         let lanes = &self.lanes.lanes;
         let beside = self.lanes.beside(aim.lane, aim.s, request.road);
-        let half = 0.5 * lanes[aim.lane].width(aim.s, request.road);
         let velocity = request.state.velocity.max(0.0);
         let front = |s: f64| s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
-        // Until the change must be done, for an agent in a lane [s].
-        let time = |Aim { lane, s, .. }: Aim| {
-            let last_chance = lanes[lane].need(s).map_or(f64::INFINITY, |need| need.last_chance);
-            (last_chance - front(s)) / velocity.max(1.0)
-        };
-        let into_gap = |time: f64| Merge { step: Some(step(time)), ..Merge::default() };
-        if aim.d.abs() > half {
-            // Under way. Back only if it has become unsafe.
-            let origin = beside[usize::from(aim.d < 0.0)].and_then(|(lane, s)| self.in_lane(request, lane, s));
-            let Some(origin) = origin else { return (aim, Merge::default()) };
-            let is_safe = self.fits(request, 0.0, aim, (comfort.deceleration, RETURN_DECELERATION));
-            return if is_safe { (aim, into_gap(time(origin))) } else { (origin, Merge::default()) };
+        let missing = |lane: usize, s: f64| lanes[lane].need(s).map_or(usize::MAX, |need| need.changes);
+        let end = |need: &Need| need.lane_end - END_MARGIN * need.changes as f64;
+        let can_stop =
+            |s: f64, need: &Need| front(s) + 0.5 * velocity * velocity / comfort.deceleration <= need.lane_end;
+        let here = missing(aim.lane, aim.s);
+        let origin = beside[usize::from(aim.d < 0.0)]
+            .filter(|(lane, s)| aim.d.abs() > SETTLED && missing(*lane, *s) > here)
+            .and_then(|(lane, s)| self.in_lane(request, lane, s));
+        if let Some(origin) = origin {
+            let need = lanes[origin.lane].need(origin.s);
+            let half = 0.5 * lanes[aim.lane].width(aim.s, request.road);
+            let (own, lag) = (RETURN_DECELERATION, RETURN_DECELERATION);
+            let is_safe = self.fits(request, Criterion { gap_min: 0.0, time_gap: 0.0, own, lag }, aim);
+            // Back only while it is mostly in the lane that it leaves, and can still stop there.
+            if let Some(need) = need.filter(|need| aim.d.abs() > half && !is_safe && can_stop(origin.s, need)) {
+                return (origin, LaneChange { end: end(&need), ..LaneChange::default() });
+            }
+            let time = need.map_or(0.0, |need| (need.last_chance - front(origin.s)) / velocity.max(1.0));
+            let change =
+                LaneChange { is_accepted: is_safe, is_under_way: true, step: step(time), ..LaneChange::default() };
+            return (aim, change);
         }
         let Some(need) = lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0) else {
-            return (aim, Merge::default());
+            return (aim, LaneChange::default());
         };
-        let waiting = Merge { end: need.lane_end - END_MARGIN, ..Merge::default() };
-        let nearer = |(lane, s): &(usize, f64)| lanes[*lane].need(*s).is_some_and(|there| there.changes < need.changes);
-        let next = beside.into_iter().flatten().find(nearer);
+        let waiting = LaneChange { end: end(&need), ..LaneChange::default() };
+        let next = beside.into_iter().flatten().find(|(lane, s)| missing(*lane, *s) < need.changes);
         let Some(there) = next.and_then(|(lane, s)| self.in_lane(request, lane, s)) else { return (aim, waiting) };
-        // Too late to wait.
-        let is_last = front(aim.s) + 0.5 * velocity * velocity / comfort.deceleration > need.lane_end;
-        let (time, into_gap) = (time(aim), into_gap(time(aim)));
+        let time = (need.last_chance - front(aim.s)) / velocity.max(1.0) / need.changes as f64;
         let time_gap = time_gap(time);
-        if is_last || self.fits(request, time_gap, there, (comfort.deceleration, SAFE_DECELERATION)) {
-            return (there, into_gap);
+        let (own, lag) = (comfort.deceleration, SAFE_DECELERATION);
+        let is_accepted = self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
+        // Too late to wait: it changes as far as contacts allow.
+        if is_accepted || !can_stop(aim.s, &need) {
+            let change = LaneChange { is_accepted, is_under_way: true, step: step(time), ..LaneChange::default() };
+            return (there, change);
         }
-        (aim, Merge { velocity: self.seek(request, comfort, time_gap, (aim, there), waiting.end), ..waiting })
+        let velocity = self.seek(request, comfort, time_gap, (aim, there), waiting.end);
+        (aim, LaneChange { velocity, ..waiting })
     }
 
     /// The place of the agent on a lane, near an arc length [m].
@@ -131,25 +170,28 @@ impl LaneRoutes {
         Some(Aim { lane, s, d })
     }
 
-    /// There is room beside the agent, and neither the agent nor the vehicle behind has to brake harder than [m/s²].
-    fn fits(&self, request: &PlanRequest, time_gap: f64, there: Aim, (own, behind): (f64, f64)) -> bool {
+    /// Nobody is beside the agent on a lane, and the gap there leaves what it must.
+    fn fits(&self, request: &PlanRequest, criterion: Criterion, there: Aim) -> bool {
         let velocity = request.state.velocity.max(0.0);
         let Neighbours { leader, follower } =
             Neighbours::of(request, &self.lanes.lanes[there.lane], &self.ego(request, there));
-        let ahead_is_safe = leader.is_none_or(|Next { gap, velocity: ahead }| {
-            braking(gap - kept(velocity, time_gap), velocity - ahead, 0.0) <= own
-        });
-        let behind_is_safe =
-            |Next { gap, velocity: other }| braking(gap - kept(other, time_gap), other - velocity, NOTICED) <= behind;
-        ahead_is_safe && follower.is_none_or(behind_is_safe)
+        let Criterion { gap_min, time_gap, own, lag } = criterion;
+        let lead_is_safe = |Next { gap, velocity: lead }| {
+            required_deceleration(gap - gap_min - time_gap * velocity, velocity - lead, 0.0) <= own
+        };
+        let lag_is_safe = |Next { gap, velocity: behind }| {
+            required_deceleration(gap - gap_min - time_gap * behind, behind - velocity, REACTION) <= lag
+        };
+        leader.is_none_or(lead_is_safe) && follower.is_none_or(lag_is_safe)
     }
 
     fn ego(&self, request: &PlanRequest, aim: Aim) -> Ego<'_> {
-        Ego::new(request, &self.lanes.lanes[aim.lane].path, (aim.s, request.state.velocity.max(0.0), 0.0), DURATION)
+        let path = &self.lanes.lanes[aim.lane].path;
+        Ego { reach: REACH, ..Ego::new(request, path, (aim.s, request.state.velocity.max(0.0), 0.0), 1.0) }
     }
 
-    /// The speed with which the agent comes beside the gap that takes the smallest change of its speed, or that lacks the
-    /// least [m/s]; `None` if it can reach none.
+    /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
+    /// that is too small counts for less; `None` if it can reach none.
     fn seek(
         &self,
         request: &PlanRequest,
@@ -164,17 +206,25 @@ impl LaneRoutes {
         let (velocity, step) = (start.velocity, comfort.velocity_step);
         let wish = wish.clamp((velocity - step).max(0.0), velocity + step);
         let half = 0.5 * request.vehicle.length;
-        let room = |other: &Interval| half + kept(other.velocity, time_gap);
+        let room = |other: &Interval| half + GAP_MIN + time_gap * other.velocity;
         let behind = |other: &Interval| other.rear + other.velocity * time - room(other);
         let ahead = |other: &Interval| other.front + other.velocity * time + room(other);
         // Everything relative to the agent's centre.
-        let mut others = intervals(request, &self.lanes.lanes[there.lane], &self.ego(request, there));
+        let mut others: Vec<Interval> =
+            intervals(request, &self.lanes.lanes[there.lane], &self.ego(request, there)).collect();
         others.sort_by(|a, b| a.middle().total_cmp(&b.middle()));
-        let leaders = intervals(request, &self.lanes.lanes[here.lane], &self.ego(request, here));
-        let leaders = leaders.iter().filter(|other| other.middle() > 0.0).map(behind);
+        let ego = self.ego(request, here);
+        let leaders = intervals(request, &self.lanes.lanes[here.lane], &ego);
+        let leaders = leaders.filter(|other| other.middle() > 0.0).map(|other| behind(&other));
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
         let free = 0.5 * (velocity + wish) * time;
+        let to_the_right = there.d > 0.0;
+        let is_ahead = |other: &Interval| {
+            let middle = other.middle();
+            if middle.abs() < SIDE_BY_SIDE { to_the_right } else { middle > 0.0 }
+        };
+        let place = others.iter().filter(|other| !is_ahead(other)).count();
         let mut best: Option<(f64, f64)> = None;
         for i in 0..=others.len() {
             let low = i.checked_sub(1).map_or(f64::NEG_INFINITY, |k| ahead(&others[k]));
@@ -182,7 +232,8 @@ impl LaneRoutes {
             let lack = (low - high).max(0.0);
             let way = if lack > 0.0 { 0.5 * (low + high) } else { free.clamp(low, high) };
             let speed = 2.0 * way / time - velocity;
-            let cost = (speed - wish).abs() + LACK_WEIGHT * lack;
+            let passed = i.abs_diff(place) as f64;
+            let cost = (speed - wish).abs() + LACK_WEIGHT * lack + PASSING_WEIGHT * passed;
             if (-0.5 * velocity..=velocity + step).contains(&speed) && best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, speed.max(0.0)));
             }
@@ -191,27 +242,41 @@ impl LaneRoutes {
     }
 }
 
-/// Time gap that is kept if the change must be done within a time [s].
-fn time_gap(time: f64) -> f64 {
-    TIME_GAP * ((time - HURRY.0) / HURRY.1).clamp(0.0, 1.0)
+/// How much further a place beside a route is on a lane than on the route [m]: where the lane runs beside it for the last
+/// time before the goal.
+fn shift(route: &Route, lane: &ReferencePath) -> f64 {
+    let last = if route.goal_entry_s.is_nan() { route.path.length() } else { route.goal_entry_s };
+    let n = ((last - route.start_s) / STEP).max(0.0) as usize;
+    let mut found: Option<f64> = None;
+    for s in (0..=n).map(|i| route.start_s + i as f64 * STEP) {
+        let place = route.path.at(s).position;
+        let foot = match found {
+            Some(shift) => lane.project_near(place, s + shift, FOOT_WINDOW),
+            None => lane.project(place),
+        };
+        if let Some((there, _)) = foot.filter(|(_, d)| d.abs() < BESIDE) {
+            found = Some(there - s);
+        }
+    }
+    found.unwrap_or(0.0)
 }
 
-/// How far a plan moves to the side at most if the change must be done within a time [s]; as far as it takes if that is
+/// Time gap that is kept if the change must be done within a time [s].
+fn time_gap(time: f64) -> f64 {
+    TIME_GAP * ((time - HURRY.0) / (HURRY.1 - HURRY.0)).clamp(0.0, 1.0)
+}
+
+/// How far a plan aims to the side at most if the change must be done within a time [s]; as far as it takes if that is
 /// soon [m].
 fn step(time: f64) -> f64 {
     if time > HURRY.0 { GENTLE_STEP } else { f64::INFINITY }
 }
 
-/// Distance that a vehicle keeps to the one ahead after a change [m].
-fn kept(velocity: f64, time_gap: f64) -> f64 {
-    GAP_MIN + time_gap * velocity
-}
-
-/// Deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] has its speed when it has used
-/// up some room, and does nothing for some time [m/s²].
-fn braking(room: f64, faster: f64, idle: f64) -> f64 {
+/// The constant deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] comes down to its
+/// speed within some room [m], if it begins after a reaction time [s]; infinite if there is no room [m/s²].
+fn required_deceleration(room: f64, faster: f64, reaction: f64) -> f64 {
     let faster = faster.max(0.0);
-    let room = room - idle * faster;
+    let room = room - reaction * faster;
     if room <= 0.0 { f64::INFINITY } else { 0.5 * faster * faster / room }
 }
 
@@ -221,7 +286,7 @@ mod tests {
 
     #[test]
     fn the_room_of_a_gap_decides_how_hard_the_one_behind_brakes() {
-        for (room, faster, idle, expected) in [
+        for (room, faster, reaction, expected) in [
             (10.0, -3.0, 1.0, 0.0),
             (10.0, 0.0, 1.0, 0.0),
             // 4² / (2 2)
@@ -231,7 +296,7 @@ mod tests {
             (8.0, 8.0, 1.0, f64::INFINITY),
             (0.0, -1.0, 0.0, f64::INFINITY),
         ] {
-            assert_eq!(braking(room, faster, idle), expected, "{room} m, {faster} m/s, {idle} s");
+            assert_eq!(required_deceleration(room, faster, reaction), expected, "{room} m, {faster} m/s, {reaction} s");
         }
     }
 
@@ -240,6 +305,6 @@ mod tests {
         for (time, expected) in [(20.0, 0.5), (12.0, 0.5), (8.0, 0.25), (4.0, 0.0), (-1.0, 0.0)] {
             assert!((time_gap(time) - expected).abs() < 1e-12, "{time} s");
         }
-        assert_eq!(kept(12.0, time_gap(12.0)), 7.0);
+        assert_eq!((step(5.0), step(3.0)), (2.0, f64::INFINITY));
     }
 }

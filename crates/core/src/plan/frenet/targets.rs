@@ -69,8 +69,8 @@ impl Targets {
             let safe = safe_velocity(room, 0.0, (LINE_REACTION, comfort.deceleration));
             following = following.min(safe.max(room / release.max(request.dt)));
         }
-        if request.merge.end.is_finite() {
-            let room = request.merge.end - front;
+        if request.lane_change.end.is_finite() {
+            let room = request.lane_change.end - front;
             following =
                 following.min(safe_velocity(room, 0.0, (LINE_REACTION, LANE_END_BRAKING * comfort.deceleration)));
         }
@@ -79,7 +79,7 @@ impl Targets {
             let near = request.others.iter().filter(|other| stretch.may_hold(other));
             near.filter_map(|other| ahead(other, request, start, settings))
         };
-        let aside = request.merge.step.map_or(0.0, |step| start.d - step.min(start.d.abs()).copysign(start.d));
+        let aside = start.d - request.lane_change.step.min(start.d.abs()).copysign(start.d);
         let (mut offset, mut nearest) = (aside, front + passing::reach(start));
         let (mut blocks, mut swing) = (Vec::new(), 0.0);
         let mut follow = |leader: Leader| {
@@ -100,7 +100,7 @@ impl Targets {
         }
         let goal = arrival::desired(request, start, comfort.deceleration, comfort.cruise_velocity_min, true);
         let (goal_velocity, goal_stop) = goal;
-        let goal_velocity = request.merge.velocity.unwrap_or(goal_velocity);
+        let goal_velocity = request.lane_change.velocity.unwrap_or(goal_velocity);
         if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
             // Where the agent has to stop there is no room to return, as behind a leader that stands.
             let hold = Some(hold).filter(|_| release > HOLD_STOP);

@@ -39,7 +39,8 @@ impl Obstacles {
     ///
     /// Not a contact: a participant behind the agent's rear with the same heading, while the agent stays in its lane or
     /// changes into a gap that is large enough (it would hit the agent, so keeping the distance is its task), or one that
-    /// comes second and must yield while the agent stays in its lane, from then on for good; an overlap that exists from the start, until it first ends, as long as the centres do not approach.
+    /// comes second and must yield, unless the agent changes lanes, from then on for good; an overlap that exists from the
+    /// start, until it first ends, as long as the centres do not approach.
     pub(in crate::plan::frenet) fn first_contact(
         &mut self,
         points: &[Waypoint],
@@ -87,8 +88,10 @@ impl Obstacles {
         }
         let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
         let time = (interval + 1) as f64 * dt;
-        let keeps_distance = (keeps_lane || request.merge.step.is_some()) && is_follower(&ego, &swept.end);
-        if keeps_distance || keeps_lane && must_yield(&ego, &swept, dt, time) {
+        let change = &request.lane_change;
+        let keeps_distance = (keeps_lane || change.is_accepted) && is_follower(&ego, &swept.end);
+        let waits = keeps_lane && !change.is_under_way && must_yield(&ego, &swept, dt, time);
+        if keeps_distance || waits {
             return Meeting::Ignored;
         }
         let closing_speed = (pair[1].center - pair[0].center - swept.displacement).norm() / dt;

@@ -17,7 +17,7 @@ use crate::control::Control;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::{PlacedShape, Shape};
 use crate::geometry::{Point, Pose};
-use crate::plan::{Merge, Other, PlanRequest, PlanResult, PredictionIndex};
+use crate::plan::{LaneChange, Other, PlanRequest, PlanResult, PredictionIndex};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
 use crate::route::Route;
@@ -200,7 +200,7 @@ impl Drive {
                 ..Rules::default()
             }),
             last_time_step: None,
-            merge: Merge::default(),
+            lane_change: LaneChange::default(),
         })
     }
 
