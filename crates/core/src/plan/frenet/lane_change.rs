@@ -234,8 +234,9 @@ impl LaneRoutes {
             let speed = 2.0 * way / time - velocity;
             let passed = i.abs_diff(place) as f64;
             let cost = (speed - wish).abs() + LACK_WEIGHT * lack + PASSING_WEIGHT * passed;
-            if (-0.5 * velocity..=velocity + step).contains(&speed) && best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, speed.max(0.0)));
+            if (-0.5 * velocity..=velocity + 2.0 * step).contains(&speed) && best.is_none_or(|(least, _)| cost < least)
+            {
+                best = Some((cost, speed.clamp(0.0, velocity + step)));
             }
         }
         best.map(|(_, speed)| speed)
