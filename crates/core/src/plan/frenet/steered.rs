@@ -171,3 +171,22 @@ fn corrected(ahead: f64, offset: f64, heading: f64, distance: f64) -> f64 {
 fn guide(course: f64, offset: f64, distance: f64) -> f64 {
     (wrap_angle(course) - offset.clamp(-OFFSET_MAX, OFFSET_MAX) / distance).clamp(-COURSE_MAX, COURSE_MAX).tan()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::guide;
+
+    #[test]
+    fn a_guided_point_heads_along_the_path_and_corrects_its_offset_over_a_distance() {
+        for (course, offset, distance, angle) in [
+            (0.3, 0.0, 2.5, 0.3),
+            // 1 m to the left of the path, over 2.5 m
+            (0.3, 1.0, 2.5, 0.3 - 0.4),
+            // No harder than 1.5 m, and no further than 1.2 rad from the axis
+            (0.0, 4.0, 2.5, -0.6),
+            (2.0, 0.0, 2.5, 1.2),
+        ] {
+            assert!((guide(course, offset, distance) - f64::tan(angle)).abs() < 1e-12, "{course} rad, {offset} m");
+        }
+    }
+}
