@@ -44,7 +44,7 @@ const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
 const LACK_WEIGHT: f64 = 2.0;
 /// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two side by side the one that changes
-/// to the right falls back.
+/// to the left, as from a ramp, falls back.
 const PASSING_WEIGHT: f64 = 1.0;
 const SIDE_BY_SIDE: f64 = 0.25;
 /// Vehicles up to this far away are looked at [m].
@@ -219,10 +219,10 @@ impl LaneRoutes {
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
         let free = 0.5 * (velocity + wish) * time;
-        let to_the_right = there.d > 0.0;
+        let to_the_left = there.d < 0.0;
         let is_ahead = |other: &Interval| {
             let middle = other.middle();
-            if middle.abs() < SIDE_BY_SIDE { to_the_right } else { middle > 0.0 }
+            if middle.abs() < SIDE_BY_SIDE { to_the_left } else { middle > 0.0 }
         };
         let place = others.iter().filter(|other| !is_ahead(other)).count();
         let mut best: Option<(f64, f64)> = None;

@@ -16,20 +16,8 @@ use super::whole::{Whole, Wholes};
 use super::{Bar, length};
 use crate::geometry::{Point, wrap_angle};
 
-/// How a sample is steered.
-#[derive(Debug, Clone, Copy)]
-struct Driver {
-    /// How far ahead the driver looks at the path [s].
-    preview: f64,
-    /// The point that is kept on the path, ahead of the rear axle [wheelbases].
-    guided: f64,
-}
-
-/// One keeps the rear axle on the path, the other one a point behind the front axle, so that the vehicle cuts a bend as
-/// much as it swings out of it.
-const DRIVERS: [Driver; 2] = [Driver { preview: 0.6, guided: 0.0 }, Driver { preview: 0.2, guided: 0.8 }];
-/// Guided points head this far away from the vehicle's axis at most [rad].
-const COURSE_MAX: f64 = 1.2;
+/// How far ahead the drivers look at the path [s].
+const PREVIEWS: [f64; 2] = [0.2, 0.6];
 /// Offset and heading are corrected over the way of this time [s], but no less than this distance [m].
 const CORRECTION_TIME: f64 = 0.6;
 const CORRECTION_LENGTH: f64 = 2.5;
@@ -67,9 +55,9 @@ pub(super) fn steer_all(
         if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= bar.cost {
             continue;
         }
-        for driver in DRIVERS {
+        for preview in PREVIEWS {
             let whole = wholes.push();
-            let last = steer(whole, request, (start, targets, limits), samples, profile, driver);
+            let last = steer(whole, request, (start, targets, limits), samples, profile, preview);
             let is_before_stop = last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0));
             let comes_further = length(whole.points.iter().map(|point| point.center)) > bar.distance;
             if is_before_stop && comes_further && obstacles.cover(&whole.points) {
@@ -88,7 +76,7 @@ fn steer(
     (start, targets, limits): (&Start, &Targets, &Limits),
     samples: &SampleGrid,
     profile: usize,
-    driver: Driver,
+    preview: f64,
 ) -> Option<f64> {
     whole.points.clear();
     whole.motions.clear();
@@ -97,8 +85,6 @@ fn steer(
     let mut place = vehicle.rear_axle_from_center(request.state.pose());
     let mut heading = request.state.orientation;
     let (mut s, mut d, mut at) = path.project_from(place, start.s, SEARCH_WINDOW)?;
-    let ahead_of_axle = driver.guided * vehicle.wheelbase;
-    let mut guided_s = s + ahead_of_axle;
     let mut curvature = start.curvature;
     // The profile holds speeds along the path. Beside it in a bend, or askew, the vehicle is faster or slower than its
     // foot; this excess ends with the horizon, as offset and heading do.
@@ -109,17 +95,9 @@ fn steer(
         let speed = motion.s_dot[i] * (1.0 + rest);
         let acceleration = motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon();
         if i > 0 {
+            let ahead = path.curvature_at(s + before * preview);
             let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
-            let wanted = if ahead_of_axle > 0.0 {
-                let guided = place + Point::from_angle(heading) * ahead_of_axle;
-                let (foot, offset, _) = path.project_from(guided, guided_s, SEARCH_WINDOW)?;
-                guided_s = foot + before * limits.dt;
-                let course = path.at(foot + before * driver.preview).theta - heading;
-                guide(course, offset - targets.offset, distance) / ahead_of_axle
-            } else {
-                let ahead = path.curvature_at(s + before * driver.preview);
-                corrected(ahead, d - targets.offset, heading - at.theta, distance)
-            };
+            let wanted = corrected(ahead, d - targets.offset, heading - at.theta, distance);
             let mut next = limits.turned(curvature, wanted, (speed.max(before), acceleration), SHARE);
             if i == 1 && start.steers_freely() {
                 // Wheels of a standing vehicle turn before it drives off.
@@ -164,29 +142,4 @@ fn steer(
 /// damped, in the frame of the path.
 fn corrected(ahead: f64, offset: f64, heading: f64, distance: f64) -> f64 {
     ahead - (offset.clamp(-OFFSET_MAX, OFFSET_MAX) / distance + 2.0 * wrap_angle(heading)) / distance
-}
-
-/// The tangent of the angle between the axis of the vehicle and the course of a guided point that corrects its offset [m]
-/// over a distance [m] and else heads along the path [rad, relative to the axis].
-fn guide(course: f64, offset: f64, distance: f64) -> f64 {
-    (wrap_angle(course) - offset.clamp(-OFFSET_MAX, OFFSET_MAX) / distance).clamp(-COURSE_MAX, COURSE_MAX).tan()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::guide;
-
-    #[test]
-    fn a_guided_point_heads_along_the_path_and_corrects_its_offset_over_a_distance() {
-        for (course, offset, distance, angle) in [
-            (0.3, 0.0, 2.5, 0.3),
-            // 1 m to the left of the path, over 2.5 m
-            (0.3, 1.0, 2.5, 0.3 - 0.4),
-            // No harder than 1.5 m, and no further than 1.2 rad from the axis
-            (0.0, 4.0, 2.5, -0.6),
-            (2.0, 0.0, 2.5, 1.2),
-        ] {
-            assert!((guide(course, offset, distance) - f64::tan(angle)).abs() < 1e-12, "{course} rad, {offset} m");
-        }
-    }
 }
