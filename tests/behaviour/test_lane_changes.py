@@ -123,7 +123,7 @@ def test_beside_a_car_of_the_same_speed_it_falls_back_or_goes_ahead_before_it_ch
 
 @pytest.mark.parametrize("velocity", [16.0, 20.0, 25.0])
 @pytest.mark.parametrize("distance", [10.0, 20.0, 30.0, 45.0])
-def test_another_agent_behind_never_has_to_brake_harder_than_4_meters_per_second_squared(velocity, distance):
+def test_half_over_4_meters_per_second_squared_suffice_for_another_agent_behind(velocity, distance):
     behind = problem(2, 50.0 - distance, 3.5, velocity, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 500))
     run = idr.simulate(two_lanes(problems=[behind]), agents=[1, 2], threads=1)
     states = run.states
