@@ -354,6 +354,8 @@ class RulesSettings:
         speed: It keeps to speed limits.
         lights: It stops for traffic lights.
         stop_signs: It stops at stop signs.
+        right_on_red: It turns right on red after it has stood before the line, where the country or a sign allows
+            it.
         crossings: It gives way to people on crosswalks.
         precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
             as others keep to the same order.
@@ -361,7 +363,7 @@ class RulesSettings:
         passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
             be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
-        stop_duration: It stands this long at a stop sign. Between 0 and 60.
+        stop_duration: It stands this long at a stop sign, and before it turns right on red. Between 0 and 60.
         lead: It has left an area of a junction so long before another one comes. Between 0 and 60.
         lag: It enters an area of a junction so long after another one has left. Between 0 and 60.
         impatience: After standing for so long it is content with half of `lead`. Positive.
@@ -373,6 +375,7 @@ class RulesSettings:
     speed: bool = True
     lights: bool = True
     stop_signs: bool = True
+    right_on_red: bool = True
     crossings: bool = True
     precedence: bool = True
     keep_clear: bool = True

@@ -66,6 +66,8 @@ pub struct StopLine {
     pub has_stop_sign: bool,
     /// For each lanelet that follows, the positions in `Control::lights` of the lights that count on the way there.
     pub lights: Vec<(usize, Vec<usize>)>,
+    /// Lanelets that follow onto which drivers may turn on red after stopping.
+    pub turns_on_red: Vec<usize>,
 }
 
 /// A stop line as a file states it; lanelets are ids.
@@ -79,6 +81,8 @@ pub struct StopLineInput {
     pub has_stop_sign: bool,
     /// For each lanelet that follows, the positions of the lights that count on the way there.
     pub lights: Vec<(i64, Vec<usize>)>,
+    /// Lanelets that follow onto which drivers may turn on red after stopping.
+    pub turns_on_red: Vec<i64>,
 }
 
 /// A way across a junction.
@@ -161,7 +165,7 @@ impl Control {
             }
         }
         let index = |id: i64| road.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id });
-        let line = |StopLineInput { lanelet, ends, has_stop_sign, lights: ways }| {
+        let line = |StopLineInput { lanelet, ends, has_stop_sign, lights: ways, turns_on_red }| {
             if !ends.iter().all(|end| end.is_possible()) {
                 return Err(Error::invalid(format!("stop line of lanelet {lanelet}: its ends are not numbers")));
             }
@@ -169,7 +173,8 @@ impl Control {
                 return Err(Error::invalid(format!("stop line of lanelet {lanelet}: a traffic light is missing")));
             }
             let lights = ways.into_iter().map(|(next, found)| Ok((index(next)?, found))).collect::<Result<_>>()?;
-            Ok(StopLine { lanelet: index(lanelet)?, ends, has_stop_sign, lights })
+            let turns_on_red = turns_on_red.into_iter().map(index).collect::<Result<_>>()?;
+            Ok(StopLine { lanelet: index(lanelet)?, ends, has_stop_sign, lights, turns_on_red })
         };
         let lines = lines.into_iter().map(line).collect::<Result<_>>()?;
         Ok(Self { lights, lines, ..Self::default() })
@@ -240,7 +245,7 @@ mod tests {
     fn what_does_not_exist_is_named() {
         let road = straight_road(1);
         let ends = [Point::new(50.0, -1.75), Point::new(50.0, 1.75)];
-        let line = StopLineInput { lanelet: 1, ends, has_stop_sign: false, lights: vec![] };
+        let line = StopLineInput { lanelet: 1, ends, has_stop_sign: false, lights: vec![], turns_on_red: vec![] };
         let refused = |lights: Vec<TrafficLight>, line: StopLineInput| {
             Control::new(lights, vec![line], &road).expect_err("refused").to_string()
         };

@@ -41,6 +41,8 @@ pub const LIGHT_DECELERATION: f64 = 3.0;
 const STANDING: f64 = 0.1;
 /// An agent need not know yet of a stop that takes less than this deceleration [m/s²], if there is one before it.
 const EASY: f64 = 1.0;
+/// An agent that has turned right on red goes last until its front is so far behind the line [m].
+const BEHIND_LINE: f64 = 15.0;
 /// A stop counts at most so far before the line [m].
 pub const STOP_REACH: f64 = 2.0;
 
@@ -55,6 +57,8 @@ settings! {
         lights: bool = true;
         /// It stops at stop signs.
         stop_signs: bool = true;
+        /// It turns right on red after it has stood before the line, where the country or a sign allows it.
+        right_on_red: bool = true;
         /// It gives way to people on crosswalks.
         crossings: bool = true;
         /// It gives way at junctions: it enters one only if no other vehicle uses its way across, as long as others keep to
@@ -67,7 +71,7 @@ settings! {
         passing: bool = true;
         /// It takes speed limits for this many times what they are.
         speed_factor: f64 = 1.0, positive(3.0);
-        /// It stands this long at a stop sign.
+        /// It stands this long at a stop sign, and before it turns right on red.
         stop_duration: f64 ["s"] = 1.0, between(0.0, 60.0);
         /// It has left an area of a junction so long before another one comes.
         lead: f64 ["s"] = 1.0, between(0.0, 60.0);
@@ -133,6 +137,8 @@ struct Crossing {
     line: usize,
     /// Positions in `Control::lights` of the lights that count for the way behind the line.
     lights: Vec<usize>,
+    /// It may be passed on red after stopping.
+    turns_on_red: bool,
 }
 
 /// What the rules of the road say about a path, worked out once.
@@ -178,8 +184,9 @@ impl Way {
                 || line.lights.iter().flat_map(|(_, lights)| lights.iter().copied()).collect(),
                 |(_, lights)| lights.clone(),
             );
+            let turns_on_red = settings.right_on_red && taken.is_some_and(|(next, _)| line.turns_on_red.contains(next));
             let places = arc_lengths_at(path, line.ends);
-            crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights) }));
+            crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights), turns_on_red }));
         }
         crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
         Self { limits, crossings, crosswalks: Vec::new() }
@@ -226,7 +233,7 @@ pub struct Rules<'a> {
     pub entered: i64,
     /// Time between steps [s].
     pub dt: f64,
-    /// The line in `Control::lines` at whose stop sign the agent has stood long enough.
+    /// The line in `Control::lines` before which the agent has stood long enough to pass it.
     pub served: Option<usize>,
     /// How far its front may go before a crosswalk that is in use [m]; infinite without one.
     pub crosswalk: f64,
@@ -263,6 +270,7 @@ static NO_SETTINGS: RulesSettings = RulesSettings {
     speed: false,
     lights: false,
     stop_signs: false,
+    right_on_red: false,
     crossings: false,
     precedence: false,
     keep_clear: false,
@@ -303,6 +311,17 @@ impl Rules<'_> {
         holding.map_or(f64::INFINITY, |crossing| crossing.s).min(front + self.crosswalk)
     }
 
+    /// An agent with its front at an arc length [m] is about to turn right on red, or has just passed the line: it goes last.
+    pub fn turns_on_red(&self, front: f64) -> bool {
+        let is_next =
+            |one: &&Crossing| one.s > front - BEHIND_LINE && (one.s <= front || self.served == Some(one.line));
+        self.settings.lights && self.way.crossings.iter().find(is_next).is_some_and(|one| self.is_turn_on_red(one))
+    }
+
+    fn is_turn_on_red(&self, crossing: &Crossing) -> bool {
+        crossing.turns_on_red && self.control.signal(&crossing.lights, self.time_step) == Signal::Red
+    }
+
     fn holds(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
         let (settings, distance) = (self.settings, crossing.s - front);
         let since_entry = (self.time_step - self.entered).max(0);
@@ -320,24 +339,31 @@ impl Rules<'_> {
         if !settings.lights || crossing.lights.is_empty() || may_pass(0) {
             return false;
         }
+        if self.served == Some(crossing.line) && self.is_turn_on_red(crossing) {
+            return false;
+        }
         // Either it could have stopped when the light changed, or it is found too near for that.
         let since_change = (1..=since_entry).take_while(|steps| !may_pass(*steps) && !could_stop(*steps - 1)).count();
         could_stop(since_change as i64)
     }
 }
 
-/// How long an agent has stood before the line of a stop sign.
+/// How long an agent has stood before a line that it may pass after stopping: that of a stop sign, or a red light beside
+/// which it may turn right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct StopSign {
+pub struct Stop {
     /// Position of the line in `Control::lines`, and the steps.
     standing: Option<(usize, usize)>,
 }
 
-impl StopSign {
+impl Stop {
     /// One time step later, with the arc length of the agent's front on its way [m] and its speed [m/s].
     pub fn after(self, control: &Control, way: &Way, front: f64, velocity: f64) -> Self {
-        let near = way.lines().find(|(s, line)| control.lines[*line].has_stop_sign && *s > front);
-        let Some((s, line)) = near.filter(|(s, _)| s - front <= STOP_REACH) else { return Self::default() };
+        let counts = |one: &&Crossing| one.turns_on_red || control.lines[one.line].has_stop_sign;
+        let near = way.crossings.iter().filter(counts).find(|one| one.s > front);
+        let Some(&Crossing { s, line, .. }) = near.filter(|one| one.s - front <= STOP_REACH) else {
+            return Self::default();
+        };
         let steps = self.standing.filter(|(before, _)| *before == line).map_or(0, |(_, steps)| steps);
         let stands = velocity.abs() <= STANDING && s >= front;
         Self { standing: Some((line, steps + usize::from(stands))) }

@@ -284,8 +284,9 @@ pub fn read_states(
 
 /// Id, time step at which the cycle begins, and length in time steps and code of the signal of each phase.
 type LightParts = (i64, i64, Vec<(i64, usize)>);
-/// Lanelet, both ends [m], whether there is a stop sign, and for each lanelet that follows the positions of its lights.
-type LineParts = (i64, [(f64, f64); 2], bool, Vec<(i64, Vec<usize>)>);
+/// Lanelet, both ends [m], whether there is a stop sign, for each lanelet that follows the positions of its lights, and
+/// those lanelets onto which drivers may turn on red.
+type LineParts = (i64, [(f64, f64); 2], bool, Vec<(i64, Vec<usize>)>, Vec<i64>);
 
 fn control(lights: Vec<LightParts>, lines: Vec<LineParts>, road: &RoadNetwork) -> PyResult<Control> {
     let signal = |(length, code): (i64, usize)| {
@@ -296,11 +297,12 @@ fn control(lights: Vec<LightParts>, lines: Vec<LineParts>, road: &RoadNetwork) -
         Ok(TrafficLight { id, offset, phases: phases.into_iter().map(signal).collect::<PyResult<_>>()? })
     };
     let lights = lights.into_iter().map(light).collect::<PyResult<_>>()?;
-    let line = |(lanelet, ends, has_stop_sign, lights): LineParts| StopLineInput {
+    let line = |(lanelet, ends, has_stop_sign, lights, turns_on_red): LineParts| StopLineInput {
         lanelet,
         ends: ends.map(|(x, y)| Point::new(x, y)),
         has_stop_sign,
         lights,
+        turns_on_red,
     };
     let lines = lines.into_iter().map(line).collect();
     Control::new(lights, lines, road).map_err(exception)

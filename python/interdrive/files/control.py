@@ -40,14 +40,18 @@ _MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))
 #: Countries by their codes in benchmark ids.
 _LEFT_HAND = frozenset(("AUS", "GBR", "HKG", "IND", "IRL", "JPN", "NZL", "SGP", "THA", "ZAF"))
 _MAIN_ROAD = frozenset(("USA", "PRI"))
+_RIGHT_ON_RED = frozenset(("CAN", "PRI", "USA"))
 
 
-def control(network: Foreign, lanelets: Lanelets) -> tuple[tuple[TrafficLight, ...], tuple[StopLine, ...]]:
+def control(
+    network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: Facts
+) -> tuple[tuple[TrafficLight, ...], tuple[StopLine, ...]]:
     """Traffic lights, sorted by id, and stop lines, sorted by lanelet.
 
     A line without points, and that of a lanelet with lights or a stop sign but without a line, is at the lanelet's end.
     Which lights count on the way to a following lanelet: those of the lanelet and of its line whose direction has the
-    turn that the following lanelet takes, as its intersection states or by its change of heading.
+    turn that the following lanelet takes, as its intersection states or by its change of heading. Turns on red are allowed
+    to the right, in America or beside a green arrow sign (720), unless an arrow to the right of its own can be red.
     """
     lights = tuple(_light(light) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id)))
     known = {light.id: light for light in lights}
@@ -55,6 +59,8 @@ def control(network: Foreign, lanelets: Lanelets) -> tuple[tuple[TrafficLight, .
     sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
     stopping = _leading_from(network, lanelets, lambda sign: is_sign(sign, ("STOP",)))
     turns = _stated_turns(network)
+    arrows = _leading_from(network, lanelets, lambda sign: "GREEN_ARROW" in _names(sign, facts))
+    on_red = set(sources) if _country(benchmark_id) in _RIGHT_ON_RED else arrows
     lines = []
     for number in sorted(sources):
         source, row = sources[number], rows[number]
@@ -64,14 +70,19 @@ def control(network: Foreign, lanelets: Lanelets) -> tuple[tuple[TrafficLight, .
         found = sorted(int(i) for i in refs if int(i) in known)
         if not (number in stopping or (found and (line is not None or nexts))):
             continue
-        ways = []
+        ways, turns_on_red = [], []
         for following in nexts:
             way = turns.get(following) or _turn(lanelets, rows[following])
-            ways.append((following, tuple(i for i in found if way in known[i].directions)))
+            counting = tuple(i for i in found if way in known[i].directions)
+            ways.append((following, counting))
+            held = any(known[i].directions == {"right"} and _can_be_red(known[i]) for i in counting)
+            if way == "right" and number in on_red and counting and not held:
+                turns_on_red.append(following)
         stated = line is not None and line.start is not None and line.end is not None
         ends = (line.start, line.end) if stated else (lanelets.left[row][-1], lanelets.right[row][-1])
         points = np.array([np.asarray(end, dtype=np.float64)[:2] for end in ends])
-        lines.append(StopLine(number, points, tuple(ways), number in stopping, line is not None))
+        stops, is_stated = number in stopping, line is not None
+        lines.append(StopLine(number, points, tuple(ways), stops, is_stated, tuple(turns_on_red)))
     return lights, tuple(lines)
 
 
@@ -89,6 +100,14 @@ def _light(light: Foreign) -> TrafficLight:
         directions=directions,
         position=None if place is None else (float(place[0]), float(place[1])),
     )
+
+
+def _can_be_red(light: TrafficLight) -> bool:
+    return any(signal == "red" for signal, _ in light.phases)
+
+
+def _country(benchmark_id: str) -> str:
+    return benchmark_id.removeprefix("C-")[:3]
 
 
 def _signal(state: Foreign) -> Signal:
@@ -156,7 +175,7 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
         benchmark_id: It begins with the country.
         facts: What commonroad-io does not pass on.
     """
-    country = benchmark_id.removeprefix("C-")[:3]
+    country = _country(benchmark_id)
     ranks: dict[int, tuple[int, int, int]] = {}
     # Of several signs at a lanelet the one that is worth least counts.
     for name in sorted(_RANKS, key=lambda name: -_RANKS[name][1]):

@@ -95,7 +95,7 @@ def converted(
     planning_problems = tuple(
         _planning_problem(problems[number], lanelets, file, facts, notes) for number in sorted(problems)
     )
-    lights, lines = control(scenario.lanelet_network, lanelets)
+    lights, lines = control(scenario.lanelet_network, lanelets, benchmark_id, facts)
     found = Scenario(
         name=readable(path.stem) if path is not None else benchmark_id,
         benchmark_id=benchmark_id,

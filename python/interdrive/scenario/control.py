@@ -69,6 +69,7 @@ class StopLine:
         light_ids: For each lanelet that follows, the ids of the traffic lights that count on the way there.
         has_stop_sign: Every vehicle stops here, whatever the lights show.
         is_stated: The file has the line; otherwise it was put at the end of the lanelet.
+        turns_on_red: Lanelets that follow onto which drivers may turn right on red after stopping.
     """
 
     lanelet_id: int
@@ -76,6 +77,7 @@ class StopLine:
     light_ids: tuple[tuple[int, tuple[int, ...]], ...] = field(default=())
     has_stop_sign: bool = False
     is_stated: bool = True
+    turns_on_red: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """The array is read-only from here on."""

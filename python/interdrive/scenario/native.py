@@ -134,13 +134,14 @@ def _priorities(
     )
 
 
-def _lines(scenario: Scenario) -> list[tuple[int, tuple[_Point, _Point], bool, list[tuple[int, list[int]]]]]:
+def _lines(scenario: Scenario) -> list[tuple[int, tuple[_Point, _Point], bool, list[tuple[int, list[int]]], list[int]]]:
     place = {light.id: row for row, light in enumerate(scenario.traffic_lights)}
     found = []
     for line in scenario.stop_lines:
         ways = [(following, [place[i] for i in lights]) for following, lights in line.light_ids]
         left, right = line.ends.tolist()
-        found.append((line.lanelet_id, (tuple(left), tuple(right)), line.has_stop_sign, ways))
+        ends = tuple(left), tuple(right)
+        found.append((line.lanelet_id, ends, line.has_stop_sign, ways, list(line.turns_on_red)))
     return found
 
 

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use super::claims::{Answer, Bookings, Claim};
 use super::components::components;
-use super::course::{Crossed, conflict, reach};
+use super::course::{Crossed, SIGN_LEAD, conflict, reach};
 use super::gaps::Links;
 use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Queues, Seen};
 
@@ -248,9 +248,11 @@ impl Meeting<'_> {
     /// For every claim those that it waits for by precedence, and the last one ahead in its lane.
     fn edges(&self, claims: &[Claim<'_>]) -> Vec<Vec<usize>> {
         let waits = |claim: &Claim<'_>, other: &Claim<'_>| {
-            let widths = self.travellers[claim.traveller].width + self.travellers[other.traveller].width;
+            let own = &self.travellers[claim.traveller];
+            let widths = own.width + self.travellers[other.traveller].width;
             claim.passage.areas.iter().any(|crossed| {
-                let goes_first = self.junctions.areas[crossed.area].first == Some(crossed.side);
+                let first = self.junctions.areas[crossed.area].first;
+                let goes_first = own.goes_first(Some(&self.travellers[other.traveller]), first == Some(crossed.side));
                 let meets = |their: &Crossed| their.area == crossed.area && their.side != crossed.side;
                 !goes_first && other.passage.areas.iter().any(meets) && conflict(self.junctions, crossed.area, widths)
             })
@@ -285,7 +287,8 @@ impl Meeting<'_> {
         }
         let stood = traveller.memory.standing as f64 * self.dt;
         let patience = 1.0 - 0.5 * (stood / settings.impatience).min(1.0);
-        let mut lead = (settings.lead + claim.passage.extra_lead) * patience;
+        let mut lead =
+            (settings.lead + if traveller.turns_on_red { SIGN_LEAD } else { claim.passage.extra_lead }) * patience;
         let mut lag = settings.lag;
         if claim.is_sticky {
             (lead, lag) = (lead - STICKY_LEAD, lag - STICKY_LAG);

@@ -26,7 +26,7 @@ const SPEED_MAX: f64 = 15.0;
 /// Lateral acceleration in bends, if the vehicle can [m/s²]: that of the planners' defaults.
 const LATERAL: f64 = 4.0;
 /// More than the usual gaps before areas where a sign says so [s].
-const SIGN_LEAD: f64 = 0.5;
+pub(super) const SIGN_LEAD: f64 = 0.5;
 
 /// Agents ask for passages up to this far ahead [m].
 pub(crate) fn reach(velocity: f64) -> f64 {

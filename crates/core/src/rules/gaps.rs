@@ -51,7 +51,7 @@ impl Meeting<'_> {
         let traveller = &self.travellers[claims[index].traveller];
         let mut answer = Answer::GO;
         for (mine, theirs) in pairs(&claims[index], booked) {
-            let as_expected = !self.goes_first(theirs) && (holds_back || granted(claims, theirs).is_none());
+            let as_expected = !self.is_first(traveller, theirs) && (holds_back || granted(claims, theirs).is_none());
             let theirs = if as_expected { *theirs } else { theirs.at_the_earliest() };
             let delay = self.delay(traveller, mine, &theirs, gaps);
             if delay > answer.delay {
@@ -61,9 +61,14 @@ impl Meeting<'_> {
         answer
     }
 
-    /// By precedence; no vehicle is held back for one that has to wait for it.
-    fn goes_first(&self, booking: &Booking) -> bool {
-        self.junctions.areas[booking.area].first == Some(booking.side)
+    /// Another one goes first by precedence; no vehicle is held back for one that has to wait for it.
+    fn is_first(&self, traveller: &Traveller<'_>, booking: &Booking) -> bool {
+        let first = self.junctions.areas[booking.area].first;
+        !traveller.goes_first(self.of_body(booking.body), first != Some(booking.side))
+    }
+
+    fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
+        self.travellers.iter().find(|other| other.body == body)
     }
 
     /// Granted claims that a claim depends on if it fits in.
@@ -76,7 +81,7 @@ impl Meeting<'_> {
                 if self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, lag)) > 0.0 {
                     links.before.push(other);
                 }
-            } else if !self.goes_first(theirs)
+            } else if !self.is_first(traveller, theirs)
                 && self.delay(traveller, mine, &theirs.at_the_earliest(), (lag, lag)) > 0.0
             {
                 links.after.push(other);
@@ -88,7 +93,7 @@ impl Meeting<'_> {
     /// How much later an agent has to come because of a booking [s].
     fn delay(&self, traveller: &Traveller<'_>, mine: &Booking, theirs: &Booking, (lead, lag): (f64, f64)) -> f64 {
         let area = &self.junctions.areas[mine.area];
-        let other = self.travellers.iter().find(|other| other.body == theirs.body);
+        let other = self.of_body(theirs.body);
         let width = other.map_or(CAR_WIDTH, |other| other.width);
         if area.kind == AreaKind::Opposed && !conflict(self.junctions, mine.area, traveller.width + width) {
             return 0.0;

@@ -78,6 +78,8 @@ pub struct Traveller<'a> {
     pub line: f64,
     /// Arc length of the crosswalk before which it has to wait [m]; infinite without one.
     pub crosswalk: f64,
+    /// It turns right on red: it waits for all others.
+    pub turns_on_red: bool,
     /// It sees others up to this distance [m].
     pub sight: f64,
 }
@@ -155,6 +157,12 @@ pub struct Meeting<'a> {
 }
 
 impl Traveller<'_> {
+    /// It goes before another one (`None`: that does not obey): the map says so (`by_map`), unless one turns right on red.
+    pub(super) fn goes_first(&self, other: Option<&Self>, by_map: bool) -> bool {
+        let others = other.is_some_and(|other| other.turns_on_red);
+        if others == self.turns_on_red { by_map } else { others }
+    }
+
     /// What it remembers of a passage.
     pub(super) fn memory_of(&self, number: usize) -> Memory {
         let kept = self.memory.passage == number;

@@ -173,6 +173,7 @@ impl<'a> World<'a> {
             memory: vehicle.memory,
             line: f64::INFINITY,
             crosswalk: f64::INFINITY,
+            turns_on_red: false,
             sight: f64::INFINITY,
         };
         let travellers: Vec<Traveller<'_>> = driving.iter().enumerate().map(traveller).collect();

@@ -14,7 +14,7 @@ fn scenario(phases: &[(i64, Signal)], has_stop_sign: bool) -> Scenario {
     let road = Arc::new(open(vec![with_successors(lane(1, &straight((0.0, 0.0), (100.0, 0.0))), &[2]), second]));
     let light = TrafficLight { id: 7, offset: 0, phases: phases.to_vec() };
     let ends = [Point::new(100.0, 1.75), Point::new(100.0, -1.75)];
-    let line = StopLineInput { lanelet: 1, ends, has_stop_sign, lights: vec![(2, vec![0])] };
+    let line = StopLineInput { lanelet: 1, ends, has_stop_sign, lights: vec![(2, vec![0])], turns_on_red: vec![] };
     let control = Control::new(vec![light], vec![line], &road);
     let mut scenario = Scenario::new(0.1, road, Obstacles::default()).expect("a scenario");
     scenario.control = control.expect("lights and lines");
@@ -77,7 +77,7 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     let settings = RulesSettings::default();
     let way = Way::along(&path(), &[0, 1], &scenario, &settings);
     let control = &scenario.control;
-    let mut sign = StopSign::default();
+    let mut sign = Stop::default();
     let mut held = 0;
     for _ in 0..30 {
         let rules =
@@ -91,10 +91,33 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     assert_eq!(held, 10, "one second of standing");
     // Not before the line, but too far away; and not standing.
     for (front, velocity) in [(97.0, 0.0), (99.0, 0.5)] {
-        let far = (0..30).fold(StopSign::default(), |sign, _| sign.after(control, &way, front, velocity));
+        let far = (0..30).fold(Stop::default(), |sign, _| sign.after(control, &way, front, velocity));
         assert_eq!(far.served(&settings, 0.1), None, "{front} {velocity}");
     }
-    assert_eq!(sign.after(control, &way, 100.2, 3.0), StopSign::default(), "behind the line it is forgotten");
+    assert_eq!(sign.after(control, &way, 100.2, 3.0), Stop::default(), "behind the line it is forgotten");
+}
+
+#[test]
+fn a_right_turn_on_red_waits_as_long_as_a_stop_sign_and_goes_last_until_it_is_behind_the_line() {
+    let mut scenario = scenario(&[(100, Signal::Red), (20, Signal::Yellow), (10, Signal::Green)], false);
+    scenario.control.lines[0].turns_on_red = vec![1];
+    let after = |settings: &RulesSettings, time_step: i64, standing: usize, front: f64| {
+        let way = Way::along(&path(), &[0, 1], &scenario, settings);
+        let control = &scenario.control;
+        let stood = (0..standing).fold(Stop::default(), |stop, _| stop.after(control, &way, 99.0, 0.0));
+        let served = stood.served(settings, 0.1);
+        let rules = Rules { control, settings, way: &way, time_step, served, ..Rules::default() };
+        (rules.stop(&way, front, 0.0).is_finite(), rules.turns_on_red(front))
+    };
+    let on = RulesSettings::default();
+    assert_eq!(after(&on, 50, 9, 99.0), (true, false), "it has not stood for a second");
+    assert_eq!(after(&on, 50, 10, 99.0), (false, true));
+    assert_eq!(after(&on, 50, 0, 110.0), (false, true), "10 m behind the line");
+    assert_eq!(after(&on, 50, 0, 116.0), (false, false), "16 m behind the line");
+    assert_eq!(after(&on, 105, 10, 99.0), (true, false), "yellow holds it");
+    assert_eq!(after(&on, 125, 10, 99.0), (false, false), "on green it is like others");
+    let off = RulesSettings { right_on_red: false, ..on };
+    assert_eq!(after(&off, 50, 10, 99.0), (true, false));
 }
 
 #[test]

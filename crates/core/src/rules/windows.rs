@@ -49,7 +49,8 @@ impl Traveller<'_> {
         let behind = if velocity < STANDING { 0.0 } else { MARGIN };
         let window = |crossed: &Crossed| {
             let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + behind + body.length - front);
-            let goes_first = is_claim && junctions.areas[crossed.area].first == Some(crossed.side);
+            let goes_first =
+                is_claim && !self.turns_on_red && junctions.areas[crossed.area].first == Some(crossed.side);
             let earliest = if goes_first {
                 // One that starts or creeps will become faster.
                 let most = if velocity > EXPECTED_SPEED { velocity + GAIN } else { f64::INFINITY };

@@ -236,7 +236,7 @@ impl World {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
             drive.follow_path(&state, dt);
-            drive.stop_sign = drive.stop_sign.after(control, &drive.way, drive.front(), state.velocity);
+            drive.stop = drive.stop.after(control, &drive.way, drive.front(), state.velocity);
             if let Some(kind) = drive.judge(&state, time_step, grace) {
                 drive.outcome.kind = kind;
             }

@@ -24,7 +24,7 @@ use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
-use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, StopSign, Way};
+use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, Stop, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
@@ -79,8 +79,8 @@ struct Drive {
     course: Arc<Course>,
     /// What it remembers of the next ones.
     memory: Memory,
-    /// How long it has stood at a stop sign.
-    stop_sign: StopSign,
+    /// How long it has stood before a line that it may pass after stopping.
+    stop: Stop,
     /// The crosswalk on its way before which it was told to wait at the last step.
     crosswalk: Option<usize>,
     /// Row among the participants.

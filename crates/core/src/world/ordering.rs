@@ -134,6 +134,7 @@ impl World {
                     memory: drive.memory,
                     line: self.line(drive),
                     crosswalk: drive.front() + self.to_crosswalk(drive),
+                    turns_on_red: self.lines(drive).turns_on_red(drive.front()),
                     sight: drive.agent.view.sensor_radius,
                 })
             })

@@ -173,7 +173,7 @@ impl World {
             time_step: self.time_step,
             entered: drive.agent.start_time_step,
             dt: self.scenario.dt,
-            served: drive.stop_sign.served(&drive.agent.rules, self.scenario.dt),
+            served: drive.stop.served(&drive.agent.rules, self.scenario.dt),
             crosswalk: f64::INFINITY,
             hold: None,
         }

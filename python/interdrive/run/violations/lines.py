@@ -33,12 +33,14 @@ class Passing(NamedTuple):
         column: Column in which its front is beyond the line for the first time.
         line: The line.
         shown: What the lights of its way show, as positions in `SIGNALS`, by columns.
+        may_turn_on_red: It takes a way onto which drivers may turn on red after stopping.
     """
 
     vehicle: int
     column: int
     line: StopLine
     shown: Ints
+    may_turn_on_red: bool = False
 
     @property
     def is_red(self) -> bool:
@@ -59,9 +61,10 @@ def passings(drives: Drives, scenario: Scenario, road: _core.RoadNetwork) -> lis
     found = []
     for line in scenario.stop_lines:
         for k, column in _crossings(drives, line, scenario):
-            counting = [lights[i] for i in _lights_passed(drives, line, road, k, column)]
-            shown = shown_together(counting, n_steps)[drives.first_time_step :]
-            found.append(Passing(k, column, line, shown))
+            ways = _ways_taken(drives, line, road, k, column)
+            counting = sorted({i for following, lights_there in line.light_ids if following in ways for i in lights_there})
+            shown = shown_together([lights[i] for i in counting], n_steps)[drives.first_time_step :]
+            found.append(Passing(k, column, line, shown, bool(ways) and ways <= set(line.turns_on_red)))
     return found
 
 
@@ -69,11 +72,14 @@ def line_rules(drives: Drives, passed: list[Passing], road: _core.RoadNetwork) -
     """Red lights and stop signs that were passed."""
     rows = []
     for one in passed:
-        k, column, line, shown = one
+        k, column, line, shown, may_turn = one
         if not drives.sources[k]:
             continue
-        if line.has_stop_sign and (least := _least_speed(drives, line, k, column)) > STOP_SPEED:
+        least = _least_speed(drives, line, k, column) if line.has_stop_sign or may_turn else np.inf
+        if line.has_stop_sign and least > STOP_SPEED:
             rows.append(drives.row(k, "stop_sign", (column, column), least, road=road, lanelet=line.lanelet_id))
+        if may_turn and least <= STOP_SPEED:
+            continue
         if one.is_red and not drives.was_too_near(k, _last_change(shown, column), column):
             red = (column - _last(shown[: column + 1] != _RED)) * drives.dt
             rows.append(drives.row(k, "red_light", (column, column), red, road=road, lanelet=line.lanelet_id))
@@ -100,8 +106,8 @@ def _crossings(drives: Drives, line: StopLine, scenario: Scenario) -> list[tuple
     return [(int(k), int(step) + 1) for k, step in np.argwhere(crossed & along)]
 
 
-def _lights_passed(drives: Drives, line: StopLine, road: _core.RoadNetwork, k: int, step: int) -> tuple[int, ...]:
-    """The lights of the way that the vehicle takes behind the line; of all ways if that cannot be told."""
+def _ways_taken(drives: Drives, line: StopLine, road: _core.RoadNetwork, k: int, step: int) -> set[int]:
+    """The lanelet that the vehicle takes behind the line; all that follow if that cannot be told."""
     seen: dict[int, int] = {}
     for later in range(step, drives.valid.shape[1], 2):
         if not drives.valid[k, later] or later - step > 100:
@@ -110,8 +116,7 @@ def _lights_passed(drives: Drives, line: StopLine, road: _core.RoadNetwork, k: i
         for following, _ in line.light_ids:
             seen[following] = seen.get(following, 0) + (following in here)
     most = max(seen.values(), default=0)
-    taken = [lights for following, lights in line.light_ids if not most or seen[following] == most]
-    return tuple(sorted({i for lights in taken for i in lights}))
+    return {following for following, _ in line.light_ids if not most or seen[following] == most}
 
 
 def _last_change(shown: Ints, step: int) -> int:

@@ -19,6 +19,8 @@ const CORRIDOR_MARGIN: f64 = 0.3;
 const LINE_REACTION: f64 = 1.0;
 /// Share of the comfortable deceleration with which an agent brakes before the end of a lane.
 const LANE_END_BRAKING: f64 = 0.7;
+/// Agents look for a higher speed limit so far ahead [s].
+const LIMIT_AHEAD: f64 = 1.0;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
@@ -31,6 +33,8 @@ const ROUNDING: f64 = 1e-6;
 pub(super) struct Targets {
     /// Speed [m/s].
     pub(super) velocity: f64,
+    /// Speed limit here or where the agent will soon be, whichever is higher [m/s].
+    pub(super) limit: f64,
     /// Arc lengths of the rear axle [m] at which it may want to stop: behind the leader, before the goal's end, before a
     /// stop line.
     pub(super) stops: [Option<f64>; 3],
@@ -116,6 +120,7 @@ impl Targets {
                 (offset, swing) = (detour.offset, detour.swing(front));
             }
         }
+        let middle = start.s + vehicle.rear_axle_to_center;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
         let velocity = path_velocity(request, start, comfort, elsewhere).max(start.velocity - step).max(0.0);
@@ -130,7 +135,9 @@ impl Targets {
         let hold_stop = hold - LINE_GAP - (front - start.s);
         let line_stop = if release > HOLD_STOP { line_stop.min(hold_stop) } else { line_stop };
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, stops, s_max, gate: (gate, release), offset, swing }
+        let limits = &request.rules.way.limits;
+        let limit = limits.at(middle).max(limits.at(middle + LIMIT_AHEAD * start.velocity));
+        Self { velocity, limit, stops, s_max, gate: (gate, release), offset, swing }
     }
 }
 
