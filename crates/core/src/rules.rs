@@ -12,14 +12,15 @@ mod gaps;
 mod meeting;
 mod narrow;
 mod room;
+mod unseen;
 mod windows;
 
 pub use arbitration::COMMITTED;
 pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
 pub(crate) use course::reach;
-pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME};
+pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME, SPEED_MAX};
 pub use crosswalks::{Crosswalk, Person};
-pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller};
+pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller, Unseen};
 pub(crate) use windows::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;

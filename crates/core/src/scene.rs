@@ -171,8 +171,14 @@ impl Scene {
     }
 
     /// Which of some bodies that are not present the participant in a row would see if they were: footprint, pose, and
-    /// whether it never moves. None of them hides another one.
-    pub(crate) fn would_see(&self, row: usize, limits: &ViewLimits, all: &[(&Shape, Pose, bool)]) -> Vec<bool> {
+    /// whether it never moves. None of them hides another one; of the participants those do whose rows `may_hide`.
+    pub(crate) fn would_see(
+        &self,
+        row: usize,
+        limits: &ViewLimits,
+        all: &[(&Shape, Pose, bool)],
+        may_hide: &dyn Fn(usize) -> bool,
+    ) -> Vec<bool> {
         let participants = &self.participants;
         let eye = self.state(row).pose().position;
         let is_near = |(shape, pose, is_static): &(&Shape, Pose, bool)| {
@@ -183,7 +189,7 @@ impl Scene {
         if !limits.occlusion || !near.contains(&true) {
             return near;
         }
-        let others = self.present.iter().copied().filter(|other| *other != row);
+        let others = self.present.iter().copied().filter(|other| *other != row && may_hide(*other));
         let body = |other: usize| line_of_sight::SightBody {
             shape: &participants.shape[other],
             pose: self.state(other).pose(),

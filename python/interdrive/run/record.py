@@ -339,7 +339,8 @@ class Violations(Tabular):
 #: What agents are told before junctions and crosswalks; the position is the code of the core. A yield is because of a
 #: vehicle that uses the way across, an exit for want of room behind it, a queue because a vehicle ahead in the lane
 #: waits. One that follows may enter, but not before another one has left. At a crosswalk an agent waits for a person.
-ORDERS = ("go", "yield", "exit", "queue", "follow", "crosswalk")
+#: Because of what is unseen it waits until it sees more.
+ORDERS = ("go", "yield", "exit", "queue", "follow", "crosswalk", "unseen")
 
 
 @dataclass(frozen=True, repr=False)

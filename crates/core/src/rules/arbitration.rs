@@ -13,6 +13,7 @@ use super::components::components;
 use super::course::{Crossed, SIGN_LEAD, conflict, reach};
 use super::gaps::Links;
 use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Queues, Seen};
+use super::unseen::PEEK;
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
 pub const COMMITTED: f64 = 4.0;
@@ -293,7 +294,12 @@ impl Meeting<'_> {
         if claim.is_sticky {
             (lead, lag) = (lead - STICKY_LEAD, lag - STICKY_LAG);
         }
-        self.fit(claims, index, booked, (lead, lag))
+        match self.fit(claims, index, booked, (lead, lag)) {
+            (Answer::GO, _) if self.may_meet_unseen(claim, lead) => {
+                (Answer::wait(OrderKind::Unseen, None), Links::default())
+            }
+            found => found,
+        }
     }
 
     fn order(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings) -> Order {
@@ -305,6 +311,9 @@ impl Meeting<'_> {
         let (kind, stop, release, by) = match (answer, gate) {
             (Answer::GO, None) => (OrderKind::Go, f64::INFINITY, 0.0, None),
             (Answer::GO, Some((release, by))) => (OrderKind::Follow, claim.passage.mouth, release, Some(by)),
+            (Answer { kind: OrderKind::Unseen, .. }, _) => {
+                (OrderKind::Unseen, claim.passage.mouth + PEEK, f64::INFINITY, None)
+            }
             (Answer { kind, by, delay }, _) => (kind, claim.passage.mouth, first + delay, by),
         };
         Order {

@@ -22,7 +22,7 @@ const ASIDE_MAX: f64 = 1.5;
 /// A lanelet is found this far around where it is expected [m].
 const WINDOW: f64 = 25.0;
 /// Where no speed limit is known, no vehicle is expected to be faster in a junction than this, unless it is already [m/s].
-const SPEED_MAX: f64 = 15.0;
+pub const SPEED_MAX: f64 = 15.0;
 /// Lateral acceleration in bends, if the vehicle can [m/s²]: that of the planners' defaults.
 const LATERAL: f64 = 4.0;
 /// More than the usual gaps before areas where a sign says so [s].
@@ -154,6 +154,14 @@ impl Course {
     pub fn crossings(&self) -> impl Iterator<Item = (usize, usize, f64, f64)> {
         let all = self.passages.iter().flat_map(|passage| &passage.areas);
         all.map(|crossed| (crossed.area, crossed.side, crossed.entry, crossed.exit))
+    }
+
+    /// Areas, and the own side in each, of the next passage that a front at an arc length [m] has not entered, if its mouth
+    /// is within reach [m].
+    pub fn next_areas(&self, front: f64, length: f64, reach: f64) -> Option<impl Iterator<Item = (usize, usize)>> {
+        let next = self.passages.iter().find(|passage| passage.end > front - length)?;
+        let ahead = next.areas.iter().filter(move |crossed| crossed.entry > front);
+        (next.mouth - front <= reach).then(|| ahead.map(|crossed| (crossed.area, crossed.side)))
     }
 
     /// An agent with its front at an arc length [m] is near or in one of the passages, at its speed [m/s].

@@ -133,13 +133,13 @@ impl Meeting<'_> {
 }
 
 /// The speed of a traveller [m/s], or that of its passage through an area if that is less.
-fn slowed(traveller: &Traveller<'_>, area: usize, velocity: f64) -> f64 {
+pub(super) fn slowed(traveller: &Traveller<'_>, area: usize, velocity: f64) -> f64 {
     let leads_over = |passage: &&Passage| passage.areas.iter().any(|crossed| crossed.area == area);
     traveller.course.passages.iter().find(leads_over).map_or(velocity, |passage| velocity.min(passage.speed))
 }
 
 /// Time that a vehicle loses [s] by braking from its speed to that of a slower one ahead [m/s].
-fn catching_up(ahead: f64, velocity: f64) -> f64 {
+pub(super) fn catching_up(ahead: f64, velocity: f64) -> f64 {
     if velocity > ahead { 0.5 * (velocity - ahead).powi(2) / (CATCHING_UP * velocity) } else { 0.0 }
 }
 

@@ -20,11 +20,14 @@ pub enum OrderKind {
     Follow = 4,
     /// Wait before a crosswalk: a person uses it.
     Crosswalk = 5,
+    /// Wait: a vehicle may come that the agent does not see.
+    Unseen = 6,
 }
 
 impl OrderKind {
     /// All kinds; the position is the code that crosses the Python boundary.
-    pub const ALL: [Self; 6] = [Self::Go, Self::Yield, Self::Exit, Self::Queue, Self::Follow, Self::Crosswalk];
+    pub const ALL: [Self; 7] =
+        [Self::Go, Self::Yield, Self::Exit, Self::Queue, Self::Follow, Self::Crosswalk, Self::Unseen];
 }
 
 /// What an agent remembers of its next passage.
@@ -82,6 +85,17 @@ pub struct Traveller<'a> {
     pub turns_on_red: bool,
     /// It sees others up to this distance [m].
     pub sight: f64,
+    /// What may come that it does not see.
+    pub unseen: &'a [Unseen],
+}
+
+/// A vehicle may enter an area that an agent does not see.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unseen {
+    /// Position in `Junctions::areas`.
+    pub area: usize,
+    /// At the earliest then [s].
+    pub time: f64,
 }
 
 /// A place on a lanelet and how far the front is ahead of it [m].

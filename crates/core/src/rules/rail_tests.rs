@@ -174,6 +174,7 @@ impl<'a> World<'a> {
             line: f64::INFINITY,
             crosswalk: f64::INFINITY,
             turns_on_red: false,
+            unseen: &[],
             sight: f64::INFINITY,
         };
         let travellers: Vec<Traveller<'_>> = driving.iter().enumerate().map(traveller).collect();
@@ -367,4 +368,65 @@ fn jammed_grids_dissolve() {
     assert_eq!((stuck, total), (0, 2207), "longest stand {longest} s, {exceptions} exceptions");
     assert!(overlapping <= 4, "{overlapping}");
     assert!(exceptions > 0, "no grid was jammed");
+}
+
+/// What became of a ring of four junctions; on each of its links three vehicles stand, which turn left three times.
+#[derive(Debug)]
+struct Ring {
+    n_left: usize,
+    n_overlaps: usize,
+    /// The largest distance of a front beyond the first mouth on its way [m], as long as all are there.
+    beyond: f64,
+    /// Who was the first to get an exception, and when [s].
+    first_exception: Option<(i64, f64)>,
+    time: f64,
+}
+
+fn ring(circle_after: f64) -> Ring {
+    let grid = Grid::new(2);
+    let (mut routes, mut known) = (Vec::new(), BTreeMap::new());
+    let mut world = World::new(&grid, &mut routes, &mut known);
+    world.settings.circle_after = circle_after;
+    for (d, node) in [(1, 0), (1, 1), (0, 1), (0, 0)].into_iter().enumerate() {
+        let (mut ids, mut at) = (vec![link(node, d)], node);
+        for e in (d..d + 3).map(|e| e % 4) {
+            let left = (e + 1) % 4;
+            ids.push(connector(at, e, left));
+            at = next(at, left);
+            ids.push(link(at, left));
+        }
+        for place in 0..3 {
+            world.add(ids.clone(), 5.0, 0.0, 0.0);
+            let vehicle = world.vehicles.last_mut().expect("it was added");
+            vehicle.front = world.routes[vehicle.route].1.passages[0].mouth - 0.5 - 6.0 * f64::from(place);
+        }
+    }
+    let (mut beyond, mut first_exception) = (f64::NEG_INFINITY, None);
+    while world.time_step < 6000 && world.n_left() > 0 && !world.is_stuck() {
+        world.step();
+        for vehicle in &world.vehicles {
+            if world.n_left() == world.vehicles.len() {
+                beyond = beyond.max(vehicle.front - world.routes[vehicle.route].1.passages[0].mouth);
+            }
+            let exception = vehicle.memory.exception.map(|since| (vehicle.id, since as f64 * DT));
+            first_exception = first_exception.or(exception);
+        }
+    }
+    let time = world.time_step as f64 * DT;
+    Ring { n_left: world.n_left(), n_overlaps: world.overlaps, beyond, first_exception, time }
+}
+
+#[test]
+fn without_exceptions_nobody_passes_a_mouth_in_a_full_ring_of_left_turns() {
+    let found = ring(f64::INFINITY);
+    assert_eq!((found.n_left, found.first_exception), (12, None), "{found:?}");
+    assert!(found.beyond < -0.4 && found.time > 60.0, "{found:?}");
+}
+
+#[test]
+fn in_a_full_ring_of_left_turns_the_least_id_has_the_first_exception_and_all_leave() {
+    let found = ring(RulesSettings::default().circle_after);
+    assert_eq!((found.n_left, found.n_overlaps), (0, 0), "{found:?}");
+    assert_eq!(found.first_exception, Some((1, 5.0)), "{found:?}");
+    assert!(found.time < 35.0, "{found:?}");
 }

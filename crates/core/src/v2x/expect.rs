@@ -332,6 +332,6 @@ fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, ex
         (&extra.shape, extra.state.pose(), extra.is_static)
     };
     let bodies: Vec<_> = told.iter().map(body).collect();
-    let mut seen = scene.would_see(observer.row, observer.view, &bodies).into_iter();
+    let mut seen = scene.would_see(observer.row, observer.view, &bodies, &|_| true).into_iter();
     told.retain(|_| seen.next() == Some(false));
 }

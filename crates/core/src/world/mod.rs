@@ -11,6 +11,7 @@ mod staging;
 #[cfg(test)]
 mod tests;
 mod threads;
+mod unseen;
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicUsize;

@@ -120,6 +120,17 @@ impl World {
             }
             bodies.push(Body { id: self.participants.ids[row], length, velocity, places });
         }
+        let positions = scene.positions();
+        let mut seen = vec![Vec::new(); rows.len()];
+        let place_of: Vec<usize> =
+            rows.iter().map(|row| scene.present.binary_search(row).expect("it is present")).collect();
+        let mut unseen = vec![Vec::new(); rows.len()];
+        for (place, drive) in obeying.iter().enumerate().filter_map(|(place, drive)| Some((place, (*drive)?))) {
+            seen[place].reserve(scene.present.len());
+            scene.see(drive.row, &drive.agent.view, &positions, &mut seen[place]);
+            let sees = |body: usize| seen[place].binary_search(&place_of[body]).is_ok();
+            unseen[place] = self.unseen(&scene, drive, &sees, &bodies);
+        }
         let travellers: Vec<Traveller<'_>> = obeying
             .iter()
             .enumerate()
@@ -136,16 +147,10 @@ impl World {
                     crosswalk: drive.front() + self.to_crosswalk(drive),
                     turns_on_red: self.lines(drive).turns_on_red(drive.front()),
                     sight: drive.agent.view.sensor_radius,
+                    unseen: &unseen[place],
                 })
             })
             .collect();
-        let positions = scene.positions();
-        let mut seen = vec![Vec::new(); rows.len()];
-        for traveller in &travellers {
-            let drive = obeying[traveller.body].expect("it obeys");
-            seen[traveller.body].reserve(scene.present.len());
-            scene.see(drive.row, &drive.agent.view, &positions, &mut seen[traveller.body]);
-        }
         let junctions = self.scenario.junctions();
         let meeting = Meeting {
             time_step: self.time_step,
@@ -155,8 +160,6 @@ impl World {
             travellers: &travellers,
             visits: &visits,
         };
-        let place_of: Vec<usize> =
-            rows.iter().map(|row| scene.present.binary_search(row).expect("it is present")).collect();
         meeting.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok())
     }
 
