@@ -61,11 +61,14 @@ def test_who_does_not_see_an_agent_has_the_same_order_bit_by_bit_if_that_is_gone
 @pytest.mark.parametrize("seed", [3, 8])
 def test_threads_and_the_order_of_agents_change_no_state_order_or_violation(seed):
     problems = crowd(np.random.default_rng(seed), least=4)
+    # Agent 1 does not obey the limit of its lane, so that there are violations.
+    lanelets = replace(lanes(*ARMS), speed_limit=np.array([1.0, 10.0, 10.0, 10.0]))
     runs = [
-        idr.simulate(world(lanes(*ARMS), problems=some), settings=RULES, threads=threads)
+        idr.simulate(world(lanelets, problems=some), settings=RULES, rules={1: {"speed": False}}, threads=threads)
         for some, threads in ((problems, 1), (problems[::-1], 2), (problems[2:] + problems[:2], 8))
     ]
     assert runs[0].orders.to_arrow().num_rows > 0
+    assert runs[0].violations.count("speeding") > 0
     for other in runs[1:]:
         assert other.digest == runs[0].digest
         assert other.orders.to_arrow().equals(runs[0].orders.to_arrow())

@@ -23,7 +23,7 @@ from tests.behaviour.test_right_of_way import (
     limited,
     told,
 )  # fmt: skip
-from tests.support.junction_lanes import left_turn, network, straight
+from tests.support.junction_lanes import cross_with_turns, left_turn, network, quarters, straight
 
 import interdrive as idr
 from interdrive.native_settings import ViewSettings
@@ -164,6 +164,34 @@ def test_a_crowd_at_a_cross_gets_through(seed):
     # In a circle of four one goes before the one to its right, which comes soon after it, as windows are estimates.
     after = run.violations.value[np.array(run.violations.rule, dtype=str) == "right_of_way"]
     assert len(after) <= 2 and (after > 0.4).all(), "s"
+
+
+def any_way(rng):
+    """Four to eight agents that come from any arm of a cross and take any way."""
+    arms = np.concatenate([rng.permutation(4), rng.permutation(4)])[: rng.integers(4, 9)]
+    problems = []
+    for place, arm in enumerate(arms):
+        front = -12.0 - float(2.0 + 16.0 * (place // 4) + rng.uniform(0.0, 8.0))
+        velocity, leaves = float(rng.uniform(2.0, 9.0)), (arm + rng.choice([0, 1, 3])) % 4
+        x, y = quarters((front - HALF, -1.75), arm)
+        headings = [float(np.angle(1j**k)) for k in (arm, leaves)]
+        goal = {"goal": tuple(quarters((60.0, -1.75), leaves)), "goal_size": (30.0, 3.5)}
+        time = {"goal_orientation": headings[1], "time_step": (0, 600)}
+        problems.append(problem(place + 1, float(x), float(y), velocity, headings[0], **goal, **time))
+    return problems
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("block", range(5))
+def test_at_a_hundred_random_junctions_nobody_waits_for_ever_and_hardly_any_touch(block):
+    lanelets, contacts = cross_with_turns(), []
+    for seed in range(20 * block, 20 * (block + 1)):
+        problems = any_way(np.random.default_rng(seed))
+        run = idr.simulate(world(lanelets, problems=problems), settings=RULES, threads=1)
+        assert set(run.outcomes.outcome) <= {"goal_reached", "collision"}, (seed, run.outcomes.reason)
+        contacts += [seed] if "collision" in run.outcomes.outcome else []
+    # At one of the hundred (seed 38) two agents touch each other, at 2.9 m/s.
+    assert len(contacts) <= 1, contacts
 
 
 def test_a_vehicle_out_of_sight_changes_no_order():

@@ -81,6 +81,16 @@ def test_a_third_one_that_arrives_later_waits_for_the_one_at_the_other_end(plann
     assert entered[0] < entered[1] < entered[2]
 
 
+@pytest.mark.parametrize("planner", ["frenet", "idm"])
+def test_a_third_one_follows_the_first_through_if_the_one_at_the_other_end_arrives_later(planner):
+    run, fronts = driven([car(1, 1.0), car(2, -1.0, START + 25.0), car(3, 1.0, START + 9.5)], planner)
+    assert run.outcomes.outcome == ("goal_reached",) * 3
+    entered = [int(np.argmax(front > 0.0)) for front in fronts]
+    assert entered[0] < entered[2] < entered[1]
+    length = length_of_the_street(run)
+    assert fronts[2][entered[1]] - 2 * HALF > length, "m: the other one enters when both have left"
+
+
 def test_a_street_that_cannot_be_seen_through_is_approached_slowly():
     # At 80 m the cars see each other when neither could stop any more.
     run, fronts = driven([car(1, 1.0), car(2, -1.0)], "frenet", street(half=20.0, taper=16.0))

@@ -85,7 +85,7 @@ def test_an_agent_waits_behind_a_parked_car_where_the_line_must_not_be_crossed(m
     run, x, y = driven(blocked(marking))
     assert run.outcomes.outcome != ("goal_reached",)
     assert x.max() < PARKED - 4.5 and np.abs(y).max() < 0.3, "m"
-    assert "solid_line" not in run.violations.rule
+    assert run.violations.rule == ()
 
 
 def test_passing_can_be_switched_off_per_agent():
@@ -143,6 +143,21 @@ def test_a_queue_is_not_passed():
     )  # fmt: skip
     _, x, y = driven(scenario)
     assert x.max() < 120.0 - 4.5 and np.abs(y).max() < 0.3, "m"
+
+
+def test_a_queue_before_a_red_light_is_not_passed():
+    light = TrafficLight(7, (("red", 250), ("green", 5000)))
+    stop = StopLine(1, np.array([[150.0, 1.75], [150.0, -1.75]]), ((1, (7,)),))
+    problems = [
+        problem(k + 1, x, 0.0, 8.0, goal=(250.0, 0.0), time_step=(0, 600)) for k, x in enumerate((60.0, 100.0, 115.0))
+    ]
+    scenario = replace(world(street("dashed"), problems=problems), traffic_lights=(light,), stop_lines=(stop,))
+    run = idr.simulate(scenario, threads=1)
+    places = run.states.x[:, 240]
+    assert (np.diff(places) > 4.5).all() and 136.0 < places[1] < 143.0, "m: the second one stands behind the first"
+    assert np.nanmax(np.abs(run.states.y)) < 0.3, "m"
+    assert run.outcomes.outcome == ("goal_reached",) * 3
+    assert run.violations.rule == ()
 
 
 @pytest.mark.parametrize("start", [150.0, 170.0, 190.0, 210.0, 230.0, 250.0])

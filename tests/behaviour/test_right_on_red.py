@@ -37,7 +37,9 @@ def junction(tmp_path, *, country="USA", light=RED, refs="", content="", other=N
     )
     south = {"yawRate": 0.0, "slipAngle": 0.0}
     area = cr.rectangle_at(110, -70, length=4, width=30)
-    problems = cr.planning_problem(1, cr.goal(position=area, time=(0, 300)), start=cr.initial(60, velocity=10.0, **south))
+    problems = cr.planning_problem(
+        1, cr.goal(position=area, time=(0, 300)), start=cr.initial(60, velocity=10.0, **south)
+    )
     if other is not None:
         start = cr.initial(110, other, velocity=10.0, orientation=-np.pi / 2, **south)
         problems += cr.planning_problem(2, cr.goal(position=area, time=(0, 300)), start=start)

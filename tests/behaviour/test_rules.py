@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.support import commonroad_documents as cr
@@ -66,6 +68,23 @@ def test_an_agent_whose_time_is_over_at_a_red_light_says_so(tmp_path, agents_see
     assert (" at a red light (stop line of lanelet 1)" in run.outcomes.reason[0]) == agents_see_lights
 
 
+@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+def test_an_agent_stands_before_a_light_that_stays_red(tmp_path, planner):
+    run = idr.simulate(road(tmp_path, goal=(0, 200)), planner=planner, threads=1)
+    assert 99.0 < front(run).max() < 100.0, "m"
+    assert run.states.velocity[0, run.states.valid[0]][-1] == 0.0
+    assert broken(run) == []
+
+
+@pytest.mark.parametrize(("metres", "passes"), [(30.0, False), (29.0, True)])
+def test_at_a_limit_of_30_mph_an_agent_stops_for_yellow_30_m_before_the_line_but_not_29_m(tmp_path, metres, passes):
+    # Stopping takes 3.0 or 3.1 m/s².
+    start = {"x": 100.0 - metres - HALF, "speed": 13.41, "goal": (0, 100)}
+    run = idr.simulate(road(tmp_path, phases=(("yellow", 30), ("red", 5000)), **start), threads=1)
+    assert front(run).max() > 130.0 if passes else 99.0 < front(run).max() < 100.0, "m"
+    assert broken(run) == []
+
+
 @pytest.mark.parametrize(("x", "passes"), [(84.0, True), (75.0, False)])
 def test_an_agent_stops_for_yellow_if_it_is_not_too_near(tmp_path, x, passes):
     # After the first step its front is 12.75 m before the line, so that stopping takes 3.9 m/s²; or 21.75 m, 2.3 m/s².
@@ -92,6 +111,26 @@ def test_the_speed_limit_is_kept_even_if_the_goal_would_need_more(tmp_path, plan
     # 85 m in 6 s would need 14 m/s.
     run = idr.simulate(road(tmp_path, phases=(), limit=10.0, goal=(0, 60)), planner=planner, threads=1)
     assert run.states.velocity[0, run.states.valid[0]].max() < 10.5
+    assert broken(run) == []
+
+
+def test_an_agent_that_starts_too_fast_brakes_at_once_and_is_not_speeding(tmp_path):
+    run = idr.simulate(road(tmp_path, phases=(), limit=10.0, speed=15.0, x=5.0), threads=1)
+    velocity = run.states.velocity[0, run.states.valid[0]]
+    too_fast = velocity[:-1] > 10.5
+    assert (-np.diff(velocity)[too_fast] / 0.1).min() >= 1.0, "m/s²"
+    assert 10 < too_fast.sum() < 20 and velocity[20:].max() < 10.5, "time steps, m/s"
+    assert broken(run) == []
+
+
+def test_an_agent_is_as_slow_as_a_lower_limit_where_that_begins(tmp_path):
+    # 13.9 m/s up to x = 100 m, 8.3 m/s beyond; the centre of the car counts.
+    scenario = road(tmp_path, phases=(), limit=13.8889, speed=13.8889, x=10.0)
+    lanelets = replace(scenario.lanelets, speed_limit=np.array([13.8889, 8.3333]))
+    run = idr.simulate(replace(scenario, lanelets=lanelets), threads=1)
+    x, velocity = (values[0, run.states.valid[0]] for values in (run.states.x, run.states.velocity))
+    assert velocity[x > 100.0].max() <= 8.3333 + 0.5, "m/s"
+    assert velocity[x > 110.0].max() < 8.34, "m/s"
     assert broken(run) == []
 
 
@@ -157,6 +196,32 @@ def test_recorded_drivers_are_judged_like_agents(tmp_path):
     assert ("agent", "red_light") not in sources
 
 
+def rows(run):
+    """Who broke which rule, and by how much."""
+    found = run.violations
+    return list(zip(found.source, found.rule, found.value.tolist(), strict=True))
+
+
+def test_a_drive_above_the_limit_is_one_row_with_the_largest_excess(tmp_path):
+    run = idr.simulate(road(tmp_path, phases=(), limit=10.0, speed=12.0), planner=Straight, threads=1)
+    assert rows(run) == [("agent", "speeding", pytest.approx(2.0, abs=0.1))], "m/s"
+
+
+def test_a_drive_past_a_stop_sign_is_one_row_with_the_least_speed(tmp_path):
+    sign = {"more": '<trafficSignRef ref="8"/>', "content": cr.sign(8, "206")}
+    run = idr.simulate(road(tmp_path, phases=(), speed=7.0, **sign), planner=Straight, threads=1)
+    assert rows(run) == [("agent", "stop_sign", pytest.approx(7.0, abs=0.1))], "m/s"
+
+
+@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+def test_a_lawful_drive_past_a_light_a_stop_sign_and_a_limit_has_no_row(tmp_path, planner):
+    sign = {"more": '<trafficSignRef ref="8"/>', "content": cr.sign(8, "206")}
+    scenario = road(tmp_path, phases=(("red", 80), ("green", 5000)), limit=8.0, speed=8.0, goal=(0, 300), **sign)
+    run = idr.simulate(scenario, planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert rows(run) == []
+
+
 def test_violations_are_saved_and_loaded(tmp_path):
     run = idr.simulate(road(tmp_path), settings={"rules.lights": False}, threads=1)
     again = idr.Run.load(run.save(tmp_path / "run"))
@@ -174,9 +239,8 @@ def test_driving_against_the_lane_for_a_second_is_a_violation(tmp_path):
         [cr.state(t, 80.0 - 0.5 * t, -1.0, orientation=float(np.pi), velocity=5.0) for t in range(1, 25)],
     )
     scenario = road(tmp_path, phases=(), x=90.0, content=turned)
-    found = idr.simulate(scenario, agents=[50], planner=Straight, threads=1).violations
-    assert [(s, r) for s, r in zip(found.source, found.rule, strict=True)] == [("replayed", "wrong_way")]
-    assert found.value[0] > 5.0, "metres"
+    run = idr.simulate(scenario, agents=[50], planner=Straight, threads=1)
+    assert rows(run) == [("replayed", "wrong_way", pytest.approx(12.5, abs=0.1))], "metres"
 
 
 @pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
