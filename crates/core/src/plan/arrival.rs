@@ -13,13 +13,16 @@ const GOAL_END_GAP: f64 = 1.0;
 const ARRIVAL_RESERVE: f64 = 1.0;
 /// ... or by this share of the time that is left, if that is more: a plan to be just in time ends late.
 const ARRIVAL_SHARE: f64 = 0.15;
+/// The same share on a road with a speed limit for agents that like to be early: what holds them up later takes time.
+const EARLY_SHARE: f64 = 0.45;
 /// Agents on a free road arrive no faster than at this share of the goal's interval of speeds.
 const GOAL_SPEED_SHARE: f64 = 0.8;
 
 /// Desired speed for the goal alone, and where to wait if the agent is early.
 ///
 /// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
-/// brings the agent into the area at the middle of the time interval or shortly before its end, whichever is later.
+/// brings the agent into the area at the middle of the time interval or before its end, whichever is later: shortly
+/// before it, or with `is_free` on a road with a speed limit early enough for what may hold it up on the way.
 /// With `is_free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of
 /// the goal's speeds (those that include standing say nothing), but slow enough to brake comfortably to the goal's
 /// speeds and not to arrive too early. Too late: on as before, or with `is_free` as fast as the limit, or at the free
@@ -57,7 +60,9 @@ pub(super) fn desired(
     let (low, high) = goal.velocity.unwrap_or((0.0, f64::INFINITY));
     let distance = entry.min(exit) - center + GOAL_DEPTH.min(0.5 * (exit - entry));
     let arriving_after = |time: f64| cruise_velocity(distance, time, (low, high), deceleration);
-    let reserve = ARRIVAL_RESERVE.max(ARRIVAL_SHARE * latest);
+    let is_limited = request.rules.way.limits.at(start.s).is_finite();
+    let share = if is_free && is_limited { EARLY_SHARE } else { ARRIVAL_SHARE };
+    let reserve = ARRIVAL_RESERVE.max(share * latest);
     let needed = arriving_after((0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest));
     let is_late = latest <= 0.0;
     if !is_free {
