@@ -1,5 +1,7 @@
 """What the planner `frenet` does in small worlds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -116,3 +118,14 @@ def test_an_agent_that_knows_the_future_arrives_behind_a_slow_car_that_leaves():
     )
     run = simulate(scenario, agents=[100], predictor=GroundTruth(), threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
+
+
+@pytest.mark.parametrize(("limit", "earliest", "latest"), [(np.nan, 32.0, 37.0), (15.0, 27.0, 31.0), (6.0, 31.0, 35.0)])
+def test_on_a_road_with_a_known_limit_an_agent_is_early_but_never_too_fast(limit, earliest, latest):
+    # 200 m in 40 s take 5 m/s; the goal begins 190 m ahead.
+    lanelets = replace(straight_road(300.0), speed_limit=np.array([limit]))
+    agent = problem(1, 20.0, velocity=5.0, goal=(220.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 400))
+    run = simulate(world(lanelets, problems=[agent], steps=400), threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert earliest <= 0.1 * (np.count_nonzero(run.states.valid[0]) - 1) <= latest, "s"
+    assert not np.nanmax(run.states.velocity[0]) > limit + 0.05, "m/s"

@@ -165,6 +165,13 @@ def test_without_a_gap_it_stops_before_its_lane_ends_and_goes_on_behind_the_row(
     assert drive.gaps(cars)[1][0] == np.inf, "nobody is left behind it"
 
 
+def test_an_agent_whose_time_is_over_before_the_end_of_its_lane_says_so():
+    cars = row(400.0, 3.0, 60, velocity=10.0)
+    drive = Drive(two_lanes(cars, velocity=10.0, first_ends=200.0, steps=300))
+    assert drive.outcome == "time_limit"
+    assert "before the end of lanelet 1 without a gap in the lane beside" in drive.run.outcomes.reason[0]
+
+
 def test_with_little_time_it_takes_smaller_gaps():
     # Beside the agent, from 4 m behind it to 24 m ahead, is a gap of its speed.
     cars = [Car(100, 50.0 - LENGTH - 4.0, 3.5, SPEED), Car(101, 50.0 + LENGTH + 24.0, 3.5, SPEED)]

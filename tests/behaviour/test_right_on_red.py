@@ -1,4 +1,4 @@
-"""Turning right on red: a road along x with a red light at x = 100 m, and a road with green that leads south at x = 110 m."""
+"""Turning right on red: a road along x with a red light at x = 100 m, and one without lights southwards at 110 m."""
 
 from __future__ import annotations
 

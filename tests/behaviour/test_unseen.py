@@ -1,5 +1,7 @@
-"""Caution before what a building hides: two one-way roads cross at the origin, with limits of 10 m/s; who comes from the
-south goes first, and a building stands in the corner between west and south."""
+"""Caution before what a building hides: two one-way roads cross at the origin, with limits of 10 m/s.
+
+Who comes from the south goes first, and a building stands in the corner between west and south.
+"""
 
 from __future__ import annotations
 

@@ -50,8 +50,9 @@ def control(
 
     A line without points, and that of a lanelet with lights or a stop sign but without a line, is at the lanelet's end.
     Which lights count on the way to a following lanelet: those of the lanelet and of its line whose direction has the
-    turn that the following lanelet takes, as its intersection states or by its change of heading. Turns on red are allowed
-    to the right, in America or beside a green arrow sign (720), unless an arrow to the right of its own can be red.
+    turn that the following lanelet takes, as its intersection states or by its change of heading. Turns on red are
+    allowed to the right in the USA, Puerto Rico and Canada, and beside a green arrow sign (720), unless a light for
+    the turn to the right alone can be red.
     """
     lights = tuple(_light(light) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id)))
     known = {light.id: light for light in lights}

@@ -99,6 +99,8 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
         text += f" behind {said_name(run, phase.leader_id)}"
     elif phase.red_lanelet_id >= 0:
         text += f" at a red light (stop line of lanelet {phase.red_lanelet_id})"
+    elif phase.left_lanelet_id >= 0:
+        text += f" before the end of lanelet {phase.left_lanelet_id}, without a gap in the lane beside"
     elif phase.crossing_ids:
         text += f" while {said_list(phase.crossing_ids)} crossed its path"
     if phase.kind == "standing":

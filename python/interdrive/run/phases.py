@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -40,6 +40,9 @@ _CROSSING_AHEAD, _CROSSING_SPEED = 20.0, 1.0
 #: An agent stands at a stop line if its front is at most this far before it, or beyond it [m].
 _BEFORE_LINE, _BEYOND_LINE = 3.0, 0.5
 
+#: An agent stands before the end of a lane if its front is at most this far before it [m].
+_BEFORE_END = 15.0
+
 #: Distance between the points of a path [m].
 _PATH_SPACING = 1.0
 
@@ -59,6 +62,8 @@ class Phase:
             their order.
         red_lanelet_id: While it stood without a vehicle ahead: the lanelet of the stop line before it, if its light was
             red or yellow most of the time; -1 otherwise.
+        left_lanelet_id: While it stood without a vehicle ahead, a red light or an order: the lanelet whose end is ahead
+            of it and which its route leaves for the lane beside; -1 otherwise.
         order: Why (one of `ORDERS`) it was told most of the time to wait, before a junction while it slowed or stood or
             before a crosswalk, and because of which participant (-1 for none); None if it was not, or only by the
             vehicle ahead.
@@ -70,6 +75,7 @@ class Phase:
     leader_id: int = -1
     crossing_ids: tuple[int, ...] = ()
     red_lanelet_id: int = -1
+    left_lanelet_id: int = -1
     order: tuple[str, int] | None = None
 
     @property
@@ -102,8 +108,10 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
             order = None  # It drives towards a junction, which takes no time yet.
         is_first = kind == "standing" and leader < 0
         red = _red_line(run, agent, row, inside) if is_first else -1
-        crossing = _crossing(run, path, row, inside) if is_first and red < 0 and order is None else ()
-        found.append(Phase(kind, first, last, leader, crossing, red, order))
+        is_alone = is_first and red < 0 and order is None
+        left = _left_lanelet(run, agent, row, int(inside[-1])) if is_alone else -1
+        crossing = _crossing(run, path, row, inside) if is_alone and left < 0 else ()
+        found.append(Phase(kind, first, last, leader, crossing, red, left, order))
         at += length
     return tuple(found)
 
@@ -213,6 +221,28 @@ def _red_line(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> in
         red = np.isin(shown[states.first_time_step + columns], [SIGNALS.index("red"), SIGNALS.index("yellow")])
         if -_BEYOND_LINE <= along <= _BEFORE_LINE and 2 * np.count_nonzero(red) > len(columns):
             return line.lanelet_id
+    return -1
+
+
+def _left_lanelet(run: RunRecord, agent: AgentRecord, row: int, column: int) -> int:
+    """The lanelet before whose end an agent stands and from which its route changes to the lane beside; -1 for none."""
+    states, lanelets = run.states, run.scenario.lanelets
+    front = np.array([states.x[row, column], states.y[row, column]])
+    front += (
+        0.5
+        * states.length[row]
+        * np.array([np.cos(states.orientation[row, column]), np.sin(states.orientation[row, column])])
+    )
+    route = agent.route_lanelet_ids
+    for this, following in pairwise(route):
+        place = int(np.searchsorted(lanelets.ids, this))
+        beside = following in (lanelets.adjacent_left[place], lanelets.adjacent_right[place])
+        ends = lanelets.left[place][-1], lanelets.right[place][-1]
+        width, middle = float(np.hypot(*(ends[1] - ends[0]))), 0.5 * (ends[0] + ends[1])
+        across = (ends[1] - ends[0]) / max(width, 1e-9)
+        aside, along = float((front - middle) @ across), float((middle - front) @ np.array([-across[1], across[0]]))
+        if beside and 0.0 <= along <= _BEFORE_END and abs(aside) <= 0.5 * width:
+            return int(this)
     return -1
 
 

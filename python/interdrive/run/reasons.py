@@ -151,6 +151,8 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
         return f"stood behind {said_name(run, stop.leader_id)} for {seconds} s"
     if stop.red_lanelet_id >= 0:
         return f"{lasted} at a red light (stop line of lanelet {stop.red_lanelet_id})"
+    if stop.left_lanelet_id >= 0:
+        return f"{lasted} before the end of lanelet {stop.left_lanelet_id} without a gap in the lane beside"
     none = no_sample(run, agent_id, stop.first_time_step, stop.last_time_step)
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"

@@ -62,7 +62,9 @@ def passings(drives: Drives, scenario: Scenario, road: _core.RoadNetwork) -> lis
     for line in scenario.stop_lines:
         for k, column in _crossings(drives, line, scenario):
             ways = _ways_taken(drives, line, road, k, column)
-            counting = sorted({i for following, lights_there in line.light_ids if following in ways for i in lights_there})
+            counting = sorted(
+                {i for following, lights_there in line.light_ids if following in ways for i in lights_there}
+            )
             shown = shown_together([lights[i] for i in counting], n_steps)[drives.first_time_step :]
             found.append(Passing(k, column, line, shown, bool(ways) and ways <= set(line.turns_on_red)))
     return found
