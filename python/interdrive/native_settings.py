@@ -281,7 +281,8 @@ class ViewSettings:
             around static obstacles. Positive.
         occlusion: Participants without any part in the line of sight are not seen either: seen from the centre of
             the agent's footprint, nearer footprints cover theirs completely. All participants hide those behind
-            them, except pedestrians, bicycles and motorcycles.
+            them, except pedestrians, bicycles and motorcycles. Agents are careful at junctions where something is
+            hidden (`rules.unseen`).
     """
 
     sensor_radius: Annotated[float, "m"] = 80.0
@@ -360,6 +361,8 @@ class RulesSettings:
         precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
             as others keep to the same order.
         keep_clear: It does not enter a junction without room behind it.
+        unseen: It is careful at junctions where buildings or parked vehicles hide a road that goes first, if
+            `view.occlusion`.
         passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
             be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
@@ -379,6 +382,7 @@ class RulesSettings:
     crossings: bool = True
     precedence: bool = True
     keep_clear: bool = True
+    unseen: bool = True
     passing: bool = True
     speed_factor: float = 1.0
     stop_duration: Annotated[float, "s"] = 1.0

@@ -36,8 +36,9 @@ def corner(away, *, cars=(), time=250):
     return replace(scenario, obstacles=obstacles)
 
 
-def drive(scenario, planner="frenet", *, occlusion=True):
-    return idr.simulate(scenario, planner=planner, settings={"view.occlusion": occlusion}, threads=1, agents=[1])
+def drive(scenario, planner="frenet", settings=None):
+    settings = {"view.occlusion": True} | (settings or {})
+    return idr.simulate(scenario, planner=planner, settings=settings, threads=1, agents=[1])
 
 
 def motion(run):
@@ -64,9 +65,11 @@ def test_the_farther_away_the_building_the_faster_it_passes(planner):
     assert least[0] < least[1] < least[2]
 
 
-@pytest.mark.parametrize(("away", "occlusion"), [(30.0, True), (3.0, False)])
-def test_who_sees_enough_or_does_not_care_passes_as_on_a_free_road(away, occlusion):
-    run = drive(corner(away), occlusion=occlusion)
+@pytest.mark.parametrize(
+    ("away", "settings"), [(30.0, {}), (3.0, {"view.occlusion": False}), (3.0, {"rules.unseen": False})]
+)
+def test_who_sees_enough_or_does_not_care_passes_as_on_a_free_road(away, settings):
+    run = drive(corner(away), settings=settings)
     assert run.orders.kind == ()
     assert motion(run)[1].min() == pytest.approx(10.0, abs=0.1)
 

@@ -38,7 +38,7 @@ const SPACING: f64 = 2.0;
 const LINE_MARGIN: f64 = 1.0;
 /// A light that turns yellow is obeyed if stopping takes no more than this deceleration [m/s²].
 pub const LIGHT_DECELERATION: f64 = 3.0;
-/// A vehicle stands at a stop sign if it is slower than this [m/s].
+/// A vehicle stands before a line if it is slower than this [m/s].
 const STANDING: f64 = 0.1;
 /// An agent need not know yet of a stop that takes less than this deceleration [m/s²], if there is one before it.
 const EASY: f64 = 1.0;
@@ -67,6 +67,8 @@ settings! {
         precedence: bool = true;
         /// It does not enter a junction without room behind it.
         keep_clear: bool = true;
+        /// It is careful at junctions where buildings or parked vehicles hide a road that goes first, if `view.occlusion`.
+        unseen: bool = true;
         /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and
         /// no oncoming vehicle comes in the meantime; with planner `frenet`.
         passing: bool = true;
@@ -275,6 +277,7 @@ static NO_SETTINGS: RulesSettings = RulesSettings {
     crossings: false,
     precedence: false,
     keep_clear: false,
+    unseen: false,
     passing: false,
     speed_factor: 1.0,
     stop_duration: 0.0,
@@ -316,7 +319,7 @@ impl Rules<'_> {
     pub fn turns_on_red(&self, front: f64) -> bool {
         let is_next =
             |one: &&Crossing| one.s > front - BEHIND_LINE && (one.s <= front || self.served == Some(one.line));
-        self.settings.lights && self.way.crossings.iter().find(is_next).is_some_and(|one| self.is_turn_on_red(one))
+        self.settings.lights && self.way.crossings.iter().filter(is_next).any(|one| self.is_turn_on_red(one))
     }
 
     fn is_turn_on_red(&self, crossing: &Crossing) -> bool {

@@ -38,7 +38,7 @@ settings! {
         sensor_radius: f64 ["m"] = 80.0, positive(f64::INFINITY);
         /// Participants without any part in the line of sight are not seen either: seen from the centre of the agent's
         /// footprint, nearer footprints cover theirs completely. All participants hide those behind them, except
-        /// pedestrians, bicycles and motorcycles.
+        /// pedestrians, bicycles and motorcycles. Agents are careful at junctions where something is hidden (`rules.unseen`).
         occlusion: bool = false;
     }
 }

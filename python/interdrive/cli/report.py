@@ -268,6 +268,8 @@ def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals:
         (found.n_crosswalks, "crosswalk"),
     )
     controls = [f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n]
+    turns = found.n_turns_on_red
+    controls += [f"{turns} right turn{'s' * (turns != 1)} on red"] if turns else []
     if found.n_priority_signs:
         controls.append(
             f"signs of priority at the end of {found.n_priority_signs} lanelet{'s' * (found.n_priority_signs != 1)}"

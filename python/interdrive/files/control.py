@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: A lanelet that turns by more than this leads to the left or right [rad].
 _TURN = math.radians(25.0)
+#: Where no intersection says so, only such a turn leads around a corner, to the right on red [rad].
+_CORNER = math.radians(45.0)
 #: A sign counts where its lanelet ends, or this far beyond along single successors [m].
 _SIGN_REACH = 50.0
 #: What a sign is worth for a turn to the left, straight on and to the right, by its name in commonroad-io or its id.
@@ -77,7 +79,8 @@ def control(
             counting = tuple(i for i in found if way in known[i].directions)
             ways.append((following, counting))
             held = any(known[i].directions == {"right"} and _can_be_red(known[i]) for i in counting)
-            if way == "right" and number in on_red and counting and not held:
+            is_turn = turns.get(following) == "right" or _turn(lanelets, rows[following], _CORNER) == "right"
+            if is_turn and number in on_red and counting and not held:
                 turns_on_red.append(following)
         stated = line is not None and line.start is not None and line.end is not None
         ends = (line.start, line.end) if stated else (lanelets.left[row][-1], lanelets.right[row][-1])
@@ -128,13 +131,13 @@ def _stated_turns(network: Foreign) -> dict[int, Way]:
     }
 
 
-def _turn(lanelets: Lanelets, row: int) -> Way:
-    """The way that a lanelet takes by its change of heading."""
+def _turn(lanelets: Lanelets, row: int, least: float = _TURN) -> Way:
+    """The way that a lanelet takes by its change of heading, if that is more than `least` [rad]."""
     middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
     steps = np.diff(middle, axis=0)
     headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])[np.any(steps != 0.0, axis=1)])
     change = float(headings[-1] - headings[0]) if len(headings) else 0.0
-    return "left" if change > _TURN else "right" if change < -_TURN else "straight"
+    return "left" if change > least else "right" if change < -least else "straight"
 
 
 def is_sign(sign: Foreign, names: Iterable[str]) -> bool:

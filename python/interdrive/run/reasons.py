@@ -162,8 +162,8 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
 def said_order(run: RunRecord, kind: str, by: int) -> str:
     """Where an agent was told to wait, and why."""
     name = said_name(run, by) if by >= 0 else "others"
-    why = f"no room behind it, because of {name}" if kind == "exit" else f"it gave way to {name}"
-    why = "it did not see whether others came" if kind == "unseen" else why
+    said = {"exit": f"no room behind it, because of {name}", "unseen": "it did not see whether others came"}
+    why = said.get(kind, f"it gave way to {name}")
     return f"before a {'crosswalk' if kind == 'crosswalk' else 'junction'}: {why}"
 
 

@@ -80,6 +80,7 @@ class Inspection:
         n_traffic_lights: Number of traffic lights.
         n_stop_lines: Number of stop lines, those with a stop sign among them.
         n_stop_signs: Number of lines with a stop sign.
+        n_turns_on_red: Number of ways behind lines onto which drivers may turn right on red.
         n_priority_signs: Number of lanelets that lead to a junction and have a sign of priority there: to stop, to give
             way, or to go first.
         n_crosswalks: Number of lanelets on which people cross the road.
@@ -102,6 +103,7 @@ class Inspection:
     n_traffic_lights: int
     n_stop_lines: int
     n_stop_signs: int
+    n_turns_on_red: int
     n_priority_signs: int
     n_crosswalks: int
     kinds: tuple[tuple[str, int], ...]
@@ -210,6 +212,7 @@ def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
         n_traffic_lights=len(scenario.traffic_lights),
         n_stop_lines=len(scenario.stop_lines),
         n_stop_signs=sum(line.has_stop_sign for line in scenario.stop_lines),
+        n_turns_on_red=sum(len(line.turns_on_red) for line in scenario.stop_lines),
         n_priority_signs=len(scenario.priorities.ranks),
         n_crosswalks=len(scenario.crosswalks),
         kinds=tuple(kinds),

@@ -10,15 +10,12 @@ use std::collections::BTreeMap;
 
 use super::claims::{Answer, Bookings, Claim};
 use super::components::components;
-use super::course::{Crossed, SIGN_LEAD, conflict, reach};
+use super::course::{Crossed, GAP, MARGIN, PEEK, SIGN_LEAD, conflict, reach};
 use super::gaps::Links;
 use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Queues, Seen};
-use super::unseen::PEEK;
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
 pub const COMMITTED: f64 = 4.0;
-/// Agents stop this far before a passage [m].
-pub(super) const GAP: f64 = 0.5;
 /// Tickets are taken at this distance beyond the braking distance [m], with this deceleration [m/s²].
 const TICKET_REACH: f64 = 5.0;
 const STICKY_REACH: f64 = 10.0;
@@ -117,7 +114,9 @@ impl Meeting<'_> {
             let body = &self.bodies[traveller.body];
             let first = traveller.first_passage(body.length);
             for (number, passage) in traveller.course.passages.iter().enumerate().skip(first) {
-                let ahead = passage.mouth - traveller.front;
+                // One that looks around a corner may come as near as the area.
+                let peeks = if traveller.unseen.is_empty() { 0.0 } else { MARGIN };
+                let ahead = passage.mouth + peeks - traveller.front;
                 if body.velocity * body.velocity < 2.0 * COMMITTED * ahead {
                     let is_near = ahead <= reach(body.velocity);
                     // Behind a line or a crosswalk that holds it there is time to ask.
@@ -210,6 +209,7 @@ impl Meeting<'_> {
             leader: None,
             ticket: memory.ticket,
             has_exception: memory.exception.is_some(),
+            turns_on_red: traveller.turns_on_red,
             is_sticky: memory.granted && to_wait <= braking + STICKY_REACH,
             windows: self.windows(index, passage, true, seen),
             follows: Vec::new(),
@@ -288,8 +288,8 @@ impl Meeting<'_> {
         }
         let stood = traveller.memory.standing as f64 * self.dt;
         let patience = 1.0 - 0.5 * (stood / settings.impatience).min(1.0);
-        let mut lead =
-            (settings.lead + if traveller.turns_on_red { SIGN_LEAD } else { claim.passage.extra_lead }) * patience;
+        let extra = if traveller.turns_on_red { SIGN_LEAD } else { claim.passage.extra_lead };
+        let mut lead = (settings.lead + extra) * patience;
         let mut lag = settings.lag;
         if claim.is_sticky {
             (lead, lag) = (lead - STICKY_LEAD, lag - STICKY_LAG);
@@ -322,7 +322,12 @@ impl Meeting<'_> {
             stop,
             release,
             by: by.map(|body| self.bodies[body].id),
-            memory: Memory { ticket: claim.ticket, granted: claim.is_granted(), ..traveller.memory_of(claim.number) },
+            memory: Memory {
+                ticket: claim.ticket,
+                granted: claim.is_granted(),
+                peeking: self.peeking(claim, kind),
+                ..traveller.memory_of(claim.number)
+            },
         }
     }
 }

@@ -18,6 +18,7 @@ pub(super) struct Claim<'a> {
     pub(super) ticket: Option<i64>,
     pub(super) has_exception: bool,
     pub(super) is_sticky: bool,
+    pub(super) turns_on_red: bool,
     pub(super) windows: Vec<Booking>,
     /// Claims that leave the areas before it, although it could come earlier.
     pub(super) follows: Vec<usize>,

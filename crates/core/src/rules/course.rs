@@ -17,6 +17,9 @@ pub const REACH_TIME: f64 = 8.0;
 pub const REACH: f64 = 60.0;
 /// Vehicles keep this distance from an area [m], on either side.
 pub(super) const MARGIN: f64 = 0.3;
+/// Agents stop this far before a passage [m]; to see more, they come nearer by so much [m].
+pub(super) const GAP: f64 = 0.5;
+pub(super) const PEEK: f64 = GAP - 0.1;
 /// The path runs along a lanelet if it is within this distance of its middle [m].
 const ASIDE_MAX: f64 = 1.5;
 /// A lanelet is found this far around where it is expected [m].
@@ -156,12 +159,12 @@ impl Course {
         all.map(|crossed| (crossed.area, crossed.side, crossed.entry, crossed.exit))
     }
 
-    /// Areas, and the own side in each, of the next passage that a front at an arc length [m] has not entered, if its mouth
-    /// is within reach [m].
-    pub fn next_areas(&self, front: f64, length: f64, reach: f64) -> Option<impl Iterator<Item = (usize, usize)>> {
-        let next = self.passages.iter().find(|passage| passage.end > front - length)?;
-        let ahead = next.areas.iter().filter(move |crossed| crossed.entry > front);
-        (next.mouth - front <= reach).then(|| ahead.map(|crossed| (crossed.area, crossed.side)))
+    /// Areas, and the own side in each, that a front at an arc length [m] has not entered, of passages whose mouth is within
+    /// reach [m].
+    pub fn areas_ahead(&self, front: f64, reach: f64) -> impl Iterator<Item = (usize, usize)> {
+        let near = move |passage: &&Passage| passage.end > front && passage.mouth - front <= reach;
+        let areas = self.passages.iter().filter(near).flat_map(|passage| &passage.areas);
+        areas.filter(move |crossed| crossed.entry > front).map(|crossed| (crossed.area, crossed.side))
     }
 
     /// An agent with its front at an arc length [m] is near or in one of the passages, at its speed [m/s].

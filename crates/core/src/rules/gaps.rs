@@ -51,7 +51,8 @@ impl Meeting<'_> {
         let traveller = &self.travellers[claims[index].traveller];
         let mut answer = Answer::GO;
         for (mine, theirs) in pairs(&claims[index], booked) {
-            let as_expected = !self.is_first(traveller, theirs) && (holds_back || granted(claims, theirs).is_none());
+            let as_expected =
+                !self.other_goes_first(traveller, theirs) && (holds_back || granted(claims, theirs).is_none());
             let theirs = if as_expected { *theirs } else { theirs.at_the_earliest() };
             let delay = self.delay(traveller, mine, &theirs, gaps);
             if delay > answer.delay {
@@ -62,13 +63,14 @@ impl Meeting<'_> {
     }
 
     /// Another one goes first by precedence; no vehicle is held back for one that has to wait for it.
-    fn is_first(&self, traveller: &Traveller<'_>, booking: &Booking) -> bool {
+    fn other_goes_first(&self, traveller: &Traveller<'_>, booking: &Booking) -> bool {
         let first = self.junctions.areas[booking.area].first;
         !traveller.goes_first(self.of_body(booking.body), first != Some(booking.side))
     }
 
     fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
-        self.travellers.iter().find(|other| other.body == body)
+        let place = self.travellers.binary_search_by_key(&body, |other| other.body).ok()?;
+        Some(&self.travellers[place])
     }
 
     /// Granted claims that a claim depends on if it fits in.
@@ -81,7 +83,7 @@ impl Meeting<'_> {
                 if self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, lag)) > 0.0 {
                     links.before.push(other);
                 }
-            } else if !self.is_first(traveller, theirs)
+            } else if !self.other_goes_first(traveller, theirs)
                 && self.delay(traveller, mine, &theirs.at_the_earliest(), (lag, lag)) > 0.0
             {
                 links.after.push(other);
@@ -146,7 +148,8 @@ pub(super) fn catching_up(ahead: f64, velocity: f64) -> f64 {
 /// Windows of a claim, and bookings of others on the other side of the same areas.
 fn pairs<'a>(claim: &'a Claim<'_>, booked: &'a Bookings) -> impl Iterator<Item = (&'a Booking, &'a Booking)> {
     let with_others = |mine: &'a Booking| {
-        let others = booked.of(mine.area).filter(|theirs| theirs.side != mine.side && theirs.body != mine.body);
+        let counts = |theirs: &&Booking| theirs.side != mine.side && theirs.body != mine.body;
+        let others = booked.of(mine.area).filter(counts).filter(|theirs| !theirs.yields || claim.turns_on_red);
         others.map(move |theirs| (mine, theirs))
     };
     claim.windows.iter().flat_map(with_others)

@@ -43,6 +43,8 @@ pub struct Memory {
     pub exception: Option<i64>,
     /// Steps for which it has stood.
     pub standing: usize,
+    /// Of these, steps for which it waited because of what it does not see.
+    pub peeking: usize,
 }
 
 /// What an agent has to do.
@@ -139,6 +141,8 @@ pub struct Booking {
     pub body: usize,
     /// It can still be held back.
     pub is_claim: bool,
+    /// It will wait for those that go first by the map: it counts only for one that turns right on red.
+    pub yields: bool,
 }
 
 impl Booking {
@@ -173,8 +177,11 @@ pub struct Meeting<'a> {
 impl Traveller<'_> {
     /// It goes before another one (`None`: that does not obey): the map says so (`by_map`), unless one turns right on red.
     pub(super) fn goes_first(&self, other: Option<&Self>, by_map: bool) -> bool {
-        let others = other.is_some_and(|other| other.turns_on_red);
-        if others == self.turns_on_red { by_map } else { others }
+        match (self.turns_on_red, other.is_some_and(|other| other.turns_on_red)) {
+            (true, false) => false,
+            (false, true) => true,
+            _ => by_map,
+        }
     }
 
     /// What it remembers of a passage.

@@ -1,8 +1,8 @@
 //! Narrow streets, in which vehicles cannot meet: who looks through before entering, and who waits at the other end.
 
-use super::arbitration::{COMMITTED, GAP};
+use super::arbitration::COMMITTED;
 use super::claims::{Answer, Claim};
-use super::course::{Crossed, MARGIN};
+use super::course::{Crossed, GAP, MARGIN};
 use super::meeting::{Booking, Meeting, OrderKind};
 use crate::junctions::AreaKind;
 

@@ -66,6 +66,7 @@ impl Traveller<'_> {
                 leave: travel_time(leaves, velocity, late, LATE),
                 body: self.body,
                 is_claim,
+                yields: false,
             })
         };
         passage.areas.iter().filter_map(window).collect()

@@ -124,12 +124,13 @@ impl World {
         let mut seen = vec![Vec::new(); rows.len()];
         let place_of: Vec<usize> =
             rows.iter().map(|row| scene.present.binary_search(row).expect("it is present")).collect();
-        let mut unseen = vec![Vec::new(); rows.len()];
+        let (mut unseen, mut goes_last) = (vec![Vec::new(); rows.len()], vec![false; rows.len()]);
         for (place, drive) in obeying.iter().enumerate().filter_map(|(place, drive)| Some((place, (*drive)?))) {
             seen[place].reserve(scene.present.len());
             scene.see(drive.row, &drive.agent.view, &positions, &mut seen[place]);
+            goes_last[place] = self.lines(drive).turns_on_red(drive.front());
             let sees = |body: usize| seen[place].binary_search(&place_of[body]).is_ok();
-            unseen[place] = self.unseen(&scene, drive, &sees, &bodies);
+            unseen[place] = self.unseen(&scene, drive, goes_last[place], &sees, (&bodies, &rows));
         }
         let travellers: Vec<Traveller<'_>> = obeying
             .iter()
@@ -145,7 +146,7 @@ impl World {
                     memory: drive.memory,
                     line: self.line(drive),
                     crosswalk: drive.front() + self.to_crosswalk(drive),
-                    turns_on_red: self.lines(drive).turns_on_red(drive.front()),
+                    turns_on_red: goes_last[place],
                     sight: drive.agent.view.sensor_radius,
                     unseen: &unseen[place],
                 })
@@ -197,12 +198,26 @@ impl World {
                     let waits = area.first == Some(1 - side)
                         && !is_inside
                         && (velocity * velocity <= 2.0 * BRAKING * entry || goes_elsewhere());
-                    if waits || visits.iter().any(|known| (known.body, known.area) == (body, index)) {
+                    let known = visits.iter().position(|known| (known.body, known.area) == (body, index));
+                    if known.is_some_and(|known| waits || !visits[known].yields) {
                         continue;
                     }
                     let enter = if is_inside { 0.0 } else { entry / velocity };
                     let leave = if velocity < STANDING { LEAVING } else { (exit + length) / (SLOWER * velocity) };
-                    visits.push(Booking { area: index, side, enter, earliest: enter, leave, body, is_claim: false });
+                    let visit = Booking {
+                        area: index,
+                        side,
+                        enter,
+                        earliest: enter,
+                        leave,
+                        body,
+                        is_claim: false,
+                        yields: waits,
+                    };
+                    match known {
+                        Some(known) => visits[known] = visit,
+                        None => visits.push(visit),
+                    }
                 }
                 base += road.lanelets()[*lanelet].length;
             }

@@ -112,7 +112,7 @@ impl SampleGrid {
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
         // Nobody becomes faster than the limit, not even to get out of another one's way.
         let most = targets.limit.max(targets.velocity).max(start.s_dot);
-        self.velocities.retain(|velocity| *velocity <= most);
+        self.velocities.retain(|velocity| *velocity <= most + 1e-6);
         let from = [start.s, start.s_dot, start.s_ddot];
         self.speed_scale = start.s_dot.abs() + start.s_ddot.abs() * settings.horizon;
         let along = limits.along_path(ROUNDING, settings.low_velocity);
