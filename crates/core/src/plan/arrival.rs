@@ -15,6 +15,8 @@ const ARRIVAL_RESERVE: f64 = 1.0;
 const ARRIVAL_SHARE: f64 = 0.15;
 /// The same share on a road with a speed limit for agents that like to be early: what holds them up later takes time.
 const EARLY_SHARE: f64 = 0.45;
+/// For that they want to be faster than now by this at most [m/s].
+const EARLY_STEP: f64 = 1.0;
 /// Agents on a free road arrive no faster than at this share of the goal's interval of speeds.
 const GOAL_SPEED_SHARE: f64 = 0.8;
 
@@ -60,10 +62,11 @@ pub(super) fn desired(
     let (low, high) = goal.velocity.unwrap_or((0.0, f64::INFINITY));
     let distance = entry.min(exit) - center + GOAL_DEPTH.min(0.5 * (exit - entry));
     let arriving_after = |time: f64| cruise_velocity(distance, time, (low, high), deceleration);
-    let is_limited = request.rules.way.limits.at(start.s).is_finite();
-    let share = if is_free && is_limited { EARLY_SHARE } else { ARRIVAL_SHARE };
-    let reserve = ARRIVAL_RESERVE.max(share * latest);
-    let needed = arriving_after((0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest));
+    let sparing = |share: f64| {
+        let reserve = ARRIVAL_RESERVE.max(share * latest);
+        arriving_after((0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest))
+    };
+    let needed = sparing(ARRIVAL_SHARE);
     let is_late = latest <= 0.0;
     if !is_free {
         return (if is_late { onwards } else { needed }, stop);
@@ -77,7 +80,9 @@ pub(super) fn desired(
     }
     let soonest = earliest + ARRIVAL_RESERVE.min(0.5 * (latest - earliest));
     let not_too_early = if is_early { arriving_after(soonest) } else { f64::INFINITY };
-    (free.min(approach).min(not_too_early).max(needed), stop)
+    let is_limited = request.rules.way.limits.at(start.s).is_finite();
+    let early = if is_limited { sparing(EARLY_SHARE).min(start.velocity + EARLY_STEP) } else { 0.0 };
+    (free.min(approach).min(not_too_early).max(needed).max(early), stop)
 }
 
 /// Highest speed from which comfortable braking after `LOOK_AHEAD` leads to a speed at most [m/s].
