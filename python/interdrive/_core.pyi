@@ -169,7 +169,9 @@ class Scenario:
         yaw_rate: _Floats,
         valid: _Bools,
         lights: Sequence[tuple[int, int, Sequence[tuple[int, int]]]] = ...,
-        lines: Sequence[tuple[int, tuple[_Interval, _Interval], bool, Sequence[tuple[int, Sequence[int]]]]] = ...,
+        lines: Sequence[
+            tuple[int, tuple[_Interval, _Interval], bool, Sequence[tuple[int, Sequence[int]]], Sequence[int]]
+        ] = ...,
         priorities: tuple[
             Sequence[tuple[int, int]], Sequence[tuple[int, tuple[int, int, int]]], Sequence[int], bool, int, bool
         ]
