@@ -43,7 +43,7 @@ pub struct Memory {
     pub exception: Option<i64>,
     /// Steps for which it has stood.
     pub standing: usize,
-    /// Of these, steps for which it waited because of what it does not see.
+    /// Steps for which it stood or crept because of what it does not see.
     pub peeking: usize,
 }
 

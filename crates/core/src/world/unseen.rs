@@ -88,7 +88,7 @@ impl World {
     fn look_back(&self, area: usize, side: Side, look: &Look<'_>, places: &mut Vec<Place>) {
         let road = &self.scenario.road;
         let mut left = vec![Stretch { lanelet: side.lanelet, front: side.entry, time: 0.0 }];
-        let mut known: Vec<usize> = Vec::new();
+        let mut known: Vec<(usize, f64)> = Vec::new();
         while let Some(Stretch { lanelet, front, mut time }) = left.pop() {
             let here = &road.lanelets()[lanelet];
             let limit = if here.speed_limit.is_nan() { SPEED_MAX } else { here.speed_limit.max(0.1) };
@@ -107,8 +107,10 @@ impl World {
                 continue;
             }
             for &before in &here.predecessors {
-                if !known.contains(&before) && !self.is_held(before, lanelet) {
-                    known.push(before);
+                // The shortest of several ways counts.
+                let is_longer = known.iter().any(|(other, least)| *other == before && *least <= time);
+                if !is_longer && !self.is_held(before, lanelet) {
+                    known.push((before, time));
                     left.push(Stretch { lanelet: before, front: road.lanelets()[before].length + s, time });
                 }
             }

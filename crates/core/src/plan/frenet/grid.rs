@@ -110,7 +110,7 @@ impl SampleGrid {
         end_times(settings, &mut self.end_times);
         self.choose_offsets(inputs);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
-        // Nobody becomes faster than the limit, not even to get out of another one's way.
+        // No sample accelerates beyond the limit, not even to get out of another one's way.
         let most = targets.limit.max(targets.velocity).max(start.s_dot);
         self.velocities.retain(|velocity| *velocity <= most + 1e-6);
         let from = [start.s, start.s_dot, start.s_ddot];
