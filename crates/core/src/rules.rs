@@ -238,6 +238,8 @@ pub struct Rules<'a> {
     pub dt: f64,
     /// The line in `Control::lines` before which the agent has stood long enough to pass it.
     pub served: Option<usize>,
+    /// The line that it was too near to stop at when its light changed.
+    pub passing: Option<usize>,
     /// How far its front may go before a crosswalk that is in use [m]; infinite without one.
     pub crosswalk: f64,
     /// It has to wait before a junction.
@@ -298,6 +300,7 @@ impl Default for Rules<'_> {
             entered: 0,
             dt: 0.1,
             served: None,
+            passing: None,
             crosswalk: f64::INFINITY,
             hold: None,
         }
@@ -309,7 +312,8 @@ impl Rules<'_> {
     /// that holds it; infinite without one. `front` is the arc length of its front [m].
     ///
     /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
-    /// `LIGHT_DECELERATION` at its present speed. So an agent that passes on yellow goes on without remembering it.
+    /// `LIGHT_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
+    /// long as it still cannot stop.
     pub fn stop(&self, way: &Way, front: f64, velocity: f64) -> f64 {
         let holding = way.crossings.iter().find(|crossing| crossing.s > front && self.holds(crossing, front, velocity));
         holding.map_or(f64::INFINITY, |crossing| crossing.s).min(front + self.crosswalk)
@@ -326,6 +330,11 @@ impl Rules<'_> {
         crossing.turns_on_red && self.control.signal(&crossing.lights, self.time_step) == Signal::Red
     }
 
+    /// Its lights were green or dark so many time steps ago.
+    fn may_pass(&self, crossing: &Crossing, steps: i64) -> bool {
+        matches!(self.control.signal(&crossing.lights, self.time_step - steps), Signal::Green | Signal::Dark)
+    }
+
     fn holds(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
         let (settings, distance) = (self.settings, crossing.s - front);
         let since_entry = (self.time_step - self.entered).max(0);
@@ -337,40 +346,54 @@ impl Rules<'_> {
         if settings.stop_signs && line.has_stop_sign && self.served != Some(crossing.line) && could_stop(since_entry) {
             return true;
         }
-        let may_pass = |steps: i64| {
-            matches!(self.control.signal(&crossing.lights, self.time_step - steps), Signal::Green | Signal::Dark)
-        };
-        if !settings.lights || crossing.lights.is_empty() || may_pass(0) {
+        if !settings.lights || crossing.lights.is_empty() || self.may_pass(crossing, 0) {
             return false;
         }
         if self.served == Some(crossing.line) && self.is_turn_on_red(crossing) {
             return false;
         }
+        if self.passing == Some(crossing.line) && !could_stop(0) {
+            return false;
+        }
         // Either it could have stopped when the light changed, or it is found too near for that.
-        let since_change = (1..=since_entry).take_while(|steps| !may_pass(*steps) && !could_stop(*steps - 1)).count();
+        let since_change = (1..=since_entry).take_while(|steps| !self.may_pass(crossing, *steps) && !could_stop(*steps - 1)).count();
         could_stop(since_change as i64)
     }
 }
 
-/// How long an agent has stood before a line that it may pass after stopping: that of a stop sign, or a red light beside
-/// which it may turn right.
+/// What an agent remembers of the lines ahead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stop {
-    /// Position of the line in `Control::lines`, and the steps.
+    /// How long it has stood before a line that it may pass after stopping (that of a stop sign, or a red light beside
+    /// which it may turn right): position of the line in `Control::lines`, and the steps.
     standing: Option<(usize, usize)>,
+    /// The line that it was too near to stop at when its light changed.
+    passing: Option<usize>,
 }
 
 impl Stop {
     /// One time step later, with the arc length of the agent's front on its way [m] and its speed [m/s].
     pub fn after(self, control: &Control, way: &Way, front: f64, velocity: f64) -> Self {
         let counts = |one: &&Crossing| one.turns_on_red || control.lines[one.line].has_stop_sign;
-        let near = way.crossings.iter().filter(counts).find(|one| one.s > front);
-        let Some(&Crossing { s, line, .. }) = near.filter(|one| one.s - front <= STOP_REACH) else {
-            return Self::default();
-        };
-        let steps = self.standing.filter(|(before, _)| *before == line).map_or(0, |(_, steps)| steps);
-        let stands = velocity.abs() <= STANDING && s >= front;
-        Self { standing: Some((line, steps + usize::from(stands))) }
+        let near = way.crossings.iter().filter(counts).find(|one| one.s > front && one.s - front <= STOP_REACH);
+        let standing = near.map(|&Crossing { line, .. }| {
+            let steps = self.standing.filter(|(before, _)| *before == line).map_or(0, |(_, steps)| steps);
+            (line, steps + usize::from(velocity.abs() <= STANDING))
+        });
+        Self { standing, ..self }
+    }
+
+    /// The same, having looked at the next light under the rules of now.
+    #[must_use]
+    pub fn looking(self, rules: &Rules, front: f64, velocity: f64) -> Self {
+        let next = rules.way.crossings.iter().find(|one| one.s > front && !one.lights.is_empty());
+        let goes_on = |one: &&Crossing| rules.settings.lights && !rules.may_pass(one, 0) && !rules.holds(one, front, velocity);
+        Self { passing: next.filter(goes_on).map(|one| one.line), ..self }
+    }
+
+    /// The line that it was too near to stop at when its light changed.
+    pub fn passing(self) -> Option<usize> {
+        self.passing
     }
 
     /// The line at which it has stood long enough.

@@ -283,6 +283,20 @@ impl World {
         for row in entered {
             self.note_contacts_of(row);
         }
+        if !self.scenario.control.lights.is_empty() {
+            self.look_at_lights();
+        }
+    }
+
+    /// Agents that are too near to stop for a light that has changed remember it.
+    fn look_at_lights(&mut self) {
+        for index in 0..self.drives.len() {
+            let drive = &self.drives[index];
+            if let Some(state) = self.states[drive.row] {
+                let stop = drive.stop.looking(&self.lines(drive), drive.front(), state.velocity.max(0.0));
+                self.drives[index].stop = stop;
+            }
+        }
     }
 
     fn note_contacts_of(&mut self, row: usize) {

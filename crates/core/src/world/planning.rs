@@ -174,6 +174,7 @@ impl World {
             entered: drive.agent.start_time_step,
             dt: self.scenario.dt,
             served: drive.stop.served(&drive.agent.rules, self.scenario.dt),
+            passing: drive.stop.passing(),
             crosswalk: f64::INFINITY,
             hold: None,
         }
