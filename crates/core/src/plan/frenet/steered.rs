@@ -16,8 +16,21 @@ use super::whole::{Whole, Wholes};
 use super::{Bar, length};
 use crate::geometry::{Point, wrap_angle};
 
-/// How far ahead the drivers look at the path [s].
-const PREVIEWS: [f64; 2] = [0.2, 0.6];
+/// How the drivers differ.
+struct Driver {
+    /// How far ahead it looks at the path [s].
+    preview: f64,
+    /// How far inside bends it aims [m], in full from `BEND` [1/m] on: the wheels of a vehicle that keeps its rear axle
+    /// on the path until the bend have to turn faster than they can, and it ends outside.
+    inside: f64,
+}
+
+const DRIVERS: [Driver; 3] = [
+    Driver { preview: 0.2, inside: 0.0 },
+    Driver { preview: 0.6, inside: 0.0 },
+    Driver { preview: 0.4, inside: 0.5 },
+];
+const BEND: f64 = 0.1;
 /// Offset and heading are corrected over the way of this time [s], but no less than this distance [m].
 const CORRECTION_TIME: f64 = 0.6;
 const CORRECTION_LENGTH: f64 = 2.5;
@@ -55,9 +68,9 @@ pub(super) fn steer_all(
         if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= bar.cost {
             continue;
         }
-        for preview in PREVIEWS {
+        for driver in &DRIVERS {
             let whole = wholes.push();
-            let last = steer(whole, request, (start, targets, limits), samples, profile, preview);
+            let last = steer(whole, request, (start, targets, limits), samples, profile, driver);
             let is_before_stop = last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0));
             let comes_further = length(whole.points.iter().map(|point| point.center)) > bar.distance;
             if is_before_stop && comes_further && obstacles.cover(&whole.points) {
@@ -76,7 +89,7 @@ fn steer(
     (start, targets, limits): (&Start, &Targets, &Limits),
     samples: &SampleGrid,
     profile: usize,
-    preview: f64,
+    driver: &Driver,
 ) -> Option<f64> {
     whole.points.clear();
     whole.motions.clear();
@@ -95,9 +108,10 @@ fn steer(
         let speed = motion.s_dot[i] * (1.0 + rest);
         let acceleration = motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon();
         if i > 0 {
-            let ahead = path.curvature_at(s + before * preview);
+            let ahead = path.curvature_at(s + before * driver.preview);
+            let offset = targets.offset + driver.inside * (ahead / BEND).clamp(-1.0, 1.0);
             let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
-            let wanted = corrected(ahead, d - targets.offset, heading - at.theta, distance);
+            let wanted = corrected(ahead, d - offset, heading - at.theta, distance);
             let mut next = limits.turned(curvature, wanted, (speed.max(before), acceleration), SHARE);
             if i == 1 && start.steers_freely() {
                 // Wheels of a standing vehicle turn before it drives off.
