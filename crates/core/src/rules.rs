@@ -356,7 +356,8 @@ impl Rules<'_> {
             return false;
         }
         // Either it could have stopped when the light changed, or it is found too near for that.
-        let since_change = (1..=since_entry).take_while(|steps| !self.may_pass(crossing, *steps) && !could_stop(*steps - 1)).count();
+        let since_change =
+            (1..=since_entry).take_while(|steps| !self.may_pass(crossing, *steps) && !could_stop(*steps - 1)).count();
         could_stop(since_change as i64)
     }
 }
@@ -387,7 +388,8 @@ impl Stop {
     #[must_use]
     pub fn looking(self, rules: &Rules, front: f64, velocity: f64) -> Self {
         let next = rules.way.crossings.iter().find(|one| one.s > front && !one.lights.is_empty());
-        let goes_on = |one: &&Crossing| rules.settings.lights && !rules.may_pass(one, 0) && !rules.holds(one, front, velocity);
+        let goes_on =
+            |one: &&Crossing| rules.settings.lights && !rules.may_pass(one, 0) && !rules.holds(one, front, velocity);
         Self { passing: next.filter(goes_on).map(|one| one.line), ..self }
     }
 

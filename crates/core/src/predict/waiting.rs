@@ -8,6 +8,12 @@ const BRAKING: f64 = 1.5;
 const STARTING: f64 = 1.5;
 /// Modes that pass the line further aside take another way [m].
 const ASIDE: f64 = 3.0;
+/// A vehicle that keeps to its order is spread along its way by no more than this [m], ...
+const SPREAD: f64 = 0.2;
+/// ... and this share of the way that is left to the line, ...
+const SPREAD_SHARE: f64 = 0.5;
+/// ... and as much more after its release [m/s].
+const SPREAD_RATE: f64 = 1.0;
 
 /// Where and for how long a vehicle waits.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +26,8 @@ pub struct Waiting {
     pub to_front: f64,
 }
 
-/// Lets the modes of a row wait. What is expected at a place stays expected there, at a later time.
+/// Lets the modes of a row wait. What is expected at a place stays expected there, at a later time; but none of the
+/// spread lies far beyond the line that the vehicle keeps to.
 pub fn wait(table: &mut Predictions, row: usize, state: &State, waiting: &Waiting, dt: f64) {
     let mut drive = Vec::with_capacity(table.n_steps + 1);
     for mode in 0..table.n_modes {
@@ -46,8 +53,15 @@ pub fn wait(table: &mut Predictions, row: usize, state: &State, waiting: &Waitin
         drive[0].covariance = drive[1].covariance;
         if let Some(stop) = stop(&drive, waiting) {
             let delayed = delayed(&drive, (state.velocity.max(0.0), stop), waiting.release, dt);
-            for (i, (sample, velocity)) in (start..).zip(delayed) {
-                super::write(table, i, sample.pose, velocity, sample.covariance);
+            for (k, (sample, velocity)) in delayed.into_iter().enumerate() {
+                let spread = spread(waiting, &sample, (k + 1) as f64 * dt);
+                super::write(table, start + k, sample.pose, velocity, sample.narrowed(spread));
+            }
+        } else {
+            for (k, sample) in drive.iter().enumerate().skip(1) {
+                let spread = spread(waiting, sample, k as f64 * dt);
+                let i = start + k - 1;
+                (table.covariance_xx[i], table.covariance_xy[i], table.covariance_yy[i]) = sample.narrowed(spread);
             }
         }
     }
@@ -63,6 +77,24 @@ struct Sample {
 }
 
 impl Sample {
+    /// Its covariance with a standard deviation along its heading of at most this [m].
+    fn narrowed(&self, spread: f64) -> (f64, f64, f64) {
+        let (xx, xy, yy) = self.covariance;
+        let Point { x, y } = Point::from_angle(self.pose.orientation);
+        let along = x * x * xx + 2.0 * x * y * xy + y * y * yy;
+        if along <= spread * spread {
+            return self.covariance;
+        }
+        // Squeezed by the factor along the heading: T C T with T = 1 + (factor - 1) u u'.
+        let less = spread / along.sqrt() - 1.0;
+        let (a, b, c) = (1.0 + less * x * x, less * x * y, 1.0 + less * y * y);
+        (
+            a * a * xx + 2.0 * a * b * xy + b * b * yy,
+            a * b * xx + (a * c + b * b) * xy + b * c * yy,
+            b * b * xx + 2.0 * b * c * xy + c * c * yy,
+        )
+    }
+
     fn between(a: &Self, b: &Self, share: f64) -> Self {
         let mix = |a: f64, b: f64| a + share * (b - a);
         let turn = crate::geometry::wrap_angle(b.pose.orientation - a.pose.orientation);
@@ -81,14 +113,28 @@ impl Sample {
     }
 }
 
+impl Waiting {
+    /// How far the front is beyond the line, and aside of its middle [m].
+    fn beyond(&self, sample: &Sample) -> (f64, f64) {
+        let axis = Point::from_angle(self.line.orientation);
+        let front = sample.pose.position + Point::from_angle(sample.pose.orientation) * self.to_front;
+        let from_line = front - self.line.position;
+        (from_line.dot(axis), from_line.cross(axis).abs())
+    }
+}
+
+/// The largest spread along its way of a vehicle that is expected somewhere after a time [s]; infinite on other ways.
+fn spread(waiting: &Waiting, sample: &Sample, time: f64) -> f64 {
+    let (beyond, aside) = waiting.beyond(sample);
+    if aside >= ASIDE {
+        return f64::INFINITY;
+    }
+    SPREAD + SPREAD_SHARE * (-beyond).max(0.0) + SPREAD_RATE * (time - waiting.release).max(0.0)
+}
+
 /// The way after which the front is at the line [m]; `None` if the mode does not pass it.
 fn stop(drive: &[Sample], waiting: &Waiting) -> Option<f64> {
-    let axis = Point::from_angle(waiting.line.orientation);
-    let beyond = |sample: &Sample| {
-        let front = sample.pose.position + Point::from_angle(sample.pose.orientation) * waiting.to_front;
-        let from_line = front - waiting.line.position;
-        (from_line.dot(axis), from_line.cross(axis).abs())
-    };
+    let beyond = |sample: &Sample| waiting.beyond(sample);
     let mut last = beyond(&drive[0]);
     if last.0 > 0.0 {
         return (last.0 < waiting.to_front && last.1 < ASIDE).then_some(0.0);
@@ -193,6 +239,45 @@ mod tests {
         assert!(table.x[79] + TO_FRONT > LINE + 1.0, "{} m at 8 s", table.x[79]);
         assert!(table.velocity.windows(2).all(|pair| pair[1] - pair[0] <= 1.5 * DT + 1e-9));
         assert!(table.velocity[79] <= 7.0);
+    }
+
+    #[test]
+    fn the_spread_of_a_vehicle_that_waits_hardly_reaches_beyond_the_line() {
+        // It stands 0.75 m before the line, or drives straight at an angle of 0.3 rad to the axes.
+        for (velocity, angle) in [(0.0, 0.0), (5.0, 0.3_f64)] {
+            let axis = Point::from_angle(angle);
+            let (mut table, mut state) = expected(0.0, 0.0);
+            for k in 0..80 {
+                let travelled = velocity * (k + 1) as f64 * DT;
+                let pose = Pose { position: axis * travelled, orientation: angle };
+                // 2.5 m along the way, 0.4 m across.
+                let (along, across) = (6.25, 0.16);
+                let covariance = (
+                    along * axis.x * axis.x + across * axis.y * axis.y,
+                    (along - across) * axis.x * axis.y,
+                    along * axis.y * axis.y + across * axis.x * axis.x,
+                );
+                crate::predict::write(&mut table, k, pose, velocity, covariance);
+            }
+            (state.velocity, state.orientation) = (velocity, angle);
+            let to_line = if velocity > 0.0 { LINE } else { 3.0 };
+            let line = Pose { position: axis * to_line, orientation: angle };
+            wait(&mut table, 0, &state, &Waiting { line, release: 6.0, to_front: TO_FRONT }, DT);
+            let (mut reach, mut late) = (0.0_f64, 0.0_f64);
+            for k in 0..80 {
+                let (xx, xy, yy) = (table.covariance_xx[k], table.covariance_xy[k], table.covariance_yy[k]);
+                let spread = |u: Point| (u.x * u.x * xx + 2.0 * u.x * u.y * xy + u.y * u.y * yy).sqrt();
+                let front = Point::new(table.x[k], table.y[k]).dot(axis) + TO_FRONT;
+                assert!((spread(Point::new(-axis.y, axis.x)) - 0.4).abs() < 1e-9, "across it stays");
+                if k < 60 {
+                    reach = reach.max(front + 2.0 * spread(axis) - to_line);
+                } else {
+                    late = spread(axis);
+                }
+            }
+            assert!((0.3..0.41).contains(&reach), "{reach} m: twice 0.2 m");
+            assert!(late > 2.0, "2 s after its release: {late} m");
+        }
     }
 
     #[test]

@@ -72,6 +72,28 @@ fn an_agent_that_enters_too_near_to_a_red_light_is_not_held() {
 }
 
 #[test]
+fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_cannot_stop() {
+    let light = scenario(&[(100, Signal::Green), (30, Signal::Yellow), (500, Signal::Red)], false);
+    let settings = RulesSettings::default();
+    let way = Way::along(&path(), &[0, 1], &light, &settings);
+    let at = |time_step: i64, stop: Stop| {
+        let passing = stop.passing();
+        Rules { control: &light.control, settings: &settings, way: &way, time_step, passing, ..Rules::default() }
+    };
+    // 14² / (2 · 27 m) = 3.63 m/s²: it goes on, and slows down for something else.
+    let near = Stop::default().looking(&at(100, Stop::default()), 73.0, 14.0);
+    assert_eq!(near.passing(), Some(0));
+    // 12 m/s, 12 m before the line, 1.2 s later: 6 m/s². At this speed it could have stopped when the light changed.
+    assert!(at(112, Stop::default()).stop(&way, 88.0, 12.0).is_finite(), "without memory it brakes hard");
+    assert!(at(112, near).stop(&way, 88.0, 12.0).is_infinite());
+    // 5 m/s, 5 m before it: 2.5 m/s².
+    assert!(at(118, near).stop(&way, 95.0, 5.0).is_finite(), "it can stop");
+    assert_eq!(near.looking(&at(118, near), 95.0, 5.0).passing(), None, "and then it has to");
+    assert_eq!(near.looking(&at(118, near), 101.0, 12.0).passing(), None, "behind the line it is forgotten");
+    assert_eq!(near.looking(&at(700, near), 88.0, 12.0).passing(), None, "on green, too");
+}
+
+#[test]
 fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     let scenario = scenario(&[], true);
     let settings = RulesSettings::default();

@@ -25,11 +25,8 @@ struct Driver {
     inside: f64,
 }
 
-const DRIVERS: [Driver; 3] = [
-    Driver { preview: 0.2, inside: 0.0 },
-    Driver { preview: 0.6, inside: 0.0 },
-    Driver { preview: 0.4, inside: 0.5 },
-];
+const DRIVERS: [Driver; 3] =
+    [Driver { preview: 0.2, inside: 0.0 }, Driver { preview: 0.6, inside: 0.0 }, Driver { preview: 0.4, inside: 0.5 }];
 const BEND: f64 = 0.1;
 /// Offset and heading are corrected over the way of this time [s], but no less than this distance [m].
 const CORRECTION_TIME: f64 = 0.6;

@@ -92,3 +92,37 @@ fn only_samples_that_are_cheaper_and_clearly_faster_are_missed() {
     }
     assert!(Bar::NONE.is_held_by_limits(&[(50.0, 0.0)]), "any is better than no plan");
 }
+
+#[test]
+fn the_driver_that_aims_inside_goes_through_a_bend_further_inside_than_the_others() {
+    let settings = FrenetSettings::default();
+    let radius = 6.0;
+    let mut center = straight((0.0, 0.0), (30.0, 0.0));
+    center.extend(arc((30.0, radius), radius, -FRAC_PI_2, 0.0).into_iter().skip(1));
+    center.extend(straight((30.0 + radius, radius), (30.0 + radius, radius + 40.0)).into_iter().skip(1));
+    // 3 m before a left bend.
+    let mut drive = Drive::on(open(vec![lane(1, &center)]), &center, 27.0, 5.0);
+    drive.entry_velocity = 5.0;
+    drive.with_request(|request| {
+        let mut memory = FrenetMemory::default();
+        attempt(request, &settings, &mut memory, Premises::STATED);
+        let start = Start::new(request, true).expect("on its path");
+        let limits = Limits::new(request, 31, start.curvature, 1.0);
+        let targets = Targets::new(request, &start, &settings);
+        let FrenetMemory { wholes, obstacles, samples, .. } = &mut memory;
+        let state = (&start, &targets, &limits);
+        steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Bar::NONE);
+        let wholes: Vec<_> = wholes.iter().collect();
+        let mut n = 0;
+        // Each speed has three drivers, this one is the last.
+        for drivers in wholes.chunks(3) {
+            let [on_time, early, inside] = [0, 1, 2]
+                .map(|driver| drivers[driver].points.iter().map(|point| point.d).fold(f64::NEG_INFINITY, f64::max));
+            if drivers[0].points.iter().any(|point| point.curvature > 0.1) {
+                assert!(inside > on_time + 0.1 && inside > early, "{on_time}, {early} and {inside} m");
+                n += 1;
+            }
+        }
+        assert!(n > 5, "{n}");
+    });
+}
