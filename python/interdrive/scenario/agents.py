@@ -60,6 +60,8 @@ class GoalSettings:
         time_early: The agent may arrive this much earlier than recorded; inf: arbitrarily early.
         time_late: The agent is late if it arrives more than this after the recorded time.
         velocity_tolerance: Allowed difference from the last recorded speed.
+        limit_share: No goal demands more than this share of the speed limit there, however fast the recording is; inf:
+            the limit does not count.
         orientation_tolerance: Allowed difference from the lane's direction there.
     """
 
@@ -68,6 +70,7 @@ class GoalSettings:
     time_early: Annotated[float, "s"] = math.inf
     time_late: Annotated[float, "s"] = 1.0
     velocity_tolerance: Annotated[float, "m/s"] = 5.0
+    limit_share: float = 0.9
     orientation_tolerance: Annotated[float, "rad"] = 0.5
 
     def __post_init__(self) -> None:
@@ -78,7 +81,7 @@ class GoalSettings:
         for name in ("length_before", "length_after", "time_late"):
             if not getattr(self, name) <= 1e5:
                 raise InputError(name, f"must be at most 100000, not {getattr(self, name)}")
-        for name in ("velocity_tolerance", "orientation_tolerance"):
+        for name in ("velocity_tolerance", "limit_share", "orientation_tolerance"):
             if not getattr(self, name) > 0:
                 raise InputError(name, f"must be positive, is {getattr(self, name)}")
 
@@ -362,6 +365,9 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
     orientation, velocity = value(obstacles.orientation, last), value(obstacles.velocity, last)
     areas, lane_orientation = _goal_areas(road, x, y, orientation, settings)
     early = settings.time_early / scenario.dt
+    lowest = min(
+        velocity - settings.velocity_tolerance, settings.limit_share * _speed_limit(scenario, road, (x, y, orientation))
+    )
     goal = GoalState(
         areas=areas,
         lanelet_ids=(),
@@ -369,7 +375,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
             first + 1 if math.isinf(early) else max(first + 1, last - round(early)),
             last + round(settings.time_late / scenario.dt),
         ),
-        velocity=(max(0.0, velocity - settings.velocity_tolerance), velocity + settings.velocity_tolerance),
+        velocity=(max(0.0, lowest), velocity + settings.velocity_tolerance),
         orientation=(
             lane_orientation - settings.orientation_tolerance,
             lane_orientation + settings.orientation_tolerance,
@@ -385,6 +391,14 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
         goal=(goal,),
         velocity_max=float(np.nanmax(obstacles.velocity[row])),
     )
+
+
+def _speed_limit(scenario: Scenario, road: _core.RoadNetwork, pose: tuple[float, float, float]) -> float:
+    """The highest speed limit of the lanelets that a pose lies on [m/s]; inf if one has none."""
+    lanelets = scenario.lanelets
+    rows = [int(np.searchsorted(lanelets.ids, found[0])) for found in road.matching(*pose, 1.0, math.pi / 2)]
+    limits = lanelets.speed_limit[rows]
+    return float(limits.max()) if rows and np.isfinite(limits).all() else math.inf
 
 
 def _goal_areas(

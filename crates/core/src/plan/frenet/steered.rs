@@ -20,13 +20,12 @@ use crate::geometry::{Point, wrap_angle};
 struct Driver {
     /// How far ahead it looks at the path [s].
     preview: f64,
-    /// How far inside bends it aims [m], in full from `BEND` [1/m] on: the wheels of a vehicle that keeps its rear axle
-    /// on the path until the bend have to turn faster than they can, and it ends outside.
+    /// How far inside bends it aims [m], in full from `BEND` [1/m] on: a vehicle that keeps its rear axle on the path until
+    /// the bend cannot turn its wheels fast enough, and ends outside.
     inside: f64,
 }
 
-const DRIVERS: [Driver; 3] =
-    [Driver { preview: 0.2, inside: 0.0 }, Driver { preview: 0.6, inside: 0.0 }, Driver { preview: 0.4, inside: 0.5 }];
+const DRIVERS: [Driver; 2] = [Driver { preview: 0.6, inside: 0.0 }, Driver { preview: 0.3, inside: 0.5 }];
 const BEND: f64 = 0.1;
 /// Offset and heading are corrected over the way of this time [s], but no less than this distance [m].
 const CORRECTION_TIME: f64 = 0.6;
