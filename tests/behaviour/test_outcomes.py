@@ -1,5 +1,7 @@
 """How agents end, each in a world made for it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drivers import Straight, Turning
@@ -35,6 +37,17 @@ def test_an_agent_that_passes_its_goal_too_early_misses_it():
     end, time_step, _ = outcome_of(scenario)
     assert end == "goal_missed"
     assert 45 < time_step < 55  # the far edge is 45 m away, at 10 m/s
+
+
+@pytest.mark.parametrize(("share", "outcome", "lowest"), [(0.9, "goal_reached", 9.0), (np.inf, "goal_missed", 15.0)])
+def test_a_recording_far_above_the_limit_makes_a_goal_that_a_lawful_agent_reaches(share, outcome, lowest):
+    # It drives 80 m at 20 m/s, where 10 m/s are allowed; with 5 m/s of tolerance that demands 15 m/s.
+    road = straight_road()
+    road = replace(road, speed_limit=np.full(len(road.ids), 10.0))
+    scenario = world(road, cars=[Car(7, 20.0, velocity=20.0, last=40)])
+    run = simulate(scenario, agents=[7], settings={"goal.limit_share": share, "goal.time_late": 10.0}, threads=1)
+    assert run.agents[0].goal[0].velocity == pytest.approx((lowest, 25.0)), "m/s"
+    assert run.outcomes.outcome == (outcome,)
 
 
 def test_an_agent_that_hits_a_standing_car_collides_with_it_at_its_own_speed():

@@ -186,6 +186,13 @@ def test_limits_are_metres_per_second_in_every_country(read, country, code, limi
     assert read(text).lanelets.speed_limit[0] == limit
 
 
+@pytest.mark.parametrize(("limit", "n"), [(45.0, 0), (50.0, 1)])
+def test_a_limit_that_is_probably_in_km_per_hour_is_kept_and_noted(read, limit, n):
+    scenario = read(junction('<trafficSignRef ref="7"/>', cr.speed_sign(7, limit)))
+    assert scenario.lanelets.speed_limit[0] == limit
+    assert sum("probably km/h" in note and note.endswith(" 7") for note in scenario.notes) == n
+
+
 @pytest.mark.parametrize(("own", "limit"), [(8.0, 8.0), (12.0, 10.0)])
 def test_of_a_sign_and_the_limit_of_a_lanelet_in_2018b_the_lower_one_counts(read, own, limit):
     text = junction(f'<trafficSignRef ref="7"/><speedLimit>{own}</speedLimit>', cr.speed_sign(7, 10.0))

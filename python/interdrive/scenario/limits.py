@@ -46,6 +46,8 @@ LARGEST_ANGLE = 1000.0
 SMALLEST_SIZE, LARGEST_FOOTPRINT = 1e-6, 1e5
 #: Speed limits above this [m/s] are probably in a wrong unit and are ignored.
 LARGEST_SPEED_LIMIT = 150.0
+#: Those above this [m/s] (162 km/h) are kept, and noted.
+USUAL_SPEED_LIMIT = 45.0
 
 #: Length of one lanelet, of all lanelets together, and extent of the map along an axis [m].
 LONGEST_LANELET, LONGEST_ROADS, LARGEST_EXTENT = 1e5, 2e6, 1e6

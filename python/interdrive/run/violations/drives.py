@@ -76,10 +76,14 @@ class Drives:
         ahead = 0.5 * self.length[:, None]
         return self.x + ahead * np.cos(self.orientation), self.y + ahead * np.sin(self.orientation)
 
-    def was_too_near(self, k: int, since: int, column: int) -> bool:
-        """Stopping where it is in a column took more than before a light, since another one or since it entered."""
+    def was_too_near(self, k: int, since: int, column: int, beyond: float = 0.0) -> bool:
+        """Stopping took more than before a light, since a column or since it entered.
+
+        It is `beyond` [m] behind the place in a column.
+        """
         since = max(since, int(np.argmax(self.valid[k])))
-        way = float(np.abs(self.velocity[k, since:column]).sum() * self.dt)
+        speeds = np.abs(self.velocity[k, since : column + 1])
+        way = float(0.5 * (speeds[1:] + speeds[:-1]).sum() * self.dt) - beyond
         return bool(self.velocity[k, since] ** 2 > 2.0 * _core.LIGHT_DECELERATION * way)
 
     def row(

@@ -34,6 +34,7 @@ class Passing(NamedTuple):
         line: The line.
         shown: What the lights of its way show, as positions in `SIGNALS`, by columns.
         may_turn_on_red: It takes a way onto which drivers may turn on red after stopping.
+        beyond: How far its front is beyond the line then [m].
     """
 
     vehicle: int
@@ -41,6 +42,7 @@ class Passing(NamedTuple):
     line: StopLine
     shown: Ints
     may_turn_on_red: bool = False
+    beyond: float = 0.0
 
     @property
     def is_red(self) -> bool:
@@ -60,13 +62,13 @@ def passings(drives: Drives, scenario: Scenario, road: _core.RoadNetwork) -> lis
     n_steps = drives.first_time_step + drives.valid.shape[1]
     found = []
     for line in scenario.stop_lines:
-        for k, column in _crossings(drives, line, scenario):
+        for k, column, beyond in _crossings(drives, line, scenario):
             ways = _ways_taken(drives, line, road, k, column)
             counting = sorted(
                 {i for following, lights_there in line.light_ids if following in ways for i in lights_there}
             )
             shown = shown_together([lights[i] for i in counting], n_steps)[drives.first_time_step :]
-            found.append(Passing(k, column, line, shown, bool(ways) and ways <= set(line.turns_on_red)))
+            found.append(Passing(k, column, line, shown, bool(ways) and ways <= set(line.turns_on_red), beyond))
     return found
 
 
@@ -74,7 +76,7 @@ def line_rules(drives: Drives, passed: list[Passing], road: _core.RoadNetwork) -
     """Red lights and stop signs that were passed."""
     rows = []
     for one in passed:
-        k, column, line, shown, may_turn = one
+        k, column, line, shown, may_turn, beyond = one
         if not drives.sources[k]:
             continue
         least = _least_speed(drives, line, k, column) if line.has_stop_sign or may_turn else np.inf
@@ -82,14 +84,14 @@ def line_rules(drives: Drives, passed: list[Passing], road: _core.RoadNetwork) -
             rows.append(drives.row(k, "stop_sign", (column, column), least, road=road, lanelet=line.lanelet_id))
         if may_turn and least <= STOP_SPEED:
             continue
-        if one.is_red and not drives.was_too_near(k, _last_change(shown, column), column):
+        if one.is_red and not drives.was_too_near(k, _last_change(shown, column), column, beyond):
             red = (column - _last(shown[: column + 1] != _RED)) * drives.dt
             rows.append(drives.row(k, "red_light", (column, column), red, road=road, lanelet=line.lanelet_id))
     return rows
 
 
-def _crossings(drives: Drives, line: StopLine, scenario: Scenario) -> list[tuple[int, int]]:
-    """Vehicle and step of every front that has just crossed the line in the direction of its lanelet."""
+def _crossings(drives: Drives, line: StopLine, scenario: Scenario) -> list[tuple[int, int, float]]:
+    """Vehicle and step of every front that has just crossed the line along its lanelet, and by how much [m]."""
     row = int(np.searchsorted(scenario.lanelets.ids, line.lanelet_id))
     middle = 0.5 * (scenario.lanelets.left[row][-2:] + scenario.lanelets.right[row][-2:])
     ahead = middle[1] - middle[0]
@@ -105,7 +107,7 @@ def _crossings(drives: Drives, line: StopLine, scenario: Scenario) -> list[tuple
     there = drives.valid[:, 1:] & drives.valid[:, :-1]
     crossed = there & (past[:, :-1] < 0.0) & (past[:, 1:] >= 0.0) & (within[:, 1:] | within[:, :-1])
     along = np.cos(drives.orientation[:, 1:] - np.arctan2(ahead[1], ahead[0])) > 0.5
-    return [(int(k), int(step) + 1) for k, step in np.argwhere(crossed & along)]
+    return [(int(k), int(step) + 1, float(past[k, step + 1])) for k, step in np.argwhere(crossed & along)]
 
 
 def _ways_taken(drives: Drives, line: StopLine, road: _core.RoadNetwork, k: int, step: int) -> set[int]:
