@@ -85,6 +85,16 @@ def test_at_a_limit_of_30_mph_an_agent_stops_for_yellow_30_m_before_the_line_but
     assert broken(run) == []
 
 
+def test_an_agent_too_near_to_stop_for_yellow_goes_on_although_it_slows_down_for_the_limit(tmp_path):
+    # It enters 27 m before the line with 14 m/s, where stopping takes 3.6 m/s², and slows down to the limit of 10 m/s.
+    start = {"x": 100.0 - 27.0 - HALF, "speed": 14.0, "limit": 10.0, "goal": (0, 100)}
+    run = idr.simulate(road(tmp_path, phases=(("yellow", 30), ("red", 5000)), **start), threads=1)
+    velocity = run.states.velocity[0, run.states.valid[0]]
+    assert front(run).max() > 130.0, "m"
+    assert velocity.min() > 9.0 and np.diff(velocity).min() > -0.45, "m/s, per step"
+    assert broken(run) == []
+
+
 @pytest.mark.parametrize(("x", "passes"), [(84.0, True), (75.0, False)])
 def test_an_agent_stops_for_yellow_if_it_is_not_too_near(tmp_path, x, passes):
     # After the first step its front is 12.75 m before the line, so that stopping takes 3.9 m/s²; or 21.75 m, 2.3 m/s².

@@ -1,6 +1,6 @@
 //! Rules of the road that an agent obeys: speed limits, traffic lights, stop signs, crosswalks and right of way. They
 //! follow from the map, the lights as they are now, and the motion of those that an agent sees; what it remembers (of a
-//! stop sign, a crosswalk, its order at a junction) is part of the world.
+//! stop sign, a light, a crosswalk, its order at a junction) is part of the world.
 
 mod arbitration;
 mod circles;
@@ -384,12 +384,16 @@ impl Stop {
         Self { standing, ..self }
     }
 
-    /// The same, having looked at the next light under the rules of now.
+    /// The same, having looked at the next light under the rules of now. That the agent is too near is found when the
+    /// light changes or the agent enters; later it may have become faster.
     #[must_use]
     pub fn looking(self, rules: &Rules, front: f64, velocity: f64) -> Self {
         let next = rules.way.crossings.iter().find(|one| one.s > front && !one.lights.is_empty());
-        let goes_on =
-            |one: &&Crossing| rules.settings.lights && !rules.may_pass(one, 0) && !rules.holds(one, front, velocity);
+        let begins = |one: &Crossing| rules.time_step <= rules.entered || rules.may_pass(one, 1);
+        let goes_on = |one: &&Crossing| {
+            let is_lit = rules.settings.lights && !rules.may_pass(one, 0);
+            is_lit && (begins(one) || self.passing == Some(one.line)) && !rules.holds(one, front, velocity)
+        };
         Self { passing: next.filter(goes_on).map(|one| one.line), ..self }
     }
 

@@ -201,7 +201,10 @@ def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> floa
             if 0.0 < limit <= limits.LARGEST_SPEED_LIMIT:
                 found.append(limit)
                 if limit > limits.USUAL_SPEED_LIMIT:
-                    notes.add("speed limits above 45 m/s, probably km/h, kept; traffic signs", int(number))
+                    notes.add(
+                        f"speed limits above {limits.USUAL_SPEED_LIMIT:g} m/s, probably km/h, kept; traffic signs",
+                        int(number),
+                    )
             else:
                 notes.add("speed limits without a sensible value left out, traffic signs", int(number))
     return min(found or town, default=np.nan)

@@ -60,8 +60,8 @@ class GoalSettings:
         time_early: The agent may arrive this much earlier than recorded; inf: arbitrarily early.
         time_late: The agent is late if it arrives more than this after the recorded time.
         velocity_tolerance: Allowed difference from the last recorded speed.
-        limit_share: No goal demands more than this share of the speed limit there, however fast the recording is; inf:
-            the limit does not count.
+        limit_share: No goal demands more than this share of the speed limit there, whatever `rules.speed_factor` is and
+            however fast the recording; inf: the limit does not count.
         orientation_tolerance: Allowed difference from the lane's direction there.
     """
 
@@ -365,9 +365,8 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
     orientation, velocity = value(obstacles.orientation, last), value(obstacles.velocity, last)
     areas, lane_orientation = _goal_areas(road, x, y, orientation, settings)
     early = settings.time_early / scenario.dt
-    lowest = min(
-        velocity - settings.velocity_tolerance, settings.limit_share * _speed_limit(scenario, road, (x, y, orientation))
-    )
+    limit = float(road.lane_rules(np.array([x]), np.array([y]), np.array([orientation]))[0][0])
+    allowed = math.inf if math.isnan(limit) else settings.limit_share * limit
     goal = GoalState(
         areas=areas,
         lanelet_ids=(),
@@ -375,7 +374,10 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
             first + 1 if math.isinf(early) else max(first + 1, last - round(early)),
             last + round(settings.time_late / scenario.dt),
         ),
-        velocity=(max(0.0, lowest), velocity + settings.velocity_tolerance),
+        velocity=(
+            max(0.0, min(velocity - settings.velocity_tolerance, allowed)),
+            velocity + settings.velocity_tolerance,
+        ),
         orientation=(
             lane_orientation - settings.orientation_tolerance,
             lane_orientation + settings.orientation_tolerance,
@@ -391,14 +393,6 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
         goal=(goal,),
         velocity_max=float(np.nanmax(obstacles.velocity[row])),
     )
-
-
-def _speed_limit(scenario: Scenario, road: _core.RoadNetwork, pose: tuple[float, float, float]) -> float:
-    """The highest speed limit of the lanelets that a pose lies on [m/s]; inf if one has none."""
-    lanelets = scenario.lanelets
-    rows = [int(np.searchsorted(lanelets.ids, found[0])) for found in road.matching(*pose, 1.0, math.pi / 2)]
-    limits = lanelets.speed_limit[rows]
-    return float(limits.max()) if rows and np.isfinite(limits).all() else math.inf
 
 
 def _goal_areas(

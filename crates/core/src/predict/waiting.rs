@@ -8,11 +8,10 @@ const BRAKING: f64 = 1.5;
 const STARTING: f64 = 1.5;
 /// Modes that pass the line further aside take another way [m].
 const ASIDE: f64 = 3.0;
-/// A vehicle that keeps to its order is spread along its way by no more than this [m], ...
+/// A vehicle that keeps to its order has a standard deviation along its way of at most this [m], plus this share of the
+/// distance from its front to the line, plus this for each second after its release [m/s].
 const SPREAD: f64 = 0.2;
-/// ... and this share of the way that is left to the line, ...
 const SPREAD_SHARE: f64 = 0.5;
-/// ... and as much more after its release [m/s].
 const SPREAD_RATE: f64 = 1.0;
 
 /// Where and for how long a vehicle waits.
@@ -26,8 +25,8 @@ pub struct Waiting {
     pub to_front: f64,
 }
 
-/// Lets the modes of a row wait. What is expected at a place stays expected there, at a later time; but none of the
-/// spread lies far beyond the line that the vehicle keeps to.
+/// Lets the modes of a row wait. What is expected at a place stays expected there, at a later time; but before
+/// the release its spread hardly reaches beyond the line.
 pub fn wait(table: &mut Predictions, row: usize, state: &State, waiting: &Waiting, dt: f64) {
     let mut drive = Vec::with_capacity(table.n_steps + 1);
     for mode in 0..table.n_modes {
@@ -123,7 +122,7 @@ impl Waiting {
     }
 }
 
-/// The largest spread along its way of a vehicle that is expected somewhere after a time [s]; infinite on other ways.
+/// The largest spread along its way of a vehicle that is expected somewhere after a time [s]; infinite aside of the line.
 fn spread(waiting: &Waiting, sample: &Sample, time: f64) -> f64 {
     let (beyond, aside) = waiting.beyond(sample);
     if aside >= ASIDE {

@@ -83,6 +83,8 @@ fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_
     // 14² / (2 · 27 m) = 3.63 m/s²: it goes on, and slows down for something else.
     let near = Stop::default().looking(&at(100, Stop::default()), 73.0, 14.0);
     assert_eq!(near.passing(), Some(0));
+    // One that could have stopped, and is faster a step later, does not become too near.
+    assert_eq!(Stop::default().looking(&at(101, Stop::default()), 73.0, 14.0).passing(), None);
     // 12 m/s, 12 m before the line, 1.2 s later: 6 m/s². At this speed it could have stopped when the light changed.
     assert!(at(112, Stop::default()).stop(&way, 88.0, 12.0).is_finite(), "without memory it brakes hard");
     assert!(at(112, near).stop(&way, 88.0, 12.0).is_infinite());

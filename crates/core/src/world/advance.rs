@@ -71,6 +71,7 @@ impl World {
         }
         // The final state of an agent that ends now is recorded; from the next step on it is gone.
         self.enter(self.time_step);
+        self.look_at_lights();
         self.recording.push(&self.states);
         for drive in &self.drives {
             if drive.outcome.kind != OutcomeKind::Running {
@@ -283,16 +284,16 @@ impl World {
         for row in entered {
             self.note_contacts_of(row);
         }
-        if !self.scenario.control.lights.is_empty() {
-            self.look_at_lights();
-        }
     }
 
     /// Agents that are too near to stop for a light that has changed remember it.
-    fn look_at_lights(&mut self) {
+    pub(super) fn look_at_lights(&mut self) {
+        if self.scenario.control.lights.is_empty() {
+            return;
+        }
         for index in 0..self.drives.len() {
             let drive = &self.drives[index];
-            if let Some(state) = self.states[drive.row] {
+            if let Some(state) = self.states[drive.row].filter(|_| drive.is_driving(self.time_step)) {
                 let stop = drive.stop.looking(&self.lines(drive), drive.front(), state.velocity.max(0.0));
                 self.drives[index].stop = stop;
             }

@@ -80,7 +80,7 @@ struct Drive {
     course: Arc<Course>,
     /// What it remembers of the next ones.
     memory: Memory,
-    /// How long it has stood before a line that it may pass after stopping.
+    /// What it remembers of the lines ahead.
     stop: Stop,
     /// The crosswalk on its way before which it was told to wait at the last step.
     crosswalk: Option<usize>,

@@ -144,6 +144,7 @@ impl World {
         self.network = None;
         self.equip();
         self.enter(first_time_step);
+        self.look_at_lights();
         self.recording.push(&self.states);
     }
 }

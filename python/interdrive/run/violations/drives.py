@@ -76,10 +76,10 @@ class Drives:
         ahead = 0.5 * self.length[:, None]
         return self.x + ahead * np.cos(self.orientation), self.y + ahead * np.sin(self.orientation)
 
-    def was_too_near(self, k: int, since: int, column: int, beyond: float = 0.0) -> bool:
-        """Stopping took more than before a light, since a column or since it entered.
+    def was_too_near(self, k: int, since: int, column: int, beyond: float) -> bool:
+        """Whether stopping would have taken more than is asked for before a light, from `since` or its entry on.
 
-        It is `beyond` [m] behind the place in a column.
+        The place to stop at lies `beyond` [m] behind its front in a column.
         """
         since = max(since, int(np.argmax(self.valid[k])))
         speeds = np.abs(self.velocity[k, since : column + 1])

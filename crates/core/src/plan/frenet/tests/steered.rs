@@ -96,12 +96,19 @@ fn only_samples_that_are_cheaper_and_clearly_faster_are_missed() {
 
 #[test]
 fn the_driver_that_aims_inside_goes_through_a_bend_further_inside_than_the_other() {
+    further_inside(1.0);
+    further_inside(-1.0);
+}
+
+/// In a bend to the left or, mirrored, to the right.
+fn further_inside(side: f64) {
     let settings = FrenetSettings::default();
     let radius = 6.0;
     let mut center = straight((0.0, 0.0), (30.0, 0.0));
     center.extend(arc((30.0, radius), radius, -FRAC_PI_2, 0.0).into_iter().skip(1));
     center.extend(straight((30.0 + radius, radius), (30.0 + radius, radius + 40.0)).into_iter().skip(1));
-    // 3 m before a left bend.
+    center.iter_mut().for_each(|point| point.y *= side);
+    // 3 m before the bend.
     let mut drive = Drive::on(open(vec![lane(1, &center)]), &center, 27.0, 5.0);
     drive.entry_velocity = 5.0;
     drive.with_request(|request| {
@@ -117,12 +124,13 @@ fn the_driver_that_aims_inside_goes_through_a_bend_further_inside_than_the_other
         let mut n = 0;
         // Each speed has two drivers, this one is the second; those that leave the path are missing.
         let speeds = |whole: &Whole| whole.points.iter().map(|point| point.velocity).collect::<Vec<_>>();
-        let innermost = |whole: &Whole| whole.points.iter().map(|point| point.d).fold(f64::NEG_INFINITY, f64::max);
+        let innermost =
+            |whole: &Whole| whole.points.iter().map(|point| side * point.d).fold(f64::NEG_INFINITY, f64::max);
         for pair in wholes.windows(2).filter(|pair| speeds(pair[0]) == speeds(pair[1])) {
-            if pair[0].points.iter().any(|point| point.curvature > 0.1) {
-                let [early, inside] = [innermost(pair[0]), innermost(pair[1])];
-                assert!(inside > early, "{early} and {inside} m");
-                n += usize::from(inside > early + 0.1);
+            if pair[0].points.iter().any(|point| side * point.curvature > 0.1) {
+                let [other, inside] = [innermost(pair[0]), innermost(pair[1])];
+                assert!(inside > other, "{other} and {inside} m");
+                n += usize::from(inside > other + 0.1);
             }
         }
         assert!(n > 12, "{n}");
