@@ -365,6 +365,8 @@ class RulesSettings:
             `view.occlusion`.
         passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
             be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
+        blinkers: It shows by its blinkers which way it takes at a fork, with any planner; planners of others do not
+            expect it elsewhere.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
         stop_duration: It stands this long at a stop sign, and before it turns right on red. Between 0 and 60.
         lead: It has left an area of a junction so long before another one comes. Between 0 and 60.
@@ -384,6 +386,7 @@ class RulesSettings:
     keep_clear: bool = True
     unseen: bool = True
     passing: bool = True
+    blinkers: bool = True
     speed_factor: float = 1.0
     stop_duration: Annotated[float, "s"] = 1.0
     lead: Annotated[float, "s"] = 1.0

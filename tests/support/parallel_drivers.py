@@ -51,6 +51,23 @@ class Elsewhere(Straight):
         return super().plan(view, predictions)
 
 
+class Telling(Straight):
+    """Tells at time step 5 which turns it sees."""
+
+    parallel = True
+
+    def plan(self, view, predictions):
+        if view.time_step == 5:
+            raise ValueError(f"turns {view.turn.tolist()}")
+        return super().plan(view, predictions)
+
+
+class TellingHere(Telling):
+    """The same in the process of the run."""
+
+    parallel = False
+
+
 class Raising(Straight):
     parallel = True
 

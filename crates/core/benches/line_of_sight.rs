@@ -32,7 +32,8 @@ fn traffic(n: usize) -> Scene {
             &State { x: 20.0 * place + 2.5 * lane, y: 3.5 * lane, orientation, velocity: 15.0, ..State::default() },
         );
     }
-    Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..n).collect(), past }
+    let turns = vec![None; n];
+    Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..n).collect(), turns, past }
 }
 
 fn views(c: &mut Criterion) {

@@ -86,7 +86,8 @@ fn scene(n: usize) -> Scene {
         is_static: vec![false; n],
         is_agent: vec![false; n],
     };
-    Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..n).collect(), past }
+    let turns = vec![None; n];
+    Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..n).collect(), turns, past }
 }
 
 fn benches(c: &mut Criterion) {

@@ -6,6 +6,7 @@ pub mod neural;
 mod standing;
 #[cfg(test)]
 mod tests;
+mod turning;
 mod waiting;
 
 use std::borrow::Cow;
@@ -23,6 +24,7 @@ use crate::trajectory::{Predictions, State};
 use crate::vehicle::ParticipantKind;
 use lane_candidates::LaneCandidates;
 pub use standing::is_standing;
+pub(crate) use turning::turn;
 pub(crate) use waiting::{Waiting, wait};
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.

@@ -3,6 +3,7 @@
 //! stop sign, a light, a crosswalk, its order at a junction) is part of the world.
 
 mod arbitration;
+mod blinkers;
 mod circles;
 mod claims;
 mod components;
@@ -17,6 +18,7 @@ mod windows;
 
 pub use arbitration::COMMITTED;
 pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
+pub use blinkers::Turning;
 pub(crate) use course::reach;
 pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME, SPEED_MAX};
 pub use crosswalks::{Crosswalk, Person};
@@ -72,6 +74,9 @@ settings! {
         /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and
         /// no oncoming vehicle comes in the meantime; with planner `frenet`.
         passing: bool = true;
+        /// It shows by its blinkers which way it takes at a fork, with any planner; planners of others do not expect it
+        /// elsewhere.
+        blinkers: bool = true;
         /// It takes speed limits for this many times what they are.
         speed_factor: f64 = 1.0, positive(3.0);
         /// It stands this long at a stop sign, and before it turns right on red.
@@ -151,6 +156,7 @@ pub struct Way {
     pub limits: SpeedLimits,
     crossings: Vec<Crossing>,
     crosswalks: Vec<Crosswalk>,
+    turnings: Vec<Turning>,
 }
 
 impl Way {
@@ -160,10 +166,13 @@ impl Way {
         if settings.enabled && settings.crossings && !scenario.control.crosswalks.is_empty() {
             way.crosswalks = Crosswalk::along(path, lanelets, &scenario.control, &scenario.road);
         }
+        if settings.enabled && settings.blinkers {
+            way.turnings = Turning::along(path, lanelets, &scenario.control, &scenario.road);
+        }
         way
     }
 
-    /// The same without crosswalks: agents look for people on their reference paths only.
+    /// The same without crosswalks and turns: agents look for people, and show their turns, on their reference paths only.
     pub fn without_crosswalks(
         path: &ReferencePath,
         lanelets: &[usize],
@@ -192,12 +201,17 @@ impl Way {
             crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights), turns_on_red }));
         }
         crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
-        Self { limits, crossings, crosswalks: Vec::new() }
+        Self { limits, crossings, ..Self::default() }
     }
 
     /// The crosswalks on the path, in its order, if they are obeyed.
     pub fn crosswalks(&self) -> &[Crosswalk] {
         &self.crosswalks
+    }
+
+    /// What an agent with its front and its rear at these arc lengths [m] shows of the way that it takes.
+    pub fn turning(&self, front: f64, rear: f64, velocity: f64) -> Option<&Turning> {
+        self.turnings.iter().find(|turning| turning.is_shown(front, rear, velocity))
     }
 
     /// Arc lengths of the stop lines on the path [m], ascending, and their positions in `Control::lines`.
@@ -269,7 +283,12 @@ impl Hold {
 }
 
 static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
-static NO_WAY: Way = Way { limits: SpeedLimits { values: Vec::new() }, crossings: Vec::new(), crosswalks: Vec::new() };
+static NO_WAY: Way = Way {
+    limits: SpeedLimits { values: Vec::new() },
+    crossings: Vec::new(),
+    crosswalks: Vec::new(),
+    turnings: Vec::new(),
+};
 static NO_SETTINGS: RulesSettings = RulesSettings {
     enabled: false,
     speed: false,
@@ -281,6 +300,7 @@ static NO_SETTINGS: RulesSettings = RulesSettings {
     keep_clear: false,
     unseen: false,
     passing: false,
+    blinkers: false,
     speed_factor: 1.0,
     stop_duration: 0.0,
     lead: 0.0,

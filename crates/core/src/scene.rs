@@ -7,6 +7,7 @@ pub mod line_of_sight;
 
 use std::sync::Arc;
 
+use crate::control::Turn;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
@@ -54,6 +55,8 @@ pub struct Scene {
     pub participants: Arc<Participants>,
     /// Rows of `participants` that are present now, ascending.
     pub present: Vec<usize>,
+    /// For each of them the turn that it shows by its blinkers; `None`: unknown.
+    pub turns: Vec<Option<Turn>>,
     /// Present and past of all participants; the last column is now. A row is cut where the participant left, so
     /// a participant that has left has no past either.
     pub past: States,
@@ -90,8 +93,9 @@ impl Scene {
                 }
             }
         }
-        let present = (0..n).filter(|row| from.get(*row, time_step).is_some()).collect();
-        Ok(Self { time_step, dt: scenario.dt, participants: Arc::new(participants), present, past })
+        let present: Vec<usize> = (0..n).filter(|row| from.get(*row, time_step).is_some()).collect();
+        let turns = vec![None; present.len()];
+        Ok(Self { time_step, dt: scenario.dt, participants: Arc::new(participants), present, turns, past })
     }
 
     /// State now of a row of `participants` that is present.
@@ -227,7 +231,14 @@ mod tests {
             is_static: all.iter().map(|(_, is_static, ..)| *is_static).collect(),
             is_agent: vec![false; all.len()],
         };
-        Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..all.len()).collect(), past }
+        Scene {
+            time_step: 0,
+            dt: 0.1,
+            participants: Arc::new(participants),
+            present: (0..all.len()).collect(),
+            turns: vec![None; all.len()],
+            past,
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use interdrive_core::control::Turn;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::predict::is_standing;
 use interdrive_core::road::RoadNetwork;
@@ -61,6 +62,21 @@ pub fn of_each<T>(shown: &[Shown<'_>], row: impl Fn(usize) -> T, told: impl Fn(&
     shown.iter().map(one).collect()
 }
 
+/// A turn as a number: 1 to the left, 0 straight on, -1 to the right, nan: unknown.
+fn side(turn: Option<Turn>) -> f64 {
+    turn.map_or(f64::NAN, |turn| 1.0 - f64::from(turn as u8))
+}
+
+/// The turn of a number.
+pub fn turn_of(side: f64) -> Option<Turn> {
+    Turn::ALL.into_iter().find(|turn| self::side(Some(*turn)) == side)
+}
+
+/// The turn that a participant in a row of the scene shows.
+pub fn shown_turn(scene: &Scene, row: usize) -> f64 {
+    scene.present.binary_search(&row).map_or(f64::NAN, |place| side(scene.turns[place]))
+}
+
 macro_rules! participants_seen {
     ($class:ident) => {
         getters! { $class {
@@ -107,6 +123,10 @@ macro_rules! participants_seen {
             /// Changes of heading [rad/s], shape (participants, history); nan where absent.
             yaw_rate: Grid<'py> = |this, py|
                 past(py, &this.scene, &this.shown(), &this.scene.past.yaw_rate, (|s| s.yaw_rate, f64::NAN));
+            /// Turn at the next fork that a participant shows by its blinkers, shape (participants,): 1 left, 0 straight on,
+            /// -1 right, nan where it shows none.
+            turn: Row<'py, f64> = |this, py|
+                arrays::row(py, of_each(&this.shown(), |row| shown_turn(&this.scene, row), |_| f64::NAN));
             /// Whether a participant was present, shape (participants, history).
             valid: Grid<'py> = |this, py| past(py, &this.scene, &this.shown(), &this.scene.past.valid, (|_| true, false));
         } }
@@ -141,7 +161,8 @@ impl PyScene {
         let fields = fields.map(|values| arrays::row(py, values.clone()));
         let valid = arrays::row(py, past.valid.clone());
         let present = self.scene.present.clone();
-        (self.scene.time_step, present, past.first_time_step, past.n_steps, fields, valid).into_pyobject(py)
+        let turns: Vec<f64> = self.scene.turns.iter().map(|turn| side(*turn)).collect();
+        (self.scene.time_step, present, turns, past.first_time_step, past.n_steps, fields, valid).into_pyobject(py)
     }
 }
 

@@ -19,7 +19,7 @@ use crate::errors::{InputError, exception};
 use crate::getters::getters;
 use crate::predictions::PyPredictions;
 use crate::route::{PyGoal, PyRoute};
-use crate::scene::{Shown, Told, of_each, participants_seen, past};
+use crate::scene::{Shown, Told, of_each, participants_seen, past, shown_turn};
 use crate::vehicle::PyVehicle;
 
 /// A participant that an agent with V2X knows of: how, the age of what it was told [s], and its row in the scene or what was told.

@@ -24,13 +24,15 @@ use crate::predictions::{KnownParts, PyPredictions};
 use crate::predictor::PyPredictor;
 use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
-use crate::scene::{PyScene, Told};
+use crate::scene::{PyScene, Told, turn_of};
 use crate::settings::read;
 use crate::vehicle::PyVehicle;
 use crate::view::{KnownBody, PyView};
 
-/// Time step, rows present, first time step and number of columns of the past, its six fields row-major, its mask.
-type SceneParts<'py> = (i64, Vec<usize>, i64, usize, [PyReadonlyArray1<'py, f64>; 6], PyReadonlyArray1<'py, bool>);
+/// Time step, rows present and the turns that they show, first time step and number of columns of the past, its six fields
+/// row-major, its mask.
+type SceneParts<'py> =
+    (i64, Vec<usize>, Vec<f64>, i64, usize, [PyReadonlyArray1<'py, f64>; 6], PyReadonlyArray1<'py, bool>);
 
 #[pyclass(frozen, name = "Agent", module = "interdrive._core")]
 pub struct PyAgent(pub Agent);
@@ -214,7 +216,7 @@ impl PyWorld {
 
     /// The scene of another process that simulates the same world, from its `parts`.
     fn scene_from(&self, parts: SceneParts<'_>) -> PyResult<PyScene> {
-        let (time_step, present, first_time_step, n_steps, fields, valid) = parts;
+        let (time_step, present, turns, first_time_step, n_steps, fields, valid) = parts;
         let participants = Arc::clone(self.0.participants());
         let n = participants.ids.len();
         if let Some(row) = present.iter().find(|row| **row >= n) {
@@ -229,7 +231,11 @@ impl PyWorld {
         past.velocity = arrays::read_row("scene: velocity", &velocity, n * n_steps)?;
         past.acceleration = arrays::read_row("scene: acceleration", &acceleration, n * n_steps)?;
         past.yaw_rate = arrays::read_row("scene: yaw_rate", &yaw_rate, n * n_steps)?;
-        let scene = Scene { time_step, dt: self.0.scenario().dt, participants, present, past };
+        if turns.len() != present.len() {
+            return Err(InputError::new_err(format!("scene: {} turns of {} participants", turns.len(), present.len())));
+        }
+        let turns = turns.into_iter().map(turn_of).collect();
+        let scene = Scene { time_step, dt: self.0.scenario().dt, participants, present, turns, past };
         Ok(PyScene { scene: Arc::new(scene), road: Arc::clone(&self.0.scenario().road) })
     }
 
@@ -251,11 +257,11 @@ impl PyWorld {
         self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
     }
 
-    /// The predictions in which agents that were told to wait before a junction do so, with what the agents with V2X
-    /// were told; the same predictions if there is none of both.
+    /// The predictions in which agents take the ways that they show, and those that were told to wait before a junction
+    /// do so, with what the agents with V2X were told; the same predictions if there is none of both.
     fn expect(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPredictions> {
-        let waits = detached(py, || Ok(self.0.with_waits(&predictions.table())))?;
-        let predictions = &waits.map_or_else(|| predictions.again(), PyPredictions::whole);
+        let ruled = detached(py, || Ok(self.0.with_rules(&predictions.table())))?;
+        let predictions = &ruled.map_or_else(|| predictions.again(), PyPredictions::whole);
         if self.0.equipped().is_empty() {
             return Ok(predictions.again());
         }

@@ -30,7 +30,8 @@ fn scene(states: &[State]) -> Scene {
         is_static: vec![false; n],
         is_agent: vec![true; n],
     };
-    Scene { time_step: 0, dt: DT, participants: Arc::new(participants), present: (0..n).collect(), past }
+    let turns = vec![None; n];
+    Scene { time_step: 0, dt: DT, participants: Arc::new(participants), present: (0..n).collect(), turns, past }
 }
 
 fn at(x: f64, y: f64, velocity: f64) -> State {

@@ -186,7 +186,7 @@ impl Course {
     }
 }
 
-fn stations(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork) -> Vec<Station> {
+pub(super) fn stations(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork) -> Vec<Station> {
     let mut stations: Vec<Station> = Vec::with_capacity(lanelets.len());
     for (place, &index) in lanelets.iter().enumerate() {
         let lanelet = &road.lanelets()[index];

@@ -145,7 +145,8 @@ mod tests {
                 predictions.valid[k] = true;
             }
         }
-        let scene = Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: vec![0, 1], past };
+        let (present, turns) = (vec![0, 1], vec![None; 2]);
+        let scene = Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present, turns, past };
         (scene, predictions)
     }
 

@@ -321,16 +321,20 @@ impl World {
         }
         scene.present.clear();
         scene.present.extend((0..self.states.len()).filter(|row| self.states[*row].is_some()));
+        self.write_turns(&scene.present, &mut scene.turns);
         self.recording.write_last_states(history_steps + 1, &mut scene.past);
     }
 
     fn scene_with_past(&self, history_steps: usize) -> Scene {
-        let present = (0..self.states.len()).filter(|row| self.states[*row].is_some()).collect();
+        let present: Vec<usize> = (0..self.states.len()).filter(|row| self.states[*row].is_some()).collect();
+        let mut turns = Vec::new();
+        self.write_turns(&present, &mut turns);
         Scene {
             time_step: self.time_step,
             dt: self.scenario.dt,
             participants: Arc::clone(&self.participants),
             present,
+            turns,
             past: self.recording.last_states(history_steps + 1),
         }
     }

@@ -1,11 +1,14 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
 use super::{Drive, World};
+use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
-use crate::predict::{Waiting, wait};
+use crate::predict::{Waiting, turn, wait};
 use crate::road::{LaneMatch, RoadNetwork};
-use crate::rules::{Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Way};
+use crate::rules::{
+    Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way,
+};
 use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::Predictions;
@@ -69,10 +72,36 @@ impl World {
         })
     }
 
-    /// Predictions in which the agents that were told to wait before a junction do so; `None` if none was. Right of way
-    /// is public: who expects others to keep to it needs no plan of theirs.
-    pub fn with_waits(&self, predictions: &Predictions) -> Option<Predictions> {
+    /// What an agent shows of the way that it takes at a fork.
+    fn turning<'a>(&self, drive: &'a Drive) -> Option<&'a Turning> {
+        let velocity = self.states[drive.row]?.velocity.max(0.0);
+        let front = drive.front();
+        drive.way.turning(front, front - drive.agent.vehicle.length, velocity)
+    }
+
+    /// Writes the turns that the participants in these rows show.
+    pub(super) fn write_turns(&self, present: &[usize], turns: &mut Vec<Option<Turn>>) {
+        turns.clear();
+        turns.resize(present.len(), None);
+        for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
+            if let (Some(turning), Ok(place)) = (self.turning(drive), present.binary_search(&drive.row)) {
+                turns[place] = Some(turning.turn);
+            }
+        }
+    }
+
+    /// Predictions in which agents take the ways that they show, and those that were told to wait before a junction do
+    /// so; `None` if there is nothing of both. Blinkers and right of way are public: who goes by them needs no plan.
+    pub fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
         let mut found: Option<Predictions> = None;
+        for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
+            let (Some(turning), Some(row)) = (self.turning(drive), predictions.row(drive.agent.id)) else { continue };
+            if let Some(probability) = turn(predictions, row, turning, &self.scenario.road) {
+                let n = predictions.n_modes;
+                let table = found.get_or_insert_with(|| predictions.clone());
+                table.probability[row * n..(row + 1) * n].copy_from_slice(&probability);
+            }
+        }
         for order in self.orders().iter().filter(|order| order.stop.is_finite()) {
             let drive = &self.drives[self.drive_index(order.id).expect("orders are for agents")];
             let (Some(row), Some(state)) = (predictions.row(order.id), &self.states[drive.row]) else { continue };
@@ -116,7 +145,9 @@ impl World {
                 && let Some(found) = matches.first()
                 && !self.participants.is_static[row]
             {
-                self.visit(found, (velocity, length), place, &mut visits);
+                let drive = self.drives.iter().find(|drive| drive.row == row);
+                let turning = drive.and_then(|drive| self.turning(drive));
+                self.visit(found, (velocity, length), (place, turning), &mut visits);
             }
             bodies.push(Body { id: self.participants.ids[row], length, velocity, places });
         }
@@ -174,13 +205,27 @@ impl World {
         self.scenario.road.matching(scene.state(row).pose(), 0.0, ANGLE_MAX)
     }
 
-    /// Books what a vehicle that does not obey may use, at its present speed on all ways that it can still take.
-    fn visit(&self, start: &LaneMatch, (velocity, length): (f64, f64), body: usize, visits: &mut Vec<Booking>) {
+    /// Books what a vehicle that does not obey may use, at its present speed on all ways that it can still take, but not
+    /// on others than the one that it shows.
+    fn visit(
+        &self,
+        start: &LaneMatch,
+        (velocity, length): (f64, f64),
+        (body, turning): (usize, Option<&Turning>),
+        visits: &mut Vec<Booking>,
+    ) {
         let junctions = self.scenario.junctions();
         let road = &self.scenario.road;
         let front = start.s + 0.5 * length;
         let reach = velocity * FOLLOWED + length;
-        let ways = road.paths_from(start.lanelet, start.s, reach, WAYS_MAX);
+        let mut ways = road.paths_from(start.lanelet, start.s, reach, WAYS_MAX);
+        if let Some(turning) = turning {
+            let is_shown = |way: &Vec<usize>| !way.iter().any(|lanelet| turning.others.contains(lanelet));
+            // Where lanelets overlap, its own may be one of the others.
+            if ways.iter().any(is_shown) {
+                ways.retain(is_shown);
+            }
+        }
         let too_fast = |way: &[usize], limits| bends_too_much(road, way, start.s, (velocity, reach), limits);
         let likely = |way: &&Vec<usize>| !too_fast(way, COMFORTABLE);
         for way in ways.iter().filter(|way| !too_fast(way, BEARABLE)) {

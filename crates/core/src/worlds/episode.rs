@@ -100,6 +100,7 @@ impl Episode {
                 dt: 0.1,
                 participants: Arc::new(Participants::default()),
                 present: Vec::new(),
+                turns: Vec::new(),
                 past: States::default(),
             },
             plans: Plans::none(0, Vec::new(), 2),
@@ -210,7 +211,7 @@ impl Episode {
         if self.predictions.is_none() {
             let horizon = ((settings.horizon / self.scene.dt).round() as usize).max(1);
             let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
-            self.predictions = Some(self.world.with_waits(&predictions).unwrap_or(predictions));
+            self.predictions = Some(self.world.with_rules(&predictions).unwrap_or(predictions));
         }
         Ok(())
     }

@@ -47,8 +47,9 @@ pub(super) fn scene(tracks: &[Track], dt: f64) -> Scene {
         is_static: tracks.iter().map(|track| track.0 == ParticipantKind::ParkedVehicle).collect(),
         is_agent: vec![false; n],
     };
-    let present = (0..n).filter(|row| past.get(*row, 0).is_some()).collect();
-    Scene { time_step: 0, dt, participants: Arc::new(participants), present, past }
+    let present: Vec<usize> = (0..n).filter(|row| past.get(*row, 0).is_some()).collect();
+    let turns = vec![None; present.len()];
+    Scene { time_step: 0, dt, participants: Arc::new(participants), present, turns, past }
 }
 
 fn inputs(tracks: &[Track], road: &RoadNetwork) -> Inputs {

@@ -1,0 +1,108 @@
+//! Predictions of vehicles that show their turn: none of the modes takes another way at the fork.
+
+use crate::geometry::Point;
+use crate::road::RoadNetwork;
+use crate::rules::Turning;
+use crate::trajectory::Predictions;
+
+/// A mode takes another way once it is so near to its middle, and so much farther from that of the shown one [m].
+const NEAR: f64 = 2.0;
+const FARTHER: f64 = 1.5;
+/// Modes are looked at every so many steps.
+const STRIDE: usize = 3;
+
+/// Probabilities of the modes of a row without those that take another way than the one that the vehicle shows; `None`
+/// if there is no such mode, or no other.
+pub fn turn(table: &Predictions, row: usize, turning: &Turning, road: &RoadNetwork) -> Option<Vec<f64>> {
+    let n = table.n_modes;
+    let mut probability = table.probability[row * n..(row + 1) * n].to_vec();
+    if probability.iter().filter(|one| **one > 0.0).count() < 2 {
+        return None;
+    }
+    let elsewhere = |mode: usize| {
+        let start = table.offset(row, mode);
+        let steps = (start..start + table.n_steps).skip(STRIDE - 1).step_by(STRIDE).take_while(|i| table.valid[*i]);
+        steps.into_iter().any(|i| takes_another_way(Point::new(table.x[i], table.y[i]), turning, road))
+    };
+    let is_dropped: Vec<bool> = (0..n).map(|mode| probability[mode] > 0.0 && elsewhere(mode)).collect();
+    let kept: f64 = (0..n).filter(|mode| !is_dropped[*mode]).map(|mode| probability[mode]).sum();
+    if kept <= 0.0 || !is_dropped.contains(&true) {
+        return None;
+    }
+    for (one, dropped) in probability.iter_mut().zip(is_dropped) {
+        *one = if dropped { 0.0 } else { *one / kept };
+    }
+    Some(probability)
+}
+
+fn takes_another_way(place: Point, turning: &Turning, road: &RoadNetwork) -> bool {
+    let lanelets = road.lanelets();
+    let is_near = |other: &usize| {
+        let foot = lanelets[*other].center.project(place);
+        (foot.s > 0.0 && foot.s < lanelets[*other].length && foot.distance < NEAR).then_some(foot.distance)
+    };
+    let nearest = turning.others.iter().filter_map(is_near).fold(f64::INFINITY, f64::min);
+    nearest.is_finite() && lanelets[turning.lanelet].center.project(place).distance > nearest + FARTHER
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Control;
+    use crate::geometry::Pose;
+    use crate::geometry::polyline::ReferencePath;
+    use crate::road::testing::fork;
+
+    /// The middles of the ways behind the fork at (50, 0): straight on, and to the left with a radius of 20 m.
+    fn straight_on(way: f64) -> Point {
+        Point::new(40.0 + way, 0.0)
+    }
+
+    fn left(way: f64) -> Point {
+        let angle = ((way - 10.0) / 20.0).max(0.0);
+        Point::new(40.0 + way.min(10.0) + 20.0 * angle.sin(), 20.0 - 20.0 * angle.cos())
+    }
+
+    /// A vehicle 10 m before the fork, 10 m/s fast, with a mode for 3 s on each way.
+    fn expected(ways: &[fn(f64) -> Point], probability: &[f64]) -> Predictions {
+        let mut table = Predictions::empty(0, vec![7], ways.len(), 30);
+        table.probability.copy_from_slice(probability);
+        for (mode, way) in ways.iter().enumerate() {
+            for k in 0..30 {
+                let pose = Pose { position: way((k + 1) as f64), orientation: 0.0 };
+                crate::predict::write(&mut table, mode * 30 + k, pose, 10.0, (0.1, 0.0, 0.1));
+            }
+        }
+        table
+    }
+
+    fn turning(lanelet: usize) -> Turning {
+        let road = fork();
+        let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(50.0, 0.0), Point::new(70.0, 20.0)]);
+        let path = path.expect("a path");
+        Turning::along(&path, &[0, lanelet], &Control::default(), &road).remove(0)
+    }
+
+    #[test]
+    fn what_is_not_shown_is_not_expected_and_the_rest_is_more_probable() {
+        let table = expected(&[straight_on, left, straight_on], &[0.5, 0.2, 0.3]);
+        let found = turn(&table, 0, &turning(1), &fork()).expect("a mode turns");
+        assert!((found[0] - 0.625).abs() < 1e-12 && found[1] == 0.0, "{found:?}");
+        let found = turn(&table, 0, &turning(2), &fork()).expect("two modes go straight on");
+        assert_eq!(found, [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn who_is_not_expected_on_the_way_that_it_shows_is_expected_as_before() {
+        let table = expected(&[straight_on, straight_on], &[0.5, 0.5]);
+        assert_eq!(turn(&table, 0, &turning(2), &fork()), None);
+        assert_eq!(turn(&table, 0, &turning(1), &fork()), None);
+    }
+
+    #[test]
+    fn one_that_stands_before_the_fork_may_stay_there() {
+        let table = expected(&[|_| Point::new(40.0, 0.0), straight_on, left], &[0.2, 0.4, 0.4]);
+        let found = turn(&table, 0, &turning(2), &fork()).expect("a mode goes straight on");
+        assert!((found[0] - 1.0 / 3.0).abs() < 1e-12 && found[1] == 0.0, "{found:?}");
+    }
+}

@@ -1,0 +1,154 @@
+//! The turns that agents show before forks of the road.
+
+use super::course::stations;
+use crate::control::{Control, Turn};
+use crate::geometry::polyline::ReferencePath;
+use crate::geometry::wrap_angle;
+use crate::road::RoadNetwork;
+
+/// An agent shows its turn from this distance to the fork on [m], or from so long before it at its present speed [s].
+const SHOWN_BEFORE: f64 = 30.0;
+const SHOWN_TIME: f64 = 3.0;
+/// More than this is a turn [rad].
+const TURN: f64 = 25.0 / 180.0 * std::f64::consts::PI;
+
+/// What an agent does at a fork on its way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turning {
+    /// Index of the lanelet behind the fork that it takes, and of the others there.
+    pub lanelet: usize,
+    /// See `lanelet`.
+    pub others: Vec<usize>,
+    /// What it shows.
+    pub turn: Turn,
+    /// Arc lengths of the ends of `lanelet` on the path [m].
+    start: f64,
+    end: f64,
+}
+
+impl Turning {
+    /// Those on a path along lanelets, in its order.
+    pub(crate) fn along(path: &ReferencePath, lanelets: &[usize], control: &Control, road: &RoadNetwork) -> Vec<Self> {
+        let is_fork = |pair: &[usize]| {
+            let successors = &road.lanelets()[pair[0]].successors;
+            successors.len() > 1 && successors.contains(&pair[1])
+        };
+        if !lanelets.windows(2).any(is_fork) {
+            return Vec::new();
+        }
+        let stations = stations(path, lanelets, road);
+        let forks = lanelets.windows(2).zip(&stations[1..]).filter(|(pair, _)| is_fork(pair));
+        forks
+            .map(|(pair, station)| {
+                let others = road.lanelets()[pair[0]].successors.iter().copied().filter(|other| *other != pair[1]);
+                Self {
+                    lanelet: pair[1],
+                    others: others.collect(),
+                    turn: turn(pair[0], pair[1], control, road),
+                    start: station.start,
+                    end: station.end,
+                }
+            })
+            .collect()
+    }
+
+    /// It is shown by an agent with its front and its rear at these arc lengths [m].
+    pub(super) fn is_shown(&self, front: f64, rear: f64, velocity: f64) -> bool {
+        front >= self.start - SHOWN_BEFORE.max(SHOWN_TIME * velocity) && rear <= self.end
+    }
+}
+
+/// The turn onto a lanelet behind a fork: as the file states it, otherwise by its change of heading. Where the road goes
+/// on and another lane leaves it by less, that one shows the side on which it does.
+fn turn(before: usize, lanelet: usize, control: &Control, road: &RoadNetwork) -> Turn {
+    if let Some(stated) = control.priorities.turns.get(&lanelet) {
+        return *stated;
+    }
+    let center = &road.lanelets()[lanelet].center;
+    let angle = |lanelet: usize| {
+        let length = road.lanelets()[lanelet].length;
+        wrap_angle(road.heading_at(lanelet, length) - road.heading_at(lanelet, 0.0))
+    };
+    let straightest = road.successors_straightest_first(before)[0];
+    let side = match angle(lanelet) {
+        large if large.abs() > TURN => large,
+        _ if lanelet == straightest || angle(straightest).abs() > TURN => return Turn::Straight,
+        _ => road.lanelets()[straightest].center.project(center.at(center.length())).d,
+    };
+    if side > 0.0 { Turn::Left } else { Turn::Right }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Priorities;
+    use crate::geometry::Point;
+    use crate::road::testing::{arc, fork, lane, open, straight, with_successors};
+
+    fn path(points: &[(f64, f64)]) -> ReferencePath {
+        let points: Vec<Point> = points.iter().map(|(x, y)| Point::new(*x, *y)).collect();
+        ReferencePath::through(&points).expect("a path")
+    }
+
+    /// The turn shown on the way from lanelet 1 (index 0) onto another one.
+    fn shown(road: &RoadNetwork, control: &Control, lanelet: usize) -> Turn {
+        let center = &road.lanelets()[lanelet].center;
+        let way = path(&[(0.0, 0.0), (50.0, 0.0), (center.at(center.length()).x, center.at(center.length()).y)]);
+        let found = Turning::along(&way, &[0, lanelet], control, road);
+        assert_eq!(found.len(), 1);
+        found[0].turn
+    }
+
+    #[test]
+    fn the_turn_follows_from_the_change_of_heading_unless_the_file_states_it() {
+        let road = fork();
+        let mut control = Control::default();
+        assert_eq!(shown(&road, &control, 1), Turn::Straight);
+        assert_eq!(shown(&road, &control, 2), Turn::Left);
+        control.priorities = Priorities { turns: [(2, Turn::Right)].into(), ..Priorities::default() };
+        assert_eq!(shown(&road, &control, 2), Turn::Right);
+    }
+
+    #[test]
+    fn a_lane_that_leaves_a_road_shows_its_side() {
+        // An exit whose radius of 200 m turns by 0.2 rad, to the right of the road that goes on.
+        let half = std::f64::consts::FRAC_PI_2;
+        let road = open(vec![
+            with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2, 3]),
+            lane(2, &straight((50.0, 0.0), (100.0, 0.0))),
+            lane(3, &arc((50.0, -200.0), 200.0, half, half - 0.2)),
+        ]);
+        assert_eq!(shown(&road, &Control::default(), 1), Turn::Straight);
+        assert_eq!(shown(&road, &Control::default(), 2), Turn::Right);
+    }
+
+    #[test]
+    fn it_is_shown_from_30_m_or_3_s_before_the_fork_until_the_rear_has_left_it() {
+        let road = fork();
+        let way = path(&[(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)]);
+        let found = Turning::along(&way, &[0, 1], &Control::default(), &road).remove(0);
+        // The path begins before the first point, so that arc lengths are x and a constant.
+        let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
+        let is_shown = |x: f64, velocity: f64| found.is_shown(zero + x, zero + x - 4.5, velocity);
+        for (x, velocity, expected) in [
+            (19.9, 5.0, false),
+            (20.1, 5.0, true),
+            (4.9, 15.0, false),
+            (5.1, 15.0, true),
+            (104.4, 5.0, true),
+            (104.6, 5.0, false),
+        ] {
+            assert_eq!(is_shown(x, velocity), expected, "front at {x} m, {velocity} m/s");
+        }
+    }
+
+    #[test]
+    fn a_road_without_a_fork_has_no_turns() {
+        let road = open(vec![
+            with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2]),
+            lane(2, &arc((50.0, 20.0), 20.0, -std::f64::consts::FRAC_PI_2, 0.0)),
+        ]);
+        let way = path(&[(0.0, 0.0), (50.0, 0.0), (70.0, 20.0)]);
+        assert_eq!(Turning::along(&way, &[0, 1], &Control::default(), &road), []);
+    }
+}
