@@ -365,6 +365,8 @@ class RulesSettings:
             `view.occlusion`.
         passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
             be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
+        trust_others: It counts on it that vehicles that do not obey and should wait at a junction do so, even if
+            they would have to brake hard by now.
         blinkers: It shows by its blinkers which way it takes at a fork, with any planner; planners of others do not
             expect it elsewhere.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
@@ -386,6 +388,7 @@ class RulesSettings:
     keep_clear: bool = True
     unseen: bool = True
     passing: bool = True
+    trust_others: bool = False
     blinkers: bool = True
     speed_factor: float = 1.0
     stop_duration: Annotated[float, "s"] = 1.0

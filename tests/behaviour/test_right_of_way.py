@@ -213,6 +213,22 @@ def test_agents_wait_for_a_vehicle_that_does_not_obey():
     assert "agent" not in run.violations.source
 
 
+@pytest.mark.parametrize(("trusts", "goes"), [(False, False), (True, True)])
+def test_one_that_trusts_others_counts_on_a_recorded_car_that_would_have_to_brake_hard(trusts, goes):
+    # 12 m/s, its front 15 m before the area: 4.8 m/s² would stop it, and by the map it has to wait.
+    recorded = Car(9, 0.0, MOUTH - 15.0 - HALF, 12.0, NORTH)
+    left = Priorities(priority_side="left")
+    scenario = replace(world(limited(crossing()), cars=[recorded], problems=[car(1, EAST_WAY, 15.0)]), priorities=left)
+    settings = RULES | {"rules.trust_others": trusts}
+    simulation = Simulation(scenario, agents=[1], settings=settings, threads=1)
+    ego = simulation.world.view(simulation.world.scene(), 1).ego
+    assert (ego.stop_by is None) == goes
+    # Its planner avoids the car all the same.
+    run = idr.simulate(scenario, agents=[1], settings=settings, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert "agent" not in run.violations.source
+
+
 @pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
 def test_a_recorded_car_that_does_not_give_way_breaks_a_rule_and_the_agent_none(planner):
     # It comes from the left, and could still stop. The front of the agent would be at the area 2 s from now as well.

@@ -22,7 +22,7 @@ pub use blinkers::Turning;
 pub(crate) use course::reach;
 pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME, SPEED_MAX};
 pub use crosswalks::{Crosswalk, Person};
-pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller, Unseen};
+pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller, Unseen, Yielding};
 pub(crate) use windows::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;
@@ -74,6 +74,9 @@ settings! {
         /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and
         /// no oncoming vehicle comes in the meantime; with planner `frenet`.
         passing: bool = true;
+        /// It counts on it that vehicles that do not obey and should wait at a junction do so, even if they would have to
+        /// brake hard by now.
+        trust_others: bool = false;
         /// It shows by its blinkers which way it takes at a fork, with any planner; planners of others do not expect it
         /// elsewhere.
         blinkers: bool = true;
@@ -300,6 +303,7 @@ static NO_SETTINGS: RulesSettings = RulesSettings {
     keep_clear: false,
     unseen: false,
     passing: false,
+    trust_others: false,
     blinkers: false,
     speed_factor: 1.0,
     stop_duration: 0.0,

@@ -82,7 +82,7 @@ fn per_phase(agents: usize, threads: usize) -> [usize; 5] {
 /// Allocations that each phase may make for 25 agents, with one and with two threads, and for every further agent. The aim
 /// is none: lower the number if you remove some.
 const LIMITS: [(&str, [usize; 2], f64); 5] = [
-    ("observe", [12, 13], 0.1),
+    ("observe", [13, 14], 0.1),
     ("predict", [11, 13], 0.1),
     ("predict, neural,", [19, 21], 0.1),
     // All but 40 for the orders at junctions, which are found once for every set of bodies that agents see there.

@@ -15,8 +15,8 @@ const STRIDE: usize = 3;
 /// if there is no such mode, or no other.
 pub fn turn(table: &Predictions, row: usize, turning: &Turning, road: &RoadNetwork) -> Option<Vec<f64>> {
     let n = table.n_modes;
-    let mut probability = table.probability[row * n..(row + 1) * n].to_vec();
-    if probability.iter().filter(|one| **one > 0.0).count() < 2 {
+    let stated = &table.probability[row * n..(row + 1) * n];
+    if stated.iter().filter(|one| **one > 0.0).count() < 2 {
         return None;
     }
     let elsewhere = |mode: usize| {
@@ -24,15 +24,10 @@ pub fn turn(table: &Predictions, row: usize, turning: &Turning, road: &RoadNetwo
         let steps = (start..start + table.n_steps).skip(STRIDE - 1).step_by(STRIDE).take_while(|i| table.valid[*i]);
         steps.into_iter().any(|i| takes_another_way(Point::new(table.x[i], table.y[i]), turning, road))
     };
-    let is_dropped: Vec<bool> = (0..n).map(|mode| probability[mode] > 0.0 && elsewhere(mode)).collect();
-    let kept: f64 = (0..n).filter(|mode| !is_dropped[*mode]).map(|mode| probability[mode]).sum();
-    if kept <= 0.0 || !is_dropped.contains(&true) {
-        return None;
-    }
-    for (one, dropped) in probability.iter_mut().zip(is_dropped) {
-        *one = if dropped { 0.0 } else { *one / kept };
-    }
-    Some(probability)
+    let kept: Vec<f64> =
+        (0..n).map(|mode| if stated[mode] > 0.0 && elsewhere(mode) { 0.0 } else { stated[mode] }).collect();
+    let total: f64 = kept.iter().sum();
+    (total > 0.0 && kept != stated).then(|| kept.iter().map(|one| one / total).collect())
 }
 
 fn takes_another_way(place: Point, turning: &Turning, road: &RoadNetwork) -> bool {

@@ -210,6 +210,7 @@ impl Meeting<'_> {
             ticket: memory.ticket,
             has_exception: memory.exception.is_some(),
             turns_on_red: traveller.turns_on_red,
+            trusts: traveller.settings.trust_others,
             is_sticky: memory.granted && to_wait <= braking + STICKY_REACH,
             windows: self.windows(index, passage, true, seen),
             follows: Vec::new(),

@@ -19,6 +19,8 @@ pub(super) struct Claim<'a> {
     pub(super) has_exception: bool,
     pub(super) is_sticky: bool,
     pub(super) turns_on_red: bool,
+    /// It counts on it that others give way.
+    pub(super) trusts: bool,
     pub(super) windows: Vec<Booking>,
     /// Claims that leave the areas before it, although it could come earlier.
     pub(super) follows: Vec<usize>,

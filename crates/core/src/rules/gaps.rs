@@ -2,7 +2,7 @@
 
 use super::claims::{Answer, Bookings, Claim};
 use super::course::{Passage, conflict};
-use super::meeting::{Booking, Meeting, OrderKind, Traveller};
+use super::meeting::{Booking, Meeting, OrderKind, Traveller, Yielding};
 use super::room::ROOM;
 use crate::junctions::AreaKind;
 
@@ -149,7 +149,12 @@ pub(super) fn catching_up(ahead: f64, velocity: f64) -> f64 {
 fn pairs<'a>(claim: &'a Claim<'_>, booked: &'a Bookings) -> impl Iterator<Item = (&'a Booking, &'a Booking)> {
     let with_others = |mine: &'a Booking| {
         let counts = |theirs: &&Booking| theirs.side != mine.side && theirs.body != mine.body;
-        let others = booked.of(mine.area).filter(counts).filter(|theirs| !theirs.yields || claim.turns_on_red);
+        let waits = |theirs: &Booking| match theirs.yielding {
+            Yielding::No => false,
+            Yielding::IfTrusted => claim.trusts && !claim.turns_on_red,
+            Yielding::Yes => !claim.turns_on_red,
+        };
+        let others = booked.of(mine.area).filter(counts).filter(move |theirs| !waits(theirs));
         others.map(move |theirs| (mine, theirs))
     };
     claim.windows.iter().flat_map(with_others)

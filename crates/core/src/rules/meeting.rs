@@ -141,8 +141,19 @@ pub struct Booking {
     pub body: usize,
     /// It can still be held back.
     pub is_claim: bool,
-    /// It will wait for those that go first by the map: it counts only for one that turns right on red.
-    pub yields: bool,
+    /// Whether it waits for those that go first by the map.
+    pub yielding: Yielding,
+}
+
+/// Whether a participant that does not obey waits for those that go first by the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Yielding {
+    /// It does not.
+    No,
+    /// It should, but to stop now would be hard: only those that trust others count on it.
+    IfTrusted,
+    /// It can still stop: it counts only for one that turns right on red.
+    Yes,
 }
 
 impl Booking {

@@ -1,7 +1,7 @@
 //! When a vehicle uses the areas of its passage.
 
 use super::course::{Crossed, MARGIN, Passage};
-use super::meeting::{Ahead, Body, Booking, Meeting, Seen, Traveller};
+use super::meeting::{Ahead, Body, Booking, Meeting, Seen, Traveller, Yielding};
 use super::room::ROOM;
 use crate::junctions::Junctions;
 
@@ -66,7 +66,7 @@ impl Traveller<'_> {
                 leave: travel_time(leaves, velocity, late, LATE),
                 body: self.body,
                 is_claim,
-                yields: false,
+                yielding: Yielding::No,
             })
         };
         passage.areas.iter().filter_map(window).collect()

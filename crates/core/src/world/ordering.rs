@@ -7,7 +7,7 @@ use crate::plan::Planner;
 use crate::predict::{Waiting, turn, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{
-    Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way,
+    Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way, Yielding,
 };
 use crate::scenario::Scenario;
 use crate::scene::Scene;
@@ -240,25 +240,20 @@ impl World {
                     if exit + length <= 0.0 || area.is_side_by_side || (velocity < STANDING && !is_inside) {
                         continue;
                     }
-                    let waits = area.first == Some(1 - side)
-                        && !is_inside
-                        && (velocity * velocity <= 2.0 * BRAKING * entry || goes_elsewhere());
+                    let should_wait = area.first == Some(1 - side) && !is_inside;
+                    let yielding = match should_wait {
+                        true if velocity * velocity <= 2.0 * BRAKING * entry || goes_elsewhere() => Yielding::Yes,
+                        true => Yielding::IfTrusted,
+                        false => Yielding::No,
+                    };
                     let known = visits.iter().position(|known| (known.body, known.area) == (body, index));
-                    if known.is_some_and(|known| waits || !visits[known].yields) {
+                    if known.is_some_and(|known| yielding >= visits[known].yielding) {
                         continue;
                     }
                     let enter = if is_inside { 0.0 } else { entry / velocity };
                     let leave = if velocity < STANDING { LEAVING } else { (exit + length) / (SLOWER * velocity) };
-                    let visit = Booking {
-                        area: index,
-                        side,
-                        enter,
-                        earliest: enter,
-                        leave,
-                        body,
-                        is_claim: false,
-                        yields: waits,
-                    };
+                    let visit =
+                        Booking { area: index, side, enter, earliest: enter, leave, body, is_claim: false, yielding };
                     match known {
                         Some(known) => visits[known] = visit,
                         None => visits.push(visit),
