@@ -21,6 +21,8 @@ const LINE_REACTION: f64 = 1.0;
 const LANE_END_BRAKING: f64 = 0.7;
 /// Agents look for a higher speed limit so far ahead [s].
 const LIMIT_AHEAD: f64 = 1.0;
+/// One that is faster than the limit aims below it by this share of the excess, so that it brakes at once.
+const EXCESS_SHARE: f64 = 0.5;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
@@ -123,7 +125,11 @@ impl Targets {
         let middle = start.s + vehicle.rear_axle_to_center;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
-        let velocity = path_velocity(request, start, comfort, elsewhere).max(start.velocity - step).max(0.0);
+        let limits = &request.rules.way.limits;
+        let limit = limits.at(middle).max(limits.at(middle + LIMIT_AHEAD * start.velocity));
+        let excess = (start.velocity - limit).max(0.0);
+        let velocity = path_velocity(request, start, comfort, elsewhere.min((limit - EXCESS_SHARE * excess).max(0.0)));
+        let velocity = velocity.max(start.velocity - step).max(0.0);
         let leader_stop = standing - comfort.standstill_gap - (front - start.s);
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
@@ -135,8 +141,6 @@ impl Targets {
         let hold_stop = hold - LINE_GAP - (front - start.s);
         let line_stop = if release > HOLD_STOP { line_stop.min(hold_stop) } else { line_stop };
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        let limits = &request.rules.way.limits;
-        let limit = limits.at(middle).max(limits.at(middle + LIMIT_AHEAD * start.velocity));
         Self { velocity, limit, stops, s_max, gate: (gate, release), offset, swing }
     }
 }
