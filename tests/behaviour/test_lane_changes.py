@@ -10,8 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.support.junction_lanes import network, straight
 
 import interdrive as idr
+from interdrive.run import PLAN_STATUS
 from interdrive.scenario import Lanelets
 from interdrive.testing.worlds import Car, problem, straight_road, world
 
@@ -240,3 +242,25 @@ def test_the_drive_does_not_depend_on_threads_or_on_what_is_recorded():
     runs = [idr.simulate(scenario, agents="all", threads=threads) for threads in (1, 2)]
     runs.append(idr.simulate(scenario, agents="all", threads=2, settings=observed))
     assert len({run.digest for run in runs}) == 1
+
+
+def test_an_agent_turns_into_a_road_whose_far_lane_it_has_to_reach():
+    """It stands before a right turn of 4 m radius into the right lane, y = 0, and heads across the far one, y = 3 m."""
+    radius = 4.0
+    turned = np.linspace(0.0, 0.5 * np.pi, 13)
+    centers = {
+        5: straight((-radius, -40.0), (-radius, -radius)),
+        6: radius * np.column_stack([-np.cos(turned), np.sin(turned) - 1.0]),
+        10: straight((-60.0, 0.0), (0.0, 0.0)),
+        11: straight((0.0, 0.0), (120.0, 0.0)),
+        20: straight((-60.0, 3.0), (0.0, 3.0)),
+        21: straight((0.0, 3.0), (120.0, 3.0)),
+    }
+    after = {5: (6,), 6: (11,), 10: (11,), 20: (21,)}
+    lanelets = network(centers, after, {10: 20, 11: 21}, width=3.0, speed_limit=10.0)
+    goal = {"goal": (30.0, 3.0), "goal_size": (10.0, 3.0), "time_step": (0, 60)}
+    agent = problem(1, -radius, -radius - 1.0, 0.0, 0.5 * np.pi, **goal)
+    run = idr.simulate(world(lanelets, problems=[agent], steps=60), settings={"rules.precedence": False}, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    # It once braked at every second step, as it cannot plan along a lane across which it heads.
+    assert not (run.plans.status == PLAN_STATUS.index("emergency_braking")).any()

@@ -1,6 +1,7 @@
 //! Native predictors. Each answers for all participants that are present, from present and past alone; the one that
 //! looks into the recording is called `GroundTruth` and must be built from the scenario.
 
+mod bending;
 mod lane_candidates;
 pub mod neural;
 mod standing;
@@ -22,6 +23,7 @@ use crate::scene::Scene;
 use crate::settings::{between, positive, settings};
 use crate::trajectory::{Predictions, State};
 use crate::vehicle::ParticipantKind;
+pub(crate) use bending::narrow_in_bends;
 use lane_candidates::LaneCandidates;
 pub use standing::is_standing;
 pub(crate) use turning::turn;

@@ -78,20 +78,7 @@ struct Sample {
 impl Sample {
     /// Its covariance with a standard deviation along its heading of at most this [m].
     fn narrowed(&self, spread: f64) -> (f64, f64, f64) {
-        let (xx, xy, yy) = self.covariance;
-        let Point { x, y } = Point::from_angle(self.pose.orientation);
-        let along = x * x * xx + 2.0 * x * y * xy + y * y * yy;
-        if along <= spread * spread {
-            return self.covariance;
-        }
-        // Squeezed by the factor along the heading: T C T with T = 1 + (factor - 1) u u'.
-        let less = spread / along.sqrt() - 1.0;
-        let (a, b, c) = (1.0 + less * x * x, less * x * y, 1.0 + less * y * y);
-        (
-            a * a * xx + 2.0 * a * b * xy + b * b * yy,
-            a * b * xx + (a * c + b * b) * xy + b * c * yy,
-            b * b * xx + 2.0 * b * c * xy + c * c * yy,
-        )
+        narrowed(self.covariance, self.pose.orientation, spread)
     }
 
     fn between(a: &Self, b: &Self, share: f64) -> Self {
@@ -120,6 +107,24 @@ impl Waiting {
         let from_line = front - self.line.position;
         (from_line.dot(axis), from_line.cross(axis).abs())
     }
+}
+
+/// A covariance with a standard deviation along a heading [rad] of at most this [m].
+pub(super) fn narrowed(covariance: (f64, f64, f64), heading: f64, spread: f64) -> (f64, f64, f64) {
+    let (xx, xy, yy) = covariance;
+    let Point { x, y } = Point::from_angle(heading);
+    let along = x * x * xx + 2.0 * x * y * xy + y * y * yy;
+    if along <= spread * spread {
+        return covariance;
+    }
+    // Squeezed by the factor along the heading: T C T with T = 1 + (factor - 1) u u'.
+    let less = spread / along.sqrt() - 1.0;
+    let (a, b, c) = (1.0 + less * x * x, less * x * y, 1.0 + less * y * y);
+    (
+        a * a * xx + 2.0 * a * b * xy + b * b * yy,
+        a * b * xx + (a * c + b * b) * xy + b * c * yy,
+        b * b * xx + 2.0 * b * c * xy + c * c * yy,
+    )
 }
 
 /// The largest spread along its way of a vehicle that is expected somewhere after a time [s]; infinite aside of the line.

@@ -4,7 +4,7 @@ use super::{Drive, World};
 use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
-use crate::predict::{Waiting, turn, wait};
+use crate::predict::{Waiting, narrow_in_bends, turn, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{
     Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way, Yielding,
@@ -90,8 +90,8 @@ impl World {
         }
     }
 
-    /// Predictions in which agents take the ways that they show, and those that were told to wait before a junction do
-    /// so; `None` if there is nothing of both. Blinkers and right of way are public: who goes by them needs no plan.
+    /// Predictions in which agents take the ways that they show and keep to their lanes there, and those that were told to
+    /// wait before a junction do so; `None` if there is nothing of both. Blinkers and right of way are public: who goes by them needs no plan.
     pub fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
         let mut found: Option<Predictions> = None;
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
@@ -100,6 +100,9 @@ impl World {
                 let n = predictions.n_modes;
                 let table = found.get_or_insert_with(|| predictions.clone());
                 table.probability[row * n..(row + 1) * n].copy_from_slice(&probability);
+            }
+            if turning.turn != Turn::Straight {
+                narrow_in_bends(found.get_or_insert_with(|| predictions.clone()), row);
             }
         }
         for order in self.orders().iter().filter(|order| order.stop.is_finite()) {

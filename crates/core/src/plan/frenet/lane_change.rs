@@ -15,7 +15,6 @@ use super::super::lanes::{AIM, Aim, Lanes, Need};
 use super::super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::super::{LaneChange, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
-use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings};
@@ -101,10 +100,9 @@ impl LaneRoutes {
 
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
     pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, settings: &FrenetSettings) -> PlanRequest<'a> {
-        let axis = Point::from_angle(request.state.orientation);
         let leads_on = |aim: &Aim| {
             let lane = &self.lanes.lanes[aim.lane];
-            lane.need(aim.s).is_some() && lane.path.at(aim.s).tangent().dot(axis) > 0.0
+            lane.need(aim.s).is_some() && self.is_along(request, aim)
         };
         let Some(aim) = self.lanes.aimed_at(request, AIM).filter(leads_on) else { return *request };
         let (aim, lane_change) = self.choose(request, &settings.comfort, aim);
@@ -149,7 +147,8 @@ impl LaneRoutes {
         };
         let waiting = LaneChange { end: end(&need), ..LaneChange::default() };
         let next = beside.into_iter().flatten().find(|(lane, s)| missing(*lane, *s) < need.changes);
-        let Some(there) = next.and_then(|(lane, s)| self.in_lane(request, lane, s)) else { return (aim, waiting) };
+        let there = next.and_then(|(lane, s)| self.in_lane(request, lane, s));
+        let Some(there) = there.filter(|there| self.is_along(request, there)) else { return (aim, waiting) };
         let time = (need.last_chance - front(aim.s)) / velocity.max(1.0) / need.changes as f64;
         let time_gap = time_gap(time);
         let (own, lag) = (comfort.deceleration, SAFE_DECELERATION);
@@ -161,6 +160,11 @@ impl LaneRoutes {
         }
         let velocity = self.seek(request, comfort, time_gap, (aim, there), waiting.end);
         (aim, LaneChange { velocity, ..waiting })
+    }
+
+    /// The agent can plan in the frame of the lane: it does not head across it, as before a turn into it.
+    fn is_along(&self, request: &PlanRequest, aim: &Aim) -> bool {
+        Start::on(&self.lanes.lanes[aim.lane].path, aim.s, &request.state, request.vehicle, false).is_ok()
     }
 
     /// The place of the agent on a lane, near an arc length [m].
