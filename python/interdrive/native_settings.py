@@ -365,10 +365,10 @@ class RulesSettings:
             `view.occlusion`.
         passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
             be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
-        trust_others: It counts on it that vehicles that do not obey and should wait at a junction do so, even if
+        trust_others: It relies on vehicles that do not obey to give way at junctions where they should, even if
             they would have to brake hard by now.
-        blinkers: It shows by its blinkers which way it takes at a fork, with any planner; planners of others do not
-            expect it elsewhere.
+        blinkers: It shows by its blinkers which way it takes at a fork, with any planner. Predictions then take
+            this way, with less spread along bends.
         speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
         stop_duration: It stands this long at a stop sign, and before it turns right on red. Between 0 and 60.
         lead: It has left an area of a junction so long before another one comes. Between 0 and 60.

@@ -262,5 +262,5 @@ def test_an_agent_turns_into_a_road_whose_far_lane_it_has_to_reach():
     agent = problem(1, -radius, -radius - 1.0, 0.0, 0.5 * np.pi, **goal)
     run = idr.simulate(world(lanelets, problems=[agent], steps=60), settings={"rules.precedence": False}, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
-    # It once braked at every second step, as it cannot plan along a lane across which it heads.
+    # It cannot plan along a lane across which it heads.
     assert not (run.plans.status == PLAN_STATUS.index("emergency_braking")).any()

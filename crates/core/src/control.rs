@@ -100,6 +100,16 @@ pub enum Turn {
 impl Turn {
     /// All turns; the position is the code that crosses the Python boundary.
     pub const ALL: [Self; 3] = [Self::Left, Self::Straight, Self::Right];
+
+    /// Of a way with this change of heading [rad], left positive: from 25 degrees on it turns.
+    pub fn of_angle(angle: f64) -> Self {
+        const TURN: f64 = 25.0 / 180.0 * std::f64::consts::PI;
+        match angle {
+            _ if angle > TURN => Self::Left,
+            _ if angle < -TURN => Self::Right,
+            _ => Self::Straight,
+        }
+    }
 }
 
 /// What a file says about priority at junctions; lanelets are indices.

@@ -26,7 +26,7 @@ use crate::vehicle::ParticipantKind;
 pub(crate) use bending::narrow_in_bends;
 use lane_candidates::LaneCandidates;
 pub use standing::is_standing;
-pub(crate) use turning::turn;
+pub(crate) use turning::{ShownWay, turn};
 pub(crate) use waiting::{Waiting, wait};
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.

@@ -74,11 +74,11 @@ settings! {
         /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and
         /// no oncoming vehicle comes in the meantime; with planner `frenet`.
         passing: bool = true;
-        /// It counts on it that vehicles that do not obey and should wait at a junction do so, even if they would have to
+        /// It relies on vehicles that do not obey to give way at junctions where they should, even if they would have to
         /// brake hard by now.
         trust_others: bool = false;
-        /// It shows by its blinkers which way it takes at a fork, with any planner; planners of others do not expect it
-        /// elsewhere.
+        /// It shows by its blinkers which way it takes at a fork, with any planner. Predictions then take this way, with
+        /// less spread along bends.
         blinkers: bool = true;
         /// It takes speed limits for this many times what they are.
         speed_factor: f64 = 1.0, positive(3.0);
@@ -214,7 +214,7 @@ impl Way {
 
     /// What an agent with its front and its rear at these arc lengths [m] shows of the way that it takes.
     pub fn turning(&self, front: f64, rear: f64, velocity: f64) -> Option<&Turning> {
-        self.turnings.iter().find(|turning| turning.is_shown(front, rear, velocity))
+        Turning::shown(&self.turnings, front, rear, velocity)
     }
 
     /// Arc lengths of the stop lines on the path [m], ascending, and their positions in `Control::lines`.

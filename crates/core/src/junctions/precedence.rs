@@ -11,8 +11,6 @@ use crate::road::RoadNetwork;
 const CHORD: f64 = 5.0;
 /// The part of a lanelet up to an area is inside the junction if it is shorter than this [m].
 const INSIDE: f64 = 40.0;
-/// More than this is a turn [rad].
-const TURN: f64 = 25.0 / 180.0 * PI;
 /// Ways that arrive within this angle come from the same side, within this one of PI against each other [rad].
 const SAME_SIDE: f64 = 30.0 / 180.0 * PI;
 /// What a stop sign is worth.
@@ -74,11 +72,7 @@ impl Approach {
         let angle = wrap_angle(leaves - heading);
         let priorities = &control.priorities;
         let stated = inside.iter().find_map(|lanelet| priorities.turns.get(lanelet).copied());
-        let turn = stated.unwrap_or(match angle {
-            _ if angle > TURN => Turn::Left,
-            _ if angle < -TURN => Turn::Right,
-            _ => Turn::Straight,
-        });
+        let turn = stated.unwrap_or(Turn::of_angle(angle));
         let arrival = before.unwrap_or(inside[0]);
         let rank = before.iter().chain(&inside).find_map(|lanelet| priorities.ranks.get(lanelet));
         let counts = |lights: &[usize]| lights.iter().any(|light| !control.lights[*light].phases.is_empty());

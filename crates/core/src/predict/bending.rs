@@ -6,8 +6,8 @@ use crate::trajectory::Predictions;
 
 /// Twice the standard deviation along the way leads at most so far beside a bend [m].
 const BESIDE: f64 = 0.5;
-/// The curvature is that between so many steps before and after.
-const STEPS: usize = 3;
+/// The curvature is that between so long before and after [s].
+const INTERVAL: f64 = 0.3;
 /// Ways with less curvature are straight [1/m].
 const STRAIGHT: f64 = 0.01;
 /// Over less than this [m] no curvature can be told.
@@ -15,7 +15,8 @@ const WAY_MIN: f64 = 0.1;
 
 /// Narrows the spread along the way of all modes of a row where they bend: a standard deviation s along a bend of
 /// curvature k lies 0.5 k (2 s)² beside it at twice its length.
-pub fn narrow_in_bends(table: &mut Predictions, row: usize) {
+pub fn narrow_in_bends(table: &mut Predictions, row: usize, dt: f64) {
+    let steps = ((INTERVAL / dt).round() as usize).max(1);
     for mode in 0..table.n_modes {
         if table.probability[row * table.n_modes + mode] <= 0.0 {
             continue;
@@ -23,7 +24,7 @@ pub fn narrow_in_bends(table: &mut Predictions, row: usize) {
         let start = table.offset(row, mode);
         let n = (start..start + table.n_steps).take_while(|i| table.valid[*i]).count();
         for k in 0..n {
-            let (a, b) = (start + k.saturating_sub(STEPS), start + (k + STEPS).min(n - 1));
+            let (a, b) = (start + k.saturating_sub(steps), start + (k + steps).min(n - 1));
             let way = Point::new(table.x[b] - table.x[a], table.y[b] - table.y[a]).norm();
             let turned = wrap_angle(table.orientation[b] - table.orientation[a]).abs();
             if way < WAY_MIN || turned <= STRAIGHT * way {
@@ -69,7 +70,7 @@ mod tests {
     #[test]
     fn in_a_bend_the_spread_along_the_way_stays_in_the_lane() {
         let mut table = expected(10.0);
-        narrow_in_bends(&mut table, 0);
+        narrow_in_bends(&mut table, 0, 0.1);
         let (along, across) = spreads(&table);
         // sqrt(0.5 m · 10 m / 2) = 1.58 m: 0.5 · 0.1 1/m · (3.16 m)² = 0.5 m beside the bend.
         assert!((along - 1.58).abs() < 0.02, "{along} m");
@@ -80,11 +81,11 @@ mod tests {
     fn on_a_wide_bend_and_where_the_spread_is_small_it_stays() {
         let mut table = expected(200.0);
         let before = table.clone();
-        narrow_in_bends(&mut table, 0);
+        narrow_in_bends(&mut table, 0, 0.1);
         assert_eq!(table, before);
         let mut table = expected(20.0);
         let before = table.clone();
-        narrow_in_bends(&mut table, 0);
+        narrow_in_bends(&mut table, 0, 0.1);
         // sqrt(0.5 m · 20 m / 2) = 2.24 m.
         assert_eq!(table, before);
     }

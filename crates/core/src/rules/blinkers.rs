@@ -3,14 +3,13 @@
 use super::course::stations;
 use crate::control::{Control, Turn};
 use crate::geometry::polyline::ReferencePath;
-use crate::geometry::wrap_angle;
 use crate::road::RoadNetwork;
 
 /// An agent shows its turn from this distance to the fork on [m], or from so long before it at its present speed [s].
 const SHOWN_BEFORE: f64 = 30.0;
 const SHOWN_TIME: f64 = 3.0;
-/// More than this is a turn [rad].
-const TURN: f64 = 25.0 / 180.0 * std::f64::consts::PI;
+/// ... until its rear has left the lanelet behind the fork, or is so far behind it [m].
+const SHOWN_BEHIND: f64 = 50.0;
 
 /// What an agent does at a fork on its way.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,39 +20,50 @@ pub struct Turning {
     pub others: Vec<usize>,
     /// What it shows.
     pub turn: Turn,
-    /// Arc lengths of the ends of `lanelet` on the path [m].
+    /// Arc length of the fork on the path, and of the place from which on it is shown no more [m].
     start: f64,
     end: f64,
 }
 
 impl Turning {
-    /// Those on a path along lanelets, in its order.
+    /// Those on a path along lanelets, in its order; also that behind which the path begins.
     pub(crate) fn along(path: &ReferencePath, lanelets: &[usize], control: &Control, road: &RoadNetwork) -> Vec<Self> {
-        let is_fork = |pair: &[usize]| {
-            let successors = &road.lanelets()[pair[0]].successors;
-            successors.len() > 1 && successors.contains(&pair[1])
+        let is_fork = |before: usize, lanelet: usize| {
+            let successors = &road.lanelets()[before].successors;
+            successors.len() > 1 && successors.contains(&lanelet)
         };
-        if !lanelets.windows(2).any(is_fork) {
+        let mut before = road.predecessors_straightest_first(lanelets[0]).first().copied();
+        let mut forks = Vec::new();
+        for (place, &lanelet) in lanelets.iter().enumerate() {
+            forks.extend(before.filter(|before| is_fork(*before, lanelet)).map(|before| (place, before)));
+            before = Some(lanelet);
+        }
+        if forks.is_empty() {
             return Vec::new();
         }
         let stations = stations(path, lanelets, road);
-        let forks = lanelets.windows(2).zip(&stations[1..]).filter(|(pair, _)| is_fork(pair));
-        forks
-            .map(|(pair, station)| {
-                let others = road.lanelets()[pair[0]].successors.iter().copied().filter(|other| *other != pair[1]);
-                Self {
-                    lanelet: pair[1],
-                    others: others.collect(),
-                    turn: turn(pair[0], pair[1], control, road),
-                    start: station.start,
-                    end: station.end,
-                }
-            })
-            .collect()
+        let turning = |(place, before): (usize, usize)| {
+            let station = &stations[place];
+            let others = road.lanelets()[before].successors.iter().copied().filter(|other| *other != station.lanelet);
+            Self {
+                lanelet: station.lanelet,
+                others: others.collect(),
+                turn: turn(before, station.lanelet, control, road),
+                start: station.start,
+                end: station.end.min(station.start + SHOWN_BEHIND),
+            }
+        };
+        forks.into_iter().map(turning).collect()
+    }
+
+    /// The one of several that is shown: the next fork, or the one just passed.
+    pub(super) fn shown(all: &[Self], front: f64, rear: f64, velocity: f64) -> Option<&Self> {
+        let in_reach = || all.iter().filter(|one| one.is_shown(front, rear, velocity));
+        in_reach().find(|one| one.start > front).or_else(|| in_reach().last())
     }
 
     /// It is shown by an agent with its front and its rear at these arc lengths [m].
-    pub(super) fn is_shown(&self, front: f64, rear: f64, velocity: f64) -> bool {
+    fn is_shown(&self, front: f64, rear: f64, velocity: f64) -> bool {
         front >= self.start - SHOWN_BEFORE.max(SHOWN_TIME * velocity) && rear <= self.end
     }
 }
@@ -67,15 +77,14 @@ fn turn(before: usize, lanelet: usize, control: &Control, road: &RoadNetwork) ->
     let center = &road.lanelets()[lanelet].center;
     let angle = |lanelet: usize| {
         let length = road.lanelets()[lanelet].length;
-        wrap_angle(road.heading_at(lanelet, length) - road.heading_at(lanelet, 0.0))
+        Turn::of_angle(road.heading_at(lanelet, length) - road.heading_at(lanelet, 0.0))
     };
     let straightest = road.successors_straightest_first(before)[0];
-    let side = match angle(lanelet) {
-        large if large.abs() > TURN => large,
-        _ if lanelet == straightest || angle(straightest).abs() > TURN => return Turn::Straight,
-        _ => road.lanelets()[straightest].center.project(center.at(center.length())).d,
-    };
-    if side > 0.0 { Turn::Left } else { Turn::Right }
+    if angle(lanelet) != Turn::Straight || lanelet == straightest || angle(straightest) != Turn::Straight {
+        return angle(lanelet);
+    }
+    let aside = road.lanelets()[straightest].center.project(center.at(center.length())).d;
+    if aside > 0.0 { Turn::Left } else { Turn::Right }
 }
 
 #[cfg(test)]
@@ -127,7 +136,7 @@ mod tests {
         let road = fork();
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)]);
         let found = Turning::along(&way, &[0, 1], &Control::default(), &road).remove(0);
-        // The path begins before the first point, so that arc lengths are x and a constant.
+        // Arc lengths are x and a constant.
         let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
         let is_shown = |x: f64, velocity: f64| found.is_shown(zero + x, zero + x - 4.5, velocity);
         for (x, velocity, expected) in [
@@ -140,6 +149,56 @@ mod tests {
         ] {
             assert_eq!(is_shown(x, velocity), expected, "front at {x} m, {velocity} m/s");
         }
+    }
+
+    /// Lanes along x: 1 to 50 m, 2 to 60 m beside 20, which bends away, then 3 straight on and 4 in a quarter circle.
+    fn two_forks() -> RoadNetwork {
+        let half = std::f64::consts::FRAC_PI_2;
+        open(vec![
+            with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2, 20]),
+            with_successors(lane(2, &straight((50.0, 0.0), (60.0, 0.0))), &[3, 4]),
+            lane(3, &straight((60.0, 0.0), (100.0, 0.0))),
+            lane(4, &arc((60.0, -20.0), 20.0, half, 0.0)),
+            lane(20, &arc((50.0, 20.0), 20.0, -half, 0.0)),
+        ])
+    }
+
+    #[test]
+    fn the_next_of_two_forks_is_shown() {
+        let road = two_forks();
+        let control = Control::default();
+        let way = path(&[(0.0, 0.0), (60.0, 0.0), (80.0, -20.0)]);
+        let found = Turning::along(&way, &[0, 1, 3], &control, &road);
+        let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
+        let shown = |x: f64| Turning::shown(&found, zero + x, zero + x - 4.5, 5.0).map(|one| one.turn);
+        for (x, expected) in [
+            (19.0, None),
+            (25.0, Some(Turn::Straight)),
+            (49.0, Some(Turn::Straight)),
+            (51.0, Some(Turn::Right)),
+            (62.0, Some(Turn::Right)),
+        ] {
+            assert_eq!(shown(x), expected, "front at {x} m");
+        }
+    }
+
+    #[test]
+    fn an_agent_that_starts_behind_a_fork_shows_its_way_there() {
+        let road = fork();
+        let way = path(&[(50.0, 0.0), (64.0, 6.0), (70.0, 20.0)]);
+        let found = Turning::along(&way, &[2], &Control::default(), &road);
+        assert_eq!((found.len(), found[0].turn, found[0].others.as_slice()), (1, Turn::Left, [1].as_slice()));
+    }
+
+    #[test]
+    fn a_loop_by_more_than_half_a_turn_keeps_its_side() {
+        let half = std::f64::consts::FRAC_PI_2;
+        let road = open(vec![
+            with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2, 3]),
+            lane(2, &straight((50.0, 0.0), (100.0, 0.0))),
+            lane(3, &arc((50.0, -20.0), 20.0, half, half - 3.5)),
+        ]);
+        assert_eq!(turn(0, 2, &Control::default(), &road), Turn::Right);
     }
 
     #[test]

@@ -310,7 +310,9 @@ impl World {
 
     /// What can be seen now.
     pub fn scene(&self) -> Scene {
-        self.scene_with_past(self.settings.step.history_at(self.scenario.dt))
+        let mut scene = self.scene_with_past(self.settings.step.history_at(self.scenario.dt));
+        self.write_turns(&scene.present, &mut scene.turns);
+        scene
     }
 
     /// Writes what can be seen now, with a part of the past, into a scene that is there; memory is reused.
@@ -325,16 +327,15 @@ impl World {
         self.recording.write_last_states(history_steps + 1, &mut scene.past);
     }
 
+    /// The same without turns.
     fn scene_with_past(&self, history_steps: usize) -> Scene {
-        let present: Vec<usize> = (0..self.states.len()).filter(|row| self.states[*row].is_some()).collect();
-        let mut turns = Vec::new();
-        self.write_turns(&present, &mut turns);
+        let present = (0..self.states.len()).filter(|row| self.states[*row].is_some()).collect();
         Scene {
             time_step: self.time_step,
             dt: self.scenario.dt,
             participants: Arc::clone(&self.participants),
             present,
-            turns,
+            turns: Vec::new(),
             past: self.recording.last_states(history_steps + 1),
         }
     }

@@ -4,7 +4,7 @@ use super::{Drive, World};
 use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
-use crate::predict::{Waiting, narrow_in_bends, turn, wait};
+use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{
     Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way, Yielding,
@@ -91,18 +91,23 @@ impl World {
     }
 
     /// Predictions in which agents take the ways that they show and keep to their lanes there, and those that were told to
-    /// wait before a junction do so; `None` if there is nothing of both. Blinkers and right of way are public: who goes by them needs no plan.
+    /// wait before a junction do so; `None` if no agent does either. Blinkers and right of way are public: nobody needs
+    /// the plan of another one to go by them.
     pub fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
         let mut found: Option<Predictions> = None;
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
             let (Some(turning), Some(row)) = (self.turning(drive), predictions.row(drive.agent.id)) else { continue };
-            if let Some(probability) = turn(predictions, row, turning, &self.scenario.road) {
+            let Some(state) = self.states[drive.row] else { continue };
+            let s = drive.s + drive.agent.vehicle.rear_axle_to_center;
+            let way = ShownWay { turning, path: &drive.agent.route.path, from: (state.pose().position, s) };
+            let (road, dt) = (&self.scenario.road, self.scenario.dt);
+            if let Some(probability) = turn(predictions, row, &way, road, dt) {
                 let n = predictions.n_modes;
                 let table = found.get_or_insert_with(|| predictions.clone());
                 table.probability[row * n..(row + 1) * n].copy_from_slice(&probability);
             }
             if turning.turn != Turn::Straight {
-                narrow_in_bends(found.get_or_insert_with(|| predictions.clone()), row);
+                narrow_in_bends(found.get_or_insert_with(|| predictions.clone()), row, dt);
             }
         }
         for order in self.orders().iter().filter(|order| order.stop.is_finite()) {
@@ -148,7 +153,7 @@ impl World {
                 && let Some(found) = matches.first()
                 && !self.participants.is_static[row]
             {
-                let drive = self.drives.iter().find(|drive| drive.row == row);
+                let drive = self.drive_index(self.participants.ids[row]).ok().map(|index| &self.drives[index]);
                 let turning = drive.and_then(|drive| self.turning(drive));
                 self.visit(found, (velocity, length), (place, turning), &mut visits);
             }

@@ -21,8 +21,10 @@ const LINE_REACTION: f64 = 1.0;
 const LANE_END_BRAKING: f64 = 0.7;
 /// Agents look for a higher speed limit so far ahead [s].
 const LIMIT_AHEAD: f64 = 1.0;
-/// One that is faster than the limit aims below it by this share of the excess, so that it brakes at once.
+/// One that is faster than the limit aims below it by this share of the excess, at most by so much [m/s], so that it does
+/// not only approach it.
 const EXCESS_SHARE: f64 = 0.5;
+const BELOW_MAX: f64 = 1.0;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
@@ -128,7 +130,12 @@ impl Targets {
         let limits = &request.rules.way.limits;
         let limit = limits.at(middle).max(limits.at(middle + LIMIT_AHEAD * start.velocity));
         let excess = (start.velocity - limit).max(0.0);
-        let velocity = path_velocity(request, start, comfort, elsewhere.min((limit - EXCESS_SHARE * excess).max(0.0)));
+        let velocity = path_velocity(
+            request,
+            start,
+            comfort,
+            elsewhere.min((limit - (EXCESS_SHARE * excess).min(BELOW_MAX)).max(0.0)),
+        );
         let velocity = velocity.max(start.velocity - step).max(0.0);
         let leader_stop = standing - comfort.standstill_gap - (front - start.s);
         // Stops further away than three comfortable braking distances are left to the desired speed.
