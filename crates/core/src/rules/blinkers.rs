@@ -59,7 +59,7 @@ impl Turning {
     /// The one of several that is shown: the next fork, or the one just passed.
     pub(super) fn shown(all: &[Self], front: f64, rear: f64, velocity: f64) -> Option<&Self> {
         let in_reach = || all.iter().filter(|one| one.is_shown(front, rear, velocity));
-        in_reach().find(|one| one.start > front).or_else(|| in_reach().last())
+        in_reach().find(|one| one.start > front).or_else(|| in_reach().next_back())
     }
 
     /// It is shown by an agent with its front and its rear at these arc lengths [m].
