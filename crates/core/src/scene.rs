@@ -55,7 +55,8 @@ pub struct Scene {
     pub participants: Arc<Participants>,
     /// Rows of `participants` that are present now, ascending.
     pub present: Vec<usize>,
-    /// For each of them the turn that it shows by its blinkers; `None`: unknown.
+    /// For each of them the turn that it shows by its blinkers; `None`: unknown. Empty in scenes that the world makes for
+    /// itself.
     pub turns: Vec<Option<Turn>>,
     /// Present and past of all participants; the last column is now. A row is cut where the participant left, so
     /// a participant that has left has no past either.

@@ -64,7 +64,12 @@ pub fn of_each<T>(shown: &[Shown<'_>], row: impl Fn(usize) -> T, told: impl Fn(&
 
 /// A turn as a number: 1 to the left, 0 straight on, -1 to the right, nan: unknown.
 fn side(turn: Option<Turn>) -> f64 {
-    turn.map_or(f64::NAN, |turn| 1.0 - f64::from(turn as u8))
+    match turn {
+        Some(Turn::Left) => 1.0,
+        Some(Turn::Straight) => 0.0,
+        Some(Turn::Right) => -1.0,
+        None => f64::NAN,
+    }
 }
 
 /// The turn of a number.

@@ -14,9 +14,7 @@ const SHOWN_BEHIND: f64 = 50.0;
 /// What an agent does at a fork on its way.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turning {
-    /// Index of the lanelet behind the fork that it takes, and of the others there.
-    pub lanelet: usize,
-    /// See `lanelet`.
+    /// Indices of the lanelets behind the fork that it does not take.
     pub others: Vec<usize>,
     /// What it shows.
     pub turn: Turn,
@@ -46,7 +44,6 @@ impl Turning {
             let station = &stations[place];
             let others = road.lanelets()[before].successors.iter().copied().filter(|other| *other != station.lanelet);
             Self {
-                lanelet: station.lanelet,
                 others: others.collect(),
                 turn: turn(before, station.lanelet, control, road),
                 start: station.start,
