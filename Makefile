@@ -11,16 +11,16 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheel wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions audit oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheel wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
 $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 .venv-docs/.tools: WANTED = p['dependencies'] + o['docs']
 .venv-release/.tools: WANTED = o['release']
-.venv-oracles/.tools: WANTED = p['dependencies'] + o['oracles']
+.venv-oracles/.tools: WANTED = p['dependencies'] + o['oracles'] + o['checker']
 # These packages have requirements without wheels; the parts that are called here do not need them.
-.venv-oracles/.tools: ALONE = commonroad-crime==0.4.5 commonroad-clcs==2025.2.0
+.venv-oracles/.tools: ALONE = commonroad-crime==0.4.5
 # Of every dependency exactly the lower bound.
 .venv-oldest/.tools: WANTED = [re.sub(r'>=([^,]+).*', r'==\1', one) for one in p['dependencies']] + ['pytest>=8']
 # Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
@@ -158,6 +158,13 @@ driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? be
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py
 
+# Weaknesses that became known come from the internet (the advisory databases of RustSec and PyPI), so CI does not ask.
+# With --strict a package that could not be looked up is a failure, too.
+audit: .uv/bin/uv ## known weaknesses, licences and sources of all dependencies; builds cargo-deny if it is missing (minutes)
+	cargo deny --version > /dev/null 2>&1 || cargo install cargo-deny --locked
+	cargo deny check
+	for name in locks/*.txt; do .uv/bin/uv tool run pip-audit --strict --disable-pip --no-deps -r $$name || exit 1; done
+
 mutants: ## breaks formulas, contacts, outcomes and limits on purpose, and lists what no unit test notices
 	cargo mutants --version > /dev/null 2>&1 || cargo install cargo-mutants --locked
 	$(PYTHON) benchmarks/mutants.py
@@ -196,7 +203,7 @@ planners: .venv-third/.installed ## compares four planners on all recorded scena
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/how_to/ray.md
 	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster
 
-browser: $(VENV)/.installed .venv-browser/.chromium ## opens reports in Chromium; skipped where there is none, which is a failure in CI
+browser: $(VENV)/.installed .venv-browser/.chromium .venv-docs/.tools ## opens reports in Chromium; skipped where there is none, which is a failure in CI
 	.venv-browser/bin/python -m pytest -q -s --confcutdir=tests/browser tests/browser
 
 report_bundle: ## builds the front end of reports (needs node and npm); says whether what is committed was current
