@@ -12,6 +12,7 @@ number of workers. Exit code 1 says that a predictor failed somewhere.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import multiprocessing
 import sys
 import time
@@ -29,7 +30,7 @@ from interdrive.prediction_evaluation.evaluation import chosen_predictors
 from interdrive.prediction_evaluation.recordings import CATEGORIES, Recording, category_of, found_files
 from interdrive.prediction_evaluation.split import Split, read_split
 from interdrive.simulation import simulate
-from interdrive.storage import Column, arrow_table, labels, replacing, write_table
+from interdrive.storage import Column, Origin, arrow_table, labels, replacing, write_table
 from interdrive.testing import straight_road, world
 
 COLUMNS = (
@@ -115,14 +116,15 @@ def drive_all(
         yield path, futures[path].result()
 
 
-def write(rows: Sequence[Ended], path: Path) -> None:
+def write(rows: Sequence[Ended], path: Path, inputs: Sequence[Path]) -> None:
     values: dict[str, object] = {}
+    digests = {one.name: hashlib.sha256(one.read_bytes()).hexdigest() for one in inputs}
     for column in COLUMNS:
         entries = [getattr(row, column.name) for row in rows]
         values[column.name] = labels(tuple(entries)) if column.kind == "label" else entries
     values["partner_id"] = np.ma.masked_equal(values["partner_id"], -1)
     with replacing(path) as partial:
-        write_table(arrow_table(COLUMNS, values), partial)
+        write_table(arrow_table(COLUMNS, values), partial, Origin(inputs=digests))
 
 
 def summary(rows: Sequence[Ended], names: Sequence[str]) -> Iterator[str]:
@@ -222,7 +224,7 @@ def main() -> None:
                     refused[path.name, spec_label(choice)] = found
                 else:
                     rows += found
-            write(rows, arguments.out)
+            write(rows, arguments.out, paths)
             print(f"{spec_label(choice)}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     for table in (summary, kinds, pairs):
         print("\n".join(table(rows, names)), end="\n\n")

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "python" / "interdrive" / "benchmarks" / "reference"
 PAGE = ROOT / "docs" / "research" / "scores.md"
-HEADINGS = ("planner", "R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "agents at 0")
+HEADINGS = (
+    *("planner", "R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk"),
+    *("agents", "left out", "agents at 0"),
+)
 
 
 def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
@@ -44,18 +47,27 @@ def merged(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(name: str, split: str) -> str:
-    """The rows of all categories together as Markdown, the best planner first; nothing without rows."""
+    """The rows of all categories together as Markdown, the best planner first, replayed humans last.
+
+    Nothing without rows.
+    """
     rows = [row for row in reference_rows(read_set(name), split) if row.category == "all"]
     if not rows:
         return ""
     lines = ["| " + " | ".join(HEADINGS) + " |", "|---|" + "--:|" * (len(HEADINGS) - 2) + "---|"]
-    lines += ["| " + " | ".join(cells(row)) + " |" for row in sorted(rows, key=lambda row: -row.score)]
+    lines += ["| " + " | ".join(cells(row)) + " |" for row in sorted(rows, key=rank)]
     return "\n".join(lines)
+
+
+def rank(row: Row) -> tuple[bool, float]:
+    """Place in the table: replayed humans have no number."""
+    return math.isnan(row.score), -row.score
 
 
 def by_category(name: str, split: str) -> str:
     """The number of each planner by category as Markdown."""
     rows = [row for row in reference_rows(read_set(name), split) if row.category != "all"]
+    rows = [row for row in rows if not math.isnan(row.score)]
     if not rows:
         return ""
     categories = sorted({row.category for row in rows})
@@ -81,7 +93,7 @@ def cells(row: Row) -> list[str]:
     found = ["" if value is None or math.isnan(value) else f"{value:.1f}" for value in values]
     found[1] = "" if math.isnan(row.low) else f"{row.low:.1f} to {row.high:.1f}"
     zeros = ", ".join(f"{count} {name}" for name, count in row.zeros.items())
-    return [f"`{row.planner}`", *found, zeros]
+    return [f"`{row.planner}`", *found, str(row.n_agents), str(row.n_left_out), zeros]
 
 
 def documented(text: str) -> str:

@@ -1,6 +1,7 @@
 import os
 import shutil
 import signal
+import tarfile
 from pathlib import Path
 
 import commonroad_documents as cr
@@ -42,7 +43,7 @@ def pytest_make_collect_report(collector):
 def pytest_collection_modifyitems(items):
     """Tests that read all recorded scenarios are marked, and come first, so that one worker reads them for all."""
     for item in items:
-        if "recorded_scenarios" in getattr(item, "fixturenames", ()):
+        if {"recorded_scenarios", "real_recordings"} & set(getattr(item, "fixturenames", ())):
             item.add_marker("recorded")
     items.sort(key=lambda item: item.get_closest_marker("recorded") is None)
 
@@ -66,6 +67,21 @@ def recorded_scenarios(scenarios_folder) -> dict[str, Scenario | InputError]:
         except InputError as error:
             found[str(path.relative_to(scenarios_folder))] = error
     assert found, f"{scenarios_folder} holds no scenarios"
+    return found
+
+
+@pytest.fixture(scope="session")
+def real_recordings(tmp_path_factory) -> dict[str, list[Path]]:
+    """Windows of real recordings by place; `INTERDRIVE_REAL_RECORDINGS` says where their archive is."""
+    archive = Path(os.environ.get("INTERDRIVE_REAL_RECORDINGS", ROOT.parent / "shared" / "real_recordings.tar.xz"))
+    if not archive.is_file():
+        pytest.skip(f"no real recordings in {archive}: set INTERDRIVE_REAL_RECORDINGS to their archive")
+    folder = tmp_path_factory.mktemp("real_recordings")
+    with tarfile.open(archive) as packed:
+        packed.extractall(folder, filter="data")
+    found: dict[str, list[Path]] = {}
+    for path in sorted(folder.rglob("*.xml")):
+        found.setdefault(path.parent.name, []).append(path)
     return found
 
 

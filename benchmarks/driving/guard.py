@@ -2,7 +2,7 @@
 
 It drives the scenarios that `guard.json` names. What fails: the share of reachable agents in time is lower by more than
 a point; more collisions between agents; an agent stands for more than 10 s in a scenario where none did; an agent
-brakes or accelerates harder than its vehicle can. Every update adds a line to docs/research/driving.md.
+brakes or accelerates harder than its vehicle can. Every update adds a line to docs/research/log/driving.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from drives import LONG, Drive, drive
 from interdrive.config.schema import SimulationSettings
 
 ROOT = Path(__file__).resolve().parents[2]
-STORED, PAGE = Path(__file__).with_name("guard.json"), ROOT / "docs" / "research" / "driving.md"
+STORED, PAGE = Path(__file__).with_name("guard.json"), ROOT / "docs" / "research" / "log" / "driving.md"
 #: The line behind which updates are noted.
 NOTES = "| in time | agents that collide with each other | scenarios with an agent that stands > 10 s | why |"
 #: The share in time may be lower by this [percentage points].
@@ -145,7 +145,7 @@ def main() -> int:
     default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
     parser.add_argument("folder", type=Path, nargs="?", default=default)
     parser.add_argument(
-        "--update", metavar="REASON", help="store what is measured; the reason goes into docs/research/driving.md"
+        "--update", metavar="REASON", help="store what is measured; the reason goes into docs/research/log/driving.md"
     )
     parser.add_argument("--workers", type=int, default=1)
     arguments = parser.parse_args()

@@ -1,7 +1,7 @@
 // Planners compared: shares of outcomes, metrics, and differences with their intervals.
 
 import { type Compared, type ComparedRow, type Difference, OUTCOMES } from "./contract";
-import { element, NUMBER } from "./elements";
+import { dropEmptyColumns, element, NUMBER } from "./elements";
 import { mark, markIcon } from "./marks";
 
 /** Planners below each other. */
@@ -19,7 +19,7 @@ export function planners({ rows, headings }: Compared): HTMLElement {
   const legend = element("div", { class: "chips legend" });
   for (const outcome of OUTCOMES.filter((name) => rows.some((row) => row.shares[name] > 0)))
     legend.append(element("span", {}, markIcon(outcome), mark(outcome).text));
-  const table = element("table", { class: "wide" }, element("thead", {}, head), element("tbody", {}, ...body));
+  const table = dropEmptyColumns(element("table", { class: "wide" }, element("thead", {}, head), element("tbody", {}, ...body)));
   return element("section", {}, element("div", { class: "scroll" }, table), legend);
 }
 

@@ -32,6 +32,7 @@ export interface Participant {
   outcome?: string;
   end?: number;
   harm?: number | null;
+  ttc?: string;
   reason?: string;
   score?: number | null;
   why?: string;
@@ -40,13 +41,14 @@ export interface Participant {
   occlusion?: boolean;
 }
 
-/** A criticality measure; values beyond the cap do not matter, the level is a line to compare with. */
+/** A criticality measure: the largest values drawn (cap) and told (horizon), and a line to compare with (level). */
 export interface Measure {
   name: string;
   title: string;
   unit: string;
   grows: boolean;
   cap: number | null;
+  horizon: number | null;
   level: number | null;
 }
 
@@ -173,6 +175,7 @@ export interface BatchRun {
   agent: number | null;
   outcomes: Record<string, number>;
   ttc_min: number | null;
+  ttc: string;
   page: string | null;
   damage: string;
   command?: string | null;
@@ -231,7 +234,7 @@ export const MARKS: Record<string, { marker: string; color: string; text: string
   "infeasible": {
     "marker": "v",
     "color": "#F0E442",
-    "text": "no feasible plan"
+    "text": "infeasible"
   },
   "planner_error": {
     "marker": "*",
@@ -256,7 +259,7 @@ export const MARKS: Record<string, { marker: string; color: string; text: string
   "infeasible_plan": {
     "marker": "v",
     "color": "#F0E442",
-    "text": "no feasible plan found"
+    "text": "infeasible plan"
   },
   "violation": {
     "marker": "D",

@@ -29,10 +29,20 @@ export function toggle(label: string, title: string, on: boolean, onChange: (on:
 /** Attributes of cells that hold numbers. */
 export const NUMBER = { class: "number" };
 
-/** A number for people. */
-export function text(value: number | null | undefined, digits: number, unit = ""): string {
+/** Removes the columns of a table in which every cell of the body is empty. */
+export function dropEmptyColumns(table: HTMLTableElement): HTMLTableElement {
+  const body = [...table.tBodies].flatMap((part) => [...part.rows]);
+  const isEmpty = (cell: HTMLTableCellElement | undefined) => !cell || (!cell.textContent?.trim() && !cell.childElementCount);
+  for (let at = (table.tHead?.rows[0]?.cells.length ?? 0) - 1; body.length && at >= 0; at--)
+    if (body.every((row) => isEmpty(row.cells[at]))) for (const row of table.rows) row.deleteCell(at);
+  return table;
+}
+
+/** A number for people; of sizes beyond the horizon only that they are. */
+export function text(value: number | null | undefined, digits: number, unit = "", horizon = Infinity): string {
   if (value === null || value === undefined || Number.isNaN(value)) return "";
   if (!Number.isFinite(value)) return "∞";
-  const shown = value.toFixed(digits);
+  const side = value < 0 ? "< -" : "> ";
+  const shown = Math.abs(value) > horizon ? `${side}${horizon}` : value.toFixed(digits);
   return `${Number(shown) === 0 ? shown.replace("-", "") : shown}${unit ? ` ${unit}` : ""}`;
 }

@@ -79,13 +79,14 @@ export class Panels {
     const ttc = this.run.header.measures.findIndex((m) => m.name === "ttc");
     const least = (p: Participant) => this.least(ttc, p.agent);
     const scored = rows.some(({ p }) => p.score != null);
+    const followed = rows.some(({ p }) => p.ttc);
     const head = element("tr");
     const table = element("table", {}, element("thead", {}, head));
     const columns: [string, string, (p: Participant) => number | string][] = [
       ["agent", "id of the agent", (p) => p.id],
       ["outcome", "how it ended", (p) => p.outcome ?? ""],
       ["time [s]", "when it ended", (p) => p.end ?? 0],
-      ["TTC [s]", "least time to collision", least],
+      ...(followed ? [["TTC [s]", "least time to collision along lanes", least] as [string, string, (p: Participant) => number]] : []),
       ...(scored
         ? [["score", "score from 0 to 100", (p: Participant) => p.score ?? -1] as [string, string, (p: Participant) => number]]
         : []),
@@ -113,8 +114,8 @@ export class Panels {
         ),
         element("td", {}, markIcon(p.outcome ?? ""), mark(p.outcome ?? "").text),
         element("td", { class: "number" }, this.run.seconds(p.end ?? 0).toFixed(this.run.decimals)),
-        element("td", { class: "number" }, Number.isFinite(least(p)) ? least(p).toFixed(2) : ""),
       );
+      if (followed) line.append(element("td", { class: "number" }, p.ttc ?? ""));
       if (scored) line.append(element("td", { class: "number" }, p.score == null ? "" : (100 * p.score).toFixed(0)));
       if (several) line.append(element("td", {}, p.planner ?? ""));
       const agent = element("tbody", { class: "agent" }, line);

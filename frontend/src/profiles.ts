@@ -137,7 +137,8 @@ export class Profiles {
       const partner = this.run.header.participants[this.run.measurePartner(index, agent, step)];
       if (Number.isNaN(value)) return "–";
       if (!Number.isFinite(value)) return "no conflict";
-      return `${text(value, 2, this.measure.unit)}${partner ? ` with ${partner.id}` : ""}`;
+      const { unit, horizon } = this.measure;
+      return `${text(value, 2, unit, horizon ?? Infinity)}${partner ? ` with ${partner.id}` : ""}`;
     }
     const unit = chart === this.charts[1] ? this.column.unit : chart.unit;
     return text(chart.series()[step], chart.digits, unit) || "–";

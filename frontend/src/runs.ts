@@ -1,7 +1,7 @@
 // The list of runs with links to their pages.
 
 import type { BatchHeader, BatchRun, Part } from "./contract";
-import { button, element, NUMBER, text } from "./elements";
+import { button, dropEmptyColumns, element, NUMBER } from "./elements";
 
 /** Headings of columns of numbers in the list of runs. */
 const NUMBERS = new Set(["seed", "agents", "reached %", "collisions", "min TTC [s]"]);
@@ -45,7 +45,7 @@ export class RunList {
     }
     body.append(...this.lines.map(({ line: l }) => l));
     this.filter.addEventListener("input", () => this.show());
-    const table = element("table", { class: "runs" }, element("thead", {}, head), body);
+    const table = dropEmptyColumns(element("table", { class: "runs" }, element("thead", {}, head), body));
     this.root.append(this.filter, this.count, element("div", { class: "scroll" }, table));
   }
 
@@ -90,7 +90,7 @@ function line(run: BatchRun): HTMLElement {
     element("td", NUMBER, String(run.n_agents)),
     element("td", NUMBER, finished ? ((100 * (run.outcomes.goal_reached ?? 0)) / Math.max(1, run.n_agents)).toFixed(0) : ""),
     element("td", NUMBER, finished ? String(run.outcomes.collision ?? 0) : ""),
-    element("td", NUMBER, text(run.ttc_min, 2)),
+    element("td", NUMBER, run.ttc),
     element("td", {}, look(run)),
   );
 }

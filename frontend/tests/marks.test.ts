@@ -28,3 +28,10 @@ test("zero has no sign, and what is undefined no text", () => {
   assert.equal(text(1.25, 1, "m/s"), "1.3 m/s");
   assert.equal(text(NaN, 1), "");
 });
+
+test("what lies beyond its horizon is told as such", () => {
+  assert.equal(text(1469952, 2, "s", 60), "> 60 s");
+  assert.equal(text(-1.03e8, 2, "m/s²", 100), "< -100 m/s²");
+  assert.equal(text(60, 2, "s", 60), "60.00 s");
+  assert.equal(text(75, 2, "s"), "75.00 s");
+});

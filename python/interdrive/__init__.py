@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
     from interdrive.files import (
         ScenarioSpec,
+        join,
         read_scenario,
         scenario_from_commonroad,
         shipped_scenario,
         shipped_scenarios,
+        write_scenario,
     )
     from interdrive.files.solution import write_solution
     from interdrive.native_settings import ViewSettings
@@ -79,10 +81,12 @@ _HOME = {
     "PredictorError": "errors",
     "ResultsError": "errors",
     "ScenarioSpec": "files",
+    "join": "files",
     "read_scenario": "files",
     "scenario_from_commonroad": "files",
     "shipped_scenario": "files",
     "shipped_scenarios": "files",
+    "write_scenario": "files",
     "Frenet": "planners",
     "Idm": "planners",
     "IdmMobil": "planners",
@@ -171,6 +175,7 @@ __all__ = [
     "case_study",
     "criticality",
     "evaluate_predictors",
+    "join",
     "load",
     "plots",
     "read_batch",
@@ -182,6 +187,7 @@ __all__ = [
     "shipped_scenario",
     "shipped_scenarios",
     "simulate",
+    "write_scenario",
     "write_solution",
 ]
 

@@ -26,6 +26,10 @@ def start() -> NoReturn:
     """Runs the command line and exits; `interdrive.cli` lists the exit codes."""
     signal.signal(signal.SIGINT, _leave)
     _open_streams()
+    # Figures are written to files, without dates, whatever the environment says; matplotlib fails with values that it
+    # does not know.
+    os.environ["MPLBACKEND"] = "agg"
+    os.environ.pop("SOURCE_DATE_EPOCH", None)
     code: int | str | None = 0
     try:
         from interdrive.cli import main  # noqa: PLC0415 - Ctrl-C is one line from here on
@@ -58,10 +62,11 @@ def _open_streams() -> None:
 
 def _close_output() -> None:
     """Closes the streams; otherwise the interpreter would report failed writes once more."""
-    try:
-        sys.stdout.flush()
-    except (OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    for number, stream in ((1, sys.stdout), (2, sys.stderr)):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 
 
 def last_resort(error: BaseException) -> int:
@@ -129,19 +134,25 @@ def _print_traceback(error: BaseException) -> None:
     import traceback  # noqa: PLC0415 - only then
 
     try:
-        traceback.print_exception(error)
+        lines = traceback.format_exception(error)
     except Exception:  # noqa: BLE001 - an exception that cannot be printed is one line all the same
-        traceback.print_tb(error.__traceback__)
+        lines = traceback.format_tb(error.__traceback__)
+    _write("".join(lines))
 
 
 def _say(line: str, code: int) -> int:
     """Prints a line if possible."""
+    _write(f"{' '.join(line.splitlines())}\n")
+    return code
+
+
+def _write(text: str) -> None:
+    """Prints on stderr if possible; what a terminal would obey is shown, as by `interdrive.cli.terminal`."""
     try:
-        sys.stderr.write("".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in line) + "\n")
+        sys.stderr.write("".join(sign if sign.isprintable() or sign == "\n" else ascii(sign)[1:-1] for sign in text))
         sys.stderr.flush()
     except (OSError, ValueError, MemoryError):
         pass
-    return code
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ __all__ = [
     "LIGHT_DECELERATION",
     "MEETING_MARGIN",
     "NEURAL",
+    "PLAN_POINTS_MAX",
     "RASTER",
     "REACH",
     "REACH_TIME",
@@ -81,6 +82,8 @@ __all__ = [
     "time_to_collision",
 ]
 __version__: str
+#: Most points of a plan from outside the core.
+PLAN_POINTS_MAX: int
 #: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
 #: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
@@ -132,18 +135,22 @@ class RoadNetwork:
         adjacent_right: Sequence[int],
         adjacent_right_same_direction: Sequence[bool],
         speed_limit: Sequence[float],
+        users: Sequence[int],
         settings: RoadSettings,
+        heights: Sequence[tuple[int, _Floats, _Floats]] = ...,
     ) -> RoadNetwork: ...
     def bounds(self) -> list[tuple[_Floats, bool]]: ...
     def on_lanelet(self, points: _Floats) -> _Bools: ...
     def on_road(self, points: _Floats) -> _Bools: ...
     def lanelets_at(self, x: float, y: float) -> list[int]: ...
+    def admits(self, lanelet_id: int, kind: int) -> bool: ...
     def matching(
         self, x: float, y: float, orientation: float, tolerance: float, angle_max: float
     ) -> list[tuple[int, float, float, float]]: ...
     def lane_stretch(self, lanelet_id: int, s: float, before: float, after: float) -> list[_Floats]: ...
     @property
     def road_edges(self) -> _Floats: ...
+    def are_apart(self, one: tuple[float, float, float], other: tuple[float, float, float]) -> bool: ...
     def lane_rules(self, x: _Floats, y: _Floats, orientation: _Floats) -> tuple[_Floats, _Floats]: ...
     def lanes_below(
         self, x: _Floats, y: _Floats, orientation: _Floats, angle_max: float
@@ -178,6 +185,8 @@ class Scenario:
         | None = ...,
         closed: tuple[Sequence[int], Sequence[int]] = ...,
         crosswalks: Sequence[int] = ...,
+        overlaps: Sequence[tuple[int, int]] = ...,
+        derived: Sequence[tuple[bool, bool]] = ...,
     ) -> Scenario: ...
     @property
     def dt(self) -> float: ...
@@ -235,7 +244,9 @@ class Vehicle:
 @final
 class Route:
     @staticmethod
-    def find(road: RoadNetwork, x: float, y: float, orientation: float, velocity: float, goal: Goal) -> Route: ...
+    def find(
+        road: RoadNetwork, x: float, y: float, orientation: float, velocity: float, goal: Goal, user: int = ...
+    ) -> Route: ...
     @property
     def lanelet_ids(self) -> list[int]: ...
     @property
@@ -254,6 +265,13 @@ class Route:
     def goal_exit_s(self) -> float: ...
     @property
     def lane_changes(self) -> int: ...
+    def first_state(
+        self,
+        vehicle: Vehicle,
+        state: tuple[float, float, float, float, float, float],
+        past: Sequence[tuple[float, float]],
+        dt: float,
+    ) -> tuple[float, float]: ...
     def project(self, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]: ...
 
 @final
@@ -581,6 +599,8 @@ class Plans:
         velocity: _Floats,
         acceleration: _Floats | None = None,
         yaw_rate: _Floats | None = None,
+        *,
+        slides: bool = False,
     ) -> None: ...
     def fail(self, id: int, message: str) -> None: ...
 
@@ -654,6 +674,7 @@ class Stage:
     @property
     def ids(self) -> list[int]: ...
     def eligible(self, time_step: int, rest: int) -> list[int]: ...
+    def later(self, time_step: int, rest: int) -> list[int]: ...
     def recorded_actions(self, position: int, model: Kinematic) -> tuple[_Singles, _Bools]: ...
 
 @final
@@ -691,6 +712,7 @@ class Worlds:
     def observed(self) -> list[str]: ...
     @property
     def hungry(self) -> list[int]: ...
+    def copy(self) -> Worlds: ...
     def bind(
         self,
         *,
@@ -731,8 +753,11 @@ def check_settings(name: str, given: object) -> None:
 def settings_tables() -> list[dict[str, Any]]:
     """The core's tables of settings: name, text, and the fields with name, unit, text, range and default."""
 
-def steps_at_most(step: CoreStepSettings, n_recorded: int) -> int:
-    """Number of time steps after which a run with these settings ends, for so many recorded time steps."""
+def steps_at_most(step: CoreStepSettings, n_recorded: int, agents: list[tuple[int, int]]) -> int:
+    """Number of time steps after which a run with these settings ends.
+
+    For so many recorded time steps, and agents that start and whose goals end at these time steps.
+    """
 
 def observation_layout(
     settings: ObservationSettings, planner: Sequence[str] = ...

@@ -305,13 +305,19 @@ class CoreStepSettings:
         history_steps: Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the
             same time as this number of steps of 0.1 s. Between 1 and 10000.
         max_steps: Largest number of time steps of a run; agents that are still driving then end with time_limit. 0:
-            5000, or twice the number of recorded time steps if that is more. Between 0 and 1000000.
+            5000, or twice the number of recorded time steps, or what the times of all agents need, up to 20000, if
+            that is more. Between 0 and 1000000.
+        standstill_s: A run in which nothing has moved for so long, and nothing is left that could set an agent in
+            motion, ends: its agents end with time_limit. The longest cycle of its traffic lights comes on top. inf:
+            only their own times end agents. Own choice: several times as long as any rule of the road lets an agent
+            stand. Positive.
     """
 
     replan_every: int = 1
     grace_factor: float = 1.7
     history_steps: int = 30
     max_steps: int = 0
+    standstill_s: Annotated[float, "s"] = 60.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""
@@ -464,7 +470,7 @@ class MeasureSettings:
 
     Attributes:
         radius: Others count within this distance, centre to centre. Positive.
-        ttc_threshold: Time to collision up to which a vehicle is exposed. Positive.
+        ttc_threshold: Time to collision along lanes up to which a vehicle is exposed. Positive.
         deceleration: Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type 2
             can do on a dry road, which is optimistic. Positive.
         lateral_acceleration: Lateral acceleration that is available. Positive.

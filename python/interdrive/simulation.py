@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from interdrive import _core
 from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored
 from interdrive.config.binding import flatten
-from interdrive.config.schema import RecordSettings, SimulationSettings, settings_of
+from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of
 from interdrive.config.specs import bound_predictor
 from interdrive.errors import InputError
 from interdrive.files import open_scenario
@@ -24,9 +24,10 @@ from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
+from interdrive.run.goals import said_seconds
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
-from interdrive.run.reasons import reasons
+from interdrive.run.reasons import STANDSTILL, reasons
 from interdrive.run.violations import Grants, violations
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import normalized, select
@@ -97,10 +98,11 @@ class Simulation:
         self._raises = on_planner_error == "raise"
         if not 0 <= seed < 2**64:
             raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
-        self.scenario = open_scenario(scenario)
-        self.seed = seed
         config = run_config(settings_of(settings), planner, predictor)
-        self.settings, self._predictor_config = config.settings, config.predictor
+        self.scenario = open_scenario(scenario, raw=config.settings.recording.raw)
+        self.seed = seed
+        self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw))
+        self._predictor_config = config.predictor
         self._agents_wanted = normalized(agents)
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings)
@@ -218,9 +220,9 @@ class Simulation:
         return self._predictor.predict(self.world, scene, horizon)
 
     def _start_workers(self) -> None:
-        """Moves planners in Python that allow it to separate processes, if there is more than one core for them."""
+        """Moves planners in Python that allow it to separate processes."""
         willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
-        if self.threads == 1 or self._raises or not willing:
+        if self._raises or not willing:
             return
         make = {i: self._configs[i].planner.make for i in willing}
         unfit = [i for i in willing if not can_be_sent(make[i])]
@@ -362,17 +364,21 @@ class Simulation:
         return Grants(paths, self.world.waits())
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:
-        """One line if the run reached its largest number of time steps before all agents had an outcome."""
+        """One line if the run ended before the time of its agents: after its largest number of steps, or standing."""
         rows = zip(outcomes.agent_id.tolist(), outcomes.outcome, outcomes.message, strict=True)
-        # The core gives a reason for this outcome only if the largest number of steps is reached.
-        ended = [str(i) for i, outcome, message in rows if outcome == "time_limit" and message]
+        # The core gives a reason for this outcome only if it ends the whole run.
+        ended = {i: message for i, outcome, message in rows if outcome == "time_limit" and message}
         if not ended:
             return []
-        shown = ", ".join(ended[:5]) + (f" and {len(ended) - 5} more" if len(ended) > 5 else "")
-        most = self.settings.step.steps_at_most(self.scenario)
-        return [
-            f"the run ended after {most} time steps (step.max_steps) while these agents were still driving: {shown}"
-        ]
+        numbers = [str(i) for i in ended]
+        shown = ", ".join(numbers[:5]) + (f" and {len(numbers) - 5} more" if len(numbers) > 5 else "")
+        at = self.world.time_step
+        if any(message.startswith(STANDSTILL) for message in ended.values()):
+            when = said_seconds(at, self.scenario.dt)
+            return [
+                f"the run ended at {when} s because nothing moved any more (step.standstill_s); there stood: {shown}"
+            ]
+        return [f"the run ended after {at} time steps (step.max_steps) while these agents were still driving: {shown}"]
 
     def _repeatable_settings(self) -> RunSettings:
         return {

@@ -105,6 +105,13 @@ def test_a_run_that_kills_its_process_twice_is_a_row_and_the_others_go_on(place)
     assert done.status == {"crashed": 1, "finished": 2}
 
 
+def test_a_parallel_planner_that_kills_its_process_costs_its_own_agent_only(place):
+    bad = "batch_planners:KillsItsOwn"
+    done = idr.batch("t_junction", place / "out", planner=bad, workers=1, agents=1, predictor=QUICK)
+    row = row_of(done, bad)
+    assert (row["status"], row["attempts"], row["outcome"]) == ("finished", 1, "planner_error")
+
+
 def test_a_run_whose_process_is_killed_once_is_done_again(place):
     bad = f"batch_planners:KillsOnce,flag={place / 'flag'}"
     done = idr.batch("t_junction", place / "out", planner=[bad], workers=1, agents=1, predictor=QUICK)

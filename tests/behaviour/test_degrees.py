@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import along_x, braking, only, with_recordings
 
 from interdrive import (
     AgentSettings,
@@ -19,6 +18,7 @@ from interdrive import (
 )
 from interdrive.planners import NATIVE
 from interdrive.testing import CAR, Car, crossing, problem, straight_road, world
+from recordings import along_x, braking, only, with_recordings
 
 LENGTH = CAR.length
 ANY_VEHICLE = SimulationSettings(agents=AgentSettings(min_displacement=0.0))

@@ -40,10 +40,10 @@ class Ignores:
 
 @pytest.fixture(scope="module")
 def obeys():
-    """The planner of the example."""
+    """The planner of the example, which its processes find, too."""
     sys.path.insert(0, str(EXAMPLES))
     try:
-        return __import__("08_obeying_planner").Obeys
+        yield __import__("08_obeying_planner").Obeys
     finally:
         sys.path.remove(str(EXAMPLES))
 

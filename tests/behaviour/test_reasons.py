@@ -8,8 +8,11 @@ import pytest
 from drivers import Straight, Turning
 
 from interdrive import Simulation, Trajectory, load, save, simulate
+from interdrive.report.events import events_of
 from interdrive.results.story import story
+from interdrive.results.tables import plans_table
 from interdrive.run import PLAN_STATUS
+from interdrive.run.reasons import reasons
 from interdrive.testing import Car, PlannerContractError, check_planner, crossing, problem, straight_road, world
 
 
@@ -116,6 +119,69 @@ def test_times_without_an_admissible_sample_say_what_rejected_most_samples(tmp_p
     np.testing.assert_array_equal(again.rejection_x, run.plans.rejection_x)
 
 
+def rejecting(rejection, message="no sample can be driven, and full braking leaves the road", overhang=np.nan):
+    """A run that ended as infeasible at 3.5 s, after two emergency plans; samples were rejected at each."""
+    run = simulate(on_a_road(), planner=Straight, threads=1)
+    plans, ended = run.plans, run.outcomes
+    status = plans.status.copy()
+    status[-3:] = [PLAN_STATUS.index(name) for name in ("emergency_braking", "emergency_braking", "infeasible")]
+    last = np.arange(len(status)) >= len(status) - 3
+    plans = replace(
+        plans,
+        status=status,
+        rejection=tuple(rejection if each else "" for each in last),
+        rejection_x=np.where(last & np.isfinite(overhang), 43.7, np.nan),
+        rejection_y=np.where(last & np.isfinite(overhang), 1.9, np.nan),
+        rejection_overhang=np.where(last, overhang, np.nan),
+    )
+    ended = replace(ended, outcome=("infeasible",), message=(message,), time_step=plans.time_step[-1:])
+    run = replace(run, plans=plans, outcomes=ended)
+    (reason,) = reasons(run, None)
+    return replace(run, outcomes=replace(ended, reason=(reason,)))
+
+
+@pytest.mark.parametrize(
+    ("rejection", "words"),
+    [
+        ("acceleration", "acceleration beyond the vehicle's limit"),
+        ("curvature", "curvature beyond the vehicle's limit"),
+        ("steering rate", "steering rate beyond the vehicle's limit"),
+        ("yaw rate", "yaw rate beyond the vehicle's limit"),
+        ("lateral acceleration", "lateral acceleration beyond the vehicle's limit"),
+        ("negative speed", "driving backwards"),
+        ("left the reference path", "leaving the reference path"),
+        ("stop line", "passing a stop line"),
+        ("collision with 7", "collision with 7"),
+        ("off the road", "off the road"),
+    ],
+)
+def test_what_rejected_samples_is_said_in_words_that_stand_alone(rejection, words):
+    run = rejecting(rejection)
+    (reason,) = run.outcomes.reason
+    assert reason == (
+        "no plan after emergency braking at 2 time steps: no sample can be driven, and full braking leaves the road; "
+        f"most samples were rejected: {words}"
+    )
+    braking = [line for line in story(run, 100) if "emergency braking, from" in line]
+    assert len(braking) == 1 and braking[0].endswith(f"m/s; most samples were rejected: {words}")
+    events = [event.text for event in events_of(run, plans_table(run), None, 1)]
+    assert f"100 falls back on an emergency plan; most samples were rejected: {words}" in events
+    assert f"100 has no plan (infeasible); most samples were rejected: {words}" in events
+
+
+def test_the_edge_of_the_road_is_said_with_the_overhang_and_its_place():
+    (reason,) = rejecting("off the road", overhang=0.31).outcomes.reason
+    assert reason.endswith("; most samples were rejected: off the road, the cheapest by 0.3 m at (43.7, 1.9)")
+
+
+@pytest.mark.parametrize("message", ["", "  ", "\n"])
+@pytest.mark.parametrize("rejection", ["", "curvature"])
+def test_no_reason_ends_or_begins_with_a_separator(message, rejection):
+    (reason,) = rejecting(rejection, message).outcomes.reason
+    assert reason.startswith("no plan after emergency braking at 2 time steps: the planner gave no reason")
+    assert reason == reason.strip(" ;:,") and "; ;" not in reason and ": ;" not in reason
+
+
 def test_participants_that_cross_the_path_of_a_standing_agent_are_named():
     agent = problem(100, -10.0, velocity=0.0, goal=(50.0, 0.0), time_step=(0, 60))
     cars = [Car(7, 0.0, -20.0, 8.0, np.pi / 2), Car(8, 0.0, -40.0, 8.0, np.pi / 2)]
@@ -148,6 +214,52 @@ def test_a_run_that_ends_by_its_length_says_so():
 def test_a_collision_names_the_parts_that_touched(car, words):
     outcome, reason = ended(on_a_road(car, goal=150.0))
     assert (outcome, reason) == ("collision", words)
+
+
+@pytest.mark.parametrize(
+    ("car", "words"),
+    [
+        (Car(7, 40.0, velocity=-4.0), "hit at its front by reversing 7 at 4.0 m/s, which replays its recording"),
+        (Car(7, 0.0, velocity=4.0), "hit from behind by 7 at 4.0 m/s, which replays its recording"),
+        (
+            Car(7, 20.0, 20.0, -4.0, np.pi / 2),
+            "hit on its left side by reversing 7 at 4.0 m/s, which replays its recording",
+        ),
+        (
+            Car(7, 23.0, 20.0, 4.0, -np.pi / 2),
+            "hit on its left side by 7 at 4.0 m/s, which replays its recording",
+        ),
+    ],
+    ids=["backward in front", "from behind", "backward at its side", "at its side"],
+)
+def test_a_standing_agent_is_hit_and_does_not_run_into_anything(car, words):
+    assert ended(on_a_road(car, velocity=0.0, goal=150.0)) == ("collision", words)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.5, 0.8, 1.0])
+def test_a_frontal_collision_is_one_at_every_step_size(dt):
+    agent = problem(100, 20.0, velocity=20.0, goal=(190.0, 0.0), time_step=(0, 30))
+    oncoming = Car(12, 101.0, velocity=20.0, orientation=np.pi)
+    run = simulate(
+        world(straight_road(), cars=[oncoming], problems=[agent], steps=30, dt=dt),
+        agents=[100],
+        planner=Straight,
+        threads=1,
+    )
+    assert run.outcomes.reason[0].startswith("frontal collision with 12 at 40.0 m/s")
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.5, 1.0])
+def test_a_crossing_in_one_long_step_hits_the_side_that_comes_first(dt):
+    agent = problem(100, -40.0, velocity=20.0, goal=(90.0, 0.0), time_step=(0, 30))
+    crossing_car = Car(12, 0.0, -36.8, 20.0, np.pi / 2)
+    run = simulate(
+        world(crossing(), cars=[crossing_car], problems=[agent], steps=30, dt=dt),
+        agents=[100],
+        planner=Straight,
+        threads=1,
+    )
+    assert run.outcomes.reason[0].startswith("ran into the left side of 12")
 
 
 def test_both_agents_of_a_collision_are_told_their_part():

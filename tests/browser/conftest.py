@@ -100,3 +100,21 @@ def batch(tmp_path_factory) -> Path:
     page = folder.parent / "page.html"
     interdrive("report", folder, "--out", page)
     return page
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory) -> Path:
+    """A page in the theme and style of the documentation: a table of contents, wide table, long lines and words."""
+    folder = tmp_path_factory.mktemp("site")
+    cells = [f"a_long_name_of_a_column_{k}" for k in range(12)]
+    rows = "\n".join("| " + " | ".join(row) + " |" for row in (cells, ["---"] * 12, ["123456.789"] * 12))
+    parts = "\n\n".join(f"## A heading of the table of contents, number {k}\n\nwords" for k in range(12))
+    code = f"```\ninterdrive run t_junction {'--set planner.frenet.horizon=2 ' * 12}\n```"
+    (folder / "index.md").write_text(
+        f"# Page\n\n{rows}\n\n{code}\n\n`{'settings.' * 20}`\n\n{parts}\n", encoding="utf-8"
+    )
+    style = ["html_theme=furo", f"html_static_path={ROOT / 'docs' / 'static'}", "html_css_files=site.css"]
+    options = [word for option in ("extensions=myst_parser", *style) for word in ("-D", option)]
+    sphinx = [ROOT / ".venv-docs" / "bin" / "python", "-m", "sphinx", "-q", "-C", "-b", "html"]
+    subprocess.run([*sphinx, *options, folder, folder / "html"], check=True, timeout=120)
+    return folder / "html" / "index.html"

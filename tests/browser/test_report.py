@@ -480,3 +480,73 @@ def test_two_runs_side_by_side_have_one_clock_and_one_selection(page, demo, tmp_
     two.locator(".map").focus()
     page.keyboard.press("Escape")
     one.wait_for_selector('#report[data-step="7"][data-selected=""]')
+
+
+#: Widths [px] of a phone, a half screen and a tablet; where the site changes its columns; of screens.
+WIDTHS = [390, 623, 768, 1313, 1366, 1440, 1471, 1920]
+
+
+def needed_width(page) -> int:
+    """Width [px] in which nothing of a page would be outside."""
+    return page.evaluate("document.documentElement.scrollWidth")
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_no_page_scrolls_sideways(page, demo, batch, width):
+    page.set_viewport_size({"width": width, "height": 800})
+    for file in (demo, batch):
+        opened(page, file)
+        assert needed_width(page) <= width, file
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_pages_of_the_site_fit_beside_their_table_of_contents(page, site, width):
+    page.set_viewport_size({"width": width, "height": 800})
+    page.goto(site.as_uri())
+    assert needed_width(page) <= width
+    article, contents = (page.locator(name).bounding_box() for name in ("article", ".toc-drawer"))
+    if contents["x"] < width:
+        assert article["x"] + article["width"] <= contents["x"]
+
+
+def test_the_side_panel_shows_its_table_whole_on_a_laptop(page, demo):
+    page.set_viewport_size({"width": 1400, "height": 800})
+    opened(page, demo)
+    assert page.locator(".side").evaluate("(side) => side.scrollWidth <= side.clientWidth")
+    for cell in page.locator("tr[data-agent] td.number").all():
+        assert cell.evaluate("(cell) => cell.scrollWidth <= cell.clientWidth"), cell.inner_text()
+
+
+def headings(page, table: str) -> list[str]:
+    """Of a table; every row of its body has as many cells."""
+    found = page.locator(f"{table} thead th").all_inner_texts()
+    rows = page.locator(f"{table} tbody tr:not(.why)")
+    assert {rows.nth(k).locator("th, td").count() for k in range(rows.count())} == {len(found)}
+    return found
+
+
+def test_a_run_in_which_no_agent_follows_another_has_no_column_for_it(page, demo, tmp_path):
+    def alone(header):
+        for one in header["participants"]:
+            one.pop("ttc", None)
+
+    opened(page, demo)
+    assert headings(page, ".page table:has([data-agent])")[:4] == ["agent", "outcome", "time [s]", "TTC [s]"]
+    opened(page, changed(demo, tmp_path / "alone.html", alone))
+    assert headings(page, ".page table:has([data-agent])")[:3] == ["agent", "outcome", "time [s]"]
+    assert "TTC [s]" not in headings(page, ".page table:has([data-agent])")
+
+
+def test_a_batch_has_no_columns_without_content_and_still_sorts(page, batch, tmp_path):
+    def bare(header):
+        for run in header["runs"]:
+            run.update(category="", ttc="", ttc_min=None)
+
+    copy = changed(batch, batch.parent / "bare.html", bare)
+    opened(page, copy)
+    assert headings(page, ".runs") == ["scenario", "planner", "seed", "status", "agents", "reached %", "collisions", ""]
+    planners = page.locator(".runs tbody tr td:nth-child(2)")
+    page.get_by_role("button", name="Sort by planner").click()
+    assert planners.all_inner_texts() == sorted(planners.all_inner_texts())
+    page.get_by_role("button", name="Sort by planner").click()
+    assert planners.all_inner_texts() == sorted(planners.all_inner_texts(), reverse=True)

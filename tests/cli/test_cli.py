@@ -59,7 +59,7 @@ class Simulated:
 def simulated(monkeypatch):
     stand_in = Simulated()
     monkeypatch.setattr(simulation, "Simulation", stand_in)
-    monkeypatch.setattr(files, "write_scenario", lambda run: b"<commonRoad/>")
+    monkeypatch.setattr(files, "run_document", lambda run: b"<commonRoad/>")
     return stand_in
 
 
@@ -338,7 +338,9 @@ def test_verify_refuses_another_scenario_file_and_takes_a_moved_one(simulated, h
 
 def test_check_prints_what_a_scenario_holds_and_goes_on_after_a_bad_one(here, monkeypatch):
     (here / "bad.xml").touch()
-    monkeypatch.setattr(files, "read_scenario", lambda path: RUN.scenario if path.name == "bend.xml" else _refuse(path))
+    monkeypatch.setattr(
+        files, "read_scenario", lambda path, *, raw: RUN.scenario if path.name == "bend.xml" else _refuse(path)
+    )
     done = invoke("check", "bad.xml", "bend.xml")
     assert done.exit_code == 2
     assert done.stderr == "error: bad.xml: no lanelets\n"
@@ -373,7 +375,7 @@ def test_settings_are_found_by_words_of_their_meaning():
 def real(tmp_path, monkeypatch):
     """A working folder with a scenario that can really be run."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "bend.xml").write_bytes(files.write_scenario(RUN))
+    (tmp_path / "bend.xml").write_bytes(files.run_document(RUN))
     return tmp_path
 
 

@@ -54,7 +54,7 @@ def test_the_story_of_an_agent_has_phases_and_critical_moments(folder):
         "  goal from 0.0 to 3.0 s",
         "    0.0 to   2.0 s  slowing behind 7, from 8.0 to 0.0 m/s",
         "    2.0 to   5.1 s  standing behind 7",
-        "  least time to collision 1.9 s with 7 at 0.0 s",
+        "  least time to collision along lanes 1.9 s with 7 at 0.0 s",
     ]
 
 

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
 import interdrive as idr
 from interdrive.batches import BatchFolder, query
@@ -15,14 +16,19 @@ from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
 from interdrive.batches.dataset import encoded, joined
 from interdrive.batches.job import Finished
 from interdrive.cli import main
+from interdrive.cli.batch_report import print_comparison
 from interdrive.comparison import compare
 from interdrive.comparison.caveats import is_sure
 from interdrive.comparison.figure import draw_comparison
 from interdrive.comparison.folder import save_comparison
-from interdrive.comparison.metrics import weighted_medians
+from interdrive.comparison.metrics import SHARES, weighted_medians
+from interdrive.comparison.scores import batch_scores
 from interdrive.comparison.tables import markdown, sheets_of
+from interdrive.errors import ResultsError
+from interdrive.plots.style import OUTCOME_MARKS
 from interdrive.report.batch import batch_contents
 from interdrive.report.comparison import compared_of
+from interdrive.run import OUTCOMES
 from interdrive.storage import arrow_table, labels
 
 #: A file for each of so many runs takes long to write and to read.
@@ -345,6 +351,132 @@ def test_what_rounds_to_zero_has_no_sign_and_is_not_sure(tmp_path, apart, text):
     assert row["low"] < row["high"] < 0.0
     assert is_sure(row) is text.startswith("-")
     assert f"| jerk [m/s³] | {f'**{text}**' if is_sure(row) else text} |" in markdown(found)
+
+
+@pytest.fixture
+def ended_in_every_way(tmp_path):
+    """Planner a ends in every way, thrice on and once off the lanelets at its goal; b reaches all goals, c none."""
+    on, off = {"off_lanelets": 0.0}, {"off_lanelets": 0.5}
+    ways = [on, on, on, off, *({"outcome": outcome} for outcome in OUTCOMES[1:])]
+    return invented(
+        tmp_path / "batch",
+        [
+            ("s/x", "a", dict(enumerate(ways))),
+            ("s/x", "b", dict.fromkeys(range(len(ways)), on)),
+            ("s/x", "c", {agent: {"outcome": "goal_missed"} for agent in range(len(ways))}),
+        ],
+    )
+
+
+def test_bars_of_the_figure_end_at_100_percent_and_their_parts_are_those_of_the_table(ended_in_every_way):
+    found = compare(ended_in_every_way)
+    shares = draw_comparison(found).axes[0]
+    bars = {bar.get_label(): bar for bar in shares.containers}
+    assert len(bars) == len(shares.containers) == len(OUTCOMES)
+    for k, planner in enumerate("abc"):
+        parts = {label: bar[k].get_width() for label, bar in bars.items()}
+        assert sum(parts.values()) == pytest.approx(100.0)
+        assert max(bar[k].get_x() + bar[k].get_width() for bar in shares.containers) == pytest.approx(100.0)
+        assert parts[OUTCOME_MARKS["goal_reached"].text] == pytest.approx(row(found, "all", planner)["goal_reached"])
+    assert row(found, "all", "a")["goal_reached"] == pytest.approx(40.0)
+    assert row(found, "all", "a")["goal_reached_on_lanelets"] == pytest.approx(30.0)
+
+
+def test_bars_of_the_page_of_a_batch_are_the_shares_of_the_table(ended_in_every_way):
+    found = compare(ended_in_every_way)
+    [compared, *_] = compared_of(found)
+    for drawn in compared["rows"]:
+        assert sum(drawn["shares"].values()) == pytest.approx(100.0)
+        said = row(found, "all", drawn["planner"])
+        assert drawn["shares"] == {
+            outcome: share
+            for outcome in OUTCOMES
+            if (share := said["collisions" if outcome == "collision" else outcome])
+        }
+
+
+def test_every_outcome_is_counted_by_exactly_one_stacked_metric():
+    assert sorted(metric.column for metric in SHARES) == sorted(OUTCOMES)
+
+
+#: How a batch calls the only vehicle of scenario x that no human drove.
+UNABLE = {"agent_planner": "frenet"}
+
+
+@pytest.fixture
+def one_without_recording(tmp_path):
+    """Vehicle 3 has no recording: `frenet` drove it in the runs of the planners that follow recordings."""
+    mine = {"agent_planner": "recorded"}
+    return invented(
+        tmp_path / "batch",
+        [
+            ("s/x", "idm", {1: {}, 2: {}, 3: crash() | {"score": 0.0}}),
+            ("s/x", "recorded", {1: mine, 2: mine, 3: UNABLE | crash() | {"score": 0.0}}),
+        ],
+    )
+
+
+def test_a_planner_has_no_row_for_an_agent_that_it_cannot_drive(one_without_recording):
+    found = compare(one_without_recording)
+    [one] = found.sets
+    assert (one.n_agents, one.left_out) == (2, {"idm": 1, "recorded": 0})
+    assert (row(found, "all", "idm")["n_agents"], row(found, "all", "idm")["n_left_out"]) == (2, 1)
+    own = {r["variant"]: (r["n_agents"], r["collisions"]) for r in found.own.to_pylist()}
+    assert own == {"idm": (3, pytest.approx(100 / 3)), "recorded": (2, 0.0)}
+    assert "Each planner on its own agents" in markdown(found)
+    assert "left out" in markdown(found)
+
+
+def test_a_score_counts_what_a_planner_cannot_drive_as_left_out_and_not_as_0(one_without_recording):
+    scores = {one.variant: one for one in batch_scores(one_without_recording)}
+    human, idm = scores["recorded"], scores["idm"]
+    assert (human.score, human.n_agents, human.n_left_out, human.zeros) == (100.0, 2, 1, {})
+    assert (idm.score, idm.n_agents, idm.n_left_out) == (pytest.approx(200 / 3), 3, 0)
+    assert (human.common, idm.common, human.n_common) == (100.0, 100.0, 2)
+
+
+@pytest.mark.parametrize("traffic", ["recorded", "velocity_adjusting"])
+def test_a_refused_agent_is_left_out_and_a_lost_one_is_0(tmp_path, traffic):
+    alone = [{"traffic": traffic, "agents": "alone", "n_steps": k} for k in range(3)]
+    runs = [("s/x", "idm", {k: {}}, alone[k]) for k in range(3)]
+    runs += [
+        ("s/x", "other", {0: {}}, alone[0]),
+        ("s/x", "other", "refused", alone[1]),
+        ("s/x", "other", "crashed", alone[2]),
+    ]
+    other = next(one for one in batch_scores(invented(tmp_path / "batch", runs)) if one.variant == "other")
+    assert (other.n_agents, other.n_left_out, other.score, other.zeros) == (2, 1, 50.0, {"lost": 1})
+
+
+def test_replayed_humans_are_judged_among_replayed_traffic_only(tmp_path):
+    alone = {"agents": "alone"}
+    runs = [
+        ("s/x", who, {1: {}}, {**alone, "traffic": traffic})
+        for who in ("idm", "recorded")
+        for traffic in ("recorded", "velocity_adjusting")
+    ]
+    folder = invented(tmp_path / "batch", runs)
+    there = {("recorded", "idm"), ("recorded", "recorded"), ("velocity_adjusting", "idm")}
+    assert {(r["traffic"], r["variant"]) for r in compare(folder).table.to_pylist()} == there
+    assert {(one.traffic, one.variant) for one in batch_scores(folder)} == there
+    only = invented(tmp_path / "only", runs[-1:])
+    for judge in (compare, batch_scores):
+        with pytest.raises(ResultsError, match="replayed humans do not react"):
+            judge(only)
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_no_number_is_cut_and_names_stay_apart_in_a_narrow_terminal(tmp_path, monkeypatch, capsys, width):
+    long = ["company.planners.cooperative:CautiousPlanner", "company.planners.cooperative:CuriousPlanner"]
+    found = compare(invented(tmp_path / "batch", [("s/x", who, {1: {"jerk_rms": 123456.78}}) for who in long]))
+    monkeypatch.setattr(
+        "interdrive.cli.batch_report.output", lambda: Console(width=width, force_terminal=True, color_system=None)
+    )
+    print_comparison(found, tmp_path)
+    said = capsys.readouterr().out
+    assert "123456.78" in said
+    assert "…" not in said
+    assert {"Cautious", "Curious"} <= {word for word in ("Cautious", "Curious") if word in "".join(said.split())}
 
 
 @pytest.mark.parametrize("apart", [0.0, 0.003, -0.03, 0.7, -4.1, -12.0, 345.0])

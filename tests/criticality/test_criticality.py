@@ -32,7 +32,7 @@ from interdrive.criticality.tables import (
     stored_criticality,
 )
 from interdrive.errors import InputError, ResultsError
-from interdrive.files import write_scenario
+from interdrive.files import run_document
 from interdrive.results import recorded_run, reopen, save
 from interdrive.scenario import Incoming, Shape
 from interdrive.simulation import simulate
@@ -321,7 +321,7 @@ def test_a_run_folder_is_judged_like_the_run(run, tmp_path):
 
 def test_a_run_folder_is_judged_on_the_road_that_was_simulated_even_if_the_file_has_changed(tmp_path):
     def drive(road):
-        (tmp_path / "drive.xml").write_bytes(write_scenario(recorded_run(road)))
+        (tmp_path / "drive.xml").write_bytes(run_document(recorded_run(road)))
         return simulate(tmp_path / "drive.xml", agents=1, predictor="constant_velocity", threads=1)
 
     folder = save(drive(following()), tmp_path / "run")
@@ -346,7 +346,7 @@ def test_one_table_of_criticality_without_the_other_is_refused(run, tmp_path, na
 def test_the_table_has_a_row_per_vehicle_time_step_and_measure():
     found = evaluate(following(steps=3))
     table = criticality_table(found)
-    assert table.column_names == ["participant_id", "time_step", "measure", "value", "partner_id", "path"]
+    assert table.column_names == ["participant_id", "time_step", "measure", "unit", "value", "partner_id", "path"]
     assert table.num_rows == 2 * 4 * len(NAMES)
     rows = table.to_pylist()
     assert [row["measure"] for row in rows[: len(NAMES)]] == NAMES
@@ -354,6 +354,7 @@ def test_the_table_has_a_row_per_vehicle_time_step_and_measure():
         "participant_id": 1,
         "time_step": 0,
         "measure": "ttc",
+        "unit": "s",
         "value": pytest.approx(3.05),
         "partner_id": 2,
         "path": "1",
@@ -394,7 +395,7 @@ def test_the_command_ranks_the_pairs_of_all_files_in_a_folder(tmp_path, monkeypa
     near = world(straight_road(), cars=[Car(11, 20.0, velocity=10.0), Car(12, 40.0, velocity=5.0)])
     far = world(straight_road(), cars=[Car(13, 20.0, velocity=10.0), Car(14, 80.0, velocity=8.0)])
     for name, scenario in (("near", near), ("far", far)):
-        (tmp_path / "in" / "town" / f"{name}.xml").write_bytes(write_scenario(recorded_run(scenario)))
+        (tmp_path / "in" / "town" / f"{name}.xml").write_bytes(run_document(recorded_run(scenario)))
     result = invoke("criticality", "in", "--pairs", "5", "--out", "tables")
     assert result.exit_code == 0, result.output
     rows = [line.split()[:3] for line in result.output.splitlines() if " ttc " in line]
@@ -465,7 +466,7 @@ def test_figures_show_the_vehicle_and_the_moment():
     assert len([axes for axes in figure.axes if axes.get_title(loc="left")]) == len(NAMES)
     assert "no conflict" in [text.get_text() for text in figure.axes[NAMES.index("pet")].texts]
     scene = draw_critical_moment(recorded_run(scenario), moment)
-    assert "time to collision 1.05 s at 2.0 s" in scene.axes[0].get_title(loc="left")
+    assert "time to collision along lanes 1.05 s at 2.0 s" in scene.axes[0].get_title(loc="left")
     with pytest.raises(InputError, match="was not judged"):
         draw_criticality(found, 5)
     with pytest.raises(InputError, match="the moment of msd has no partner: there is no encounter to draw"):

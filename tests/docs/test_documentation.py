@@ -9,7 +9,11 @@ from interdrive import _core
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "planner_interface.md"
 #: Not for planners: how routes are made, and what travels between processes.
-INTERNAL = {"Route": {"find"}, "Vehicle": {"of_type"}, "Predictions": {"seen_by", "known", "plan_ages", "received"}}
+INTERNAL = {
+    "Route": {"find", "first_state"},
+    "Vehicle": {"of_type"},
+    "Predictions": {"seen_by", "known", "plan_ages", "received"},
+}
 
 
 def fields(name):

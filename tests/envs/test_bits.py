@@ -30,11 +30,11 @@ def driven(env, steps=200):
 @pytest.mark.parametrize(
     ("name", "digest"),
     [
-        ("Drive", "ae83882ab02e1638"),
-        ("TJunction", "9de6ccdbaa054592"),
-        ("Merge", "1f6177f3ef62234a"),
-        ("Highway", "1a0237aff1141416"),
-        ("Intersection", "45ddb3c0e72be94a"),
+        ("Drive", "b4b96cc11ef06cda"),
+        ("TJunction", "892929711d4bd8d7"),
+        ("Merge", "782eea35fb398e91"),
+        ("Highway", "7cbf8e449f7bb47a"),
+        ("Intersection", "d812f3e2e4009a4e"),
     ],
 )
 def test_an_id_keeps_its_meaning_until_its_version_grows(name, digest):

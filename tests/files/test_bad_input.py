@@ -99,7 +99,7 @@ def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
     cr.saved(here, document(car(31, initial(60.0)) + DRIVING), "some.xml")
     shown = CliRunner().invoke(main, ["check", "some.xml"])
     assert (shown.exit_code, shown.stderr) == (0, "")
-    assert "1 vehicles: 30" in shown.stdout
+    assert "1 vehicle: 30" in shown.stdout
     assert "recorded at one time step only" in shown.stdout
     assert CliRunner().invoke(main, ["run", "some.xml", "--out", "made"]).exit_code == 0
     states = read_results("made").states.to_pandas()

@@ -131,6 +131,17 @@ def test_velocity_is_derived_along_the_heading(read):
     assert "velocity derived from the motion, obstacles: 30" in scenario.notes
 
 
+def test_accelerations_that_only_some_state_are_noted_and_those_that_nobody_states_are_not(read):
+    without = [state(t, 1.0 * t, orientation=0.0, velocity=10.0) for t in (1, 2)]
+    stating = [state(t, 1.0 * t, orientation=0.0, velocity=10.0, acceleration=0.0) for t in (1, 2)]
+    derived = [car(30, initial(0.0), without), car(31, initial(9.0), without)]
+    assert not [note for note in read(document("".join(derived))).notes if "derived" in note]
+    stated = car(31, initial(0.0, acceleration=0.0), stating)
+    notes = read(document(car(30, initial(0.0), without) + stated)).notes
+    assert "acceleration derived from the motion, obstacles: 30" in notes
+    assert not [note for note in notes if "yaw rate derived" in note]
+
+
 def test_acceleration_and_yaw_rate_are_derived_from_speed_and_heading(read):
     """Speed grows by 0.2 m/s and heading by 0.01 rad per step of 0.1 s, through the jump from pi to -pi."""
     headings = [math.remainder(3.13 + 0.01 * t, math.tau) for t in range(5)]
@@ -215,32 +226,23 @@ def test_static_obstacles_are_there_at_every_step_and_never_move(read):
     np.testing.assert_array_equal(one["velocity"], 0.0)
 
 
-def test_environment_and_phantom_obstacles_are_left_out_and_noted(read):
-    area = "<polygon>" + point(0, 9) + point(4, 9) + point(4, 12) + "</polygon>"
-    building = f'<environmentObstacle id="77"><type>building</type><shape>{area}</shape></environmentObstacle>'
-    scenario = read(document(building))
-    assert scenario.obstacles.ids.size == 0
-    assert scenario.obstacles.x.shape == (0, 1)
-    assert "environment obstacles left out: 77" in scenario.notes
-
-
 @pytest.mark.parametrize(
     ("shape", "expected"),
     [
         (cr.RECTANGLE, {"kind": "rectangle", "length": 4.5, "width": 1.8}),
         (
             cr.rectangle_at(1.5, -1, length=4, width=2, orientation=0.5),
-            {"kind": "rectangle", "length": 4.0, "center": (1.5, -1.0), "orientation": 0.5},
+            {"kind": "rectangle", "length": 4.0, "center": (0.0, 0.0), "orientation": 0.5},
         ),
         ("<circle><radius>0.4</radius></circle>", {"kind": "circle", "radius": 0.4, "center": (0.0, 0.0)}),
         (
             "<circle><radius>1</radius><center><x>2</x><y>3</y></center></circle>",
-            {"kind": "circle", "center": (2.0, 3.0)},
+            {"kind": "circle", "center": (0.0, 0.0)},
         ),
     ],
     ids=["rectangle", "rectangle off its origin", "circle", "circle off its origin"],
 )
-def test_footprints_are_read_with_their_place_in_the_body_frame(read, shape, expected):
+def test_footprints_are_read_about_their_centre(read, shape, expected):
     footprint = read(document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0)], shape=shape))).obstacles.shapes[0]
     assert {name: getattr(footprint, name) for name in expected} == expected
 
@@ -249,7 +251,7 @@ def test_polygon_footprints_keep_their_vertices_without_a_repeated_last_one(read
     corners = [(0, 0), (4, 0), (4, 2), (1, 3), (0, 0)]
     shape = f"<polygon>{''.join(point(*corner) for corner in corners)}</polygon>"
     footprint = read(document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0)], shape=shape))).obstacles.shapes[0]
-    np.testing.assert_array_equal(footprint.vertices, corners[:-1])
+    np.testing.assert_array_equal(footprint.vertices, np.array(corners[:-1]) - (2.0, 1.5))
 
 
 def test_footprints_of_several_parts_are_groups(read):
@@ -293,8 +295,18 @@ def test_a_missing_goal_is_an_empty_tuple_and_noted(read):
 def test_initial_values_that_the_file_lacks_are_not_taken_for_zero(read):
     problem = read(document(planning_problem(0, goal(), start=initial(5.0, velocity=3.0)))).planning_problems[0]
     assert problem.initial_state.velocity == 3.0
-    assert problem.initial_state.acceleration == 0.0
+    assert math.isnan(problem.initial_state.acceleration)
     assert math.isnan(problem.initial_state.yaw_rate)
+
+
+@pytest.mark.parametrize("missing", ["orientation", "velocity", "acceleration", "yawRate"])
+def test_stated_initial_values_stay_where_others_are_missing(read, missing):
+    stated = {"orientation": 0.1, "velocity": 9.0, "acceleration": 0.5, "yawRate": 0.12, missing: None}
+    found = read(document(car(30, initial(5.0, **stated), [state(1, 6.0, orientation=0.1, velocity=9.5)])))
+    fields = zip(("orientation", "velocity", "acceleration", "yaw_rate"), stated.values(), strict=True)
+    kept = {name: value for name, value in fields if value is not None}
+    assert {name: driven(found)[name][0] for name in kept} == kept
+    assert found.obstacles.derived[0] == tuple({"yawRate": "yaw_rate"}.get(name, name) for name in [missing])
 
 
 # Where a scenario comes from

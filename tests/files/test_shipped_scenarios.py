@@ -43,6 +43,10 @@ def town():
     return read_scenario(shipped_scenario("town"))
 
 
+def test_nothing_about_them_is_worth_a_note(any_scenario):
+    assert any_scenario.notes == ()
+
+
 def test_their_names_are_listed():
     assert shipped_scenarios() == NAMES
 

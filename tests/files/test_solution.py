@@ -13,7 +13,9 @@ from commonroad.common.solution import CommonRoadSolutionReader, VehicleModel, V
 
 import interdrive as idr
 from interdrive.cli import main
+from interdrive.errors import MissingExtraError
 from interdrive.files.solution import steering_angles
+from interdrive.files.solution_check import check_solution
 from interdrive.results import save
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -41,6 +43,12 @@ def test_a_solution_starts_where_its_problem_does_and_ends_in_its_goal(run):
     assert (first["x"], first["y"], first["orientation"]) == (start.x, start.y, start.orientation)
     assert [state["time"] for state in states] == list(range(start.time_step, run.outcomes.time_step[0] + 1))
     assert last["time"] <= problem.goal[0].time_step[1]
+
+
+def test_drives_that_start_with_turned_headings_are_refused(run):
+    turned = replace(run, scenario=replace(run.scenario, turned=0.03))
+    with pytest.raises(idr.InputError, match=r"its headings were turned when it was read.*run it with --raw"):
+        idr.write_solution(turned)
 
 
 def test_commonroad_io_reads_it_and_equal_runs_give_equal_bytes(run):
@@ -157,3 +165,9 @@ def test_the_command_writes_the_document_into_the_run_folder(run, tmp_path):
     for wrong in (["--model", "MB"], ["--date", "yesterday"]):
         refused = CliRunner().invoke(main, ["solution", str(folder), *wrong])
         assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+
+
+def test_without_the_checker_the_extra_that_brings_it_is_named(monkeypatch, tmp_path):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r'pip install "interdrive\[checker\]"'):
+        check_solution(b"", tmp_path / "x.xml")

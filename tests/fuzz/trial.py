@@ -26,9 +26,10 @@ _PLANNERS = ("frenet", "frenet", "frenet", "idm", "idm_mobil")
 _WITH_RECORDING = (*_PLANNERS, "recorded", "velocity_adjusting")
 _PREDICTORS = ("neural", "neural", "lane_following", "constant_velocity", "ground_truth")
 
-#: A refusal names one of these, or an element in angle brackets.
+#: A refusal names one of these, an element in angle brackets, or a field of a message (`planning_problems[0].goal`).
 _AN_ELEMENT = re.compile(
-    r"<\w+>|\w+ -?\d+ has |lanelet|obstacle|planning ?problem|traffic ?(light|sign)|intersection|location|map|"
+    r"<\w+>|\w+\[\d+\]\.\w+|the encoding|byte \d+ at line \d+|"
+    r"\w+ -?\d+ has |lanelet|obstacle|planning ?problem|traffic ?(light|sign)|intersection|location|map|"
     r"agent|vehicle|participant|time step size|root element|document type|CommonRoad version|XML|protobuf|"
     r"cannot be read|the file|file is empty",
     re.IGNORECASE,

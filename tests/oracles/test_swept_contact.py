@@ -91,7 +91,7 @@ def plain(length: float, width: float) -> tuple[_core.RoadNetwork, _core.Route, 
     x = np.linspace(-0.5 * length, 0.5 * length, 101)
     bounds = [np.column_stack([x, np.full_like(x, side * 0.5 * width)]) for side in (1.0, -1.0)]
     road = _core.RoadNetwork(
-        [1], [bounds[0]], [bounds[1]], [[]], [[]], [-1], [False], [-1], [False], [np.nan],
+        [1], [bounds[0]], [bounds[1]], [[]], [[]], [-1], [False], [-1], [False], [np.nan], [1],
         RoadSettings(open_end_length=0.0),
     )  # fmt: skip
     goal = _core.Goal([([], (10**6, 10**6), None, None)])
@@ -123,7 +123,7 @@ def world_of(scenario: _core.Scenario, agents: list[_core.Agent]) -> _core.World
 def go(plans: _core.Plans, view: _core.View, start: np.ndarray, end: np.ndarray, speed: float) -> None:
     """A plan for one step that ends at a speed."""
     two = {name: np.array([start[k], end[k]]) for k, name in enumerate(FIELDS[:3])}
-    plans.set(view, **two, velocity=np.array([0.0, speed]), acceleration=np.zeros(2), yaw_rate=np.zeros(2))
+    plans.set(view, **two, velocity=np.array([0.0, speed]), acceleration=np.zeros(2), yaw_rate=np.zeros(2), slides=True)
 
 
 def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 from drivers import Straight
-from parallel_drivers import Alone, Dying, Elsewhere, Raising, Remembering, Sleeping, Stuck
+from parallel_drivers import Alone, Dying, Elsewhere, Leaving, Raising, Remembering, Sleeping, Stuck
 
 from interdrive import InputError, RunInterrupted, SimulationSettings, Trajectory, simulate
 from interdrive.config.schema import StepSettings
@@ -75,7 +75,41 @@ def bent(change):
         (bent(lambda f: {"y": np.full(31, np.inf)}), "y is not a number at point 0 (inf)"),
         (bent(lambda f: {"y": f["y"][:-1]}), "y has 30 values, x has 31"),
         (bent(lambda f: {"y": np.zeros((31, 2))}), "y has shape [31, 2], one dimension is expected"),
-        (bent(lambda f: {"velocity": ["fast"] * 31}), "velocity is not an array of numbers"),
+        (bent(lambda f: {"velocity": ["fast"] * 31}), "velocity is not an array of real numbers: it holds texts"),
+        (
+            bent(lambda f: {"velocity": f["velocity"].astype(str)}),
+            "velocity is not an array of real numbers: it holds texts",
+        ),
+        (bent(lambda f: {"x": f["x"] + 0j}), "x is not an array of real numbers: it holds complex numbers"),
+        (bent(lambda f: {"y": [0j, *f["y"][1:]]}), "y is not an array of real numbers: it holds complex numbers"),
+        (bent(lambda f: {"y": np.ma.masked_less(f["y"], 1.0)}), "y is a masked array, plain numbers are expected"),
+        (bent(lambda f: {"y": [np.ma.masked, *f["y"][1:]]}), "y holds masked values, plain numbers are expected"),
+        (
+            bent(lambda f: {"y": np.broadcast_to(np.int32(1), (10_000, 10**9))}),
+            "y has 10000000000000 values, at most 10000 are allowed",
+        ),
+        (bent(lambda f: {"y": f["y"] > 1.0}), "y is not an array of real numbers: it holds truth values"),
+        (bent(lambda f: {"y": f["y"].astype("m8[s]")}), "y is not an array of real numbers: it holds times"),
+        (bent(lambda f: {"y": [None, *f["y"][1:]]}), "y is not an array of real numbers: it holds objects"),
+        (
+            bent(lambda f: {"x": np.broadcast_to(20.0, 10**12)}),
+            "the plan has 1000000000000 points, at most 10000 are allowed",
+        ),
+        (bent(lambda f: {"yaw_rate": np.zeros(20_000_000)}), "the plan has 20000000 points, at most 10000 are allowed"),
+        (bent(lambda f: {"orientation": range(10**9)}), "the plan has 1000000000 points, at most 10000 are allowed"),
+        (
+            bent(lambda f: {"x": np.repeat(f["x"][:1], 31)}),
+            "states 10.0 m/s (points 0 to 1); positions are footprint centres, the rear axle is 1.4 m behind",
+        ),
+        (bent(lambda f: {"x": 2 * f["x"][0] - f["x"]}), "the plan moves -1.0 m in 0.1 s but states 10.0 m/s"),
+        (
+            bent(lambda f: {"x": f["x"] - np.where(np.arange(31) > 0, 1.4, 0.0)}),
+            "the plan moves -0.4 m in 0.1 s but states 10.0 m/s (points 0 to 1); positions are footprint centres",
+        ),
+        (
+            bent(lambda f: {"x": np.repeat(f["x"][:1], 31), "y": f["y"] + np.arange(31.0)}),
+            "the plan moves 0.0 m in 0.1 s but states 10.0 m/s",
+        ),
         (bent(lambda f: {"velocity": None}), "velocity is missing"),
         (bent(lambda f: {name: values[:1] for name, values in f.items()}), "1 points, at least two"),
     ],
@@ -113,13 +147,13 @@ def test_an_impossible_time_limit_is_refused_by_name():
 
 def test_parallel_planners_run_in_processes_of_their_own(monkeypatch):
     monkeypatch.setenv("INTERDRIVE_TEST_PID", str(os.getpid()))
-    assert drive(Elsewhere, threads=2).outcomes.outcome == ("goal_reached",) * 2
-    assert "same process" in drive(Elsewhere).outcomes.message[0]
+    for threads in (1, 2):
+        assert drive(Elsewhere, threads).outcomes.outcome == ("goal_reached",) * 2
 
 
 def test_parallel_planners_drive_to_the_same_bits_as_planners_in_the_process_of_the_run():
     alone = drive(Alone, steps=(0, 80))
-    for threads in (2, 3):
+    for threads in (1, 2, 3):
         assert drive(Remembering, threads, steps=(0, 80)).digest == alone.digest
 
 
@@ -127,13 +161,15 @@ def test_parallel_planners_drive_to_the_same_bits_as_planners_in_the_process_of_
     ("planner", "words"),
     [
         (Raising, "ValueError: no idea"),
+        (Leaving, "its process ended in the planner of agent 100 (exit code 7)"),
         (Dying, "its process ended in the planner of agent 100 (exit code -9)"),
         (Stuck, "its process was killed: the planner of agent 100 took too long"),
     ],
 )
-def test_a_process_that_fails_costs_its_own_agent_only(planner, words):
-    settings = with_timeout(0.3) if planner is Stuck else SimulationSettings()
-    run = drive({100: planner, "default": Remembering}, threads=2, settings=settings)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_process_that_fails_costs_its_own_agent_only(planner, words, threads):
+    settings = with_timeout(1.0) if planner is Stuck else SimulationSettings()
+    run = drive({100: planner, "default": Remembering}, threads, settings=settings)
     assert run.outcomes.outcome[0] == "planner_error"
     assert run.outcomes.time_step[0] == 3
     assert words in run.outcomes.message[0]

@@ -71,6 +71,19 @@ def flat(tables, _scene):
     tables["x"] = tables["x"][:, 0]
 
 
+def masked(tables, _scene):
+    tables["y"] = np.ma.masked_greater(tables["y"], 0.0)
+
+
+def complex_valued(tables, _scene):
+    tables["x"] = tables["x"] + 0j
+
+
+def endless(tables, _scene):
+    shape = (*tables["x"].shape[:2], 10**9)
+    tables["x"] = np.broadcast_to(tables["x"][:, :, :1], shape)
+
+
 def half_precise(tables, _scene):
     tables["x"] = tables["x"].astype(np.float32)
 
@@ -115,6 +128,9 @@ FINDINGS = [
     (later, "it returned predictions of time step 1"),
     (short, r"it predicts 5 steps of 0\.1 s, 30 are needed"),
     (flat, r"\(participants, modes, steps\) expected"),
+    (masked, "y is a masked array; what is missing is said by `valid`"),
+    (complex_valued, "TypeError: type mismatch: from=complex128, to=float64 while processing 'x'"),
+    (endless, r"x has shape \[2, 1, 1000000000\], at most 10000000 values are allowed"),
     (half_precise, "TypeError: type mismatch: from=float32, to=float64 while processing 'x'"),
     (not_a_number, "has a valid step that is not a number"),
     (singular, "has a covariance that is not positive definite"),
@@ -181,7 +197,13 @@ def of_nothing(self, scene):
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [*(finding for finding in FINDINGS if finding[0] in (later, flat, not_a_number, singular, improbable, raises))],
+    [
+        *(
+            finding
+            for finding in FINDINGS
+            if finding[0] in (later, flat, masked, complex_valued, endless, not_a_number, singular, improbable, raises)
+        )
+    ],
 )
 def test_garbage_of_a_predictor_ends_the_run_with_its_name_and_the_time_step(change, words):
     name = r"predictor test_predictor_contract:Mine, time step 0: .*"

@@ -99,6 +99,7 @@ def test_tables_of_the_right_shape_become_predictions():
             "7 has a covariance that is not symmetric",
         ),
         ({"ids": np.array([7, 8])}, "for 2 ids"),
+        ({"ids": np.broadcast_to(np.int64(1), (10**13,))}, "for 10000000000000 ids"),
     ],
 )
 def test_garbage_of_a_predictor_is_refused(change, words):

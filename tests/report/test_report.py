@@ -216,7 +216,12 @@ def test_collisions_goals_and_what_planners_gave_up_are_events(tmp_path):
     assert [header["participants"][row]["id"] for row in crash["rows"]] == [2, 22]
     assert ("goal_reached", "1 reaches its goal") in said
     assert ("planner_error", "4 ends: its planner failed") in said
-    assert said["emergency_braking", "2 falls back on an emergency plan: collision with 24"]["step"] == 47
+    assert (
+        said["emergency_braking", "2 falls back on an emergency plan; most samples were rejected: collision with 24"][
+            "step"
+        ]
+        == 47
+    )
     assert [event["step"] for event in header["events"]] == sorted(event["step"] for event in header["events"])
 
 
@@ -241,7 +246,7 @@ def test_the_most_critical_moment_is_an_event_if_it_is_below_the_threshold(tmp_p
     [event] = [event for event in critical(header["events"]) if "time to collision" in event["text"]]
     assert event["value"] == pytest.approx(1.5, abs=0.001), "15 m are left at 10 m/s"
     assert event["step"] == 30
-    assert event["text"] == "100: time to collision 1.50\N{NO-BREAK SPACE}s with 7"
+    assert event["text"] == "100: time to collision along lanes 1.50\N{NO-BREAK SPACE}s with 7"
     assert [header["participants"][row]["id"] for row in event["rows"]] == [100, 7]
 
 
@@ -255,7 +260,7 @@ def test_above_the_threshold_no_moment_is_an_event(tmp_path):
 @pytest.mark.parametrize(
     ("measure", "value", "text"),
     [
-        ("ttc", 2.0, "1: time to collision 2.00\N{NO-BREAK SPACE}s with 22"),
+        ("ttc", 2.0, "1: time to collision along lanes 2.00\N{NO-BREAK SPACE}s with 22"),
         ("ttc", 2.001, None),
         ("pet", 0.25, "1: post-encroachment time 0.25\N{NO-BREAK SPACE}s with 22"),
         ("pet", 1.001, None),

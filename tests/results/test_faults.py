@@ -60,9 +60,9 @@ FULL, READ_ONLY = "cannot be written: No space left on device", "cannot be writt
     [
         (100, ("run", *RUN, "--out", "small/new"), "small/new"),
         (100, ("run", *RUN, "--out", "small/run", "--overwrite"), "small/run"),
-        (16, ("criticality", "small/run"), "small/run/criticality_extremes.parquet"),
+        (24, ("criticality", "small/run"), "small/run/criticality_extremes.parquet"),
         (4, ("criticality", "lane_merge", "--out", "small/new"), "small/new/criticality.parquet"),
-        (52, ("criticality", "lane_merge", "--out", "small/new"), "small/new/criticality_extremes.parquet"),
+        (56, ("criticality", "lane_merge", "--out", "small/new"), "small/new/criticality_extremes.parquet"),
         (64, ("report", "small/run"), "small/run/report.html"),
         (64, ("report", "small/run", "--out", "small/page.html"), "small/page.html"),
         (8, ("plot", "small/run", "--kind", "velocity", "--out", "small/v.pdf"), "small/v.pdf"),
@@ -84,7 +84,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(disk, room, arguments, named):
 
 @pytest.mark.parametrize(
     ("room", "pictures", "failing"),
-    [(600, ("--png", "--gif"), "run.gif"), (540, ("--mp4",), "run.mp4"), (1150, ("--report",), "report.html")],
+    [(800, ("--png", "--gif"), "run.gif"), (560, ("--mp4",), "run.mp4"), (1150, ("--report",), "report.html")],
 )
 def test_a_disk_that_is_full_when_a_run_is_drawn_keeps_the_run(disk, ffmpeg, room, pictures, failing):
     done = disk.run(room, "run", *RUN, *pictures, "--out", "small/new", "--quiet", path=os.environ["PATH"])

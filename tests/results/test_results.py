@@ -40,7 +40,8 @@ FILES = [
 @pytest.fixture(autouse=True)
 def _plain_scenario_writer(monkeypatch):
     writer = types.ModuleType("interdrive.files")
-    writer.write_scenario = lambda run: f"<commonRoad benchmarkID='{run.scenario.benchmark_id}'/>".encode()
+    writer.run_document = lambda run: f"<commonRoad benchmarkID='{run.scenario.benchmark_id}'/>".encode()
+    writer.road_losses = lambda _: ()
     monkeypatch.setitem(sys.modules, "interdrive.files", writer)
     monkeypatch.setattr(interdrive, "files", writer, raising=False)
 
@@ -274,7 +275,7 @@ def test_an_interrupt_or_a_failing_part_leaves_nothing_behind(run, tmp_path, mon
     def stop(_):
         raise raised
 
-    monkeypatch.setattr(interdrive.files, "write_scenario", stop)
+    monkeypatch.setattr(interdrive.files, "run_document", stop)
     with pytest.raises(raised if isinstance(raised, type) else type(raised)):
         save(run, tmp_path / "run")
     assert contents(tmp_path) == []
@@ -305,7 +306,7 @@ def test_loading_names_the_file_that_is_missing_or_damaged(run, tmp_path):
     (folder / "plans.parquet").unlink()
     with pytest.raises(ResultsError, match=r"plans.parquet: this file of the run is missing"):
         read_results(folder)
-    storage.write_parquet(pa.table({"a": [1]}), folder / "plans.parquet")
+    storage.write_parquet(pa.table({"a": [1]}), folder / "plans.parquet", storage.Origin())
     with pytest.raises(ResultsError, match=r"plans.parquet: the columns are not those of a run \(a\)"):
         read_results(folder)
     for text, message in (

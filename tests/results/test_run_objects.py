@@ -129,6 +129,37 @@ def test_the_page_of_a_run_opens_in_the_browser_and_inline_in_a_notebook(run, mo
     assert page._repr_html_().startswith('<iframe srcdoc="&lt;!doctype html')
 
 
+@pytest.mark.parametrize(
+    ("cells", "shown"),
+    [
+        (("run.show()",), 1),
+        (("page = run.show()",), 1),
+        (("run.show()", "1 + 1"), 1),
+        (("page = run.show()", "page"), 2),
+        (("run.show(); None",), 1),
+        (("page = run.show()\npage",), 1),
+    ],
+)
+def test_a_notebook_shows_the_page_once_in_a_cell(run, cells, shown):
+    interactive = pytest.importorskip("IPython.core.interactiveshell")
+    capture = pytest.importorskip("IPython.utils.capture")
+    shell = interactive.InteractiveShell.instance(user_ns={"run": run})
+    shell.kernel = None  # a terminal has none
+    values = []  # what the notebook shows because it is the value of a cell
+    shell.displayhook.write_format_data = lambda data, *_: values.append(data)
+    pages = 0
+    try:
+        shell.push({"run": run})
+        for cell in cells:
+            with capture.capture_output() as captured:
+                shell.run_cell(cell, store_history=True).raise_error()
+            pages += sum("text/html" in output.data for output in captured.outputs)
+        pages += sum("text/html" in data for data in values)
+    finally:
+        interactive.InteractiveShell.clear_instance()
+    assert pages == shown
+
+
 def test_a_film_is_written_where_it_is_wanted(run, tmp_path):
     assert run.animation(tmp_path / "run.gif", fps=2.0).read_bytes().startswith(b"GIF8")
 

@@ -11,7 +11,7 @@ import pytest
 from commonroad_documents import car, document, driven, goal, initial, lanelet, planning_problem, point, state
 from recorded_runs import run_of, written
 
-from interdrive.files import read_scenario, write_scenario
+from interdrive.files import read_scenario, run_document
 
 
 def test_a_written_run_is_read_back_as_it_was(read, tmp_path):
@@ -53,10 +53,9 @@ def test_time_steps_of_a_run_that_starts_late_are_kept(read, tmp_path):
     [
         cr.rectangle_at(1.5, -1, length=4, width=2, orientation=0.5),
         cr.RECTANGLE + cr.rectangle_at(3, 0, length=2, width=1),
-        "<circle><radius>1</radius><center><x>2</x><y>3</y></center></circle>",
         "<polygon>" + point(0, 0) + point(4, 0) + point(1, 1) + point(0, 3) + "</polygon>",
     ],
-    ids=["rectangle off its origin", "group", "circle off its origin", "polygon"],
+    ids=["rectangle off its origin", "group", "polygon"],
 )
 def test_every_footprint_is_written_such_that_commonroad_io_reads_it_in_its_place(read, tmp_path, shape):
     from commonroad.common.reader.file_reader_xml import XMLFileReader
@@ -80,9 +79,20 @@ def area_of(vertices):
 def test_the_hull_of_a_turned_rectangle_is_that_rectangle(read, tmp_path):
     shape = cr.rectangle_at(1.5, -1, length=4, width=2, orientation=0.5)
     before = read(document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0)], shape=shape)))
-    vertices = written(run_of(before), tmp_path).obstacles.shapes[0].vertices
+    after = written(run_of(before), tmp_path).obstacles
+    vertices = after.shapes[0].vertices
     assert area_of(vertices) == pytest.approx(8.0)
-    np.testing.assert_allclose(vertices.mean(axis=0), [1.5, -1.0], atol=1e-6)
+    # The footprint is centred, its place is that of the state.
+    np.testing.assert_allclose(vertices.mean(axis=0), [0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose((after.x[0, 0], after.y[0, 0]), (1.5, -1.0), atol=1e-6)
+
+
+def test_a_circle_off_its_origin_becomes_one_at_the_place_of_its_state(read, tmp_path):
+    circle = "<circle><radius>1</radius><center><x>2</x><y>3</y></center></circle>"
+    before = read(document(car(30, initial(0.0), [state(1, 1.0, orientation=0.0)], shape=circle)))
+    after = written(run_of(before), tmp_path).obstacles
+    assert (after.shapes[0].kind, after.shapes[0].radius, after.shapes[0].center) == ("circle", 1.0, (0.0, 0.0))
+    np.testing.assert_allclose((after.x[0, 0], after.y[0, 0]), (2.0, 3.0), atol=1e-6)
 
 
 def test_roads_signs_lights_and_intersections_come_from_the_scenarios_file(scenarios_folder, tmp_path):
@@ -128,7 +138,7 @@ def test_a_written_run_is_valid_by_the_schema_of_commonroad_io(scenarios_folder,
 
     for name in ("t_junction/ZAM_Tjunction-1_42_T-1", "highway/USA_US101-23_1_T-1", "merge/ZAM_Zip-1_56_T-1"):
         before = read_scenario(scenarios_folder / f"{name}.xml")
-        data = write_scenario(run_of(before))
+        data = run_document(run_of(before))
         assert CommonRoadFileWriter.check_validity_of_commonroad_file(data) in (True, None)
         assert_same_traffic(before.obstacles, written(run_of(before), tmp_path).obstacles)
 
@@ -137,8 +147,8 @@ def test_equal_runs_are_written_as_equal_bytes_whatever_the_order_of_hashes():
     script = (
         "import hashlib\n"
         "from interdrive.results import recorded_run\n"
-        "from interdrive.files import read_scenario, shipped_scenario, write_scenario\n"
-        "data = write_scenario(recorded_run(read_scenario(shipped_scenario('intersection'))))\n"
+        "from interdrive.files import read_scenario, shipped_scenario, run_document\n"
+        "data = run_document(recorded_run(read_scenario(shipped_scenario('intersection'))))\n"
         "print(len(data), hashlib.sha256(data).hexdigest())\n"
     )
     one, other = (

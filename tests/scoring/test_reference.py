@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -35,9 +36,14 @@ def test_reference_rows_are_complete_and_of_this_set(name, split, planners):
     for row in rows:
         assert row.version
         if row.category == "all":
-            assert 0.0 <= row.low <= row.score <= row.high <= 100.0
-            # Agents of planning problems have no recording.
-            assert (row.n_scenarios, row.n_agents) == (len(files), n_agents) or row.planner == "recorded"
+            assert 0.0 <= row.non_reactive <= 100.0
+            if row.planner == "recorded":
+                assert math.isnan(row.score), "humans who are replayed do not react"
+            else:
+                assert 0.0 <= row.low <= row.score <= row.high <= 100.0
+            # Agents of planning problems have no recording; agents whose recordings overlap have no score.
+            assert row.n_agents + row.n_left_out == n_agents
+            assert row.n_scenarios == len(files) or row.planner == "recorded"
     scenarios = stored["splits"][split]["scenarios"]
     names = {file.name for file in files}
     assert all(set(scores) == names or planner == "recorded" for planner, scores in scenarios.items())
@@ -49,10 +55,9 @@ def test_reference_rows_are_complete_and_of_this_set(name, split, planners):
 def test_the_number_of_a_planner_is_the_mean_of_its_scenarios(name, split, planners):
     rows = {row.planner: row for row in reference_rows(read_set(name), split) if row.category == "all"}
     for planner in planners:
-        scores = [
-            one["velocity_adjusting"] for one in stored_reference(name)["splits"][split]["scenarios"][planner].values()
-        ]
-        assert rows[planner].score == pytest.approx(sum(scores) / len(scores))
+        traffic, number = ("recorded", "non_reactive") if planner == "recorded" else ("velocity_adjusting", "score")
+        scores = [one[traffic] for one in stored_reference(name)["splits"][split]["scenarios"][planner].values()]
+        assert getattr(rows[planner], number) == pytest.approx(sum(scores) / len(scores))
 
 
 @pytest.mark.parametrize(

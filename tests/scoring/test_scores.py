@@ -10,6 +10,7 @@ import pytest
 
 import interdrive as idr
 from interdrive.results import read_results, save
+from interdrive.results.story import story
 from interdrive.scoring import SCORE_LABELS, save_score, stored_score
 from interdrive.testing.worlds import Car, problem, straight_road, world
 
@@ -68,6 +69,7 @@ def test_driving_into_a_standing_car_is_its_fault_and_the_score_says_so(collided
         "at fault: ran into 2, which was in its way at 0.0 s with 55.5 m left, 15.0 m needed"
     )
     assert "ttc" in found.excused[0], "the recording drove through the standing car, too"
+    assert "excused, as the recording is no better: time to contact straight on" in found.why(1)
     assert found.score_strict[0] == 0.0
 
 
@@ -76,6 +78,18 @@ def test_a_standing_thing_counts_half(collided):
     thing = replace(collided, states=replace(collided.states, kinds=kinds))
     assert 0.0 < idr.score(thing).score[0] <= 0.5
     assert "(counts half)" in idr.score(thing).why(1)
+
+
+def test_time_to_contact_straight_on_and_time_to_collision_along_lanes_are_told_apart():
+    agent = problem(1, 30.0, velocity=10.0, goal=(180.0, 0.0), time_step=(0, 200))
+    scenario = world(straight_road(300.0), cars=[Car(7, 38.0, velocity=0.5)], problems=[agent], steps=60)
+    run = idr.simulate(scenario, agents=[1], planner=Straight, threads=1)
+    found = idr.score(run)
+    told = "; ".join(found.reasons[0]) + " ".join(story(run, 1))
+    assert "time to contact straight on 0.00: " in told
+    assert "least time to collision along lanes" in told
+    assert "time to collision " not in told.replace("time to collision along lanes", "")
+    assert "TTC" not in told
 
 
 def test_an_agent_whose_planner_broke_gets_nothing(collided):
@@ -104,7 +118,7 @@ def test_a_red_light_decides_at_a_crossing_whose_fault_it_is(collided):
             *(np.zeros(1) for _ in range(3)),
         )  # fmt: skip
 
-    came_late = Verdict("cut_off", -3.0, "lateral", False, 4.0, "cut off 2")
+    came_late = Verdict("cut_off", -3.0, "lateral", False, 3.97, 40, "cut off 2")
     assert _at_crossing(came_late, broken(2), 1, 2, 0.1, 10.0).kind == ""
     found = _at_crossing(replace(came_late, kind=""), broken(1), 1, 2, 0.1, 10.0)
     assert (found.kind, found.words) == ("red_light", "passed a red light 2.0 s before the contact with 2")

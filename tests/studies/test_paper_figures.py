@@ -125,8 +125,11 @@ def test_measures_show_finite_values_up_to_where_they_matter(merge):
 def test_a_measure_is_drawn_once_and_long_names_take_two_lines_of_a_wider_margin(merge):
     found = merge.criticality()
     long = draw_measures(found, [merge.agents[0].id], ["psd", "ttc", "psd"]).axes
-    assert [panel.get_ylabel() for panel in long] == ["proportion of stopping\ndistance", "time to collision [s]"]
-    short = draw_measures(found, [merge.agents[0].id], ["ttc"]).axes
+    assert [panel.get_ylabel() for panel in long] == [
+        "proportion of stopping\ndistance",
+        "time to collision\nalong lanes [s]",
+    ]
+    short = draw_measures(found, [merge.agents[0].id], ["thw"]).axes
     assert long[0].get_position().x0 * 88.0 == pytest.approx(short[0].get_position().x0 * 88.0 + 3.0)
 
 

@@ -33,6 +33,12 @@ class Kills:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+class KillsItsOwn(Kills):
+    """Takes its process with it, which is not that of the run."""
+
+    parallel = True
+
+
 @dataclass
 class KillsOnce:
     """Takes its process with it unless that has happened before.

@@ -121,7 +121,7 @@ def states():
 
 def shape_of(participant, length, width):
     if participant == 23:
-        return Shape("polygon", vertices=np.array([(-2.0, -1.5), (2.0, -1.0), (1.0, 1.5), (-1.5, 1.0)]))
+        return Shape("polygon", vertices=np.array([(-2.0, -1.5), (2.0, -1.5), (1.0, 1.5), (-2.0, 1.0)]))
     if participant == 24:
         return Shape("circle", radius=0.3)
     return Shape("rectangle", length=length, width=width)

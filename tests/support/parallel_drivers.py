@@ -86,6 +86,15 @@ class Dying(Straight):
         return super().plan(view, predictions)
 
 
+class Leaving(Straight):
+    parallel = True
+
+    def plan(self, view, predictions):
+        if view.time_step == 3:
+            os._exit(7)
+        return super().plan(view, predictions)
+
+
 class Sleeping(Straight):
     """Reacts to signals."""
 

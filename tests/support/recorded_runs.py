@@ -3,7 +3,7 @@
 import commonroad_documents as cr
 import numpy as np
 
-from interdrive.files import read_scenario, write_scenario
+from interdrive.files import read_scenario, run_document
 from interdrive.results import Run
 from interdrive.run import States
 
@@ -30,4 +30,4 @@ def run_of(scenario, *, first_time_step=0, participants=None):
 
 def written(run, folder):
     """The run's document, read again."""
-    return read_scenario(cr.saved(folder, write_scenario(run), "written.xml"))
+    return read_scenario(cr.saved(folder, run_document(run), "written.xml"))

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
     from interdrive.results import Run
 
-#: Real scenarios and the agents that drive in the tests: a T-junction, a merge, a few vehicles of a dense highway.
+#: Real scenarios and the agents that drive in the tests: a T-junction, two merges, a few vehicles of a dense highway.
 REAL = {
     "t_junction/ZAM_Tjunction-1_42_T-1.xml": "all",
+    "merge/ZAM_Merge-1_1_T-1.xml": "all",
     "merge/ZAM_Zip-1_56_T-1.xml": "all",
     "highway/USA_US101-23_1_T-1.xml": 3,
 }

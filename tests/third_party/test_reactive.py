@@ -6,7 +6,7 @@ from interdrive.planners.reactive import Reactive
 from interdrive.testing import check_planner, straight_road
 
 T_JUNCTION = "t_junction/ZAM_Tjunction-1_42_T-1.xml"
-MERGE = "merge/ZAM_Zip-1_56_T-1.xml"
+MERGE = "merge/ZAM_Merge-1_1_T-1.xml"
 HIGHWAY = "highway/USA_US101-23_1_T-1.xml"
 
 

@@ -7,7 +7,7 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::{CarFollowing, IdmSettings, Planner};
 use interdrive_core::predict::{LaneFollowing, Predictor};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
 use interdrive_core::route::{RouteSettings, find_route};
 use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
@@ -33,6 +33,7 @@ fn road() -> RoadNetwork {
             adjacent_left: left.map(|id| (id, true)),
             adjacent_right: right.map(|id| (id, true)),
             speed_limit: f64::NAN,
+            users: Users::ALL,
         }
     };
     let lanes = vec![lane(1, 5003.5, Some(2), None), lane(2, 5000.0, Some(3), Some(1)), lane(3, 4996.5, None, Some(2))];

@@ -21,6 +21,7 @@ fn traffic(n: usize) -> Scene {
             .collect(),
         is_static: vec![false; n],
         is_agent: vec![true; n],
+        ..Participants::default()
     };
     let mut past = States::absent(ids, 0, 1);
     for i in 0..n {

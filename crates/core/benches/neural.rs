@@ -9,7 +9,7 @@ use interdrive_core::geometry::Point;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::predict::neural::{Inputs, Neural};
 use interdrive_core::predict::{Predictor, predict};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
 use interdrive_core::scene::{Participants, Scene};
 use interdrive_core::trajectory::{State, States};
 use interdrive_core::vehicle::ParticipantKind;
@@ -41,6 +41,7 @@ fn road() -> RoadNetwork {
                 adjacent_left: (lane + 1 < LANES).then(|| (id(lane + 1, piece), true)),
                 adjacent_right: (lane > 0).then(|| (id(lane - 1, piece), true)),
                 speed_limit: 30.0,
+                users: Users::ALL,
             });
         }
     }
@@ -58,6 +59,7 @@ fn road() -> RoadNetwork {
             adjacent_left: None,
             adjacent_right: None,
             speed_limit: f64::NAN,
+            users: Users::ALL,
         });
     }
     RoadNetwork::new(lanelets, RoadSettings::default()).expect("a road")
@@ -85,6 +87,7 @@ fn scene(n: usize) -> Scene {
         shape: vec![Shape::rectangle(4.6, 1.9); n],
         is_static: vec![false; n],
         is_agent: vec![false; n],
+        ..Participants::default()
     };
     let turns = vec![None; n];
     Scene { time_step: 0, dt: 0.1, participants: Arc::new(participants), present: (0..n).collect(), turns, past }

@@ -7,7 +7,7 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::frenet::{FrenetMemory, FrenetSettings, plan};
 use interdrive_core::plan::{LaneChange, Other, PlanRequest, PredictionIndex};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::rules::Rules;
 use interdrive_core::scenario::{Goal, GoalState};
@@ -27,6 +27,7 @@ fn road() -> RoadNetwork {
             adjacent_left: None,
             adjacent_right: None,
             speed_limit: f64::NAN,
+            users: Users::ALL,
         }
     };
     RoadNetwork::new(vec![lane(1, 403.5), lane(2, 400.0), lane(3, 396.5)], RoadSettings::default()).expect("a road")

@@ -38,9 +38,19 @@ pub struct TrafficLight {
 }
 
 impl TrafficLight {
+    /// Length of its cycle in time steps.
+    fn cycle(&self) -> i64 {
+        self.phases.iter().map(|(length, _)| length).sum()
+    }
+
+    /// The same; 0 if it always shows the same.
+    pub fn changing_cycle(&self) -> i64 {
+        if self.phases.windows(2).any(|pair| pair[0].1 != pair[1].1) { self.cycle() } else { 0 }
+    }
+
     /// What it shows at a time step: the phase at (time step - offset) modulo the length of the cycle.
     pub fn signal(&self, time_step: i64) -> Signal {
-        let cycle: i64 = self.phases.iter().map(|(length, _)| length).sum();
+        let cycle = self.cycle();
         if cycle <= 0 {
             return Signal::Dark;
         }
@@ -230,6 +240,14 @@ mod tests {
             assert_eq!(light.signal(time_step), expected, "{time_step}");
         }
         assert_eq!(self::light(0, &[]).signal(5), Signal::Dark);
+    }
+
+    #[test]
+    fn a_light_that_always_shows_the_same_has_no_changing_cycle() {
+        let cycle = |phases: &[(i64, Signal)]| light(3, phases).changing_cycle();
+        assert_eq!(cycle(&[(170, Signal::Green), (30, Signal::Yellow), (800, Signal::Red)]), 1000);
+        assert_eq!(cycle(&[(170, Signal::Red), (30, Signal::Red)]), 0);
+        assert_eq!((cycle(&[(170, Signal::Red)]), cycle(&[])), (0, 0));
     }
 
     #[test]

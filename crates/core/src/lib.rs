@@ -13,6 +13,7 @@ pub mod control;
 pub mod junctions;
 pub mod route;
 pub mod scenario;
+pub mod start;
 pub mod recording;
 pub mod collision;
 pub mod criticality;

@@ -103,6 +103,13 @@ const MODES_LIMIT: usize = 8;
 #[derive(Debug, Default)]
 pub struct Memory(Mutex<Vec<PredictionMemory>>);
 
+impl Clone for Memory {
+    /// Memory of its own: it holds nothing that lasts.
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 /// Memory of a thread.
 #[derive(Debug, Default)]
 struct PredictionMemory {

@@ -2,14 +2,17 @@
 
 mod coverage;
 mod edges;
+mod filler;
 mod follow;
 mod grid;
 mod ground;
+mod heights;
 mod judge;
 mod lanelet;
 mod open_ends;
 mod pieces;
 mod surface;
+mod users;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -17,9 +20,11 @@ mod tests;
 
 pub use edges::Segment;
 pub(crate) use follow::Chains;
+pub use heights::heights_are_apart;
 pub use judge::RoadJudge;
 pub use lanelet::Lanelet;
 pub use pieces::EdgePieces;
+pub use users::Users;
 
 use std::sync::OnceLock;
 
@@ -51,6 +56,8 @@ pub struct LaneletInput {
     pub adjacent_right: Option<(i64, bool)>,
     /// Speed limit [m/s]; NaN: unknown.
     pub speed_limit: f64,
+    /// For whom it is a lane; for others it is ground that they drive on only where nothing else leads on.
+    pub users: Users,
 }
 
 settings! {
@@ -109,13 +116,15 @@ pub struct RoadNetwork {
     /// Made when they are asked for first.
     pieces: OnceLock<EdgePieces>,
     ground: OnceLock<GroundMap>,
+    heights: heights::Heights,
 }
 
 impl RoadNetwork {
     /// Checks the lanelets, completes their relations and builds the index.
     ///
     /// Relations stated on one side only are completed, unknown ids dropped, and so are successors that start more
-    /// than 10 m from the end. Lanelets that share a bound become neighbours if nothing else is stated.
+    /// than 3 m from the end. Where a successor starts before the end, the lanelets are cut so that they meet; what is
+    /// cut off stays drivable. Lanelets that share a bound become neighbours if nothing else is stated.
     ///
     /// # Errors
     /// `InvalidInput` naming the lanelet: no lanelet at all, an id used twice, a bound with fewer than two vertices, a
@@ -123,8 +132,9 @@ impl RoadNetwork {
     /// the setting that is negative or too large.
     pub fn new(inputs: Vec<LaneletInput>, settings: RoadSettings) -> Result<Self> {
         settings.validate()?;
-        let lanelets = lanelet::linked(inputs)?;
+        let (lanelets, cut_off) = lanelet::linked(inputs)?;
         let mut fillers = open_ends::continuations(&lanelets, settings.open_end_length);
+        fillers.extend(cut_off);
         fillers.extend(open_ends::seams(&lanelets));
         let mut triangles = Vec::new();
         for (i, lanelet) in lanelets.iter().enumerate() {
@@ -145,6 +155,7 @@ impl RoadNetwork {
             curves: Vec::new(),
             pieces: OnceLock::new(),
             ground: OnceLock::new(),
+            heights: heights::Heights::default(),
         };
         road.curves = (0..road.lanelets.len()).map(|i| LaneCurve::of(&road, i)).collect();
         if settings.judge != RoadJudge::Body {

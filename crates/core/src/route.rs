@@ -10,6 +10,7 @@ use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::PlacedShape;
 use crate::geometry::{Point, Pose};
 use crate::road::{LaneMatch, RoadNetwork};
+use crate::vehicle::ParticipantKind;
 use corridor::Corridor;
 use search::Step;
 
@@ -35,6 +36,8 @@ pub struct RouteSettings {
     pub start_tolerance: f64,
     /// Without a goal position the route is this long [m], if the road is.
     pub free_length: f64,
+    /// Whose way it is: lanelets that are no lane for it are used only where nothing else leads to the goal.
+    pub user: ParticipantKind,
 }
 
 impl Default for RouteSettings {
@@ -46,6 +49,7 @@ impl Default for RouteSettings {
             lead_in: 35.0,
             start_tolerance: 1.5,
             free_length: 400.0,
+            user: ParticipantKind::Car,
         }
     }
 }
@@ -66,13 +70,25 @@ pub struct Route {
     pub goal_exit_s: f64,
     /// Number of lane changes.
     pub lane_changes: usize,
+    /// Whose way it is.
+    pub user: ParticipantKind,
 }
 
-/// The route with the fewest lane changes; among those the shortest; among those by lanelet ids.
+impl Route {
+    /// A lanelet is a lane for the user, or one that the route cannot do without.
+    pub fn may_use(&self, road: &RoadNetwork, lanelet: usize) -> bool {
+        road.lanelets()[lanelet].users.admits(self.user) || self.lanelets.contains(&lanelet)
+    }
+}
+
+/// The route over the fewest lanelets that are no lane for its user; among those with the fewest lane changes; among
+/// those the shortest; among those by lanelet ids.
 ///
-/// It starts on a lanelet that the start pose matches (within `start_tolerance` and 90 degrees) and ends on one whose
-/// centre line crosses a goal area or that contains an area's centre. Where several overlap, a lateral offset of 1 m at
-/// start or goal counts like 5 m of length. Without goal areas it follows the lane straight on.
+/// It starts on a lanelet that the start pose fits (within `start_tolerance` and 90 degrees) and ends on one whose
+/// centre line crosses a goal area or that contains an area's centre. Where several overlap at the start, those count
+/// whose direction is within 10 degrees of the best and whose offset is within 1 m of the least; others only if none of
+/// these leads to the goal. A lateral offset of 1 m at start or goal counts like 5 m of length. Without goal areas it
+/// follows the lane straight on.
 ///
 /// # Errors
 /// `NoRoute` if start or goal lie on no lanelet or are not connected; the text names the lanelets.
@@ -91,11 +107,16 @@ pub fn find_route(
         )));
     }
     let (steps, start_s, goal) = if goal_areas.is_empty() {
-        let first = starts[0];
+        let is_lane = |start: &&LaneMatch| road.lanelets()[start.lanelet].users.admits(settings.user);
+        let first = *starts.iter().find(is_lane).unwrap_or(&starts[0]);
         let chain = road.paths_from(first.lanelet, first.s, settings.free_length, 1).remove(0);
         (chain.into_iter().map(Step::ahead).collect(), first.s, None)
     } else {
-        let found = search::search(road, &starts, start.position, &search::goal_places(road, goal_areas)?)?;
+        let goals = search::goal_places(road, goal_areas)?;
+        let best = search::best_starts(road, &starts, start.position);
+        let search = |starts: &[LaneMatch]| search::search(road, settings.user, starts, start.position, &goals);
+        let found =
+            search(&best).or_else(|error| if best.len() < starts.len() { search(&starts) } else { Err(error) })?;
         (found.steps, found.start_s, Some(found.goal))
     };
     let blend_length = (settings.lane_change_time * velocity.max(0.0)).max(settings.lane_change_length_min);
@@ -113,6 +134,7 @@ pub fn find_route(
         start_s,
         goal_entry_s,
         goal_exit_s,
+        user: settings.user,
     })
 }
 

@@ -1,5 +1,6 @@
 //! The input: road, recorded obstacles, planning problems, goals. Immutable once built.
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 use crate::control::Control;
@@ -105,6 +106,10 @@ pub struct Scenario {
     pub obstacles: Obstacles,
     /// Traffic lights, stop lines and priorities of its roads.
     pub control: Control,
+    /// Pairs of ids, the smaller one first, whose recordings are in each other: their contacts are no collisions.
+    pub overlaps: BTreeSet<(i64, i64)>,
+    /// Per obstacle whether its acceleration and its yaw rate were derived from later positions; empty: none was.
+    pub derived: Vec<[bool; 2]>,
     /// Once they were needed.
     junctions: OnceLock<Junctions>,
 }
@@ -139,7 +144,20 @@ impl Scenario {
                 }
             }
         }
-        Ok(Self { dt, road, obstacles, control: Control::default(), junctions: OnceLock::new() })
+        let (overlaps, derived) = (BTreeSet::new(), Vec::new());
+        Ok(Self { dt, road, obstacles, control: Control::default(), overlaps, derived, junctions: OnceLock::new() })
+    }
+
+    /// State of an obstacle at a time step, NaN for an acceleration or yaw rate that was derived from later positions.
+    pub fn stated(&self, row: usize, time_step: i64) -> Option<State> {
+        let state = self.obstacles.states.get(row, time_step)?;
+        let [acceleration, yaw_rate] = self.derived.get(row).copied().unwrap_or_default();
+        let unless = |derived: bool, value: f64| if derived { f64::NAN } else { value };
+        Some(State {
+            acceleration: unless(acceleration, state.acceleration),
+            yaw_rate: unless(yaw_rate, state.yaw_rate),
+            ..state
+        })
     }
 
     /// What the ways of its roads share; worked out at the first call.

@@ -11,6 +11,7 @@ use crate::control::Turn;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
+use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
 use crate::settings::{positive, settings};
 use crate::trajectory::{State, States};
@@ -29,6 +30,38 @@ pub struct Participants {
     pub is_static: Vec<bool>,
     /// Driven by a planner; the others replay their recording.
     pub is_agent: Vec<bool>,
+    /// Where ways cross one above the other.
+    pub storeys: Storeys,
+}
+
+/// The road, if it states heights: participants one above the other do not see each other.
+#[derive(Debug, Clone, Default)]
+pub struct Storeys(Option<Arc<RoadNetwork>>);
+
+impl PartialEq for Storeys {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.as_ref().map(Arc::as_ptr) == other.0.as_ref().map(Arc::as_ptr)
+    }
+}
+
+impl Storeys {
+    /// Of a road.
+    pub fn of(road: &Arc<RoadNetwork>) -> Self {
+        Self(road.has_heights().then(|| Arc::clone(road)))
+    }
+
+    /// Whether one pose is above the other.
+    pub fn are_apart(&self, one: Pose, other: Pose) -> bool {
+        self.are_apart_at(|| (one, other))
+    }
+
+    /// The same for poses that are not at hand: they are made only where ways lie one above the other.
+    pub fn are_apart_at(&self, poses: impl FnOnce() -> (Pose, Pose)) -> bool {
+        self.0.as_ref().is_some_and(|road| {
+            let (one, other) = poses();
+            road.are_apart(one, other)
+        })
+    }
 }
 
 settings! {
@@ -84,6 +117,7 @@ impl Scene {
             shape: obstacles.shape.clone(),
             is_static: obstacles.is_static.clone(),
             is_agent: vec![false; n],
+            storeys: Storeys::of(&scenario.road),
         };
         let first = time_step - history_steps as i64;
         let mut past = States::absent(from.ids.clone(), first, history_steps + 1);
@@ -152,7 +186,9 @@ impl Scene {
             distance <= limits.sensor_radius
                 || participants.is_static[other] && distance <= limits.sensor_radius + size(other)
         };
-        let others = (0..self.present.len()).filter(|place| self.present[*place] != row);
+        let pose = self.state(row).pose();
+        let is_level = |place: usize| !participants.storeys.are_apart(pose, self.state(self.present[place]).pose());
+        let others = (0..self.present.len()).filter(|place| self.present[*place] != row && is_level(*place));
         visible.clear();
         if !limits.occlusion {
             visible.extend(others.filter(|place| is_near(*place)));
@@ -185,16 +221,19 @@ impl Scene {
         may_hide: &dyn Fn(usize) -> bool,
     ) -> Vec<bool> {
         let participants = &self.participants;
-        let eye = self.state(row).pose().position;
+        let pose = self.state(row).pose();
+        let eye = pose.position;
         let is_near = |(shape, pose, is_static): &(&Shape, Pose, bool)| {
             let size = if *is_static { shape.bounding_radius() } else { 0.0 };
             pose.position.distance(eye) <= limits.sensor_radius + size
         };
-        let near: Vec<bool> = all.iter().map(is_near).collect();
+        let is_level = |other: Pose| !participants.storeys.are_apart(pose, other);
+        let near: Vec<bool> = all.iter().map(|body| is_near(body) && is_level(body.1)).collect();
         if !limits.occlusion || !near.contains(&true) {
             return near;
         }
         let others = self.present.iter().copied().filter(|other| *other != row && may_hide(*other));
+        let others = others.filter(|other| is_level(self.state(*other).pose()));
         let body = |other: usize| line_of_sight::SightBody {
             shape: &participants.shape[other],
             pose: self.state(other).pose(),
@@ -231,6 +270,7 @@ mod tests {
             shape: all.iter().map(|(_, _, shape, _)| shape.clone()).collect(),
             is_static: all.iter().map(|(_, is_static, ..)| *is_static).collect(),
             is_agent: vec![false; all.len()],
+            storeys: Storeys::default(),
         };
         Scene {
             time_step: 0,

@@ -214,7 +214,16 @@ fn as_dict(py: Python<'_>, found: Criticality) -> PyResult<Bound<'_, PyDict>> {
         one.set_item("grows", measure.grows())?;
         measures.set_item(name, one)?;
     }
+    let in_the_way = PyDict::new(py);
+    for (measure, series) in Measure::FOLLOWING.into_iter().zip(found.in_the_way) {
+        let one = PyDict::new(py);
+        one.set_item("value", arrays::grid(py, series.value, shape)?)?;
+        one.set_item("partner", arrays::grid(py, series.partner, shape)?)?;
+        one.set_item("way", arrays::grid(py, series.way, shape)?)?;
+        in_the_way.set_item(Measure::ALL[measure as usize].1, one)?;
+    }
     dict.set_item("measures", measures)?;
+    dict.set_item("in_the_way", in_the_way)?;
     dict.set_item("tet_seconds", arrays::row(py, found.exposure.iter().map(|e| e.tet_seconds).collect()))?;
     dict.set_item("tit_mean", arrays::row(py, found.exposure.iter().map(|e| e.tit_mean).collect()))?;
     dict.set_item("psd_below_one", arrays::row(py, found.exposure.iter().map(|e| e.psd_below_one).collect()))?;

@@ -25,6 +25,7 @@ use interdrive_core::control::{Signal, Turn};
 use interdrive_core::criticality::Measure;
 use interdrive_core::criticality::harm::ImpactArea;
 use interdrive_core::junctions::{AreaKind, Reason};
+use interdrive_core::plan::external_plan::PLAN_POINTS_MAX;
 use interdrive_core::recording::OutcomeKind;
 use interdrive_core::rules;
 use interdrive_core::trajectory::PlanStatus;
@@ -55,6 +56,7 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CODES", codes(module.py())?)?;
+    module.add("PLAN_POINTS_MAX", PLAN_POINTS_MAX)?;
     module.add("LIGHT_DECELERATION", rules::LIGHT_DECELERATION)?;
     module.add("STOP_REACH", rules::STOP_REACH)?;
     module.add("COMMITTED", rules::COMMITTED)?;

@@ -89,6 +89,9 @@ impl PyPredictions {
     }
 }
 
+/// Most means of a table of predictions (participants x modes x steps), which then takes 640 MB.
+const PREDICTIONS_MAX: usize = 10_000_000;
+
 #[pymethods]
 impl PyPredictions {
     fn __repr__(&self) -> String {
@@ -109,16 +112,31 @@ impl PyPredictions {
         covariance: PyReadonlyArrayDyn<'_, f64>,
         valid: PyReadonlyArrayDyn<'_, bool>,
     ) -> PyResult<Self> {
-        let ids: Vec<i64> = ids.as_array().to_vec();
         let shape = x.as_array().shape().to_vec();
+        // Before anything is copied.
+        if shape.iter().product::<usize>() > PREDICTIONS_MAX {
+            return Err(InputError::new_err(format!(
+                "predictions: x has shape {shape:?}, at most {PREDICTIONS_MAX} values are allowed"
+            )));
+        }
+        let fields = [("probability", &probability), ("x", &x), ("y", &y), ("orientation", &orientation)];
+        for (name, field) in fields.into_iter().chain([("velocity", &velocity), ("covariance", &covariance)]) {
+            if field.hasattr("mask")? {
+                return Err(InputError::new_err(format!(
+                    "predictions: {name} is a masked array; what is missing is said by `valid`"
+                )));
+            }
+        }
+        let n_ids = ids.as_array().len();
         let [n, n_modes, n_steps] = shape[..] else {
             return Err(InputError::new_err(format!(
                 "predictions: x has shape {shape:?}, (participants, modes, steps) expected"
             )));
         };
-        if n != ids.len() {
-            return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {} ids", ids.len())));
+        if n != n_ids {
+            return Err(InputError::new_err(format!("predictions: x has shape {shape:?} for {n_ids} ids")));
         }
+        let ids: Vec<i64> = ids.as_array().to_vec();
         let covariance = arrays::read_grid("predictions: covariance", &covariance, &[n, n_modes, n_steps, 2, 2])?;
         let mut predictions = Predictions {
             time_step,

@@ -7,14 +7,17 @@ use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::scenario::{Goal, GoalState};
+use interdrive_core::start::first_state;
 use interdrive_core::trajectory::State;
+use interdrive_core::vehicle::ParticipantKind;
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Grid, Row};
-use crate::errors::{InputError, detached};
+use crate::errors::{InputError, detached, exception};
 use crate::getters::getters;
 use crate::scenario::{PyRoadNetwork, PyShape};
+use crate::vehicle::PyVehicle;
 
 /// What an agent should reach: one of some alternatives.
 #[pyclass(frozen, name = "Goal", module = "interdrive._core")]
@@ -93,8 +96,9 @@ impl PyRoute {
         format!("<Route over lanelets {}, {:.1} m>", ids.join(" > "), self.length(py))
     }
 
-    /// Route and reference path from a pose to a goal; raises `NoRouteError`.
+    /// Route and reference path from a pose to a goal for a kind of participant, given by its code; raises `NoRouteError`.
     #[staticmethod]
+    #[pyo3(signature = (road, x, y, orientation, velocity, goal, user = ParticipantKind::Car as i64))]
     fn find(
         py: Python<'_>,
         road: &PyRoadNetwork,
@@ -103,12 +107,35 @@ impl PyRoute {
         orientation: f64,
         velocity: f64,
         goal: &PyGoal,
+        user: i64,
     ) -> PyResult<Self> {
         let areas: Vec<PlacedShape> = goal.0.states.iter().flat_map(|state| state.areas.iter().cloned()).collect();
         let start = Pose::new(x, y, orientation);
         let network = Arc::clone(&road.0);
-        let route = detached(py, || find_route(&network, start, velocity, &areas, &RouteSettings::default()))?;
+        let user = ParticipantKind::from_code(user).map_err(exception)?;
+        let settings = RouteSettings { user, ..RouteSettings::default() };
+        let route = detached(py, || find_route(&network, start, velocity, &areas, &settings))?;
         Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
+    }
+
+    /// Acceleration [m/s²] and yaw rate [rad/s] with which a vehicle starts on the route.
+    ///
+    /// Args:
+    ///     vehicle: Its limits.
+    ///     state: x, y [m], orientation [rad], velocity [m/s], acceleration, yaw rate; nan for those two where they are not
+    ///         stated.
+    ///     past: Speed [m/s] and heading [rad] at the time steps right before, oldest first.
+    ///     dt: Time between steps [s].
+    #[pyo3(signature = (vehicle, state, past, dt))]
+    fn first_state(&self, vehicle: &PyVehicle, state: [f64; 6], past: Vec<(f64, f64)>, dt: f64) -> (f64, f64) {
+        let [x, y, orientation, velocity, acceleration, yaw_rate] = state;
+        let stated = State { x, y, orientation, velocity, acceleration, yaw_rate };
+        let past: Vec<State> = past
+            .into_iter()
+            .map(|(velocity, orientation)| State { velocity, orientation, ..State::default() })
+            .collect();
+        let found = first_state(&stated, &past, dt, &self.route.path, Some(self.route.start_s), &vehicle.0);
+        (found.acceleration, found.yaw_rate)
     }
 
     /// Arc lengths and lateral distances, to the left positive, of points relative to the reference path [m].

@@ -7,7 +7,7 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::junctions::Area;
-use interdrive_core::road::{LaneMatch, LaneletInput, RoadNetwork};
+use interdrive_core::road::{LaneMatch, LaneletInput, RoadNetwork, Users};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
 use interdrive_core::vehicle::ParticipantKind;
@@ -80,7 +80,7 @@ impl PyRoadNetwork {
     #[new]
     #[pyo3(signature = (
         ids, left, right, predecessors, successors, adjacent_left, adjacent_left_same_direction,
-        adjacent_right, adjacent_right_same_direction, speed_limit, settings
+        adjacent_right, adjacent_right_same_direction, speed_limit, users, settings, heights=Vec::new()
     ))]
     fn new(
         py: Python<'_>,
@@ -94,7 +94,9 @@ impl PyRoadNetwork {
         adjacent_right: Vec<i64>,
         adjacent_right_same_direction: Vec<bool>,
         speed_limit: Vec<f64>,
+        users: Vec<u32>,
         settings: &Bound<'_, PyAny>,
+        heights: Vec<(i64, PyReadonlyArray2<'_, f64>, PyReadonlyArray1<'_, f64>)>,
     ) -> PyResult<Self> {
         let n = ids.len();
         let lengths = [
@@ -107,6 +109,7 @@ impl PyRoadNetwork {
             adjacent_right.len(),
             adjacent_right_same_direction.len(),
             speed_limit.len(),
+            users.len(),
         ];
         if lengths.iter().any(|length| *length != n) {
             return Err(InputError::new_err(format!("{n} lanelet ids, but other fields have {lengths:?} entries")));
@@ -123,10 +126,18 @@ impl PyRoadNetwork {
                 adjacent_left: neighbour(adjacent_left[i], adjacent_left_same_direction[i]),
                 adjacent_right: neighbour(adjacent_right[i], adjacent_right_same_direction[i]),
                 speed_limit: speed_limit[i],
+                users: Users::from_bits(users[i]),
             });
         }
         let settings = read(settings)?;
-        detached(py, || RoadNetwork::new(lanelets, settings)).map(|road| Self(Arc::new(road)))
+        let stated = heights.iter().map(|(id, points, heights)| {
+            let points = arrays::read_points("heights", points)?;
+            let heights = arrays::read_row("heights", heights, points.len())?;
+            Ok((*id, points.into_iter().zip(heights).collect()))
+        });
+        let stated: Vec<_> = stated.collect::<PyResult<_>>()?;
+        let road = detached(py, || RoadNetwork::new(lanelets, settings))?;
+        Ok(Self(Arc::new(if stated.is_empty() { road } else { road.with_heights(stated) })))
     }
 
     /// Both bounds of every lanelet, left before right, in driving direction: vertices [m], shape (n, 2), and whether no
@@ -173,6 +184,14 @@ impl PyRoadNetwork {
         found.into_iter().map(|m| (self.0.lanelets()[m.lanelet].id, m.s, m.d, m.heading_error)).collect()
     }
 
+    /// Whether a lanelet is a lane for a kind of participant, given by its code.
+    fn admits(&self, lanelet_id: i64, kind: i64) -> PyResult<bool> {
+        let unknown = || exception(Error::UnknownId { what: "lanelet", id: lanelet_id });
+        let index = self.0.index_of(lanelet_id).ok_or_else(unknown)?;
+        let kind = ParticipantKind::from_code(kind).map_err(exception)?;
+        Ok(self.0.lanelets()[index].users.admits(kind))
+    }
+
     /// Polygons of the stretch of lane around arc length `s` of a lanelet.
     fn lane_stretch<'py>(
         &self,
@@ -187,6 +206,12 @@ impl PyRoadNetwork {
             .index_of(lanelet_id)
             .ok_or_else(|| exception(interdrive_core::error::Error::UnknownId { what: "lanelet", id: lanelet_id }))?;
         self.0.lane_stretch(index, s, before, after).into_iter().map(|polygon| arrays::points(py, polygon)).collect()
+    }
+
+    /// One pose (x, y, orientation) is on a way above that of another one.
+    fn are_apart(&self, one: (f64, f64, f64), other: (f64, f64, f64)) -> bool {
+        let pose = |(x, y, orientation)| Pose::new(x, y, orientation);
+        self.0.are_apart(pose(one), pose(other))
     }
 
     /// For each pose the largest speed limit of the lanelets at its position that lead its way (within 90 degrees) [m/s],
@@ -344,7 +369,8 @@ impl PyScenario {
     #[new]
     #[pyo3(signature = (
         dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
-        lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![]), crosswalks=vec![]
+        lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![]), crosswalks=vec![],
+        overlaps=vec![], derived=vec![]
     ))]
     fn new(
         dt: f64,
@@ -366,6 +392,8 @@ impl PyScenario {
         priorities: Option<PriorityParts>,
         closed: (Vec<i64>, Vec<i64>),
         crosswalks: Vec<i64>,
+        overlaps: Vec<(i64, i64)>,
+        derived: Vec<[bool; 2]>,
     ) -> PyResult<Self> {
         let fields = [&y, &orientation, &velocity, &acceleration];
         let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
@@ -379,6 +407,8 @@ impl PyScenario {
         }
         scenario.control.closed = [sorted_lanelets(closed.0, &road.0)?, sorted_lanelets(closed.1, &road.0)?];
         scenario.control.crosswalks = sorted_lanelets(crosswalks, &road.0)?;
+        scenario.overlaps = overlaps.into_iter().map(|(a, b)| (a.min(b), a.max(b))).collect();
+        scenario.derived = derived;
         Ok(Self(Arc::new(scenario)))
     }
 

@@ -138,8 +138,11 @@ pub fn settings_tables(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     records().iter_mut().map(|record| table(py, record.as_mut())).collect()
 }
 
-/// Number of time steps after which a run with these `step` settings ends, for so many recorded time steps.
+/// Number of time steps after which a run with these `step` settings ends, for so many recorded time steps and agents
+/// that start and whose goals end at these time steps.
 #[pyfunction]
-pub fn steps_at_most(step: &Bound<'_, PyAny>, n_recorded: usize) -> PyResult<usize> {
-    Ok(read::<StepSettings>(step)?.steps_at_most(n_recorded))
+pub fn steps_at_most(step: &Bound<'_, PyAny>, n_recorded: usize, agents: Vec<(i64, i64)>) -> PyResult<usize> {
+    let step = read::<StepSettings>(step)?;
+    let needed = agents.into_iter().map(|(start, end)| step.time_limit(start, end)).max();
+    Ok(step.steps_at_most(n_recorded, needed.unwrap_or(0)))
 }

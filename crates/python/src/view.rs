@@ -6,7 +6,7 @@ use interdrive_core::collision::swept_boxes;
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::OrientedBox;
 use interdrive_core::geometry::{Point, Pose};
-use interdrive_core::plan::external_plan::{StatedPlan, check_plan};
+use interdrive_core::plan::external_plan::{PLAN_POINTS_MAX, StatedPlan, check_motion, check_plan};
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::{PlacedBody, Scene};
 use interdrive_core::trajectory::State;
@@ -63,11 +63,19 @@ impl PyView {
     }
 
     /// The points of a plan that was made from this view: x, y, orientation, velocity; acceleration, yaw rate.
+    ///
+    /// `slides`: the positions need not follow from the speeds.
     pub fn checked(
         &self,
         fields: [&PyReadonlyArrayDyn<'_, f64>; 4],
         rates: [Option<&PyReadonlyArrayDyn<'_, f64>>; 2],
+        slides: bool,
     ) -> PyResult<Vec<State>> {
+        // Before anything is copied.
+        let n = fields.iter().map(|field| field.as_array().len()).max().unwrap_or(0);
+        if n > PLAN_POINTS_MAX {
+            return Err(InputError::new_err(format!("the plan has {n} points, at most {PLAN_POINTS_MAX} are allowed")));
+        }
         let rate = |name: &str, k: usize| rates[k].map(|values| arrays::read_line(name, values)).transpose();
         let (acceleration, yaw_rate) = (rate("acceleration", 0)?, rate("yaw_rate", 1)?);
         let plan = StatedPlan {
@@ -79,7 +87,11 @@ impl PyView {
             yaw_rate: yaw_rate.as_deref(),
         };
         let points = plan.points(self.scene.dt).map_err(exception)?;
-        check_plan(&points, &self.state, &self.agent.vehicle, self.scene.dt).map_err(exception)?;
+        let vehicle = &self.agent.vehicle;
+        check_plan(&points, &self.state, vehicle, self.scene.dt).map_err(exception)?;
+        if !slides {
+            check_motion(&points, vehicle, self.scene.dt).map_err(exception)?;
+        }
         Ok(points)
     }
 
@@ -178,7 +190,7 @@ impl PyView {
         acceleration: Option<PyReadonlyArrayDyn<'_, f64>>,
         yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
     ) -> PyResult<()> {
-        self.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()]).map(|_| ())
+        self.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()], false).map(|_| ())
     }
 
     /// Whether the agent stays on the road along a drive, from point to point, as the run judges it (`road.judge`).

@@ -81,7 +81,10 @@ pub struct PyPlans(pub Plans);
 #[pymethods]
 impl PyPlans {
     /// Checks the plan that a planner made from its view and writes it: arrays of shape (points,), point 0 is now.
-    #[pyo3(signature = (view, x, y, orientation, velocity, acceleration=None, yaw_rate=None))]
+    ///
+    /// `slides`: the positions need not follow from the speeds; for bodies that no vehicle drives, such as those of tests
+    /// of contact.
+    #[pyo3(signature = (view, x, y, orientation, velocity, acceleration=None, yaw_rate=None, *, slides=false))]
     fn set(
         &mut self,
         view: &PyView,
@@ -91,8 +94,10 @@ impl PyPlans {
         velocity: PyReadonlyArrayDyn<'_, f64>,
         acceleration: Option<PyReadonlyArrayDyn<'_, f64>>,
         yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
+        slides: bool,
     ) -> PyResult<()> {
-        let points = view.checked([&x, &y, &orientation, &velocity], [acceleration.as_ref(), yaw_rate.as_ref()])?;
+        let rates = [acceleration.as_ref(), yaw_rate.as_ref()];
+        let points = view.checked([&x, &y, &orientation, &velocity], rates, slides)?;
         self.0.set_row(view.agent.id, &points).map_err(exception)
     }
 

@@ -62,6 +62,11 @@ impl PyStage {
     fn eligible(&self, time_step: i64, rest: i64) -> Vec<usize> {
         self.0.eligible(time_step, rest)
     }
+
+    /// Positions of the vehicles that enter after a time step; with at least `rest` steps of their recording from then on.
+    fn later(&self, time_step: i64, rest: i64) -> Vec<usize> {
+        self.0.later(time_step, rest)
+    }
 }
 
 getters! { PyStage {
@@ -240,6 +245,12 @@ impl PyWorlds {
         let stages = stages.iter().map(|stage| Arc::clone(&stage.0)).collect();
         let worlds = Worlds::new(stages, settings, num_worlds, slots).map_err(exception)?;
         Ok(Self { worlds, arrays: None })
+    }
+
+    /// Worlds that go on by themselves from here, to the same bits; no arrays are bound to them.
+    fn copy(&self, py: Python<'_>) -> Self {
+        let worlds = &self.worlds;
+        Self { worlds: py.detach(|| worlds.clone()), arrays: None }
     }
 
     /// Checks the caller's arrays once and keeps them: every reset and step writes into them.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: How a run can end. Agents exist only in finished ones.
 STATUS = ("finished", "refused", "failed", "crashed", "timeout", "memory")
 
-#: A time to collision under this is critical [s]; Vogel, "A comparison of headway and time to collision", 2003.
+#: A TTC under this is critical [s]; Vogel, "A comparison of headway and time to collision", 2003.
 TTC_CRITICAL = 2.0
 
 #: How a run that is worth a look ended for one of the agents under test.

@@ -17,12 +17,17 @@ from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.run import OUTCOMES
 from interdrive.scoring import SCORE_LABELS
-from interdrive.storage import check_values, replacing, schema_of
+from interdrive.storage import Origin, check_values, replacing, schema_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     import pyarrow.dataset as ds
+
+#: Runs of one file may differ in these; their columns say how each came about.
+_ORIGIN = Origin(
+    {"of each run": "columns settings, planner, predictor"}, {"of each run": "columns scenario_sha256, digest"}
+)
 
 #: Rows are read and written in portions of about this many.
 _PORTION = 32_768
@@ -43,7 +48,7 @@ _FILES_AT_ONCE = 256
 def encoded(table: pa.Table) -> bytes:
     """A table as a Parquet file."""
     sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd", compression_level=1)
+    pq.write_table(_ORIGIN.marked(table), sink, compression="zstd", compression_level=1)
     return sink.getvalue()
 
 
@@ -59,7 +64,7 @@ def merge(into: Path, parts: Sequence[Path]) -> None:
     Raises:
         ResultsError: A file that cannot be read or written.
     """
-    schema = _schema()
+    schema = _schema().with_metadata(_ORIGIN.metadata())
     keys = {part.stem for part in parts}
     with replacing(into) as partial, pq.ParquetWriter(partial, schema, compression="zstd") as writer:
         waiting: list[pa.Table] = []

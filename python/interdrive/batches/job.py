@@ -18,6 +18,7 @@ from interdrive.batches.plan import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import content_of_file, read_scenario, scenario_parts
 from interdrive.foreign import failure
+from interdrive.planners import RECORDED_PATH
 from interdrive.results import save
 from interdrive.scenario.agents import select
 from interdrive.scenario.native import core_road
@@ -127,7 +128,7 @@ def _finished(job: Job, attempts: int) -> Finished:
     start = time.perf_counter()
     run, under_test = _simulated(spec, scenario)
     criticality = run.criticality(threads=1)
-    scores = score(run, sorted(under_test))
+    scores = score(run, sorted(under_test - scenario.overlapping))
     run_seconds = time.perf_counter() - start
     ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
     outcomes = tuple(outcome for number, outcome in ended if number in under_test)
@@ -154,21 +155,23 @@ def _read(job: Job) -> tuple[Scenario, float]:
         InterdriveError: It is gone, or has changed since the batch was planned: its key is that of another content.
     """
     spec = job.spec
-    if spec.sha256 + spec.parts_sha256 in _AT_HAND:
-        return _AT_HAND[spec.sha256 + spec.parts_sha256], 0.0
+    raw = spec.settings.recording.raw
+    key = f"{spec.sha256}{spec.parts_sha256}{raw}"
+    if key in _AT_HAND:
+        return _AT_HAND[key], 0.0
     start = time.perf_counter()
     if job.content is None:
         content_of(spec)
-        scenario = read_scenario(spec.path)
+        scenario = read_scenario(spec.path, raw=raw)
     else:
         with tempfile.TemporaryDirectory() as folder:
             for name, content in job.content.items():
                 (Path(folder) / name).write_bytes(content)
-            scenario = replace(read_scenario(Path(folder) / Path(spec.path).name), path=Path(spec.path))
+            scenario = replace(read_scenario(Path(folder) / Path(spec.path).name, raw=raw), path=Path(spec.path))
     if scenario.sha256 != spec.sha256:
         raise InterdriveError(f"{spec.path}: the file has changed since the batch was started")
     _AT_HAND.clear()
-    _AT_HAND[spec.sha256 + spec.parts_sha256] = scenario
+    _AT_HAND[key] = scenario
     return scenario, time.perf_counter() - start
 
 
@@ -177,18 +180,32 @@ def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
     simulated = partial(simulate, scenario, predictor=spec.predictor, settings=spec.settings, seed=spec.seed, threads=1)
     if spec.agents == "all":
         run = simulated(agents="all", planner=spec.planner)
-        return run, set(run.outcomes.agent_id.tolist())
+        return run, set(run.outcomes.agent_id.tolist()) - _unable(spec, run)
     ids, others = _ids(spec, scenario), []
+    recorded = set(scenario.obstacles.ids.tolist())
+    follows = spec.planner_label in RECORDED_PATH
+    if follows and ids and not recorded.intersection(ids):
+        raise InputError(f"no agent under test has a recording for planner {spec.planner_label}")
     if spec.traffic != "recorded":
         able = _able(spec, scenario, "all")
         # A planning problem without a recorded vehicle is not part of the traffic: it has no recording to replay.
-        recorded = set(scenario.obstacles.ids.tolist())
         others = [agent.id for agent in able if agent.id not in ids and agent.id in recorded]
     planner: PlannersSpec = spec.planner
     if spec.traffic == "velocity_adjusting":
-        by_agent: dict[int | str, PlannerSpec] = dict.fromkeys(ids, spec.planner)
+        by_agent: dict[int | str, PlannerSpec] = dict.fromkeys(
+            (n for n in ids if not follows or n in recorded), spec.planner
+        )
         planner = by_agent | {"default": spec.traffic}
-    return simulated(agents=[*ids, *others], planner=planner), set(ids)
+    run = simulated(agents=[*ids, *others], planner=planner)
+    return run, set(ids) - _unable(spec, run)
+
+
+def _unable(spec: RunSpec, run: Run) -> set[int]:
+    """Agents that another planner drives, because the planner under test follows recordings and they have none."""
+    if spec.planner_label not in RECORDED_PATH:
+        return set()
+    drivers = zip(run.outcomes.agent_id.tolist(), run.outcomes.planner, strict=True)
+    return {number for number, name in drivers if name not in RECORDED_PATH}
 
 
 def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:

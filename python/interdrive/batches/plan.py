@@ -21,7 +21,7 @@ from interdrive.errors import InputError
 from interdrive.files import content_of_input, scenario_file, scenario_parts, shipped_scenarios
 from interdrive.planners.workers import can_be_sent
 from interdrive.predictors.neural import SHIPPED
-from interdrive.storage.names import readable
+from interdrive.storage.names import path_of, readable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -371,7 +371,7 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
         "modules": {name: _source(name) for name in sorted(modules)},
     }
     given = [*flatten(own).values(), *chosen.settings.values(), *expected.settings.values()]
-    files = {value: _hash(Path(value).expanduser()) for value in given if _names_a_file(value)}
+    files = {value: _hash(path_of(value)) for value in given if _names_a_file(value)}
     if expected.name == "neural":
         files["neural"] = _hash(SHIPPED)
     if files:
@@ -392,8 +392,8 @@ def _source(module: str) -> str:
 
 def _names_a_file(value: object) -> bool:
     try:
-        return isinstance(value, str) and value != "" and Path(value).expanduser().is_file()
-    except (OSError, RuntimeError):  # too long, no such user
+        return isinstance(value, str) and value != "" and path_of(value).is_file()
+    except (OSError, InputError):  # too long, no such user
         return False
 
 

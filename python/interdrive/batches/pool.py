@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from interdrive.errors import InterdriveError
-from interdrive.planners.workers import uninterrupted
+from interdrive.planners.workers import end_with_the_parent, uninterrupted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -156,7 +156,8 @@ class Pool:
         """As many processes as there should be."""
         while len(self._workers) < self._n:
             ours, theirs = self._context.Pipe()
-            process = self._context.Process(target=_work, args=(theirs,), daemon=True, name="interdrive-batch")
+            # A daemon could not start the processes of planners.
+            process = self._context.Process(target=_work, args=(theirs,), daemon=False, name="interdrive-batch")
             with _STARTING, _one_thread(), uninterrupted():
                 process.start()
                 theirs.close()
@@ -296,11 +297,3 @@ def _work(connection: Connection) -> None:
             connection.send(answer)
         except OSError:
             return
-
-
-def end_with_the_parent() -> None:
-    """Ends the process with its parent; otherwise an unwanted run might never end."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

@@ -6,7 +6,7 @@ import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from interdrive.batches.columns import RUN_COLUMNS
 from interdrive.batches.dataset import key_table, streamed
@@ -101,7 +101,7 @@ def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: fl
             return _answer(connection.sql(text), memory)
         except InterdriveError:
             raise
-        except (duckdb.Error, MemoryError, OSError, ValueError) as cause:  # also those of Arrow
+        except Exception as cause:  # those of DuckDB, of Arrow, and of what a query makes of both
             if is_late.is_set():
                 raise InputError(f"sql: no result after {seconds:g} s; {RAISE_SECONDS}") from None
             if isinstance(cause, duckdb.OutOfMemoryException | MemoryError) or "Out of Memory" in str(cause):
@@ -118,7 +118,7 @@ def _answer(asked: DuckDBPyRelation, memory: float) -> Answer:
     rows: list[tuple[Cell, ...]] = []
     held = 0.0
     for portion in portions:
-        columns = [[_plain(value) for value in column.to_pylist()] for column in portion.columns]
+        columns = [_values(*column) for column in zip(portion.schema.names, portion.columns, strict=True)]
         rows += zip(*columns, strict=True)
         held += _CELL * len(columns) * portion.num_rows + portion.nbytes
         if held > memory:
@@ -127,6 +127,15 @@ def _answer(asked: DuckDBPyRelation, memory: float) -> Answer:
                 f"{_size(memory)}; ask for fewer (limit 1000), or {RAISE_MEMORY}"
             )
     return Answer(tuple(portions.schema.names), tuple(rows))
+
+
+def _values(name: str, column: Any) -> list[Any]:  # noqa: ANN401 - an Arrow array
+    """The values of a column as those of Python."""
+    try:
+        return [_plain(value) for value in column.to_pylist()]
+    except (ArithmeticError, KeyError, NotImplementedError, TypeError, ValueError) as cause:
+        why = f"it has values that cannot be shown ({_in_short(cause)}); ask for them as text ({name}::text)"
+        raise InputError(f"sql: column {name}: {why}") from None
 
 
 def _size(memory: float) -> str:

@@ -17,8 +17,9 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
-from interdrive.batches.pool import Pool, Task, end_with_the_parent
+from interdrive.batches.pool import Pool, Task
 from interdrive.errors import InputError, InterdriveError
+from interdrive.planners.workers import end_with_the_parent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

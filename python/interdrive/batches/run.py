@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 from interdrive.batches.job import KEEP, Finished, Job, agents_of, content_of, execute, failed, no_rows
 from interdrive.batches.plan import Problem, planned
 from interdrive.batches.pool import Pool, Task
-from interdrive.batches.store import BatchFolder
+from interdrive.batches.store import BatchFolder, recordings_in
 from interdrive.config.schema import settings_of
 from interdrive.errors import InputError, InterdriveError
+from interdrive.storage import keep_inputs, resolved
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -156,6 +157,8 @@ def batch(
         seeds=seeds,
         settings=settings_of(settings),
     )
+    resolved(out)  # refused by its own name
+    keep_inputs(recordings_in(out), {spec.path for spec in plan.specs})
     workers_max = workers or os.cpu_count() or 1
     if ray is None:
         backend: Backend = Pool(min(workers_max, len(plan.specs)), timeout_s=run_timeout, memory=memory)
@@ -184,9 +187,15 @@ def batch(
         )
 
 
+#: More processes than this no machine has a use for.
+_WORKERS_MAX = 1024
+
+
 def _check(workers: int | None, run_timeout: float, memory: float, keep: str) -> None:
-    if workers is not None and workers < 1:
-        raise InputError(f"workers: expected at least 1, not {workers}")
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int)):
+        raise InputError(f"workers: expected a whole number, not {workers!r}")
+    if workers is not None and not 1 <= workers <= _WORKERS_MAX:
+        raise InputError(f"workers: expected at least 1 and at most {_WORKERS_MAX}, not {workers}")
     if not run_timeout > 0:
         raise InputError(f"run timeout: expected a positive number of seconds, not {run_timeout}")
     if not memory >= 2**20:

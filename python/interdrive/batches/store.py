@@ -7,7 +7,7 @@
     .locks              which runs are being done; nothing is stored in it
     .stored             a line per run that was stored, for batches that are at work at the same time
 
-A run is claimed by locking the byte of `.locks` that its key says, see `interdrive.batches.locks`. The system gives the
+A run is claimed by locking the byte of `.locks` that its key says, see `interdrive.storage.locks`. The system gives the
 lock back when the process ends, however it ends. Only a batch that has claimed a run stores it, or removes its file.
 """
 
@@ -26,10 +26,19 @@ from typing import TYPE_CHECKING
 from interdrive import _core
 from interdrive.batches.columns import NOT_ARRIVED
 from interdrive.batches.dataset import check_key, in_order, in_portions, joined, merge, n_keys, read, read_run
-from interdrive.batches.locks import Locks
 from interdrive.batches.plan import FORMAT
 from interdrive.errors import ResultsError
-from interdrive.storage import check_folder, not_a_link, one_line, read_json, replacing, resolved, write_json
+from interdrive.storage import (
+    FolderKind,
+    check_folder,
+    not_a_link,
+    one_line,
+    read_json,
+    replacing,
+    resolved,
+    write_json,
+)
+from interdrive.storage.locks import Locks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,6 +48,9 @@ if TYPE_CHECKING:
 
 _MARK, _RESULTS, _RUNS, _RECORDINGS = "batch.json", "results.parquet", "runs", "recordings"
 _LOCKS, _STORED = ".locks", ".stored"
+
+#: A folder with anything in it is no new batch.
+_FOLDER = FolderKind("batch", _MARK, lambda _: False)
 
 #: Files of single runs are merged when there are this many, and this share of what is merged already.
 _MERGE_AT, _MERGE_SHARE = 64, 0.25
@@ -95,7 +107,7 @@ class BatchFolder:
             if target.is_dir() and all(name.startswith(f".{_MARK}.") for name in inside):
                 break
             try:
-                check_folder(path, "batch", _MARK, lambda _: False, overwrite=False)
+                check_folder(path, _FOLDER)
                 break
             except ResultsError:
                 if is_last:
@@ -311,6 +323,11 @@ class BatchFolder:
         if self._locks is not None:
             self._locks.close()
             self._locks = None
+
+
+def recordings_in(path: str | Path) -> Path:
+    """Where the kept run folders of a batch are."""
+    return Path(path) / _RECORDINGS
 
 
 def _entries(folder: Path) -> Iterator[os.DirEntry[str]]:

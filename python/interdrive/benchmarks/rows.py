@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
-from interdrive.comparison.scores import planner_score
+from interdrive.comparison.scores import among, own_agents, planner_score
 from interdrive.comparison.variants import ALL
 
 if TYPE_CHECKING:
@@ -18,11 +18,16 @@ if TYPE_CHECKING:
     from interdrive.benchmarks.sets import SetFile
     from interdrive.comparison.scores import PlannerScore
 
+    _Agents = Mapping[str, set[tuple[int, int]]]
+
 #: Traffic that replays its recording, and traffic that adjusts its speed; the number is that of the last.
 NON_REACTIVE, REACTIVE = "recorded", "velocity_adjusting"
 
 #: The planner that replays what humans drove.
 _HUMAN = "recorded"
+
+#: Numbers among reacting traffic, which a replayed human does not have: it does not react.
+_REACTIVE = ("score", "low", "high", "reached", "at_fault", "ttc_critical", "jerk")
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,10 @@ class Row:
         n_scenarios: Scenarios. n_agents: Agents.
         zeros: Agents with a score of 0 by reason, reacting traffic.
         version: Of interdrive that made it.
+        n_left_out: Agents of the set that the planner cannot drive, or whose recordings overlap those of others; they
+            have no row and are no zeros.
+        n_common: Agents that all planners of the benchmark can drive; 0 if that is not known.
+        common: `score` over those. common_non_reactive: `non_reactive` over those.
     """
 
     planner: str
@@ -58,27 +67,44 @@ class Row:
     n_agents: int
     zeros: Mapping[str, int]
     version: str
+    n_left_out: int = 0
+    n_common: int = 0
+    common: float = math.nan
+    common_non_reactive: float = math.nan
 
 
-def planner_rows(rows: Mapping[str, Any], label: str, there: Sequence[SetFile]) -> list[Row]:
-    """All categories together, then each of several."""
+def planner_rows(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFile]) -> list[Row]:
+    """Per planner all categories together, then each of several."""
     categories = sorted({file.category for file in there})
+    own = {label: _own(rows, label, there) for label in labels}
+    common = {file.sha256: set.intersection(*(agents[file.sha256] for agents in own.values())) for file in there}
     found = []
-    for category in [ALL, *categories] if len(categories) > 1 else [ALL]:
-        part = [file for file in there if category in (ALL, file.category)]
-        found.append(_row(rows, label, category, part))
+    for label in labels:
+        for category in [ALL, *categories] if len(categories) > 1 else [ALL]:
+            part = [file for file in there if category in (ALL, file.category)]
+            found.append(_row(rows, label, category, part, own[label], common))
     return found
 
 
 def scenario_scores(rows: Mapping[str, Any], label: str, there: Sequence[SetFile]) -> dict[str, dict[str, float]]:
     """100 times the mean score of the agents of each scenario, by its name and by traffic."""
-    scores = _scores(rows, label, there)
+    scores = _scores(rows, label, there, _own(rows, label, there))
     found: dict[str, dict[str, float]] = {}
     for file in there:
         for traffic, one in scores.items():
             if file.sha256 in one.by_scenario:
                 found.setdefault(file.name, {})[traffic] = 100.0 * one.by_scenario[file.sha256]
     return found
+
+
+def _listed(part: Sequence[SetFile]) -> _Agents:
+    """The agents (seed, id) of files by the hash of their content."""
+    return {file.sha256: {(0, number) for number in file.agents} for file in part}
+
+
+def _traffic_of(label: str) -> tuple[str, ...]:
+    """The traffic among which a planner is judged: replayed humans do not react."""
+    return (NON_REACTIVE,) if label == _HUMAN else (NON_REACTIVE, REACTIVE)
 
 
 def _mine(rows: Mapping[str, Any], label: str, traffic: str, part: Sequence[SetFile]) -> Any:  # noqa: ANN401 - truths
@@ -89,26 +115,38 @@ def _mine(rows: Mapping[str, Any], label: str, traffic: str, part: Sequence[SetF
         [name in agents and (math.isnan(who) or int(who) in agents[name])
          for name, who in zip(scenario.tolist(), number.tolist(), strict=True)], dtype=np.bool_
     )  # fmt: skip
-    mine = (rows["planner"] == label) & (rows["traffic"] == traffic) & listed
-    if label == _HUMAN:  # among replayed traffic another planner drives what no human drove
-        mine &= (rows["under_test"] != 1) | (rows["agent_planner"].astype(str) == label)
-    return mine
+    return (rows["planner"] == label) & (rows["traffic"] == traffic) & listed
 
 
-def _scores(rows: Mapping[str, Any], label: str, part: Sequence[SetFile]) -> dict[str, PlannerScore]:
-    """The score among replayed and among reacting traffic; what traffic did in these runs does not count."""
-    # What no human drove cannot be replayed: it says nothing about humans, and is not lost. Runs that fail still are.
-    agents = {file.sha256: {(0, number) for number in file.agents if label != _HUMAN} for file in part}
+def _own(rows: Mapping[str, Any], label: str, part: Sequence[SetFile]) -> _Agents:
+    """The agents that a planner can drive in each traffic among which it is judged; lost ones are among them."""
+    listed = _listed(part)
+    each = [own_agents(rows, _mine(rows, label, traffic, part), listed) for traffic in _traffic_of(label)]
+    return {name: set.intersection(*(agents[name] for agents in each)) for name in listed}
+
+
+def _scores(
+    rows: Mapping[str, Any], label: str, part: Sequence[SetFile], agents: _Agents, *, only: bool = False
+) -> dict[str, PlannerScore]:
+    """The score of some agents by traffic, of others as well unless `only`; what traffic did does not count."""
     places = {file.sha256: file.place for file in part}
-    return {
-        traffic: planner_score(rows, _mine(rows, label, traffic, part), agents, places)
-        for traffic in (NON_REACTIVE, REACTIVE)
-    }
+    here = {file.sha256: agents[file.sha256] for file in part}
+    found = {}
+    for traffic in (NON_REACTIVE, REACTIVE):
+        judged = traffic in _traffic_of(label)
+        mine = _mine(rows, label, traffic, part) & judged
+        if only:
+            mine &= among(rows, here)
+        found[traffic] = planner_score(rows, mine, here if judged else {}, places)
+    return found
 
 
-def _row(rows: Mapping[str, Any], label: str, category: str, part: Sequence[SetFile]) -> Row:
-    scores = _scores(rows, label, part)
+def _row(
+    rows: Mapping[str, Any], label: str, category: str, part: Sequence[SetFile], own: _Agents, common: _Agents
+) -> Row:
+    scores, shared = _scores(rows, label, part, own), _scores(rows, label, part, common, only=True)
     reactive = scores[REACTIVE]
+    counted = scores[NON_REACTIVE] if label == _HUMAN else reactive
 
     def mean(name: str, traffic: str, scale: float) -> float:
         tested = _mine(rows, label, traffic, part) & (rows["under_test"] == 1)
@@ -128,10 +166,14 @@ def _row(rows: Mapping[str, Any], label: str, category: str, part: Sequence[SetF
         ttc_critical=mean("ttc_critical", REACTIVE, 100.0),
         jerk=mean("jerk_rms", REACTIVE, 1.0),
         plan_ms=mean("plan_seconds", NON_REACTIVE, 1000.0),
-        n_scenarios=reactive.n_scenarios,
-        n_agents=reactive.n_agents,
+        n_scenarios=counted.n_scenarios,
+        n_agents=counted.n_agents,
         zeros=reactive.zeros,
         version=_core.__version__,
+        n_left_out=sum(len(file.agents) - len(own[file.sha256]) for file in part),
+        n_common=sum(len(common[file.sha256]) for file in part),
+        common=shared[REACTIVE].score,
+        common_non_reactive=shared[NON_REACTIVE].score,
     )
 
 
@@ -143,10 +185,17 @@ def plain(row: Row) -> dict[str, Any]:
     }
 
 
-def from_plain(row: Mapping[str, Any]) -> Row:
-    """What `plain` made."""
+def from_plain(row: Mapping[str, Any], there: Sequence[SetFile]) -> Row:
+    """What `plain` made, of a row that comes with a set; `there` are the files of its split.
+
+    Which agents it has in common with other planners is not known: none is stored with it.
+    """
     texts = ("planner", "category", "zeros", "version")
     values: dict[str, Any] = {
         name: math.nan if value is None and name not in texts else value for name, value in row.items()
     }
-    return Row(**values)
+    if row["planner"] == _HUMAN:
+        values |= {**dict.fromkeys(_REACTIVE, math.nan), "zeros": {}}
+    n_listed = sum(len(file.agents) for file in there if row["category"] in (ALL, file.category))
+    left_out = {"n_left_out": n_listed - int(row["n_agents"])}
+    return Row(**(values | left_out | {"n_common": 0, "common": math.nan, "common_non_reactive": math.nan}))

@@ -13,7 +13,7 @@ from interdrive.batches.store import BatchFolder
 from interdrive.benchmarks.reference import reference_rows
 from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE, plain, planner_rows, scenario_scores
 from interdrive.benchmarks.sets import find_files, read_set
-from interdrive.comparison.variants import arrays
+from interdrive.comparison.variants import rows_of
 from interdrive.errors import InputError
 from interdrive.results import software
 from interdrive.storage import replacing, write_json
@@ -87,6 +87,7 @@ def benchmark(
     out: str | Path = "out/benchmark",
     workers: int | None = None,
     ray: str | None = None,
+    raw: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Benchmark:
     """Drives every agent of a set alone, among replayed and among reacting traffic, and scores it.
@@ -102,6 +103,8 @@ def benchmark(
         out: Folder; what is there already is not done again.
         workers: Processes; all cores by default.
         ray: Address of a Ray cluster.
+        raw: Recordings as the files have them, without repairs. Rows that come with the set are of repaired ones and
+            left out.
         on_progress: Called while runs end.
 
     Raises:
@@ -120,29 +123,29 @@ def benchmark(
     for traffic in (NON_REACTIVE, REACTIVE):
         done = batch(
             paths, Path(out), planner=planner, predictor=predictor, traffic=traffic, alone=True, workers=workers,
-            ray=ray, on_progress=on_progress,
+            ray=ray, on_progress=on_progress, settings={"recording.raw": True} if raw else None,
         )  # fmt: skip
         keys += done.keys
-    rows = arrays(BatchFolder.open(out).table(None, {*keys}))
+    rows = rows_of(BatchFolder.open(out).table(None, {*keys}))
     rows["variant"] = rows["planner"]
-    made = tuple(row for label in labels for row in planner_rows(rows, label, there))
+    made = tuple(planner_rows(rows, labels, there))
     result = Benchmark(
         set=set,
         set_sha256=chosen.sha256,
         split=split,
         table=made,
         scenarios={label: scenario_scores(rows, label, there) for label in labels},
-        reference=tuple(row for row in reference_rows(chosen, split) if row.planner not in labels),
+        reference=() if raw else tuple(row for row in reference_rows(chosen, split) if row.planner not in labels),
         missing=tuple(missing),
-        command=_command(labels, set, split, scenarios),
+        command=_command(labels, set, split, scenarios, raw=raw),
         folder=Path(out),
     )
     _save(result, chosen)
     return result
 
 
-def _command(labels: Sequence[str], name: str, split: str, scenarios: str | Path | None) -> str:
-    where = ["--scenarios", str(scenarios)] if scenarios else []
+def _command(labels: Sequence[str], name: str, split: str, scenarios: str | Path | None, *, raw: bool) -> str:
+    where = [*(["--scenarios", str(scenarios)] if scenarios else []), *(["--raw"] if raw else [])]
     return shlex.join(["interdrive", "benchmark", ",".join(labels), "--set", name, "--split", split, *where])
 
 

@@ -8,6 +8,7 @@ Exit codes: 0 success; 1 an agent ended with planner_error, or `verify` found a 
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ from interdrive.cli.check import check
 from interdrive.cli.compare import compare
 from interdrive.cli.criticality import criticality
 from interdrive.cli.explain import explain
+from interdrive.cli.join import join
 from interdrive.cli.models import models
 from interdrive.cli.page import report
 from interdrive.cli.plot import plot
@@ -65,6 +67,8 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> int:
         """Returns the exit code of the chosen command."""
+        # What it says about its cache is of no use to the user.
+        logging.getLogger("matplotlib").addHandler(logging.NullHandler())
         try:
             # The user's planners and predictors may be in the working folder; installed packages take precedence.
             sys.path.append(str(Path.cwd()))
@@ -105,6 +109,7 @@ _GROUPS = {
     "Run": (
         (run, "Let the vehicles of a scenario plan for themselves."),
         (check, "Say what scenario files hold, and which vehicles can be agents."),
+        (join, "Join recordings that follow each other into one file."),
         (verify, "Repeat a run and compare all states."),
         (study, "Replay an encounter at three degrees of interaction."),
     ),

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import click
 
 from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from interdrive.config.plugins import Choice
+    from interdrive.storage import FolderKind
 
 
-def assigned(assignments: Sequence[str]) -> dict[str, str]:
-    """Values of `--set` by dotted name."""
-    values = {}
+#: `--raw` of all commands that read scenario files.
+raw_option = click.option(
+    "--raw", is_flag=True, help="Read recordings as the files have them, without repairs (recording.raw)."
+)
+
+
+def assigned(assignments: Sequence[str], *, raw: bool = False) -> dict[str, str]:
+    """Values of `--set` by dotted name, and that of `--raw`."""
+    values = {"recording.raw": "true"} if raw else {}
     for text in assignments:
         name, equals, value = text.partition("=")
         if not equals:
@@ -53,13 +64,50 @@ def id_list(option: str, text: str) -> list[int]:
         raise InputError(f"{option} {text}: write them as 12,34") from None
 
 
-def new_folder(name: str) -> Path:
-    """A folder under out/ that does not exist yet, numbered if necessary."""
-    folder, number = Path("out") / name, 1
-    while folder.exists():
-        number += 1
-        folder = Path("out") / f"{name}-{number}"
-    return folder
+@contextmanager
+def claimed_folder(
+    out: str | None, name: str, kind: FolderKind, *, overwrite: bool = False, inputs: Iterable[str | Path] = ()
+) -> Iterator[Path]:
+    """Claims the folder of `--out`, or a new one under out/, numbered if necessary; yields its absolute path.
+
+    Args:
+        out: The folder, or None.
+        name: Of the new folder.
+        kind: What it is to hold.
+        overwrite: The folder of `--out` may be replaced.
+        inputs: Files that are read, none of which may be replaced.
+
+    Raises:
+        ResultsError: Another process has claimed it, it cannot be used, or an input lies in it.
+    """
+    from interdrive.storage import claimed, claimed_new  # noqa: PLC0415 - numpy
+
+    if out is None:
+        with claimed_new(Path("out") / name, kind) as folder:
+            yield folder
+    else:
+        with claimed(out, kind, overwrite=overwrite, inputs=inputs) as folder:
+            yield folder
+
+
+def named_files(*values: object) -> list[Path]:
+    """The files among texts, also within mappings and sequences: weights, policies, configuration.
+
+    Args:
+        values: Options and settings as they were given; texts of choices may hold several, PLANNER,NAME=FILE.
+    """
+    found: list[Path] = []
+    for value in values:
+        if isinstance(value, Mapping):
+            found += named_files(*value.values())
+        elif isinstance(value, list | tuple):
+            found += named_files(*value)
+        elif isinstance(value, str):
+            for text in (value, *(part.partition("=")[2] for part in value.split(","))):
+                with suppress(OSError, RuntimeError, ValueError):  # too long, no such user, no path at all
+                    if text and (path := Path(text).expanduser()).is_file():
+                        found.append(path)
+    return found
 
 
 def shown(folder: Path) -> Path:

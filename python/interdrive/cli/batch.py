@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import assigned, shown
+from interdrive.cli.arguments import assigned, raw_option, shown
 from interdrive.cli.config import BatchChoices, read_config
 from interdrive.config.binding import bind
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from interdrive.config.schema import SimulationSettings
 
@@ -48,6 +48,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
+@raw_option
 @click.option(
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
@@ -72,6 +73,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 def batch(
     paths: tuple[str, ...],
     assignments: tuple[str, ...],
+    raw: bool,
     config: str | None,
     quiet: bool,
     **given: Any,  # noqa: ANN401 - texts and flags
@@ -84,7 +86,9 @@ def batch(
     """
     given["paths"] = paths or None
     choices, settings = _configured(
-        config, {name: value for name, value in given.items() if value not in (None, ())}, assignments
+        config,
+        {name: value for name, value in given.items() if value not in (None, ())},
+        assigned(assignments, raw=raw),
     )
     if choices.out is None:
         raise InputError("batch: no folder; give one with --out")
@@ -138,7 +142,7 @@ def bytes_of(text: str) -> float:
 
 
 def _configured(
-    config: str | None, given: Mapping[str, Any], assignments: Sequence[str]
+    config: str | None, given: Mapping[str, Any], values_given: Mapping[str, str]
 ) -> tuple[BatchChoices, SimulationSettings]:
     """Choices and settings: defaults, then the file, then the command line."""
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
@@ -156,4 +160,4 @@ def _configured(
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
-    return choices, bind(settings, assigned(assignments))
+    return choices, bind(settings, values_given)

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from interdrive.cli.report import NOTES_MAX, STYLES, errors, output, print_notes
+from interdrive.cli.report import NOTES_MAX, STYLES, errors, output, print_notes, print_table
 from interdrive.run import OUTCOMES
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
             str(sum(count.values())),
             *(str(count[outcome]) for outcome in outcomes),
         )
-    console.print(table)
+    print_table(console, table, len(shown))
     _print_unfinished(console, list(lost.values()))
     print_notes(console, done.notes, "BatchSummary.notes")
     fresh = len(done.keys) - done.found
@@ -175,7 +175,7 @@ def print_comparison(found: Comparison, folder: Path) -> None:
         console.print(escape(one.size), soft_wrap=True)
         for sheet in sheets_of(found, one):
             console.print(f"\n{escape(sheet.title)}", style="italic")
-            console.print(_table_of(sheet))
+            print_table(console, _table_of(sheet), sheet.texts)
             if sheet.note:
                 console.print(escape(sheet.note), soft_wrap=True)
         console.print()
@@ -188,7 +188,7 @@ def print_comparison(found: Comparison, folder: Path) -> None:
 def _table_of(sheet: Sheet) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     for i, name in enumerate(sheet.head):
-        table.add_column(escape(name), justify="left" if i < sheet.texts else "right", no_wrap=i < sheet.texts)
+        table.add_column(escape(name), justify="left" if i < sheet.texts else "right")
     for row in sheet.rows:
         table.add_row(*(f"[bold]{escape(cell.text)}[/]" if cell.strong else escape(cell.text) for cell in row))
     return table

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from interdrive.cli.arguments import raw_option
 from interdrive.errors import InputError
 
 
@@ -22,6 +23,7 @@ from interdrive.errors import InputError
     help="Run on a Ray cluster: that of this machine, or the one at an address.",
 )
 @click.option("--out", metavar="DIR", help="Folder of the results (out/benchmark-SET); runs in it are not repeated.")
+@raw_option
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def benchmark(
     planner: str | None,
@@ -32,6 +34,7 @@ def benchmark(
     workers: int | None,
     ray: str | None,
     out: str | None,
+    raw: bool,
     quiet: bool,
 ) -> None:
     """Drive every agent of a set alone, among replayed and among reacting traffic, and compare the scores.
@@ -60,6 +63,7 @@ def benchmark(
             out=out or f"out/benchmark-{name}",
             workers=workers,
             ray=ray,
+            raw=raw,
             on_progress=on_progress,
         )
     if not quiet:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import click
 
+from interdrive.cli.arguments import raw_option
 from interdrive.cli.terminal import say
 from interdrive.errors import InputError, InterdriveError
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-def check(files: tuple[str, ...]) -> int:
+@raw_option
+def check(files: tuple[str, ...], raw: bool) -> int:
     """Print the contents of scenario files: size, traffic, and which vehicles can become agents or why not.
 
     For a FILE that `run` would refuse, one line on stderr states the reason; the other files are printed all the same.
@@ -27,7 +29,7 @@ def check(files: tuple[str, ...]) -> int:
     for name in files:
         try:
             path = scenario_file(name)
-            scenario = read_scenario(path)
+            scenario = read_scenario(path, raw=raw)
             road = core_road(scenario, settings.road)
             handle = core_scenario(scenario, road)
             able, refused_by_id = possible_agents(
@@ -38,7 +40,9 @@ def check(files: tuple[str, ...]) -> int:
                 max_steps=settings.step.steps_at_most(scenario),
             )
             print_inspection(inspect(scenario), junctions(handle.junctions()), refused_by_id)
-            if not able:
+            if not scenario.planning_problems and scenario.obstacles.is_static.all():
+                say(f"no traffic: {path} holds a map alone; it can be run once it has vehicles or planning problems")
+            elif not able:
                 raise InputError(f"{path}: no vehicle can become an agent, so there is nothing to run")
         except InterdriveError as error:
             say(f"error: {' '.join(str(error).split())}", err=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -111,13 +110,13 @@ def read_config(
             one).
     """
     from interdrive.files import content_of_input  # noqa: PLC0415 - numpy
+    from interdrive.storage.reading import decoded, parsed_toml  # noqa: PLC0415
 
     content = content_of_input(path)
     try:
-        document = tomllib.loads(content.decode())
-    except (ValueError, RecursionError) as cause:
-        why = "its brackets are nested too deeply" if isinstance(cause, RecursionError) else cause
-        raise InputError(f"{path}: not a configuration file: {why}") from cause
+        document = parsed_toml(decoded(content))
+    except ValueError as cause:
+        raise InputError(f"{path}: not a configuration file: {cause}") from None
     names = [field.name for field in fields(kind)]
     own = _per_agent(path, document.pop("agent", {}))
     choices: dict[str, Any] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from interdrive.cli.arguments import assigned, id_list, new_folder, shown
+from interdrive.cli.arguments import assigned, id_list, raw_option, shown
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
 from interdrive.errors import InterdriveError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from interdrive.criticality import Criticality, CriticalMoment
     from interdrive.results import Run
@@ -50,6 +51,7 @@ class _Source:
 @click.option(
     "--threads", metavar="N", type=click.IntRange(min=1), help="Threads (all cores); results do not depend on it."
 )
+@raw_option
 @click.option("--out", metavar="DIR", help="Folder for the tables (the run folder, or a new one under out/).")
 @click.option("--png", is_flag=True, help="Draw the measures over time, and the most critical moment.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -60,6 +62,7 @@ def criticality(
     measure: str,
     assignments: tuple[str, ...],
     threads: int | None,
+    raw: bool,
     out: str | None,
     png: bool,
     quiet: bool,
@@ -70,19 +73,23 @@ def criticality(
     folder. The command writes criticality.parquet (every vehicle, time step and measure) and
     criticality_extremes.parquet (the most critical value of each vehicle and measure), and prints the most critical
     moments. FOLDER stands for all files in it and the folders below; each of several files gets its own folder of
-    tables, and the most critical pairs of all of them are printed.
+    tables, criticality_joint.parquet holds the most critical values of all, and their most critical pairs are printed.
+    Pairs that overlap from the start, as some recordings have them, are not among them.
     """
     from interdrive.cli.report import print_criticality, print_pairs, progress  # noqa: PLC0415 - rich
     from interdrive.criticality import CriticalitySettings, evaluate, measure_named  # noqa: PLC0415
-    from interdrive.criticality.tables import save_criticality  # noqa: PLC0415
+    from interdrive.criticality.tables import (  # noqa: PLC0415
+        criticality_extremes_table,
+        save_criticality,
+        save_joint_criticality,
+    )
 
     settings = bind(CriticalitySettings(), assigned(assignments))
     judged, rank = None if participants is None else id_list("--participants", participants), measure_named(measure)
-    sources, folder = _sources(what, out)
-    is_one = len(sources) == 1
     ranked: list[tuple[str, float, CriticalMoment]] = []
-    n_refused = 0
-    with progress(quiet=quiet) as report:
+    n_refused, n_overlapping, joint = 0, 0, {}
+    with _sources(what, out, raw=raw) as (sources, folder), progress(quiet=quiet) as report:
+        is_one = len(sources) == 1
         for done, source in enumerate(sources):
             report.counted(f"evaluating {source.name}", done, len(sources))
             try:
@@ -95,10 +102,16 @@ def criticality(
                 say(f"error: {error}", err=True)
                 n_refused += 1
                 continue
+            joint[source.name if source.name not in joint else str(source.folder.relative_to(folder))] = (
+                found.origin.marked(criticality_extremes_table(found))
+            )
+            n_overlapping += len(found.overlapping)
             moments = found.most_critical_pairs(rank.name, pairs or _PAIRS)
             ranked += [(source.name, found.dt, moment) for moment in moments]
             if png:
                 _draw(run, found, source.folder)
+        if joint and not is_one:
+            save_joint_criticality(joint, folder)
     if quiet:
         return 2 if n_refused else 0
     if is_one:
@@ -108,35 +121,52 @@ def criticality(
     if pairs or not is_one:
         ranked.sort(key=lambda one: -one[2].value if rank.grows else one[2].value)
         print_pairs(ranked[: pairs or _PAIRS])
+        if n_overlapping and not is_one:
+            say(f"left out: pairs of vehicles that overlap from the start ({n_overlapping})")
     if not is_one:
         say(f"{len(sources) - n_refused} of {len(sources)} files evaluated, tables in {shown(folder)}")
     return 2 if n_refused else 0
 
 
-def _sources(what: tuple[str, ...], out: str | None) -> tuple[list[_Source], Path]:
-    """What the arguments name (runs, files, all files in folders), and the folder that holds all tables."""
+@contextmanager
+def _sources(what: tuple[str, ...], out: str | None, *, raw: bool) -> Iterator[tuple[list[_Source], Path]]:
+    """What the arguments name (runs, files, all files in folders), and the folder that holds all tables.
+
+    A new folder is claimed.
+    """
     from interdrive.batches.plan import scenario_files  # noqa: PLC0415
+    from interdrive.criticality.tables import CRITICALITY_FOLDER  # noqa: PLC0415
     from interdrive.files import open_scenario, scenario_file  # noqa: PLC0415
     from interdrive.results import recorded_run, reopen  # noqa: PLC0415 - pyarrow
-    from interdrive.storage import not_a_link, resolved  # noqa: PLC0415
+    from interdrive.storage import claimed_new, not_a_link, resolved  # noqa: PLC0415
 
     def recorded(path: str) -> Run:
-        return recorded_run(open_scenario(path))
+        return recorded_run(open_scenario(path, raw=raw))
 
-    target = not_a_link(out) if out else None
     runs = [one for one in what if (Path(one) / "run.json").exists()]
-    if len(what) == 1 and (runs or not Path(what[0]).is_dir()):
-        name = what[0] if runs else str(scenario_file(what[0]))
-        folder = target or resolved(name if runs else new_folder(f"{Path(name).stem}-criticality"))
-        return [_Source(name, partial(reopen if runs else recorded, name), folder)], folder
-    above = target or resolved(new_folder("criticality"))
-    files = scenario_files(one for one in what if one not in runs)[0] if len(runs) < len(what) else []
-    found = [_Source(one, partial(reopen, one), above / Path(one).resolve().name) for one in runs]
-    found += [_Source(file.name, partial(recorded, file.path), above / file.category / file.name) for file in files]
-    for number, source in enumerate(found):
-        if any(source.folder == other.folder for other in found[:number]):
-            found[number] = replace(source, folder=source.folder.with_name(f"{source.folder.name}-{number}"))
-    return found, above
+    is_one = len(what) == 1 and (bool(runs) or not Path(what[0]).is_dir())
+    with ExitStack() as stack:
+
+        def place(name: str) -> Path:
+            return not_a_link(out) if out else stack.enter_context(claimed_new(Path("out") / name, CRITICALITY_FOLDER))
+
+        if is_one and runs:
+            found = [_Source(what[0], partial(reopen, what[0]), not_a_link(out) if out else resolved(what[0]))]
+            yield found, found[0].folder
+            return
+        if is_one:
+            file = scenario_file(what[0])
+            above = place(f"{file.stem}-criticality")
+            yield [_Source(str(file), partial(recorded, str(file)), above)], above
+            return
+        files = scenario_files(one for one in what if one not in runs)[0] if len(runs) < len(what) else []
+        above = place("criticality")
+        found = [_Source(one, partial(reopen, one), above / Path(one).resolve().name) for one in runs]
+        found += [_Source(file.name, partial(recorded, file.path), above / file.category / file.name) for file in files]
+        for number, source in enumerate(found):
+            if any(source.folder == other.folder for other in found[:number]):
+                found[number] = replace(source, folder=source.folder.with_name(f"{source.folder.name}-{number}"))
+        yield found, above
 
 
 def _draw(run: Run, found: Criticality, folder: Path) -> None:

@@ -19,7 +19,8 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
     """Tell why the agents of a run ended as they did.
 
     RUN is a run folder. Without AGENT there is one line per agent; with the id of an agent its story: what it did when,
-    behind which vehicle, when its planner found no admissible sample, and its most critical moments.
+    behind which vehicle or before which light, when its planner found no admissible sample, which rules of the road it
+    broke, and its most critical moments.
     """
     files = [(png, ".png"), (pdf, ".pdf")]
     for name, ending in files:
@@ -41,9 +42,12 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
     if number is not None and wanted:
         from interdrive.plots import save_figure  # noqa: PLC0415 - matplotlib
         from interdrive.plots.story import draw_story  # noqa: PLC0415
+        from interdrive.results.folder import inputs_of  # noqa: PLC0415
+        from interdrive.storage import keep_inputs  # noqa: PLC0415
 
         figure = draw_story(run, number)
         for path in wanted:
+            keep_inputs(path, inputs_of(folder, run))
             save_figure(figure, path)
             print_text(f"figure in {shown(path.resolve())}")
 

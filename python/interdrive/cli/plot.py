@@ -48,7 +48,9 @@ def plot(
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
     from interdrive.plots import draw_figure, figure_kind, save_figure  # noqa: PLC0415 - matplotlib
     from interdrive.results import Run, read_results, reopen, with_cooperation, with_routes  # noqa: PLC0415 - pyarrow
+    from interdrive.results.folder import inputs_of  # noqa: PLC0415
     from interdrive.results.reader import stored_plans  # noqa: PLC0415
+    from interdrive.storage import keep_inputs  # noqa: PLC0415
 
     try:
         name, time = figure_kind(kind)
@@ -63,6 +65,7 @@ def plot(
         bar.say("drawing")
         figure = draw_figure(run, kind, agents=numbers, measures=panels, columns=columns)
         path = Path(out or f"{run.scenario.name}_{name}{f'_{time:g}s' if time is not None else ''}.pdf")
+        keep_inputs(path, inputs_of(folder, run))
         save_figure(figure, path)
     if not quiet:
         output().print(f"figure in {shown(path.resolve())}", soft_wrap=True, markup=False)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+from pathlib import Path
 
 import click
 
-from interdrive.cli.arguments import assigned, new_folder, shown
+from interdrive.cli.arguments import assigned, claimed_folder, named_files, raw_option, shown
 from interdrive.config.binding import bind
 from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
@@ -29,6 +30,7 @@ from interdrive.errors import InputError
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
+@raw_option
 @click.option("--out", metavar="DIR", help="Folder of the evaluation (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the evaluation in that folder.")
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes that share the files (all cores).")
@@ -43,6 +45,7 @@ def predict_eval(
     split: str | None,
     part: str,
     assignments: tuple[str, ...],
+    raw: bool,
     out: str | None,
     overwrite: bool,
     workers: int | None,
@@ -62,19 +65,20 @@ def predict_eval(
     if not files:
         raise InputError("predict-eval: no recordings; give files, folders or names of shipped scenarios")
     choices = named_predictors(predictors)
-    settings_given = assigned(assignments)
+    settings_given = assigned(assignments, raw=raw)
 
     from interdrive.cli.prediction_report import print_prediction_evaluation  # noqa: PLC0415 - rich
     from interdrive.cli.report import progress  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.prediction_evaluation import evaluate_predictors  # noqa: PLC0415
-    from interdrive.prediction_evaluation.folder import check_evaluation_target, save_evaluation  # noqa: PLC0415
+    from interdrive.prediction_evaluation.folder import EVALUATION_FOLDER, save_evaluation  # noqa: PLC0415
 
     settings = bind(SimulationSettings(), settings_given)
-    folder = check_evaluation_target(
-        new_folder("predict-eval") if out is None else out, overwrite=overwrite and out is not None
-    )
-    with progress(quiet=quiet) as report:
+    read = [*(Path(file) for file in files if Path(file).exists()), *named_files(split, choices, settings_given)]
+    with (
+        claimed_folder(out, "predict-eval", EVALUATION_FOLDER, overwrite=overwrite, inputs=read) as folder,
+        progress(quiet=quiet) as report,
+    ):
         found = evaluate_predictors(
             files,
             choices,

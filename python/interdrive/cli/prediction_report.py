@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from rich.table import Table
 
-from interdrive.cli.report import output, print_notes
+from interdrive.cli.report import output, print_notes, print_table
 from interdrive.prediction_evaluation.split import TRAFFIC
 from interdrive.prediction_evaluation.tables import ALL, ANY, MEAN, measures_table
 
@@ -76,17 +76,17 @@ def _print_measures(
     table = Table(
         box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title=escape(title), title_justify="left"
     )
-    table.add_column("category", no_wrap=True)
-    table.add_column("predictor", overflow="fold", max_width=26)
+    table.add_column("category")
+    table.add_column("predictor")
     for heading in (*(["samples"] if count else []), *columns):
-        table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column(heading, justify="right")
     before = None
     for row in rows:
         is_first, before = row["category"] != before, row["category"]
         cells = [row["category"] if is_first else "", escape(row["predictor"]), *([str(row[count])] if count else [])]
         cells += ["" if row[name] is None else form.format(row[name]) for name, form in columns.values()]
         table.add_row(*cells, style="bold" if row["category"] in (ALL, MEAN) else "")
-    console.print(table)
+    print_table(console, table, 2)
     console.print()
 
 
@@ -118,12 +118,12 @@ def _print_timings(console: Console, found: PredictionEvaluation) -> None:
     table = Table(
         box=None, header_style="bold", pad_edge=False, title="milliseconds per call, by vehicles", title_justify="left"
     )
-    table.add_column("predictor", overflow="fold", max_width=40)
+    table.add_column("predictor")
     numbers = sorted({timing.vehicles for timing in found.timings})
     for number in numbers:
         table.add_column(str(number), justify="right")
     for name in found.predictors:
         by_number = {t.vehicles: t.milliseconds for t in found.timings if t.predictor == name}
         table.add_row(escape(name), *(f"{by_number[number]:.3g}" for number in numbers))
-    console.print(table)
+    print_table(console, table, 1)
     console.print()

@@ -7,22 +7,25 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.table import Table
+from rich.text import Text
 
 from interdrive.cli.terminal import visible
 from interdrive.criticality import MEASURES, agent_harm, measure_named
 from interdrive.run import OUTCOMES
+from interdrive.run.goals import said_seconds, said_time
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from rich.console import ConsoleOptions, RenderableType
-    from rich.text import Text
 
     from interdrive.config.plugins import Listed
     from interdrive.criticality import Criticality, CriticalMoment
@@ -70,6 +73,73 @@ def output() -> Console:
     if not console.is_terminal:
         console.width = 120
     return console
+
+
+#: Words of headings that are longer go on in the next line, such as names of planners.
+_HEADING_WORD = 16
+
+#: Wider tables have their headings in several lines.
+_WIDE = 110
+
+
+def print_table(console: Console, table: Table, names: int) -> None:
+    """Prints a table in which nothing is cut: what is too wide follows below, beside the names of its rows again.
+
+    Columns in which every cell is empty are left out. Headings stand in one line if there is room for all of them.
+
+    Args:
+        console: Where.
+        table: Its cells are markup; texts may break between words, numbers never do.
+        names: So many columns at the left name the rows; long names go on in the next line.
+    """
+    gap = table.padding[1] + table.padding[3]
+    texts = [[Text.from_markup(str(cell)).plain for cell in column.cells] for column in table.columns]
+    filled = [not column or any(text.strip() for text in column) for column in texts]
+    left_names = [k for k in range(names) if filled[k]] or [0]
+    others = [k for k in range(names, len(texts)) if filled[k]]
+    widths, headings = [], []
+    for column, said in zip(table.columns, texts, strict=True):
+        whole = said if column.justify == "right" else [word for text in said for word in text.split()]
+        heading = Text.from_markup(str(column.header)).plain
+        headings.append(min(cell_len(heading), 2 * _HEADING_WORD))
+        widths.append(
+            max([1, *(min(_HEADING_WORD, cell_len(word)) for word in heading.split()), *map(cell_len, whole)])
+        )
+        column.overflow, column.no_wrap = "fold", False
+    for k in left_names:
+        longest = max([widths[k], headings[k], *map(cell_len, texts[k])])
+        widths[k] = min(longest, max(8, console.width // (2 * names)))
+    in_one_line = [max(pair) for pair in zip(widths, headings, strict=True)]
+    if sum(in_one_line[k] + gap for k in (*left_names, *others)) - gap <= min(console.width, _WIDE):
+        widths = in_one_line
+    left = sum(widths[k] + gap for k in left_names)
+    # A text without spaces may be wider than the terminal: it alone breaks anywhere.
+    for k in others:
+        if table.columns[k].justify != "right":
+            widths[k] = min(widths[k], max(8, console.width - left))
+    blocks: list[list[int]] = [[]]
+    for k in others:
+        if blocks[-1] and left + sum(widths[i] + gap for i in (*blocks[-1], k)) - gap > console.width:
+            blocks.append([])
+        blocks[-1].append(k)
+    for block in blocks:
+        part = Table(box=None, header_style="bold", pad_edge=False, padding=table.padding)
+        if block is blocks[0]:
+            part.title, part.title_justify = table.title, table.title_justify
+        chosen = [*left_names, *block]
+        for k in chosen:
+            column = table.columns[k]
+            part.add_column(
+                column.header,
+                justify=column.justify,
+                style=column.style,
+                overflow="fold",
+                min_width=widths[k],
+                max_width=widths[k] if k < names or column.justify == "right" else None,
+            )
+        for cells, row in zip(zip(*(table.columns[k].cells for k in chosen), strict=True), table.rows, strict=True):
+            part.add_row(*cells, style=row.style)
+        console.print(part)
 
 
 def errors() -> Console:
@@ -124,7 +194,7 @@ def print_run(run: Run, folder: Path) -> None:
     if len(shown) > _ROWS_MAX:
         shown = [row for row in shown if ended.outcome[row] != "goal_reached"][:_ROWS_MAX]
     if shown:
-        console.print(_outcome_table(run, shown))
+        print_table(console, _outcome_table(run, shown), 1)
     hidden = len(ended.agent_id) - len(shown)
     if hidden:
         console.print(f"{hidden} more in outcomes.parquet", style="dim")
@@ -155,7 +225,7 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
         cells = [
             str(ended.agent_id[row]),
             f"[{STYLES.get(ended.outcome[row], '')}]{ended.outcome[row]}[/]",
-            f"{ended.time_step[row] * run.scenario.dt:.1f}",
+            said_time(run, int(ended.time_step[row])),
             partner,
             impact,
             f"{harms[row]:.3f}" if np.isfinite(harms[row]) else "",
@@ -184,11 +254,11 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
             quiet.append(measure.name)
             continue
         partner = str(moment.partner_id) if moment.partner_id >= 0 else ""
-        value, time = f"{moment.value:.3f} {measure.unit}".rstrip(), f"{moment.time_step * found.dt:.1f}"
+        value, time = measure.text(moment.value, 3), said_seconds(moment.time_step, found.dt)
         table.add_row(measure.name, measure.title, value, str(moment.participant_id), partner, time, moment.path)
     vehicles = f"{len(found.participant_id)} vehicle{'s' * (len(found.participant_id) != 1)} judged"
     if table.row_count:
-        console.print(table)
+        print_table(console, table, 1)
     if quiet and len(found.participant_id):
         console.print(f"no conflict in {', '.join(quiet)}", style="dim")
     console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
@@ -203,10 +273,13 @@ def print_pairs(pairs: Sequence[tuple[str, float, CriticalMoment]]) -> None:
     for column in ("scenario", "vehicle", "with", "time [s]", "measure", "value", "path or conflict area"):
         table.add_column(escape(column), justify="right" if column in ("time [s]", "value") else "left")
     for name, dt, moment in pairs:
-        value = f"{moment.value:.3f} {measure_named(moment.measure).unit}".rstrip()
-        ids, time = (str(moment.participant_id), str(moment.partner_id)), f"{moment.time_step * dt:.1f}"
+        value = measure_named(moment.measure).text(moment.value, 3)
+        ids, time = (str(moment.participant_id), str(moment.partner_id)), said_seconds(moment.time_step, dt)
         table.add_row(escape(name), *ids, time, moment.measure, value, moment.path)
-    console.print(table if table.row_count else "no two vehicles were in conflict")
+    if table.row_count:
+        print_table(console, table, 3)
+    else:
+        console.print("no two vehicles were in conflict")
 
 
 def print_notes(console: Console, notes: Sequence[str], where: str) -> None:
@@ -214,7 +287,7 @@ def print_notes(console: Console, notes: Sequence[str], where: str) -> None:
     for note in notes[:NOTES_MAX]:
         console.print(f"note: {escape(note)}", style="dim", soft_wrap=True)
     if len(notes) > NOTES_MAX:
-        console.print(f"{len(notes) - NOTES_MAX} more notes in {where}", style="dim")
+        console.print(f"{said_count(len(notes) - NOTES_MAX, 'more note')} in {where}", style="dim")
 
 
 def _speed(run: Run) -> str:
@@ -257,9 +330,9 @@ def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals:
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     table.add_row("benchmark id", escape(found.benchmark_id))
-    table.add_row("time", f"{found.n_steps} steps of {found.dt:g} s, {found.duration:.1f} s in all")
+    table.add_row("time", f"{said_count(found.n_steps, 'step')} of {found.dt:g} s, {found.duration:.1f} s in all")
     size = "{:.0f} m by {:.0f} m".format(*found.extent)
-    table.add_row("roads", f"{found.n_lanelets} lanelets, {found.lane_length:.0f} m of lanes, {size}")
+    table.add_row("roads", f"{said_count(found.n_lanelets, 'lanelet')}, {found.lane_length:.0f} m of lanes, {size}")
     table.add_row("speed limits", limits)
     counts = (
         (found.n_traffic_lights, "traffic light"),
@@ -291,10 +364,12 @@ def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals:
         )
         table.add_row(f"problem {problem.id}", f"from {start}{on}; to {problem.goal}")
     table.add_row(
-        "can be agents", f"{len(able)} vehicles: {', '.join(map(str, able))}" if able else "no recorded vehicle"
+        "can be agents",
+        f"{said_count(len(able), 'vehicle')}: {', '.join(map(str, able))}" if able else "no recorded vehicle",
     )
     console.print(table)
     _print_reasons(console, refusals)
+    print_notes(console, found.map_notes, "Inspection.map_notes")
     print_notes(console, found.notes, "Scenario.notes")
     console.print()
 
@@ -307,11 +382,11 @@ def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
     if not groups:
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("cannot be agents", overflow="fold")
-    table.add_column("because", overflow="fold")
+    table.add_column("cannot be agents")
+    table.add_column("because")
     for reason, numbers in groups.items():
         table.add_row(", ".join(numbers), escape(reason))
-    console.print(table)
+    print_table(console, table, 1)
 
 
 def print_text(text: str) -> None:
@@ -322,29 +397,29 @@ def print_text(text: str) -> None:
 def print_plugins(found: Sequence[Listed]) -> None:
     """Prints name, source and a one-line description of each plug-in."""
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("name", no_wrap=True)
-    table.add_column("from", no_wrap=True)
-    table.add_column("description", overflow="fold")
+    table.add_column("name")
+    table.add_column("from")
+    table.add_column("description")
     for item in found:
         table.add_row(escape(item.name), escape(item.source), escape(item.text), style="" if item.is_usable else "dim")
-    output().print(table)
+    print_table(output(), table, 1)
 
 
 def print_settings(rows: Sequence[tuple[str, Any, str, str]]) -> None:
     """Prints name, default, unit and meaning of settings."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("setting", no_wrap=True)
-    table.add_column("default", overflow="fold")
+    table.add_column("setting")
+    table.add_column("default")
     has_units = any(unit for _, _, unit, _ in rows)
     if has_units:
-        table.add_column("unit", no_wrap=True)
-    table.add_column("meaning", overflow="fold")
+        table.add_column("unit")
+    table.add_column("meaning")
     for name, value, unit, text in rows:
         plain = f"{value:.6g}" if isinstance(value, float) else str(value)
         plain = plain.lower() if value is None or isinstance(value, bool) else plain
         table.add_row(name, escape(plain), *([escape(unit)] if has_units else []), escape(text))
-    console.print(table)
+    print_table(console, table, 1)
 
 
 def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path) -> None:
@@ -362,7 +437,7 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
             title=escape(title),
             title_justify="left",
         )
-        table.add_column("other vehicle", no_wrap=True)
+        table.add_column("other vehicle")
         for measure in MEASURES:
             table.add_column(escape(measure.heading), justify="right")
         for name in ("collided", f"agent {study.agent}", f"vehicle {study.other}"):
@@ -371,17 +446,14 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
             values = [row[measure.column.name] for measure in MEASURES]
             table.add_row(
                 row["degree"].replace("_", "-"),
-                *(
-                    "" if value is None else f"{value:.{measure.digits}f}"
-                    for measure, value in zip(MEASURES, values, strict=True)
-                ),
+                *(measure.text(value) for measure, value in zip(MEASURES, values, strict=True)),
                 "[bold red]yes[/]" if row["collided"] else "no",
                 *(
                     f"[{STYLES.get(outcome, '')}]{outcome}[/]" if outcome else "recorded"
                     for outcome in (row["agent_outcome"], row["other_outcome"])
                 ),
             )
-        console.print(table)
+        print_table(console, table, 1)
         console.print(escape(reading(study)), style="dim")
         console.print()
     print_notes(console, notes, "")
@@ -395,11 +467,11 @@ def print_cooperation(study: CooperationStudy, folder: Path) -> None:
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     for name in ("variant", "in time", "change", "time lost [s]", "collisions", "deadlocks"):
-        table.add_column(name, justify="left" if name == "variant" else "right", no_wrap=True)
+        table.add_column(name, justify="left" if name == "variant" else "right")
     for row in summary_table(study).to_pylist():
         numbers = (f"{100 * row['reached']:.1f} %", f"{100 * row['reached_change']:+.1f}", f"{row['time_lost']:+.2f}")
         table.add_row(row["variant"], *numbers, f"{row['collisions']:g}", f"{row['deadlocks']:g}")
-    console.print(table)
+    print_table(console, table, 1)
     print_notes(console, study.notes, "cooperation.json")
     console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
@@ -413,12 +485,12 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
     table.title = f"milliseconds per step, median (quartiles); parts with {several} threads"
     for name in ("scenario", "agents", "1 thread", f"{several} threads", "ratio", *STEP_PARTS, "Python"):
-        table.add_column(name, justify="left" if name == "scenario" else "right", no_wrap=True)
+        table.add_column(name, justify="left" if name == "scenario" else "right")
     before = ""
     for row in step_rows(study):
         table.add_row(escape(row[0]) if row[0] != before else "", *row[1:])
         before = row[0]
-    console.print(table)
+    print_table(console, table, 2)
     grown = growth(study, several)
     if grown is not None:
         console.print(

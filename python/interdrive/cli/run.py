@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import assigned, choices_by_agent, new_folder, shown
+from interdrive.cli.arguments import assigned, choices_by_agent, claimed_folder, named_files, raw_option, shown
 from interdrive.cli.config import RunChoices, read_config
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
@@ -59,6 +59,7 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
+@raw_option
 @click.option(
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
@@ -85,6 +86,7 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 def run(
     file: str | None,
     assignments: tuple[str, ...],
+    raw: bool,
     by_agent: tuple[str, ...],
     config: str | None,
     raises: bool,
@@ -98,7 +100,10 @@ def run(
     """
     given["scenario"] = file
     choices, own, settings = _configured(
-        config, {name: value for name, value in given.items() if value is not None}, by_agent, assignments
+        config,
+        {name: value for name, value in given.items() if value is not None},
+        by_agent,
+        assigned(assignments, raw=raw),
     )
     if not choices.scenario:
         raise InputError("run: no scenario; give a CommonRoad file or the name of a shipped scenario")
@@ -106,22 +111,29 @@ def run(
         choices = replace(choices, gif=True)
 
     from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
-    from interdrive.files import scenario_file  # noqa: PLC0415
-    from interdrive.results import RunInterrupted, save  # noqa: PLC0415
+    from interdrive.config.binding import flatten  # noqa: PLC0415
+    from interdrive.files import scenario_file, scenario_parts  # noqa: PLC0415
+    from interdrive.results import RUN_FOLDER, RunInterrupted, save  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
 
-    scenario_file(choices.scenario)  # before anything else is done
-    planner: PlannersSpec = choices.planner
-    if own:
-        planners: dict[int | str, PlannerSpec] = {"default": choices.planner}
-        planner = planners | own
-    folder = _target(choices)
-    with progress(quiet=quiet) as report:
+    source = scenario_file(choices.scenario)  # before anything else is done
+    if choices.mp4:
+        from interdrive.plots import check_animation  # noqa: PLC0415
+
+        check_animation("run.mp4")
+    read = [*scenario_parts(source), source]
+    read += named_files(config, vars(choices), *map(vars, own.values()), flatten(settings))
+    with (
+        claimed_folder(
+            choices.out, Path(choices.scenario).stem, RUN_FOLDER, overwrite=choices.overwrite, inputs=read
+        ) as folder,
+        progress(quiet=quiet) as report,
+    ):
         report.say(f"reading {choices.scenario}")
         simulation = Simulation(
             choices.scenario,
             agents=choices.agents,
-            planner=planner,
+            planner=_planners(choices.planner, own),
             predictor=choices.predictor,
             settings=settings,
             seed=choices.seed,
@@ -159,7 +171,7 @@ def run(
 
 
 def _configured(
-    config: str | None, given: Mapping[str, Any], by_agent: Sequence[str], assignments: Sequence[str]
+    config: str | None, given: Mapping[str, Any], by_agent: Sequence[str], values_given: dict[str, str]
 ) -> tuple[RunChoices, dict[int, Choice], SimulationSettings]:
     """Choices for all agents, choices per agent, and settings: defaults, then the file, then the command line."""
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
@@ -173,7 +185,6 @@ def _configured(
             choices = bind(choices, in_file)
         except InputError as error:
             raise error.within(config) from None
-    values_given = assigned(assignments)
     try:
         choices = bind(choices, given)
     except InputError as error:
@@ -190,17 +201,10 @@ def _configured(
     return choices, own | choices_by_agent(by_agent), bind(settings, values_given)
 
 
-def _target(choices: RunChoices) -> Path:
-    """The folder to write to; errors that can be found before the simulation are raised here."""
-    from interdrive.results import check_target  # noqa: PLC0415
-
-    if choices.mp4:
-        from interdrive.plots import check_animation  # noqa: PLC0415
-
-        check_animation("run.mp4")
-    if choices.out is not None:
-        return check_target(choices.out, overwrite=choices.overwrite)
-    return check_target(new_folder(Path(choices.scenario).stem))
+def _planners(planner: str, own: dict[int, Choice]) -> PlannersSpec:
+    """The planner of all agents, and those of single ones."""
+    found: dict[int | str, PlannerSpec] = {"default": planner}
+    return found | own if own else planner
 
 
 def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str], Callable[[int, int], None]]) -> None:

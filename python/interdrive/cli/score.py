@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from interdrive.cli.arguments import assigned, id_list, shown
-from interdrive.cli.terminal import say
+from interdrive.cli.terminal import print_csv, say
 from interdrive.config.binding import bind
 from interdrive.errors import InputError
 
@@ -29,14 +29,17 @@ def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv:
     RUN is a run folder, which gets score.parquet unless --agents or --set is given. Of the batch in folder BATCH the
     scores of its planners are printed, and all zeros by reason. The documentation (Scores) defines the terms.
     """
-    from interdrive.cli.score_report import print_batch_scores, print_csv, print_scores  # noqa: PLC0415 - rich
+    from interdrive.cli.score_report import print_batch_scores, print_scores  # noqa: PLC0415 - rich
 
     if (Path(folder) / "batch.json").exists():
         if agents or assignments:
             raise InputError(f"{folder}: a batch is scored while it runs; --agents and --set are for run folders")
+        from interdrive.batches.store import BatchFolder  # noqa: PLC0415 - pyarrow
         from interdrive.comparison.scores import batch_scores  # noqa: PLC0415 - needs the simulation
+        from interdrive.comparison.variants import left_out_humans  # noqa: PLC0415
 
-        print_batch_scores(batch_scores(folder), as_csv=as_csv)
+        scores, no_humans = batch_scores(folder), left_out_humans(BatchFolder.open(folder).table())
+        print_batch_scores(scores, no_humans=no_humans, as_csv=as_csv)
         return
     from interdrive.results import load  # noqa: PLC0415 - pyarrow
     from interdrive.scoring import ScoringSettings, save_score, score_table  # noqa: PLC0415
@@ -48,7 +51,8 @@ def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv:
     run = load(folder)
     found = scored(run, ids, settings)
     if as_csv:
-        print_csv(score_table(found).to_pylist())
+        table = score_table(found)
+        print_csv(table.column_names, zip(*table.to_pydict().values(), strict=True))
     else:
         print_scores(found, run.scenario.name)
     if ids is None and not given:

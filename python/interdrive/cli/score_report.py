@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-import sys
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
-from interdrive.cli.report import output
-from interdrive.cli.terminal import visible
+from interdrive.cli.report import output, print_table
+from interdrive.cli.terminal import print_csv
 from interdrive.comparison.scores import ZEROS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
-    from interdrive.benchmarks import Benchmark, BenchmarkSet
+    from interdrive.benchmarks import Benchmark, BenchmarkSet, Row
     from interdrive.comparison.scores import PlannerScore
     from interdrive.scoring import Score
 
 #: Missing files of a benchmark that are listed.
 _MISSING_MAX = 12
 
+#: What tables say of agents without a row, and of replayed humans.
+_LEFT_OUT = "left out: agents that a planner cannot drive, or whose recordings overlap those of others"
+_REPLAYED = "recorded has no row among reacting traffic: replayed humans do not react"
+
 #: Terms in the table, and their headings.
 _TERMS = {
     "progress": "progress",
-    "ttc_term": "TTC",
+    "ttc_term": "contact",
     "speed_term": "speed",
     "comfort_term": "comfort",
     "direction": "direction",
@@ -50,7 +51,7 @@ def print_scores(found: Score, name: str) -> None:
         style = "red" if value == 0.0 else None
         table.add_row(str(number), _number(100.0 * value, 1), *cells, words, style=style)
     if len(found.ids):
-        console.print(table)
+        print_table(console, table, 1)
     mean = f", mean score {100.0 * float(found.score.mean()):.1f}" if len(found.ids) else ""
     zeros = int((found.score == 0.0).sum())
     console.print(
@@ -61,10 +62,14 @@ def print_scores(found: Score, name: str) -> None:
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
 
 
-def print_batch_scores(found: Sequence[PlannerScore], *, as_csv: bool) -> None:
-    """Prints the scores of planners by traffic, and how many agents got 0 for what."""
+def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv: bool) -> None:
+    """Prints the scores of planners by traffic, and how many agents got 0 for what.
+
+    `no_humans` says that replayed humans among reacting traffic were left out.
+    """
     if as_csv:
-        print_csv([_planner_row(one) for one in found])
+        rows = [_planner_row(one) for one in found]
+        print_csv(list(rows[0]) if rows else [], [list(row.values()) for row in rows])
         return
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False)
@@ -72,6 +77,10 @@ def print_batch_scores(found: Sequence[PlannerScore], *, as_csv: bool) -> None:
     for heading in ("planner", *(("traffic", "agents") if several else ())):
         table.add_column(heading)
     for heading in ("score", "95 %", "strict", "reached %", "at fault per 100", "nuPlan", "scenarios", "agents"):
+        table.add_column(heading, justify="right")
+    # What planners cannot drive has no row: then every planner stands on its own agents, and on those of all.
+    lacking, differ = any(one.n_left_out for one in found), any(one.n_common != one.n_agents for one in found)
+    for heading in ("left out", "score of common", "common"):
         table.add_column(heading, justify="right")
     table.add_column("zeros")
     for one in found:
@@ -87,9 +96,15 @@ def print_batch_scores(found: Sequence[PlannerScore], *, as_csv: bool) -> None:
             _number(one.at_fault_nuplan, 2),
             str(one.n_scenarios),
             str(one.n_agents),
+            str(one.n_left_out) if lacking else "",
+            *((_number(one.common, 1), str(one.n_common)) if differ else ("", "")),
             ", ".join(f"{count} {name}" for name, count in one.zeros.items()),
         )
-    console.print(table)
+    print_table(console, table, 3 if several else 1)
+    if lacking:
+        console.print(_LEFT_OUT + "; common: agents that all planners can drive" * differ)
+    if no_humans:
+        console.print(_REPLAYED)
     console.print("scores are means over scenarios of the means of their agents; interdrive compare averages agents")
 
 
@@ -97,13 +112,18 @@ def print_benchmark(found: Benchmark) -> None:
     """Prints the number of each planner with its table, rows of known planners, and what is missing."""
     console = output()
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("planner", no_wrap=True)
-    table.add_column("category", no_wrap=True)
+    table.add_column("planner")
+    table.add_column("category")
     headings = ("R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "plan ms", "scen.", "agents")
     for heading in headings:
         table.add_column(heading, justify="right")
+    # What planners cannot drive has no row: then every planner stands on its own agents, and on those of all.
+    every = (*found.table, *(row for row in found.reference if row.category == "all"))
+    for heading in ("left out", "common", "R of common", "NR of common"):
+        table.add_column(heading, justify="right")
+    lacking, differ = any(row.n_left_out for row in every), any(row.n_common != row.n_agents for row in found.table)
     table.add_column("zeros")
-    for row in (*found.table, *(row for row in found.reference if row.category == "all")):
+    for row in every:
         is_reference = row in found.reference
         span = "" if math.isnan(row.low) else f"{row.low:.1f} to {row.high:.1f}"
         table.add_row(
@@ -119,11 +139,17 @@ def print_benchmark(found: Benchmark) -> None:
             _number(row.plan_ms, 2),
             str(row.n_scenarios),
             str(row.n_agents),
+            str(row.n_left_out) if lacking else "",
+            *(_shared(row) if differ and not is_reference else ("", "", "")),
             ", ".join(f"{count} {name}" for name, count in row.zeros.items()),
             style="dim" if is_reference else None,
         )
-    console.print(table)
+    print_table(console, table, 2)
     console.print(f"set {found.set}, split {found.split}; R: among reacting traffic, NR: among replayed traffic")
+    if lacking:
+        console.print(_LEFT_OUT + "; common: agents that all planners of this command can drive" * differ)
+    if any(row.planner == "recorded" for row in every):
+        console.print(_REPLAYED)
     if found.missing:
         console.print(f"partial, without rank: {len(found.missing)} files are missing", style="yellow")
         for line in found.missing[:_MISSING_MAX]:
@@ -151,13 +177,9 @@ def _planner_row(one: PlannerScore) -> dict[str, object]:
     return {**row, **{f"zero_{name}": one.zeros.get(name, 0) for name in ZEROS}}
 
 
-def print_csv(rows: Sequence[Mapping[str, object]]) -> None:
-    """Prints rows as CSV, with visible escapes on a terminal."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]) if rows else ["agent_id"], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    sys.stdout.write(visible(text.getvalue()) if sys.stdout.isatty() else text.getvalue())
+def _shared(row: Row) -> tuple[str, str, str]:
+    """Cells about agents that all planners of a benchmark can drive."""
+    return str(row.n_common), _number(row.common, 1), _number(row.common_non_reactive, 1)
 
 
 def _number(value: float, digits: int) -> str:

@@ -39,11 +39,13 @@ def solution(
     """
     from interdrive.files.solution import write_solution  # noqa: PLC0415 - numpy
     from interdrive.results import load  # noqa: PLC0415 - pyarrow
-    from interdrive.storage import replacing  # noqa: PLC0415
+    from interdrive.results.folder import inputs_of  # noqa: PLC0415
+    from interdrive.storage import keep_inputs, replacing  # noqa: PLC0415
 
     run = load(folder)
     document = write_solution(run, cost=cost, model=model, vehicle=vehicle, date=_date(date), processor=processor)
     target = Path(folder) / "solution.xml" if out is None else Path(out)
+    keep_inputs(target, inputs_of(folder, run))
     with replacing(target) as partial:
         partial.write_bytes(document)
     say(f"solution in {shown(target)}")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import resource
-import sys
 import threading
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,12 +12,11 @@ from typing import TYPE_CHECKING
 import click
 
 from interdrive.cli.batch import bytes_of
-from interdrive.cli.terminal import say, visible
+from interdrive.cli.terminal import print_csv, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.batches import Answer
 
 #: Margins of the process beyond the memory limit [bytes] and the time limit [s] of a query.
 _MARGIN, _GRACE = 1_000_000_000, 3.0
@@ -54,18 +50,9 @@ def sql(folder: str, text: str, as_csv: bool, timeout: float | None, memory: str
     with _limited(seconds, size):
         answer = query(folder, text, seconds=seconds, memory=size)
     if as_csv:
-        _print_csv(answer)
+        print_csv(answer.columns, answer.rows)
     else:
         print_answer(answer)
-
-
-def _print_csv(answer: Answer) -> None:
-    """Writes values unchanged to a file or another program, and with visible escapes to a terminal."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(answer.columns)
-    writer.writerows(answer.rows)
-    sys.stdout.write(visible(text.getvalue()) if sys.stdout.isatty() else text.getvalue())
 
 
 @contextmanager

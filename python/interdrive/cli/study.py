@@ -7,12 +7,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from interdrive.cli.arguments import assigned, new_folder, shown
+from interdrive.cli.arguments import assigned, claimed_folder, named_files, raw_option, shown
 from interdrive.config.binding import bind
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
     from interdrive.studies import Case
+
+
+class _Target(NamedTuple):
+    """Folder of the study, or None for a new one; and whether the study in it may be replaced."""
+
+    out: str | None
+    overwrite: bool
 
 
 @click.command()
@@ -32,6 +39,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Threads that plan (all cores); results do not depend on it.",
 )
+@raw_option
 @click.option("--agents", metavar="N,N,...", help="runtime: numbers of agents (1,2,4,8,16,24 and all).")
 @click.option("--town", metavar="N,N,...", help="runtime: numbers of agents in the town (24,100,300,1000; 0: none).")
 @click.option("--steps", metavar="N", type=click.IntRange(min=1), help="runtime: time steps per run (50).")
@@ -48,6 +56,7 @@ def study(
     planner: str,
     predictor: str | None,
     assignments: tuple[str, ...],
+    raw: bool,
     threads: int | None,
     agents: str | None,
     town: str | None,
@@ -78,8 +87,10 @@ def study(
         refused = [name for name, value in {**for_others, "repetitions": repetitions}.items() if value is not None]
         if refused:
             raise InputError(f"study cooperation: it has no option --{refused[0]}")
-        target = (out or new_folder("study_cooperation"), overwrite and out is not None)
-        return _cooperation(seeds or 2, planner, predictor, assignments, threads, target, quick=quick, quiet=quiet)
+        target = _Target(out, overwrite)
+        return _cooperation(
+            seeds or 2, planner, predictor, assignments, threads, target, raw=raw, quick=quick, quiet=quiet
+        )
     if seeds is not None:
         raise InputError(f"study {what}: --seeds belongs to `interdrive study cooperation`")
     for_runtime = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions, "quick": quick or None}
@@ -88,20 +99,23 @@ def study(
         raise InputError("study runtime: --agent and --other belong to an encounter; --agents gives numbers of agents")
     if what != "runtime" and given:
         raise InputError(f"study {what}: {given[0]} belongs to `interdrive study runtime`")
-    target = (out or new_folder(f"study_{Path(what).stem}"), overwrite and out is not None)
+    target = _Target(out, overwrite)
     if what == "runtime":
         asked = _Asked(agents, town, steps, repetitions, quick)
-        return _runtime(asked, planner, predictor, assignments, threads, target, quiet=quiet)
+        return _runtime(asked, planner, predictor, assignments, threads, target, raw=raw, quiet=quiet)
     cases, notes = _cases(what, agent, other)
 
     from interdrive.cli.report import print_study, progress  # noqa: PLC0415 - rich
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
-    from interdrive.studies import case_study, save_study  # noqa: PLC0415
-    from interdrive.studies.folder import check_study_target  # noqa: PLC0415
+    from interdrive.files import scenario_file  # noqa: PLC0415
+    from interdrive.studies import STUDY_FOLDER, case_study, save_study  # noqa: PLC0415
 
-    settings = bind(SimulationSettings(), assigned(assignments))
-    folder = check_study_target(target[0], overwrite=target[1])
-    with progress(quiet=quiet) as report:
+    settings = bind(SimulationSettings(), assigned(assignments, raw=raw))
+    read = [*(scenario_file(case.scenario) for case in cases), *named_files(planner, predictor, assigned(assignments))]
+    with (
+        claimed_folder(out, f"study_{Path(what).stem}", STUDY_FOLDER, overwrite=overwrite, inputs=read) as folder,
+        progress(quiet=quiet) as report,
+    ):
         done = []
         for case in cases:
             report.say(f"reading {case.scenario}")
@@ -130,26 +144,32 @@ def _cooperation(
     predictor: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
-    target: tuple[str | Path, bool],
+    target: _Target,
     *,
+    raw: bool,
     quick: bool,
     quiet: bool,
 ) -> int:
     from interdrive.cli.report import print_cooperation, progress  # noqa: PLC0415 - rich
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.studies.cooperation import (  # noqa: PLC0415
+        COOPERATION_FOLDER,
         WITHOUT_ORDERS,
-        check_cooperation_target,
         cooperation_files,
         cooperation_study,
         cooperation_variants,
         save_cooperation,
     )
 
-    settings = bind(SimulationSettings(), WITHOUT_ORDERS | assigned(assignments))
-    folder = check_cooperation_target(target[0], overwrite=target[1])
+    settings = bind(SimulationSettings(), WITHOUT_ORDERS | assigned(assignments, raw=raw))
     files, notes = cooperation_files(quick=quick)
-    with progress(quiet=quiet) as report:
+    read = [*files, *named_files(planner, predictor, assigned(assignments))]
+    with (
+        claimed_folder(
+            target.out, "study_cooperation", COOPERATION_FOLDER, overwrite=target.overwrite, inputs=read
+        ) as folder,
+        progress(quiet=quiet) as report,
+    ):
         report.say("reading")
         done = cooperation_study(
             files,
@@ -163,7 +183,7 @@ def _cooperation(
             on_run=report.counted,
         )
         report.say("drawing")
-        save_cooperation(done, folder, overwrite=target[1])
+        save_cooperation(done, folder, overwrite=target.overwrite)
     if not quiet:
         print_cooperation(done, shown(folder))
     return 0
@@ -185,8 +205,9 @@ def _runtime(
     predictor: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
-    target: tuple[str | Path, bool],
+    target: _Target,
     *,
+    raw: bool,
     quiet: bool,
 ) -> int:
     from dataclasses import replace  # noqa: PLC0415
@@ -195,8 +216,8 @@ def _runtime(
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
     from interdrive.studies.runtime import (  # noqa: PLC0415
         COUNTS,
+        RUNTIME_FOLDER,
         TOWN_COUNTS,
-        check_runtime_target,
         runtime_cases,
         runtime_study,
         save_runtime,
@@ -205,12 +226,15 @@ def _runtime(
     quick = asked.quick
     counts = _numbers("agents", asked.agents) or ((1, 8, 24) if quick else COUNTS)
     town = _numbers("town", asked.town) or ((24, 100) if quick else TOWN_COUNTS)
-    settings = bind(SimulationSettings(), assigned(assignments))
-    folder = check_runtime_target(target[0], overwrite=target[1])
+    settings = bind(SimulationSettings(), assigned(assignments, raw=raw))
     cases, notes = runtime_cases(counts, tuple(n for n in town if n), to_all=not quick and asked.agents is None)
     if predictor is not None:
         cases = tuple(replace(case, predictor=predictor) for case in cases if case.predictor != "neural")
-    with progress(quiet=quiet) as report:
+    read = [*(case.path for case in cases), *named_files(planner, predictor, assigned(assignments))]
+    with (
+        claimed_folder(target.out, "study_runtime", RUNTIME_FOLDER, overwrite=target.overwrite, inputs=read) as folder,
+        progress(quiet=quiet) as report,
+    ):
         report.say("reading")
         done = runtime_study(
             cases,
@@ -223,7 +247,7 @@ def _runtime(
             notes=notes,
         )
         report.say("drawing")
-        save_runtime(done, folder, overwrite=target[1])
+        save_runtime(done, folder, overwrite=target.overwrite)
     if not quiet:
         print_runtime(done, shown(folder))
     return 0

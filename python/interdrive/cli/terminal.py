@@ -6,16 +6,32 @@ that a terminal interprets, and those that change the direction of writing, are 
 
 from __future__ import annotations
 
+import csv
+import io
+import sys
+from contextlib import nullcontext, suppress
+from typing import TYPE_CHECKING
+
 import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 #: Line breaks and tabs stay as they are; every other control character is shown.
 _LEFT = "\n\t"
 
-#: Marks that change the direction of writing, and separators that some terminals take for line breaks.
-_DECEIVING = (0x061C, 0x200E, 0x200F, *range(0x2028, 0x202F), *range(0x2066, 0x206A))
+#: Marks that change the direction of writing, separators that some terminals take for line breaks, and characters that
+#: nobody sees.
+_DECEIVING = (
+    *(0x00AD, 0x061C, 0x180E, 0xFEFF),
+    *(*range(0x200B, 0x2010), *range(0x2028, 0x202F), *range(0x2060, 0x2070), *range(0xFFF9, 0xFFFC)),
+    *range(0xE0000, 0xE0080),
+)
 
 _SHOWN = {code: f"\\x{code:02x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in _LEFT}
-_SHOWN |= {code: f"\\u{code:04x}" for code in (*_DECEIVING, *range(0xD800, 0xE000))}
+_SHOWN |= {
+    code: f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}" for code in (*_DECEIVING, *range(0xD800, 0xE000))
+}
 # A byte of a file name that is not UTF-8.
 _SHOWN |= {0xDC00 + byte: f"\\x{byte:02x}" for byte in range(0x80, 0x100)}
 
@@ -26,5 +42,15 @@ def visible(text: str) -> str:
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Prints a line on stdout, or on stderr."""
-    click.echo(visible(text), err=err)
+    """Prints a line on stdout, or on stderr if that can be written."""
+    with suppress(OSError) if err else nullcontext():
+        click.echo(visible(text), err=err)
+
+
+def print_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Prints a table as CSV on stdout; who reads it may pass it on to a terminal."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    sys.stdout.write(visible(text.getvalue()))

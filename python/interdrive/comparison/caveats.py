@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.comparison.metrics import METRICS
-from interdrive.comparison.variants import ALL
+from interdrive.comparison.variants import ALL, NOT_JUDGED, REPLAYED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -51,6 +51,8 @@ def caveats(
     counted: Sequence[Mapping[str, Any]],
     differences: Sequence[Mapping[str, Any]],
     level: float,
+    *,
+    no_humans: bool = False,
 ) -> tuple[str, ...]:
     """One line each.
 
@@ -60,6 +62,7 @@ def caveats(
         counted: Per set its rows, with `counts`.
         differences: Rows of the differences.
         level: Coverage of the intervals.
+        no_humans: Rows of the planner `recorded` among reacting traffic were left out.
     """
     n_scenarios = len(set(rows["scenario_sha256"][rows["status"] == "finished"]))
     said = [
@@ -72,6 +75,8 @@ def caveats(
     said += _of_intervals([row for row in differences if row["n_scenarios"]], level)
     for one, here in zip(sets, counted, strict=True):
         said += _of_collisions(one, here, several=len(sets) > 1)
+    if no_humans:
+        said.append(f"{NOT_JUDGED[0].upper()}{NOT_JUDGED[1:]} and has no row there: {REPLAYED}.")
     traffic = {one.traffic for one in sets}
     if "recorded" in traffic:
         said.append(

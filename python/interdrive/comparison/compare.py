@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +12,21 @@ from interdrive.batches.store import BatchFolder
 from interdrive.comparison.caveats import caveats
 from interdrive.comparison.metrics import METRICS, together, weighted_medians
 from interdrive.comparison.result import DIFFERENCE_COLUMNS, TABLE_COLUMNS, Comparison
-from interdrive.comparison.variants import arrays, by_category, categories_of, chosen, compared_sets, variants_of
+from interdrive.comparison.variants import (
+    ALL,
+    by_category,
+    categories_of,
+    chosen,
+    compared_sets,
+    left_out_humans,
+    rows_of,
+    variants_of,
+)
 from interdrive.errors import InputError, ResultsError
-from interdrive.storage import Column, arrow_table, labels
+from interdrive.storage import Column, Origin, arrow_table, labels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -60,18 +70,21 @@ def compare(
         raise InputError(f"samples: expected at least 100 and at most 1000000, not {samples}")
     if not 0.5 <= level < 1.0:
         raise InputError(f"level: expected at least 0.5 and below 1, not {level}")
-    rows = arrays(BatchFolder.open(folder).table())
+    stored = BatchFolder.open(folder).table()
+    rows = rows_of(stored)
     rows["category"] = categories_of(rows)
     rows = chosen(rows, planners)
     if not (rows["status"] == "finished").any():
         raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to compare")
     rows["variant"] = variants_of(rows)
     rows.update({f"value of {metric.name}": metric.values(rows) for metric in METRICS})
-    sets, counted, table, differences = [], [], [], []
+    sets, counted, table, own, differences = [], [], [], [], []
     for compared, here in _compared(folder, rows):
         sets.append(compared)
         counted.append(here)
         which = {"traffic": compared.traffic, "agents": compared.agents}
+        alone = {**here, "counts": here["drawn"]}
+        own += [{**which, "category": ALL, **row, "n_left_out": 0} for row in _table(alone, compared.variants)]
         for category, part in by_category(here):
             table += [{**which, "category": category, **row} for row in _table(part, compared.variants)]
             for one, other in itertools.combinations(compared.drivers, 2):
@@ -86,7 +99,29 @@ def compare(
         samples=samples,
         level=level,
         seed=seed,
-        caveats=caveats(rows, sets, counted, differences, level),
+        caveats=caveats(
+            rows,
+            sets,
+            counted,
+            differences,
+            level,
+            no_humans=left_out_humans(stored) and (planners is None or "recorded" in planners),
+        ),
+        own=_arrow(TABLE_COLUMNS, own),
+        origin=_origin(rows, planners, samples, level, seed),
+    )
+
+
+def _origin(
+    rows: Mapping[str, NDArray[Any]], planners: Sequence[str] | None, samples: int, level: float, seed: int
+) -> Origin:
+    """The choices that are not the defaults, and a hash of the states of all runs."""
+    given = {"planners": planners, "samples": samples, "level": level, "seed": seed}
+    usual = {"planners": None, "samples": 2000, "level": 0.95, "seed": 0}
+    runs = sorted(set(map(str, rows["digest"].tolist())))
+    return Origin(
+        {name: value for name, value in given.items() if value != usual[name]},
+        {"runs": hashlib.sha256("\n".join(runs).encode()).hexdigest()},
     )
 
 
@@ -111,6 +146,7 @@ def _table(part: dict[str, Any], variants: Sequence[str]) -> list[dict[str, Any]
                 "runs": sum(item == "finished" for item in status.values()),
                 "runs_lost": sum(item not in ("finished", "refused") for item in status.values()),
                 "n_agents": int(tested.sum()),
+                "n_left_out": int((mine & part["drawn"]).sum() - tested.sum()),
                 **{metric.name: together(metric, part[f"value of {metric.name}"][tested]) for metric in METRICS},
             }
         )

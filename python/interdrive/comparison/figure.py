@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
-from interdrive.comparison.metrics import METRICS
+from interdrive.comparison.metrics import METRICS, SHARES
 from interdrive.comparison.variants import ALL
 from interdrive.plots.style import AGENTS, FONT, MM, OUTCOME_MARKS, PAGE, RECORDED, add_legend, empty_figure
 
@@ -134,9 +134,9 @@ def _draw_shares(
     place = np.array([place for place, _ in here])
     before = np.zeros(len(here))
     bars = []
-    for metric in METRICS:
+    for metric in SHARES:
         share = np.nan_to_num(np.array([row[metric.name] for _, row in here], dtype=np.float64))
-        if not metric.outcome or not share.any():
+        if not share.any():
             continue
         mark = OUTCOME_MARKS[metric.column]
         bars.append(

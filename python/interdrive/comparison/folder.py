@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.comparison.tables import markdown
-from interdrive.storage import check_folder, replacing, write_table
+from interdrive.storage import FolderKind, resolved, whole_folder, write_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,6 +18,7 @@ _FILES = (
     *(_MARK, "comparison.md", "comparison.pdf", "comparison.png"),
     *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
 )
+_FOLDER = FolderKind("comparison", _MARK, lambda entry: entry.name in _FILES)
 
 
 def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -37,15 +38,14 @@ def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = 
     from interdrive.comparison.figure import draw_comparison  # noqa: PLC0415 - loads matplotlib
     from interdrive.plots import save_figure  # noqa: PLC0415
 
-    target = check_folder(folder, "comparison", _MARK, lambda entry: entry.name in _FILES, overwrite=overwrite)
-    with replacing(target) as partial:
-        partial.mkdir()
+    with whole_folder(folder, _FOLDER, overwrite=overwrite) as partial:
         for name, table in (("table", found.table), ("differences", found.differences)):
             for ending in ("parquet", "csv"):
-                write_table(table, partial / f"{name}.{ending}")
+                write_table(table, partial / f"{name}.{ending}", found.origin)
         (partial / _MARK).write_text("".join(f"{line}\n" for line in found.caveats), encoding="utf-8")
-        (partial / "comparison.md").write_text(markdown(found), encoding="utf-8")
+        told = "".join(f"\n{line}\n" for line in found.origin.lines)
+        (partial / "comparison.md").write_text(markdown(found) + told, encoding="utf-8")
         figure = draw_comparison(found)
         for ending in ("pdf", "png"):
             save_figure(figure, partial / f"comparison.{ending}")
-    return target
+    return resolved(folder)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.criticality import Measure, measure_named
 from interdrive.run import VIOLATIONS
 
 if TYPE_CHECKING:
@@ -33,6 +35,7 @@ class Metric:
         better: +1: more is better, -1: less is better, 0: neither by itself.
         rule: Whether it counts violations of one rule of the road.
         digits: Behind the point.
+        measure: The criticality measure whose texts its values have; None for other numbers.
     """
 
     name: str
@@ -46,6 +49,13 @@ class Metric:
     better: int = -1
     rule: bool = False
     digits: int = 1
+    measure: Measure | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values: what the heading has in brackets, or how many they are of 100."""
+        found = re.search(r"\[([^\]]+)\]$", self.heading)
+        return found[1] if found else "1" if self.scale == 1.0 else "%"
 
     def values(self, columns: Mapping[str, NDArray[Any]]) -> Floats:
         """One value per agent.
@@ -90,12 +100,15 @@ METRICS = (
     Metric("violations", "violations per 100", "violations", scale=100.0),
     *(Metric(f"n_{name}", name.replace("_", " "), f"n_{name}", scale=100.0, rule=True) for name in VIOLATIONS),
     Metric("harm", "harm per 100", "harm", scale=100.0, absent=0.0, digits=3),
-    Metric("ttc_min", "min TTC [s]", "ttc_min", median=True, better=1, digits=2),
+    Metric("ttc_min", "min TTC [s]", "ttc_min", median=True, better=1, digits=2, measure=measure_named("ttc")),
     Metric("ttc_critical", "TTC < 2 s %", "ttc_critical", scale=100.0, digits=2),
     Metric("jerk_rms", "jerk [m/s³]", "jerk_rms", digits=2),
     Metric("lateral_acceleration_rms", "lat. acc. [m/s²]", "lateral_acceleration_rms", digits=2),
     Metric("plan_ms", "plan [ms]", "plan_seconds", scale=1000.0, digits=3),
 )
+
+#: Those that are stacked: every agent counts in exactly one of them.
+SHARES = tuple(metric for metric in METRICS if metric.outcome and metric.off_lanelets_max == float("inf"))
 
 
 def together(metric: Metric, values: Floats) -> float:

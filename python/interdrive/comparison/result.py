@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from interdrive.comparison.metrics import METRICS
-from interdrive.storage import Column
+from interdrive.storage import Column, Origin
 from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ TABLE_COLUMNS = (
     Column("runs", "integer", "runs that finished"),
     Column("runs_lost", "integer", "runs that failed, crashed or were ended; refused ones are not among them"),
     Column("n_agents", "integer", "agents under test that all variants drove; all else is about them"),
-    *(Column(metric.name, "number", metric.heading, nullable=True) for metric in METRICS),
+    Column("n_left_out", "integer", "agents under test that this variant drove and another one did not"),
+    *(Column(metric.name, "number", metric.heading, nullable=True, own_unit=metric.unit) for metric in METRICS),
 )
 
 #: One row per traffic, agents, category, pair of variants and metric.
@@ -35,9 +36,15 @@ DIFFERENCE_COLUMNS = (
     Column("variant", "label", "the one"),
     Column("other", "label", "the other one"),
     Column("metric", "label", "one of interdrive.comparison.METRICS"),
-    Column("difference", "number", "of the one minus the other, over agents that all variants drove", nullable=True),
-    Column("low", "number", "lower end of the interval", nullable=True),
-    Column("high", "number", "upper end of the interval", nullable=True),
+    Column(
+        "difference",
+        "number",
+        "of the one minus the other, over agents that all variants drove",
+        nullable=True,
+        own_unit="of the metric",
+    ),
+    Column("low", "number", "lower end of the interval", nullable=True, own_unit="of the metric"),
+    Column("high", "number", "upper end of the interval", nullable=True, own_unit="of the metric"),
     Column("n_agents", "integer", "agents with a value of both"),
     Column("n_scenarios", "integer", "scenarios of these agents"),
 )
@@ -53,6 +60,8 @@ class Comparison:
         sets: What is compared, and over which agents; rows of both tables belong to one by traffic and agents.
         samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
         caveats: What the numbers do not prove, one line each.
+        own: As `table`, over all agents that each variant drove, in all categories together; none is left out.
+        origin: How it came about.
     """
 
     table: ArrowTable
@@ -62,6 +71,8 @@ class Comparison:
     level: float
     seed: int
     caveats: tuple[str, ...]
+    own: ArrowTable
+    origin: Origin = field(default_factory=Origin)
 
     def __repr__(self) -> str:
         variants = dict.fromkeys(self.table["variant"].to_pylist())

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive.batches.plan import ALONE, TRAFFIC
 from interdrive.batches.store import BatchFolder
-from interdrive.comparison.variants import arrays, variants_of
+from interdrive.comparison.variants import rows_of, variants_of
 from interdrive.errors import ResultsError
 from interdrive.scoring import FAULT_KINDS
 
@@ -44,6 +44,10 @@ class PlannerScore:
         reached: Agents that reached their goal in time [%].
         zeros: Agents with a score of 0 by reason (`ZEROS`).
         by_scenario: Score of each scenario (SHA-256 of its content), from 0 to 1.
+        n_left_out: Agents that another planner drove and this one cannot drive, and agents whose recordings overlap
+            those of others; they have no row and are no zeros.
+        n_common: Agents that all planners can drive.
+        common: The score over those; nan without any.
     """
 
     variant: str
@@ -60,17 +64,21 @@ class PlannerScore:
     reached: float
     zeros: Mapping[str, int]
     by_scenario: Mapping[str, float] = field(repr=False)
+    n_left_out: int = 0
+    n_common: int = 0
+    common: float = float("nan")
 
 
 def batch_scores(folder: str | Path) -> list[PlannerScore]:
     """The scores of all planners of a batch, by traffic and choice of agents.
 
-    An agent that another planner drove and that was lost here (its run crashed, or took too long) counts as 0.
+    An agent that another planner drove and that was lost here (its run crashed, or took too long) counts as 0. An
+    agent that the planner cannot drive does not count.
 
     Raises:
         ResultsError: The folder is no batch, or holds no finished run.
     """
-    rows = arrays(BatchFolder.open(folder).table())
+    rows = rows_of(BatchFolder.open(folder).table())
     if not len(rows["key"]) or not (rows["status"] == "finished").any():
         raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to score")
     rows["variant"] = variants_of(rows)
@@ -79,10 +87,65 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
     for traffic, agents in settings:
         here = (rows["traffic"] == traffic) & (rows["agents"] == agents)
         expected = expected_agents(rows, here)
-        found += [
-            planner_score(rows, here & (rows["variant"] == variant), expected)
-            for variant in sorted(set(rows["variant"][here].tolist()))
-        ]
+        runs = {name: here & (rows["variant"] == name) for name in sorted(set(rows["variant"][here].tolist()))}
+        own = {name: own_agents(rows, mine, expected) for name, mine in runs.items()}
+        common = {name: set.intersection(*(agents[name] for agents in own.values())) for name in expected}
+        for name, mine in runs.items():
+            one = planner_score(rows, mine, own[name])
+            shared = planner_score(rows, mine & among(rows, common), common) if any(common.values()) else None
+            found.append(
+                replace(
+                    one,
+                    n_left_out=sum(len(expected[key] - own[name][key]) for key in expected),
+                    n_common=sum(map(len, common.values())),
+                    common=shared.score if shared else float("nan"),
+                )
+            )
+    return found
+
+
+def own_agents(
+    rows: Mapping[str, Any],
+    mine: Any,  # noqa: ANN401 - array of truths
+    expected: Mapping[str, set[tuple[int, int]]],
+) -> dict[str, set[tuple[int, int]]]:
+    """Of some agents those by which a planner is judged, by scenario; lost ones are among them.
+
+    These are the agents that it can drive and whose recordings do not overlap those of others. A refused run does not
+    name its agent: in a scenario with such runs, as many that were not driven are left out.
+
+    Args:
+        rows: Columns of the data set as arrays, as `rows_of` makes them.
+        mine: Which rows are of the planner.
+        expected: The agents (seed, id) by scenario.
+    """
+    driven = expected_agents(rows, mine)
+    refused = Counter(rows["scenario_sha256"][mine & (rows["status"] == "refused")].astype(str).tolist())
+    unable: dict[str, set[tuple[int, int]]] = {}
+    for row in np.flatnonzero(mine & rows["unable"]).tolist():
+        unable.setdefault(str(rows["scenario_sha256"][row]), set()).add(
+            (int(rows["seed"][row]), int(rows["agent_id"][row]))
+        )
+    unscored = _unscored(rows)
+    found = {}
+    for name, agents in expected.items():
+        there = driven.get(name, set())
+        absent = sorted(agents - there - unable.get(name, set()))
+        found[name] = (there | set(absent[refused[name] :])) - unscored.get(name, set())
+    return found
+
+
+def _unscored(rows: Mapping[str, Any]) -> dict[str, set[tuple[int, int]]]:
+    """Agents (seed, id) that have no score although they drove, as their recordings overlap those of others."""
+    return expected_agents(rows, (rows["status"] == "finished") & np.isnan(rows["score"].astype(np.float64)))
+
+
+def among(rows: Mapping[str, Any], agents: Mapping[str, set[tuple[int, int]]]) -> Any:  # noqa: ANN401 - truths
+    """Rows of these agents under test."""
+    found = rows["under_test"] == 1
+    for row in np.flatnonzero(found).tolist():
+        agent = int(rows["seed"][row]), int(rows["agent_id"][row])
+        found[row] = agent in agents.get(str(rows["scenario_sha256"][row]), set())
     return found
 
 
@@ -109,8 +172,8 @@ def planner_score(
         expected: Agents (seed, id) by scenario; those without a row count as 0.
         groups: What scenarios are drawn together in the bootstrap, by scenario; each alone by default.
     """
-    tested = np.flatnonzero(mine & (rows["under_test"] == 1))
-    score, strict = (np.nan_to_num(rows[name][tested].astype(np.float64)) for name in ("score", "score_strict"))
+    tested = np.flatnonzero(mine & (rows["under_test"] == 1) & ~np.isnan(rows["score"].astype(np.float64)))
+    score, strict = (rows[name][tested].astype(np.float64) for name in ("score", "score_strict"))
     scenario = rows["scenario_sha256"][tested].astype(str)
     driven: dict[str, set[tuple[int, int]]] = {}
     for row, name in zip(tested.tolist(), scenario.tolist(), strict=True):
@@ -128,15 +191,15 @@ def planner_score(
         strict_means.append(float(strict[here].sum()) / n)
     n_agents = len(tested) + sum(n_lost.values())
     low, high = interval(np.array(means), [groups[name] if groups else name for name in names])
-    first = int(np.flatnonzero(mine)[0])
+    first = next(iter(np.flatnonzero(mine).tolist()), None)
 
     def per_hundred(values: Any) -> float:  # noqa: ANN401 - array
-        return 100.0 * float(np.nansum(values[tested].astype(np.float64))) / max(n_agents, 1)
+        return 100.0 * float(np.nansum(values[tested].astype(np.float64))) / n_agents if n_agents else float("nan")
 
     return PlannerScore(
-        variant=str(rows["variant"][first]),
-        traffic=str(rows["traffic"][first]),
-        agents=str(rows["agents"][first]),
+        variant="" if first is None else str(rows["variant"][first]),
+        traffic="" if first is None else str(rows["traffic"][first]),
+        agents="" if first is None else str(rows["agents"][first]),
         score=100.0 * float(np.mean(means)) if means else float("nan"),
         low=low,
         high=high,

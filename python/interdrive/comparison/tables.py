@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from interdrive.comparison.variants import ComparedSet
 
 #: The first columns of the table about outcomes: a name, and the column of the comparison's table.
-_ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"))
+_ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"), ("left out", "n_left_out"))
 
 
 #: Other outcomes without agents, and rules that nobody broke, need no column.
@@ -61,7 +61,13 @@ def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
         if (row["traffic"], row["agents"], row["category"]) == (one.traffic, one.agents, ALL)
     ]
     metrics = metrics_shown(rows)
-    yield _by_category("How agents ended", rows, [m for m in metrics if m.outcome], _ABOUT)
+    about = _ABOUT if any(row["n_left_out"] for row in rows) else [one for one in _ABOUT if one[1] != "n_left_out"]
+    yield _by_category("How agents ended", rows, [m for m in metrics if m.outcome], about)
+    own = [row for row in found.own.to_pylist() if (row["traffic"], row["agents"]) == (one.traffic, one.agents)]
+    if any(row["n_left_out"] for row in rows):
+        yield _by_category(
+            "Each planner on its own agents", own, [m for m in metrics_shown(own) if m.outcome], _ABOUT[:3]
+        )
     yield _by_category("How they drove", rows, [m for m in metrics if not (m.outcome or m.rule)], ())
     if rules := [m for m in metrics if m.rule]:
         yield _by_category("Rules of the road that they broke, per 100 agents", rows, rules, ())
@@ -126,6 +132,8 @@ def shown(metric: Metric, value: float | None) -> str:
     """A value of a metric, as tables print it; what rounds to zero has no sign."""
     if value is None or math.isnan(value):
         return "-"
+    if metric.measure is not None:
+        return metric.measure.text(value, metric.digits, with_unit=False)
     if math.isinf(value):
         return "∞" if value > 0 else "-∞"
     text = f"{value:.{metric.digits}f}"

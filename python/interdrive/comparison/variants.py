@@ -9,6 +9,7 @@ import numpy as np
 
 from interdrive.batches.plan import ALONE, TRAFFIC
 from interdrive.errors import InputError, ResultsError
+from interdrive.planners import RECORDED_PATH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 #: Stands for all categories together.
 ALL = "all"
+
+#: What is said of rows of replayed humans that are left out.
+NOT_JUDGED, REPLAYED = "planner recorded among reacting traffic is not judged", "replayed humans do not react"
 
 _OTHERS = {
     "recorded": "all others replay their recording",
@@ -74,6 +78,37 @@ class ComparedSet:
         if self.n_repeated:
             text += f"; {self.n_repeated} rows are not counted, as their seeds drew the same agents as earlier ones"
         return text
+
+
+def rows_of(table: ArrowTable) -> Rows:
+    """The rows of a batch that planners are judged by, as numpy arrays, with `unable`.
+
+    A planner that cannot drive an agent has no row for it: where `frenet` drove a vehicle without recording in place of
+    a planner that follows recordings, the agent is not under test but `unable`. Replayed humans do not react, so the
+    planner `recorded` has rows among replayed traffic only.
+
+    Raises:
+        ResultsError: There are no others.
+    """
+    rows = arrays(table)
+    own, planner = rows["agent_planner"].astype(str), rows["planner"].astype(str)
+    driven = (rows["status"].astype(str) == "finished") & ~np.isnan(rows["agent_id"].astype(np.float64))
+    rows["unable"] = driven & np.isin(planner, RECORDED_PATH) & ~np.isin(own, RECORDED_PATH)
+    rows["under_test"] = np.where(rows["unable"], 0, rows["under_test"])
+    shown = ~_replayed_among_reacting(rows)
+    if len(shown) and not shown.any():
+        raise ResultsError(f"{NOT_JUDGED}: {REPLAYED}")
+    return _only(rows, shown)
+
+
+def left_out_humans(table: ArrowTable) -> bool:
+    """Whether `rows_of` leaves out rows of the planner `recorded` among reacting traffic."""
+    return bool(_replayed_among_reacting(arrays(table.select(["planner", "traffic"]))).any())
+
+
+def _replayed_among_reacting(rows: Mapping[str, Any]) -> Flags:
+    found: Flags = (rows["planner"].astype(str) == "recorded") & (rows["traffic"].astype(str) == "velocity_adjusting")
+    return found
 
 
 def arrays(table: ArrowTable) -> Rows:
@@ -132,10 +167,11 @@ def categories_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
 
 
 def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
-    """Sets in which a run has finished, and their rows with `counts` and `draw`.
+    """Sets in which a run has finished, and their rows with `counts`, `drawn` and `draw`.
 
-    `counts` says which rows are agents under test that all drivers drove. `draw` is the first seed that chose the same
-    agents of a scenario: later ones repeat the same run, and their agents count once.
+    `drawn` says which rows are agents under test, each once per driver, `counts` which of them all drivers drove.
+    `draw` is the first seed that chose the same agents of a scenario: later ones repeat the same run, and their agents
+    count once.
 
     Args:
         rows: Columns of the data set as arrays, with `variant`.
@@ -153,8 +189,9 @@ def compared_sets(rows: Rows) -> Iterator[tuple[ComparedSet, Rows]]:
         here["draw"] = _draws(here, tested)
         driven = {variant: _agents(here, tested & (here["variant"] == variant), variant) for variant in drivers}
         common = set.intersection(*map(set, driven.values()))
-        here["counts"] = np.zeros(len(tested), dtype=np.bool_)
+        here["counts"], here["drawn"] = np.zeros(len(tested), dtype=np.bool_), np.zeros(len(tested), dtype=np.bool_)
         for who in driven.values():
+            here["drawn"][[*who.values()]] = True
             here["counts"][[row for agent, row in who.items() if agent in common]] = True
         left_out = {variant: len(who) - len(common) for variant, who in driven.items()}
         n_scenarios, n_repeated = (

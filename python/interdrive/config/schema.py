@@ -38,7 +38,12 @@ class StepSettings(CoreStepSettings):
 
     def steps_at_most(self, scenario: Scenario) -> int:
         """Number of time steps after which a run of the scenario ends."""
-        return _core.steps_at_most(self, scenario.obstacles.n_steps)
+        problems = [
+            (problem.initial_state.time_step, max(goal.time_step[1] for goal in problem.goal))
+            for problem in scenario.planning_problems
+            if problem.goal
+        ]
+        return _core.steps_at_most(self, scenario.obstacles.n_steps, problems)
 
 
 @dataclass(frozen=True)
@@ -74,12 +79,25 @@ class RecordSettings:
 
 
 @dataclass(frozen=True)
+class RecordingSettings:
+    """How the recordings of a file are read.
+
+    Attributes:
+        raw: As the file has them: headings that are off by one angle are not turned, recordings that overlap collide,
+            and a planning problem is no vehicle that enters later.
+    """
+
+    raw: bool = False
+
+
+@dataclass(frozen=True)
 class SimulationSettings:
     """All settings of a run; the dotted names are those of `--set` and of the configuration file.
 
     The page "Settings" of the documentation lists all of them with defaults and units.
 
     Attributes:
+        recording: How recordings are read.
         agents: Which vehicles may become agents.
         goal: Goals of recorded vehicles.
         planner: Native planners.
@@ -92,6 +110,7 @@ class SimulationSettings:
         record: What is recorded.
     """
 
+    recording: RecordingSettings = field(default_factory=RecordingSettings)
     agents: AgentSettings = field(default_factory=AgentSettings)
     goal: GoalSettings = field(default_factory=GoalSettings)
     planner: PlannerSettings = field(default_factory=PlannerSettings)

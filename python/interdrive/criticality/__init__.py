@@ -1,7 +1,7 @@
 """Criticality of recorded or simulated traffic: all measures per vehicle and time step, and harm of collisions.
 
 found = interdrive.criticality.evaluate(run)
-found["ttc"]                   # time to collision [s], shape (judged, time_steps)
+found["ttc"]                   # time to collision along lanes [s], shape (judged, time_steps)
 found.extremes["btn"].value    # largest brake threat number, shape (judged,)
 
 Definitions, sources and limits of every measure: docs/reference/criticality.md.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,16 +11,26 @@ from interdrive import _core
 from interdrive.criticality.measures import MEASURES, measure_named
 from interdrive.criticality.settings import CriticalitySettings
 from interdrive.criticality.source import RecordedRun, connectors_of, traffic_of
+from interdrive.criticality.tables import criticality_table
 from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
+from interdrive.recordings import overlapping_at_first
 from interdrive.scenario import Scenario
-from interdrive.scenario.native import core_road, core_shape, thread_count
+from interdrive.scenario.native import core_road, core_shape, storeys, thread_count
+from interdrive.storage import Origin, as_pandas, as_polars, changed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    import pandas as pd
+    import polars as pl
+
     from interdrive.criticality.source import Bools, Floats, Ints, Traffic
     from interdrive.files import ScenarioSpec
+    from interdrive.storage import ArrowTable
+
+#: Pairs that a note names.
+_NAMED = 3
 
 #: Gaps between lanelets do not matter to the measures; this is what a road must be built with.
 _ROAD = RoadSettings(open_end_length=0.0)
@@ -87,6 +97,10 @@ class Criticality:
         dt: Time between steps [s].
         present: Whether each was there, shape (judged, time_steps).
         series: By name of the measure (`MEASURES`).
+        in_the_way: By name of the measure, what pairs are ranked by: as `series`, but for headway, time headway, time
+            to collision along lanes, and the accelerations and threat numbers that follow from them, only those count
+            who are in the way of the judged participant: they stand on the path that it then drives, or drive along
+            it, and the bodies would meet. Recorded footprints that overlap by less than 0.3 m are no contact there.
         extremes: By name of the measure.
         tet_seconds: Time with a time to collision of at most the threshold [s], shape (judged,).
         tit_mean: Time integrated TTC per time of presence [s], shape (judged,).
@@ -97,7 +111,10 @@ class Criticality:
         paths: Paths ("12 > 15 > 18", lanelets in driving order) and conflict areas ("12 x 34": the own lanelet, the
             other one's) that values refer to.
         settings: As evaluated.
+        overlapping: Pairs of ids that overlap at their first common time step, unless they collide later in a run;
+            they are in the tables, but not among the most critical moments: nobody drove them together.
         notes: One line per thing the user should know.
+        origin: How the values came about.
     """
 
     participant_id: Ints
@@ -105,6 +122,7 @@ class Criticality:
     dt: float
     present: Bools
     series: Mapping[str, Series]
+    in_the_way: Mapping[str, Series]
     extremes: Mapping[str, Extremes]
     tet_seconds: Floats
     tit_mean: Floats
@@ -114,10 +132,32 @@ class Criticality:
     paths: tuple[str, ...]
     settings: CriticalitySettings
     notes: tuple[str, ...]
+    overlapping: tuple[tuple[int, int], ...] = ()
+    origin: Origin = field(default_factory=Origin)
 
     def __repr__(self) -> str:
         judged, steps = self.present.shape
         return f"<Criticality of {judged} participants over {steps} time steps: {', '.join(self.series)}>"
+
+    def to_arrow(self) -> ArrowTable:
+        """All measures in long form, as criticality.parquet: one row per participant, time step and measure."""
+        return self.origin.marked(criticality_table(self))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The table of `to_arrow` as a pandas data frame.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        return as_pandas(self.to_arrow())
+
+    def to_polars(self) -> pl.DataFrame:
+        """The table of `to_arrow` as a polars data frame.
+
+        Raises:
+            MissingExtraError: polars is not installed.
+        """
+        return as_polars(self.to_arrow())
 
     def __getitem__(self, name: str) -> Floats:
         """Values of a measure, shape (judged, time_steps).
@@ -149,34 +189,54 @@ class Criticality:
             InputError: There is no such measure.
         """
         measure = measure_named(name)
+        if self.in_the_way[measure.name] is not self.series[measure.name]:
+            return next(iter(self.most_critical_pairs(name, 1)), None)
         extremes = self.extremes[measure.name]
-        values = np.where(np.isfinite(extremes.value), extremes.value, np.nan)
+        is_artefact = self._is_overlapping(self.participant_id, extremes.partner_id)
+        values = np.where(np.isfinite(extremes.value) & ~is_artefact, extremes.value, np.nan)
         if measure.none_is_zero:
             values = np.where(values == 0.0, np.nan, values)
+        # Whoever is most critical against what it overlaps may have met others, too.
+        others = self.most_critical_pairs(name, 1, rows=is_artefact) if is_artefact.any() else ()
         if not np.isfinite(values).any():
-            return None
+            return others[0] if others else None
         row = int(np.nanargmax(values) if measure.grows else np.nanargmin(values))
         numbers = (int(array[row]) for array in (extremes.partner_id, extremes.time_step, extremes.path))
-        return self._moment(measure.name, float(values[row]), row, *numbers)
+        found = self._moment(measure.name, float(values[row]), row, *numbers)
+        return min((found, *others), key=lambda one: -one.value if measure.grows else one.value)
 
-    def most_critical_pairs(self, name: str, n: int) -> tuple[CriticalMoment, ...]:
+    def most_critical_pairs(self, name: str, n: int, *, rows: Bools | None = None) -> tuple[CriticalMoment, ...]:
         """The most critical moments of different pairs of participants, the most critical one first.
+
+        Ranked by `in_the_way`. Pairs of `overlapping` are left out. The moment of an encounter that was known long
+        before (`dce`, `et`, `pet`) is the encounter itself.
 
         Args:
             name: The measure.
             n: At most so many.
+            rows: If given, only moments of these judged participants, shape (judged,).
 
         Raises:
             InputError: There is no such measure.
         """
         measure = measure_named(name)
-        series = self.series[measure.name]
+        series = self.in_the_way[measure.name]
         is_conflict = np.isfinite(series.value) & (series.partner_id >= 0)
         if measure.none_is_zero:
             is_conflict &= series.value != 0.0
+        if measure.name == "dce":  # Said from long before: the moment is that of the encounter.
+            is_conflict &= self.series["ttce"].value == 0.0
+        elif measure.name == "et":  # The series counts down: only the whole time is that of the vehicle.
+            extremes = self.extremes["et"]
+            is_conflict &= series.value == extremes.value[:, None]
+        is_conflict &= ~self._is_overlapping(self.participant_id[:, None], series.partner_id)
+        if rows is not None:
+            is_conflict &= rows[:, None]
         row, column = np.nonzero(is_conflict)
         value, partner = series.value[row, column], series.partner_id[row, column]
-        order = np.argsort(-value if measure.grows else value, kind="stable")
+        # Encroachment is said from the first state on: the moment is the last one at which it is.
+        in_time = -column if measure.name in ("et", "pet") else column
+        order = np.lexsort((in_time, row, -value if measure.grows else value))
         both = np.sort(np.stack([self.participant_id[row], partner], axis=1), axis=1)[order]
         first = order[np.sort(np.unique(both, axis=0, return_index=True)[1])][:n]
         return tuple(
@@ -190,6 +250,14 @@ class Criticality:
             )
             for i in first.tolist()
         )
+
+    def _is_overlapping(self, one: Ints, other: Ints) -> Bools:
+        """Whether pairs of ids are in `overlapping`; shapes are broadcast."""
+        one, other = np.broadcast_arrays(one, other)
+        found = np.zeros(one.shape, dtype=np.bool_)
+        for low, high in self.overlapping:
+            found |= ((one == low) & (other == high)) | ((one == high) & (other == low))
+        return found
 
     def _moment(
         self, measure: str, value: float, row: int, partner_id: int, time_step: int, path: int
@@ -284,13 +352,40 @@ def evaluate(
             "the map states no intersection: no conflict areas for et, pet and psd; "
             "conflict_areas=crossing looks for crossing lanelets"
         )
-    return _criticality(found, traffic, scenario.dt, chosen, tuple(notes))
+    collided = {(min(a, b), max(a, b)) for a, b, _ in traffic.contacts}
+    pairs = tuple(
+        pair
+        for pair in overlapping_at_first(traffic, storeys(scenario))
+        if not set(judged).isdisjoint(pair) and pair not in collided
+    )
+    if pairs:
+        one = len(pairs) == 1
+        notes.append(
+            f"{len(pairs)} {'pair' if one else 'pairs'} of vehicles overlap{'s' * one} from the start and "
+            f"{'is' if one else 'are'} not among the most critical ones: "
+            + ", ".join(f"{low} and {high}" for low, high in pairs[:_NAMED])
+            + (f" and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else "")
+        )
+    asked = {
+        "participant_ids": participant_ids,
+        "other_ids": other_ids,
+        "deceleration of participants": deceleration,
+    }
+    inputs = {"scenario": scenario.sha256}
+    if not isinstance(source, Scenario):
+        inputs["run"] = source.digest
+    origin = Origin(
+        changed_settings(chosen) | {name: value for name, value in asked.items() if value is not None}, inputs
+    )
+    return replace(_criticality(found, traffic, scenario.dt, chosen, tuple(notes)), overlapping=pairs, origin=origin)
 
 
 def _criticality(
     found: dict[str, Any], traffic: Traffic, dt: float, settings: CriticalitySettings, notes: tuple[str, ...]
 ) -> Criticality:
-    measures = found["measures"]
+    measures, ahead = found["measures"], found["in_the_way"]
+    keys = ("value", "partner", "way")
+    series = {m.name: Series(*(measures[m.name][key] for key in keys)) for m in MEASURES}
     rows = np.searchsorted(traffic.ids, found["ids"])
     present = traffic.valid[rows]
     present.setflags(write=False)
@@ -299,7 +394,8 @@ def _criticality(
         first_time_step=traffic.first_time_step,
         dt=dt,
         present=present,
-        series={m.name: Series(*(measures[m.name][key] for key in ("value", "partner", "way"))) for m in MEASURES},
+        series=series,
+        in_the_way=series | {name: Series(*(one[key] for key in keys)) for name, one in ahead.items()},
         extremes={
             m.name: Extremes(
                 value=measures[m.name]["extreme"],

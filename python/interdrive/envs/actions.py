@@ -108,6 +108,9 @@ def put(actions: NDArray[Any], given: Any) -> None:  # noqa: ANN401 - whatever t
         raise InputError("actions", f"rows of different lengths given, shape {actions.shape} expected") from None
     if shape != actions.shape:
         raise InputError("actions", f"shape {shape} given, {actions.shape} expected")
+    kind = np.asarray(given).dtype.kind
+    if isinstance(given, np.ma.MaskedArray) or kind not in "iuf":
+        raise InputError("actions", "numbers expected")
     if actions.dtype == np.int32:
         choices = np.asarray(given)
         if choices.dtype.kind not in "iu":

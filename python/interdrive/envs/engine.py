@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -12,36 +13,31 @@ import numpy as np
 from interdrive import _core
 from interdrive.config.specs import resolved_predictor
 from interdrive.envs.actions import action_kind
-from interdrive.envs.sampling import Uniform
+from interdrive.envs.history import Episode, History
+from interdrive.envs.sampling import Sampler, Uniform
+from interdrive.envs.settings import DECISION_SECONDS
 from interdrive.envs.spaces import Views, observation_space
 from interdrive.envs.stages import most_learners, stages_of
 from interdrive.errors import InputError
 from interdrive.predictors import native_predictor
 from interdrive.run.assemble import OUTCOME_NAMES
+from interdrive.scenario.native import MEMORY_SHARE, free_memory
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.random import Generator
     from numpy.typing import NDArray
 
-    from interdrive.envs.sampling import Sampler
     from interdrive.envs.settings import Setup
+    from interdrive.envs.stages import Stage
 
     Info = dict[str, Any]
 
-
-@dataclass(frozen=True)
-class Episode:
-    """An episode that was drawn.
-
-    Attributes:
-        stage: Position of its scenario.
-        time_step: Its first time step.
-        learners: Positions of its learners.
-    """
-
-    stage: int
-    time_step: int
-    learners: tuple[int, ...]
+#: Most worlds of an environment, and most rows of a world.
+COUNT_MAX = 1_000_000
+#: Memory that a world needs per participant, of which states and plans are kept [bytes]; 6.5 kB measured in `town`.
+_PARTICIPANT_SIZE = 8_000
 
 
 def checked_seed(seed: Any) -> int | None:  # noqa: ANN401 - whatever the user gives
@@ -57,6 +53,35 @@ def checked_seed(seed: Any) -> int | None:  # noqa: ANN401 - whatever the user g
     if seed < 0:
         raise InputError(f"seed must not be negative, is {seed}")
     return int(seed)
+
+
+def checked_count(name: str, count: Any) -> int:  # noqa: ANN401 - whatever the user gives
+    """A number of worlds or rows.
+
+    Raises:
+        InputError: It is no whole number, or none from 1 to `COUNT_MAX`.
+    """
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        raise InputError(name, f"must be a whole number, is {count!r}")
+    if not 1 <= count <= COUNT_MAX:
+        raise InputError(name, f"must be at least 1 and at most {COUNT_MAX}, not {count}")
+    return int(count)
+
+
+def _require_memory(n_worlds: int, slots: int, n_observations: int, pictures: bool, stages: Sequence[Stage]) -> None:
+    """Refuses worlds that would fill the memory.
+
+    Raises:
+        InputError: They need more than `MEMORY_SHARE` of what is free.
+    """
+    most = max(len(stage.scenario.obstacles.ids) + len(stage.agents) for stage in stages)
+    row = 4 * n_observations + (math.prod(_core.RASTER) if pictures else 0)
+    needed, free = n_worlds * (most * _PARTICIPANT_SIZE + 2 * slots * row), free_memory()
+    if needed > MEMORY_SHARE * free:
+        raise InputError(
+            f"{n_worlds} worlds with {slots} rows each need about {needed / 2**30:.1f} GiB; "
+            f"{free / 2**30:.1f} GiB are free"
+        )
 
 
 class Buffers:
@@ -91,6 +116,8 @@ class Buffers:
             made["final_observations"] = np.zeros((rows, n), np.float32)
         if keep_final and has_raster:
             made["final_raster"] = np.zeros(pictures, np.uint8)
+        if not isinstance(given, Mapping):
+            raise InputError("buf", f"arrays by name expected, not {type(given).__name__}")
         for name in given:
             if name not in made:
                 raise InputError(f"buf.{name}", f"there is no such array; there are {', '.join(made)}")
@@ -105,7 +132,11 @@ class Buffers:
 
 
 class Engine:
-    """Worlds, arrays and what is drawn for them."""
+    """Worlds, arrays and what is drawn for them.
+
+    Copies, also in other processes, go on by themselves, to the same bits. `copy.deepcopy` copies the worlds as they
+    are; a pickle holds what was done since the last reset of all worlds, which is done again when it is loaded.
+    """
 
     def __init__(
         self,
@@ -120,6 +151,9 @@ class Engine:
     ) -> None:
         """Reads the scenarios and makes the worlds, without episodes."""
         self.setup = setup
+        self._made_with = {"num_worlds": num_worlds, "autoreset": autoreset, "slots": slots, "keep_final": keep_final}
+        self.first_setup = setup
+        self.history = History()
         self.stages = stages_of(setup)
         self.kind = action_kind(setup.actions)
         settings = setup.settings
@@ -129,12 +163,16 @@ class Engine:
         if not isinstance(wanted, str):
             most = wanted if isinstance(wanted, int) else len(self.stages[0].starts[0].eligible)
         self.slots = most if slots is None else slots
-        if self.slots < 1:
-            raise InputError("slots", f"must be at least 1, not {self.slots}")
+        checked_count("slots", self.slots)
+        if sampler is not None and not isinstance(sampler, Sampler):
+            raise InputError("sampler", f"{type(sampler).__name__} has no begin, draw and ended")
         predictor = resolved_predictor(setup.predictor, simulation.predictor)
         native = native_predictor(predictor.make(), simulation.predictor, self.stages[0].recorded)
         if native is None or predictor.native == "ground_truth":
             raise InputError("predictor", f"{predictor.name} cannot be used here; use a native one")
+        layout = _core.observation_blocks(settings.observation, [])
+        n_observed = sum(max(rows, 1) * columns for _, rows, columns in layout)
+        _require_memory(num_worlds, self.slots, n_observed, settings.observation.raster, self.stages)
         self.worlds = _core.Worlds(
             [stage.core for stage in self.stages],
             actions=(self.kind.name, self.kind.record, self.kind.numbers),
@@ -143,7 +181,7 @@ class Engine:
             step=simulation.step,
             predictor=native,
             horizon=simulation.predictor.horizon,
-            decision_seconds=settings.decision_seconds,
+            decision_seconds=settings.decision_seconds or DECISION_SECONDS,
             max_seconds=settings.max_seconds,
             time_limit_terminates=settings.time_limit == "termination",
             autoreset=autoreset,
@@ -158,7 +196,9 @@ class Engine:
         n = self.worlds.num_observations
         has_raster = settings.observation.raster
         actions = self.kind.array(self.rows)
-        self.buffers = Buffers(self.rows, n, actions, buf or {}, has_raster=has_raster, keep_final=keep_final)
+        self.buffers = Buffers(
+            self.rows, n, actions, {} if buf is None else buf, has_raster=has_raster, keep_final=keep_final
+        )
         self.observation_space = observation_space(settings.observation, self.observed)
         self.views = Views(settings.observation, self.buffers.arrays, self.observed, copy=settings.copy)
         self.worlds.bind(**self.buffers.arrays)
@@ -167,7 +207,7 @@ class Engine:
         self._reports = not isinstance(self.sampler, Uniform)
         self.rngs: list[Generator | None] = [None] * num_worlds
         self.episodes: list[Episode | None] = [None] * num_worlds
-        self._queued: list[Episode | None] = [None] * num_worlds
+        self.queued: list[Episode | None] = [None] * num_worlds
         self._autoreset = autoreset
 
     def seed(self, world: int, seed: int | None) -> None:
@@ -179,13 +219,14 @@ class Engine:
         checked_seed(seed)
         if seed is not None or self.rngs[world] is None:
             self.rngs[world] = gymnasium.utils.seeding.np_random(seed)[0]
-            self._queued[world] = None
+            self.queued[world] = None
 
     def reset(self, wanted: NDArray[np.bool_] | None = None) -> None:
         """Begins the next episode of the worlds for which it is true, or of all."""
         chosen = np.ones(self.num_worlds, np.bool_) if wanted is None else wanted
+        self.history.reset(self, chosen)
         for world in np.flatnonzero(chosen).tolist():
-            if self._queued[world] is None:
+            if self.queued[world] is None:
                 self._queue(world)
         self.worlds.reset(chosen.tolist())
         self._refill()
@@ -193,6 +234,7 @@ class Engine:
     def step(self) -> None:
         """One decision of all learners, as `buffers.actions` says."""
         self.worlds.step()
+        self.history.step(self.buffers.actions)
         if self._reports:
             self._report()
         self._refill()
@@ -200,8 +242,8 @@ class Engine:
     def _refill(self) -> None:
         """Queues an episode for every world that has begun the last one."""
         for world in self.worlds.hungry:
-            if self._queued[world] is not None:
-                self.episodes[world], self._queued[world] = self._queued[world], None
+            if self.queued[world] is not None:
+                self.episodes[world], self.queued[world] = self.queued[world], None
             if self._autoreset != "disabled" and self.rngs[world] is not None:
                 self._queue(world)
 
@@ -217,8 +259,37 @@ class Engine:
         number = min(self.slots, wanted if isinstance(wanted, int) else n)
         order = rng.permutation(n)
         learners = tuple(sorted(start.eligible[i] for i in order[:number].tolist()))
-        self._queued[world] = Episode(index, start.time_step, learners)
-        self.worlds.queue(world, index, start.time_step, list(learners))
+        self.put(world, Episode(index, start.time_step, learners))
+
+    def put(self, world: int, episode: Episode | None) -> None:
+        """Makes an episode the next one of a world."""
+        self.queued[world] = episode
+        if episode is not None:
+            self.worlds.queue(world, episode.stage, episode.time_step, list(episode.learners))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Engine:
+        """A copy of worlds, arrays and generators; scenarios are shared, being read-only."""
+        other = object.__new__(Engine)
+        memo[id(self)] = other
+        shared = {name: getattr(self, name) for name in ("setup", "stages", "_made_with", "first_setup")}
+        memo[id(self.history)] = self.history.copy()
+        worlds = self.worlds.copy()
+        memo.update({id(value): value for value in shared.values()})
+        memo[id(self.worlds)] = worlds
+        for name, value in vars(self).items():
+            setattr(other, name, deepcopy(value, memo))
+        worlds.bind(**other.buffers.arrays)
+        return other
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What was done to it, and the arrays, which other objects may share."""
+        self.history.check()
+        parts = (self.first_setup, self._made_with, self.buffers.arrays, self.history)
+        return _repeated, parts, {"rngs": self.rngs, "sampler": self.sampler}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Generators that other objects may share."""
+        self.rngs, self.sampler = state["rngs"], state["sampler"]
 
     def _report(self) -> None:
         by_world: dict[int, list[Info]] = {}
@@ -273,6 +344,13 @@ class Engine:
             self.stages = stages
         self.worlds.set_rewards(setup.settings.reward)
         self.setup = setup
+        self.history.update(dict(changes))
+
+
+def _repeated(setup: Setup, made_with: dict[str, Any], arrays: dict[str, NDArray[Any]], history: History) -> Engine:
+    engine = Engine(setup, buf=arrays, **made_with)
+    history.repeat(engine)
+    return engine
 
 
 def public(info: Info) -> Info:

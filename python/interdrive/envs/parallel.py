@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,9 +32,9 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
 
     Attributes:
         possible_agents: Names of the most agents that learn at once.
-        agents: Names of those that drive.
-        agent_ids: CommonRoad ids of those that drove at the episode's first step, by name. They are not in the infos of
-            a reset: if there are any, TorchRL takes nothing but numbers.
+        agents: Names of those that drive. Those whose vehicles enter later join at that step.
+        agent_ids: CommonRoad ids of all that learn in this episode, by name, those that enter later among them. They
+            are not in the infos of a reset: if there are any, TorchRL takes nothing but numbers.
 
     Args:
         render_mode: None.
@@ -97,7 +98,8 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         self._engine.reset()
         buffers = self._engine.buffers
         self.agents = [name for name, row in self._row.items() if buffers.masks[row]]
-        self.agent_ids = {name: int(buffers.agent_ids[self._row[name]]) for name in self.agents}
+        ids = buffers.agent_ids
+        self.agent_ids = {name: int(ids[row]) for name, row in self._row.items() if ids[row] >= 0}
         return self._observed(self.agents), {name: {} for name in self.agents}
 
     def step(
@@ -106,11 +108,13 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         """One decision of all agents.
 
         Args:
-            actions: By name of the agent, one for each in `agents`; those of agents that have ended are ignored.
+            actions: By name of the agent, one for each in `agents`; those of agents that have ended or have not entered
+                yet are ignored.
 
         Returns:
             Observations, rewards, terminations, truncations and infos by agent. Agents that end in this step are in
-            them, then they leave `agents`.
+            them, then they leave `agents`. Agents that enter are in them with the observation of their first state and
+            reward 0. If no agent is left and others are still to enter, the step lasts until the next one enters.
 
         Raises:
             InputError: There was no `reset`, an agent has no action, or a name or an action does not fit.
@@ -118,6 +122,8 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         buffers = self._engine.buffers
         if not self.agents:
             raise InputError("step: reset first")
+        if not isinstance(actions, Mapping):
+            raise InputError("actions", f"one by name of each agent expected, not {actions!r}")
         for name in actions:
             if name not in self._row:
                 raise InputError("actions", f'"{name}" is not one of the {len(self._row)} possible agents')
@@ -126,14 +132,14 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
                 raise InputError("actions", f'there is none for "{name}"')
             put(buffers.actions[self._row[name], ...], actions[name])
         self._engine.step()
-        drove = self.agents
-        infos: dict[str, dict[str, Any]] = {name: {} for name in drove}
+        told = [name for name, row in self._row.items() if buffers.masks[row] or name in self.agents]
+        infos: dict[str, dict[str, Any]] = {name: {} for name in told}
         for info in self._engine.infos():
             infos[self.possible_agents[info["row"]]] = public(info)
-        rows = [(name, self._row[name]) for name in drove]
+        rows = [(name, self._row[name]) for name in told]
         self.agents = [name for name, row in rows if buffers.masks[row]]
         return (
-            self._observed(drove),
+            self._observed(told),
             {name: float(buffers.rewards[row]) for name, row in rows},
             {name: bool(buffers.terminals[row]) for name, row in rows},
             {name: bool(buffers.truncations[row]) for name, row in rows},
@@ -141,7 +147,7 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         )
 
     def state(self) -> NDArray[np.float32]:
-        """All observed numbers in the order of `possible_agents`, without pictures; zeros for those that have ended."""
+        """All observed numbers in the order of `possible_agents`, without pictures; zeros where none drives."""
         masks = self._engine.buffers.masks
         whole: NDArray[np.float32] = np.where(masks[:, None], self._engine.buffers.observations, 0.0).ravel()
         return whole

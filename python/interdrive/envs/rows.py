@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from interdrive.envs.actions import put
-from interdrive.envs.engine import Engine, public
+from interdrive.envs.engine import Engine, checked_count, public
 from interdrive.envs.settings import setup_of
-from interdrive.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,12 +36,12 @@ class Rows:
 
     Attributes:
         actions: (rows, numbers) float32 or (rows,) int32; to be filled.
-        observations: (rows, numbers) float32; zero in rows that have ended or are not used.
+        observations: (rows, numbers) float32; zero in rows that have ended, have not entered yet, or are not used.
         rewards: (rows,) float32.
         terminals: (rows,) bool; the learner has ended in this call.
         truncations: (rows,) bool; it was cut in this call.
         masks: (rows,) bool; the next action of the row counts.
-        outcomes: (rows,) int8; codes, -1 in unused rows.
+        outcomes: (rows,) int8; codes, -1 in unused rows and before the vehicle enters.
         agent_ids: (rows,) int64; -1 in unused rows.
         components: (rows, terms) float32; amounts of the reward.
         raster: (rows, 4, 96, 96) uint8, with `observation.raster`; zero where `observations` are.
@@ -76,8 +75,7 @@ class Rows:
         sampler: Sampler | None = None,
         **settings: Any,  # noqa: ANN401
     ) -> None:
-        if num_worlds < 1:
-            raise InputError("num_worlds", f"must be at least 1, not {num_worlds}")
+        num_worlds = checked_count("num_worlds", num_worlds)
         setup = setup_of(settings, learners="all")
         self._engine = Engine(
             setup,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.envs.actions import put
-from interdrive.envs.engine import Engine, public
+from interdrive.envs.engine import Engine, checked_count, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import only_one
 from interdrive.errors import InputError, MissingExtraError
@@ -50,8 +50,7 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
     def __init__(self, num_envs: int = 1, sampler: Sampler | None = None, **settings: Any) -> None:  # noqa: ANN401
         setup = setup_of(settings, learners=1)
         only_one(setup.learners, "DriveVecEnv")
-        if num_envs < 1:
-            raise InputError("num_envs", f"must be at least 1, not {num_envs}")
+        num_envs = checked_count("num_envs", num_envs)
         self._engine = Engine(setup, num_worlds=num_envs, autoreset="same_step", keep_final=True, sampler=sampler)
         self._views = self._engine.views
         # Asked for by the constructor of the base class.

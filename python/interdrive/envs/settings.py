@@ -27,6 +27,10 @@ Learners: TypeAlias = int | Literal["all"] | Sequence[int]
 Traffic: TypeAlias = PlannerSpec | Mapping[int, PlannerSpec]
 
 
+#: An action lasts this long if nothing else is said [s], rounded to time steps.
+DECISION_SECONDS = 0.1
+
+
 @dataclass(frozen=True)
 class EnvSettings:
     """Settings of an environment, besides scenarios, learners, traffic, predictor and actions.
@@ -36,7 +40,8 @@ class EnvSettings:
         part: Part of the scenarios that is used: "train", "test" or "all".
         test_share: Share of the places for tests without a file.
         start: "first": episodes begin at the first time step. "random": anywhere in the recording, with 3 s left.
-        decision_seconds: An action lasts this long; a multiple of the scenario's time step.
+        decision_seconds: An action lasts this long; a multiple of the scenario's time step. None: 0.1 s, or the
+            multiple that is nearest to it, at least one time step.
         max_seconds: Episodes that last longer are cut.
         time_limit: What the end of the grace period is: "truncation" or "termination".
         threads: Threads over worlds. Results do not depend on it.
@@ -51,7 +56,7 @@ class EnvSettings:
     part: Literal["train", "test", "all"] = "all"
     test_share: float = 0.2
     start: Literal["first", "random"] = "first"
-    decision_seconds: Annotated[float, "s"] = 0.1
+    decision_seconds: Annotated[float | None, "s"] = None
     max_seconds: Annotated[float, "s"] = math.inf
     time_limit: Literal["truncation", "termination"] = "truncation"
     threads: int = 1
@@ -66,7 +71,8 @@ class EnvSettings:
         if not 0 <= self.test_share <= 1:
             raise InputError("test_share", f"must be at least 0 and at most 1, not {self.test_share}")
         for name in ("decision_seconds", "max_seconds"):
-            if not getattr(self, name) > 0:
+            value = getattr(self, name)
+            if value is not None and not (value > 0 and (value < math.inf or name == "max_seconds")):
                 raise InputError(name, f"must be positive, is {getattr(self, name)}")
         thread_count(self.threads)
 
@@ -131,6 +137,9 @@ def setup_of(given: Mapping[str, Any], *, learners: Learners) -> Setup:
     """
     if "scenarios" not in given:
         raise InputError("scenarios", "must be given: files, folders or names of shipped scenarios")
+    for name in ("scenarios", "traffic", "predictor", "actions"):
+        if name in given and given[name] is None:
+            raise InputError(name, "is None; leave it out for the default, or give one")
     wanted = given.get("learners", learners)
     if isinstance(wanted, str) and wanted not in get_args(Literal["all"]):
         raise InputError("learners", f"a number, 'all' or ids expected, not {wanted!r}")

@@ -43,10 +43,12 @@ def no_rendering(render_mode: str | None) -> None:
 class DriveEnv(gymnasium.Env[Any, Any]):
     """One vehicle learns; all others replay their recording or plan.
 
+    An episode begins when the vehicle enters, where the others are by then.
+
     Args:
         render_mode: None; pictures come from `run()`.
-        **settings: `scenarios`, `learners` (1 or an id), `traffic`, `predictor`, `actions`, and the fields of
-            `EnvSettings`; nested ones by dotted names, such as `**{"reward.collision": -2.0}`.
+        **settings: `scenarios`, `learners` (1 or a list of one id), `traffic`, `predictor`, `actions`, and the fields
+            of `EnvSettings`; nested ones by dotted names, such as `**{"reward.collision": -2.0}`.
 
     Raises:
         InputError: The input cannot be used; one line states why.
@@ -64,8 +66,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._engine.observation_space
         self.action_space = self._engine.kind.space
         buffers = self._engine.buffers
-        # A view even if an action is one number.
-        self._action = buffers.actions[0, ...]
+        self._actions = buffers.actions
         self._rewards, self._ends, self._cuts = buffers.rewards, buffers.terminals, buffers.truncations
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -92,7 +93,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         Returns:
             Observation, reward, whether the episode has ended, whether it was cut, and the info, empty until then.
         """
-        put(self._action, action)
+        put(self._actions[0, ...], action)  # a view even if an action is one number
         self._engine.step()
         observation = self._views.of(0)
         ended, cut = bool(self._ends[0]), bool(self._cuts[0])

@@ -37,11 +37,14 @@ class Start:
 
     Attributes:
         time_step: First time step.
-        eligible: Positions of the vehicles that can learn then.
+        eligible: Positions of the vehicles that can learn: those that drive then, and planning problems that begin
+            later.
+        later: Positions of recorded vehicles that enter later; they learn only if they are named.
     """
 
     time_step: int
     eligible: tuple[int, ...]
+    later: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -121,17 +124,26 @@ def _with_ids(stage: Stage, ids: list[int]) -> Stage:
         if agent not in own:
             raise InputError("learners", f"{agent} cannot be an agent of {stage.scenario.name}")
     places = tuple(sorted({own[agent] for agent in ids}))
-    starts = [Start(start.time_step, places) for start in stage.starts if set(places) <= set(start.eligible)]
+    together = [start for start in stage.starts if set(places) <= set(start.eligible)]
+    starts = together or [start for start in stage.starts if set(places) <= {*start.eligible, *start.later}]
     if not starts:
-        first = stage.starts[0] if stage.starts else Start(0, ())
-        missing = next((a for a in ids if own[a] not in first.eligible), ids[0])
-        raise InputError("learners", f"{missing} does not drive at the first step of {stage.scenario.name}")
-    return _with_starts(stage, starts)
+        there = {place for start in stage.starts for place in (*start.eligible, *start.later)}
+        missing = [agent for agent in ids if own[agent] not in there] or ids
+        said, who = ", ".join(map(str, missing)), "it drives" if len(missing) == 1 else "all of them drive"
+        raise InputError(
+            "learners", f"{said}: no first step of {stage.scenario.name} from which on {who} for {REST:g} s"
+        )
+    return _with_starts(stage, [Start(start.time_step, places, ()) for start in starts])
 
 
 def _scenarios(setup: Setup) -> list[Scenario]:
     given = setup.scenarios
+    if not isinstance(given, str | Path | Scenario | Sequence):
+        raise InputError("scenarios", f"files, folders, names or scenarios expected, not {given!r}")
     listed = [given] if isinstance(given, str | Path | Scenario) else list(given)
+    for one in listed:
+        if not isinstance(one, str | Path | Scenario):
+            raise InputError("scenarios", f"files, folders, names or scenarios expected, not {one!r}")
     ready = [one for one in listed if isinstance(one, Scenario)]
     named: list[str | Path] = [one for one in listed if not isinstance(one, Scenario)]
     paths: list[Path] = []
@@ -151,7 +163,7 @@ def _scenarios(setup: Setup) -> list[Scenario]:
     ready = [one for one in ready if _belongs(Path(one.name), settings)]
     if not ready and not paths:
         raise InputError("part", f'none of {n} scenarios belongs to "{settings.part}"')
-    return [*ready, *(open_scenario(path) for path in paths)]
+    return [*ready, *(open_scenario(path, raw=settings.simulation.recording.raw) for path in paths)]
 
 
 def _belongs(path: Path, settings: EnvSettings) -> bool:
@@ -169,7 +181,7 @@ def _belongs(path: Path, settings: EnvSettings) -> bool:
 
 def _stage(scenario: Scenario, setup: Setup) -> Stage:
     simulation = setup.settings.simulation
-    steps = setup.settings.decision_seconds / scenario.dt
+    steps = (setup.settings.decision_seconds or scenario.dt) / scenario.dt
     if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
         raise InputError(
             "decision_seconds",
@@ -202,7 +214,7 @@ def _stage(scenario: Scenario, setup: Setup) -> Stage:
     actions = setup.actions
     learning = native_planner(actions.planner) if isinstance(actions, FrenetWeights) else None
     core = _core.Stage(recorded, handles, planners, learning)
-    starts = tuple(_starts(core, scenario, setup.settings))
+    starts = tuple(_starts(core, scenario, agents, setup.settings))
     return Stage(scenario, road, tuple(agents), configs, core, recorded, starts)
 
 
@@ -222,11 +234,19 @@ def _configs(scenario: Scenario, setup: Setup, agents: list[Agent]) -> dict[int,
         raise error.within("traffic") from None
 
 
-def _starts(core: _core.Stage, scenario: Scenario, settings: EnvSettings) -> Iterable[Start]:
-    yield_first = settings.start == "first"
-    rest = 0 if yield_first else round(REST / scenario.dt)
-    last = 0 if yield_first else max(0, scenario.obstacles.n_steps - 1 - rest)
-    for time_step in range(last + 1):
-        eligible = core.eligible(time_step, rest)
-        if eligible:
-            yield Start(time_step, tuple(eligible))
+def _starts(core: _core.Stage, scenario: Scenario, agents: list[Agent], settings: EnvSettings) -> Iterable[Start]:
+    is_random = settings.start == "random"
+    rest = round(REST / scenario.dt) if is_random else 0
+    last = max(0, scenario.obstacles.n_steps - 1 - rest) if is_random else 0
+    found = [_start(core, agents, time_step, rest) for time_step in range(last + 1)]
+    if not any(start.eligible for start in found) and agents and not is_random:
+        # Nobody drives at first: with the first that comes.
+        found = [_start(core, agents, min(agent.initial_state.time_step for agent in agents), rest)]
+    return (start for start in found if start.eligible or start.later)
+
+
+def _start(core: _core.Stage, agents: list[Agent], time_step: int, rest: int) -> Start:
+    entering = core.later(time_step, rest)
+    problems = [place for place in entering if agents[place].origin != "recorded"]
+    recorded = [place for place in entering if agents[place].origin == "recorded"]
+    return Start(time_step, tuple(sorted([*core.eligible(time_step, rest), *problems])), tuple(recorded))

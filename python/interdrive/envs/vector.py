@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector.utils import batch_space
 
 from interdrive.envs.actions import put
-from interdrive.envs.engine import Engine, checked_seed, public
+from interdrive.envs.engine import Engine, checked_count, checked_seed, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import no_rendering, only_one
 from interdrive.errors import InputError
@@ -61,8 +61,7 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         no_rendering(render_mode)
         setup = setup_of(settings, learners=1)
         only_one(setup.learners, "DriveVectorEnv")
-        if num_envs < 1:
-            raise InputError("num_envs", f"must be at least 1, not {num_envs}")
+        num_envs = checked_count("num_envs", num_envs)
         name, mode = _mode(autoreset_mode)
         self._mode = name
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
@@ -91,6 +90,8 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         Raises:
             InputError: A seed is not a whole number from 0 on, or the mask does not fit.
         """
+        if options is not None and not isinstance(options, dict):
+            raise InputError("options", f'{{"reset_mask": array}} expected, not {options!r}')
         seeds: list[int | None]
         if isinstance(seed, list | tuple):
             seeds = [checked_seed(one) for one in seed]

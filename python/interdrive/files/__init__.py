@@ -1,9 +1,17 @@
 """Reads and writes CommonRoad files. The only package that imports commonroad-io, besides the planner `reactive`."""
 
 from interdrive.files.content import content_of_file, content_of_input
-from interdrive.files.read import ScenarioSpec, open_scenario, read_scenario, scenario_from_commonroad, scenario_parts
+from interdrive.files.read import (
+    ScenarioSpec,
+    join,
+    open_scenario,
+    read_scenario,
+    scenario_from_commonroad,
+    scenario_parts,
+)
+from interdrive.files.scenario_file import road_losses, write_scenario
 from interdrive.files.shipped import FOLDER_VARIABLE, scenario_file, shipped_scenario, shipped_scenarios
-from interdrive.files.write import CommonRoadObjects, commonroad_objects, write_scenario
+from interdrive.files.write import CommonRoadObjects, commonroad_objects, run_document, scenario_document
 
 __all__ = [
     "FOLDER_VARIABLE",
@@ -12,8 +20,12 @@ __all__ = [
     "commonroad_objects",
     "content_of_file",
     "content_of_input",
+    "join",
     "open_scenario",
     "read_scenario",
+    "road_losses",
+    "run_document",
+    "scenario_document",
     "scenario_file",
     "scenario_from_commonroad",
     "scenario_parts",

@@ -18,7 +18,10 @@ def content_of_file(path: Path) -> bytes:
     Raises:
         OSError: The file cannot be read, or is a folder, a pipe or a device; `strerror` states which.
     """
-    mode = path.stat().st_mode
+    try:
+        mode = path.stat().st_mode
+    except ValueError:  # a NUL, or no text
+        raise OSError(errno.EINVAL, "this is no valid path", repr(str(path))) from None
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
         raise OSError(errno.EINVAL, "it is a pipe or a device, not a file", str(path))
     return path.read_bytes()

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.scenario.control import SIGNALS, WAYS, Priorities, Signal, StopLine, TrafficLight, Way
+from interdrive.scenario.lanes import driving_side
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
 
     from interdrive.files.document import Facts
     from interdrive.files.shapes import Foreign
@@ -22,6 +25,12 @@ _TURN = math.radians(25.0)
 _CORNER = math.radians(45.0)
 #: A sign counts where its lanelet ends, or this far beyond along single successors [m].
 _SIGN_REACH = 50.0
+#: A stop line this far from its lanelet is noted [m].
+_LINE_AWAY = 2.0
+#: A line so near to the start of its lanelet, and not ahead of it, is noted [m].
+_LINE_NEAR = 10.0
+#: A stop line shorter than this [m], or closer than this to the direction of its lanelet [rad], is noted.
+_LINE_SHORT, _LINE_ALONG = 0.1, math.radians(30.0)
 #: What a sign is worth for a turn to the left, straight on and to the right, by its name in commonroad-io or its id.
 _RANKS = {
     "STOP": (1, 1, 1),
@@ -36,6 +45,7 @@ _NAMES = {
     "215": "ROUNDABOUT",
     **dict.fromkeys(("306", "2.1"), "PRIORITY"),
     "301": "RIGHT_OF_WAY",
+    "720": "GREEN_ARROW",
 }
 #: A vehicle that comes from such a lanelet waits.
 _MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))
@@ -56,11 +66,13 @@ def control(
     allowed to the right in the USA, Puerto Rico and Canada, and beside a green arrow sign (720), unless a light for
     the turn to the right alone can be red.
     """
-    lights = tuple(_light(light) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id)))
+    lights = tuple(
+        _light(light, facts) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id))
+    )
     known = {light.id: light for light in lights}
     rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
     sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
-    stopping = _leading_from(network, lanelets, lambda sign: is_sign(sign, ("STOP",)))
+    stopping = _leading_from(network, lanelets, lambda sign: "STOP" in _names(sign, facts))
     turns = _stated_turns(network)
     arrows = _leading_from(network, lanelets, lambda sign: "GREEN_ARROW" in _names(sign, facts))
     on_red = set(sources) if _country(benchmark_id) in _RIGHT_ON_RED else arrows
@@ -69,41 +81,157 @@ def control(
         source, row = sources[number], rows[number]
         line = source.stop_line
         nexts = [i for i in lanelets.successors[row] if i in rows]
-        refs = {*(source.traffic_lights or ()), *(getattr(line, "traffic_light_ref", None) or ())}
-        found = sorted(int(i) for i in refs if int(i) in known)
+        found = sorted(_light_ids(source) & set(known))
         if not (number in stopping or (found and (line is not None or nexts))):
             continue
         ways, turns_on_red = [], []
         for following in nexts:
-            way = turns.get(following) or _turn(lanelets, rows[following])
+            way = turns.get(following) or turn_of(lanelets, rows[following])
             counting = tuple(i for i in found if way in known[i].directions)
             ways.append((following, counting))
             held = any(known[i].directions == {"right"} and _can_be_red(known[i]) for i in counting)
-            is_turn = turns.get(following) == "right" or _turn(lanelets, rows[following], _CORNER) == "right"
+            is_turn = turns.get(following) == "right" or turn_of(lanelets, rows[following], _CORNER) == "right"
             if is_turn and number in on_red and counting and not held:
                 turns_on_red.append(following)
-        stated = line is not None and line.start is not None and line.end is not None
-        ends = (line.start, line.end) if stated else (lanelets.left[row][-1], lanelets.right[row][-1])
-        points = np.array([np.asarray(end, dtype=np.float64)[:2] for end in ends])
+        points = _stated_ends(source)
+        if points is None:
+            points = np.array([lanelets.left[row][-1], lanelets.right[row][-1]])
         stops, is_stated = number in stopping, line is not None
         lines.append(StopLine(number, points, tuple(ways), stops, is_stated, tuple(turns_on_red)))
     return lights, tuple(lines)
 
 
-def _light(light: Foreign) -> TrafficLight:
+def _light(light: Foreign, facts: Facts) -> TrafficLight:
     cycle = light.traffic_light_cycle
     elements = (getattr(cycle, "cycle_elements", None) or ()) if light.active else ()
     phases = tuple((_signal(element.state), int(element.duration)) for element in elements if element.duration > 0)
     stated = str(getattr(light.direction, "value", "all"))
     directions = frozenset(way for way in WAYS if way in stated.lower()) or frozenset(WAYS)
-    place = light.position
+    number = int(light.traffic_light_id)
+    place = None if number in facts.unplaced_lights else light.position
     return TrafficLight(
-        id=int(light.traffic_light_id),
+        id=number,
         phases=phases if any(signal != "dark" for signal, _ in phases) else (),
         offset=int(getattr(cycle, "time_offset", 0) or 0),
         directions=directions,
         position=None if place is None else (float(place[0]), float(place[1])),
     )
+
+
+def control_notes(network: Foreign, lanelets: Lanelets, lines: tuple[StopLine, ...]) -> tuple[str, ...]:
+    """What cannot work as stated: phases without a duration, lights that are never green, stop lines elsewhere."""
+    rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
+    dark, off, cut, red, never, blank = [], [], [], [], [], []
+    for light in network.traffic_lights:
+        number = int(light.traffic_light_id)
+        elements = getattr(light.traffic_light_cycle, "cycle_elements", None) or ()
+        if not elements:
+            dark.append(number)
+        elif not light.active:
+            off.append(number)
+        if any(element.duration <= 0 for element in elements):
+            cut.append(number)
+        shown = {_signal(element.state) for element in elements if light.active and element.duration > 0}
+        if shown == {"red"}:
+            red.append(number)
+        elif shown and shown <= {"red", "yellow"}:
+            never.append(number)
+        elif elements and light.active and shown <= {"dark"}:
+            blank.append(number)
+    # Also lines that no light and no stop sign uses.
+    stated = {int(lanelet.lanelet_id): _stated_ends(lanelet) for lanelet in network.lanelets}
+    ends = {number: points for number, points in stated.items() if points is not None and number in rows}
+    found = (
+        ("traffic lights without a cycle are dark", dark),
+        ("traffic lights that are switched off are dark", off),
+        ("traffic lights that never show a colour are dark", blank),
+        ("phases without a positive duration left out, traffic lights", cut),
+        ("traffic lights that are always red", red),
+        ("traffic lights that are never green", never),
+        ("traffic lights whose direction fits no way of their lanelet", _without_way(network, lines)),
+        (
+            f"stop lines more than {_LINE_AWAY:g} m from their lanelet, lanelets",
+            [number for number, points in ends.items() if _is_away(points, lanelets, rows[number])],
+        ),
+        (
+            "stop lines at or behind the start of their lanelet, lanelets",
+            [number for number, points in ends.items() if _is_behind(points, lanelets, rows[number])],
+        ),
+        (
+            "stop lines without a length, lanelets",
+            [number for number, points in ends.items() if _length(points) < _LINE_SHORT],
+        ),
+        (
+            "stop lines along their lanelet instead of across it, lanelets",
+            [number for number, points in ends.items() if _is_along(points, lanelets, rows[number])],
+        ),
+    )
+    return tuple(f"{what}: {', '.join(map(str, sorted(ids)))}" for what, ids in found if ids)
+
+
+def _without_way(network: Foreign, lines: tuple[StopLine, ...]) -> list[int]:
+    """Lights of lanelets with following ones, of which none is a way for which the light counts."""
+    leading = {line.lanelet_id for line in lines if line.light_ids}
+    counting = {number for line in lines for _, ids in line.light_ids for number in ids}
+    stated: set[int] = set()
+    for lanelet in network.lanelets:
+        if int(lanelet.lanelet_id) in leading:
+            stated |= {int(number) for number in _light_ids(lanelet)}
+    known = {int(light.traffic_light_id) for light in network.traffic_lights}
+    return sorted((stated & known) - counting)
+
+
+def _stated_ends(lanelet: Foreign) -> NDArray[np.float64] | None:
+    """Both ends of the stop line of a lanelet [m], (2, 2), if it has a line that states them."""
+    line = lanelet.stop_line
+    if line is None or line.start is None or line.end is None:
+        return None
+    return np.array([np.asarray(end, dtype=np.float64)[:2] for end in (line.start, line.end)])
+
+
+def _is_behind(ends: NDArray[np.float64], lanelets: Lanelets, row: int) -> bool:
+    """Whether the middle of a stop line is not ahead of the start of its lanelet, where nobody comes to it."""
+    middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
+    along = middle[1] - middle[0]
+    ahead = float((ends.mean(axis=0) - middle[0]) @ along) / max(float(np.hypot(*along)), 1e-12)
+    near = float(np.hypot(*(ends.mean(axis=0) - middle[0])))
+    return ahead < _LINE_SHORT and near < _LINE_NEAR
+
+
+def _length(ends: NDArray[np.float64]) -> float:
+    return float(np.hypot(*(ends[1] - ends[0])))
+
+
+def _is_along(ends: NDArray[np.float64], lanelets: Lanelets, row: int) -> bool:
+    """Whether a stop line runs in the direction of its lanelet where it is."""
+    if _length(ends) < _LINE_SHORT:
+        return False
+    middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
+    near = int(np.hypot(*(middle - ends.mean(axis=0)).T).argmin())
+    start = max(0, min(near, len(middle) - 2))
+    along, across = middle[start + 1] - middle[start], ends[1] - ends[0]
+    cosine = abs(float(along @ across)) / max(float(np.hypot(*along) * np.hypot(*across)), 1e-12)
+    return cosine > math.cos(_LINE_ALONG)
+
+
+def _light_ids(lanelet: Foreign) -> set[int]:
+    """Ids of the lights of a lanelet and of its stop line, whether they exist or not."""
+    line = lanelet.stop_line
+    refs = {*(lanelet.traffic_lights or ()), *(getattr(line, "traffic_light_ref", None) or ())}
+    return {int(number) for number in refs}
+
+
+def _is_away(ends: NDArray[np.float64], lanelets: Lanelets, row: int) -> bool:
+    """Whether the middle of a stop line is far from every point between the bounds of its lanelet."""
+    middle = ends.mean(axis=0)
+    near = []
+    for share in np.linspace(0.0, 1.0, 5):
+        curve = (1.0 - share) * lanelets.left[row] + share * lanelets.right[row]
+        start, step = curve[:-1], np.diff(curve, axis=0)
+        lengths = np.maximum((step**2).sum(axis=1), 1e-12)
+        part = np.clip(((middle - start) * step).sum(axis=1) / lengths, 0.0, 1.0)
+        near.append(np.hypot(*(start + part[:, None] * step - middle).T).min())
+    return bool(min(near) > _LINE_AWAY)
 
 
 def _can_be_red(light: TrafficLight) -> bool:
@@ -131,7 +259,7 @@ def _stated_turns(network: Foreign) -> dict[int, Way]:
     }
 
 
-def _turn(lanelets: Lanelets, row: int, least: float = _TURN) -> Way:
+def turn_of(lanelets: Lanelets, row: int, least: float = _TURN) -> Way:
     """The way that a lanelet takes by its change of heading, if that is more than `least` [rad]."""
     middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
     steps = np.diff(middle, axis=0)
@@ -185,20 +313,13 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
     for name in sorted(_RANKS, key=lambda name: -_RANKS[name][1]):
         here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign, facts))  # type: ignore[misc]
         ranks |= dict.fromkeys(here, _RANKS[name])
-    opposite = [
-        int(np.count_nonzero((neighbour >= 0) & ~same))
-        for neighbour, same in (
-            (lanelets.adjacent_left, lanelets.adjacent_left_same_direction),
-            (lanelets.adjacent_right, lanelets.adjacent_right_same_direction),
-        )
-    ]
     minor = [int(i) for i, kinds in zip(lanelets.ids, lanelets.types, strict=True) if _MINOR.intersection(kinds)]
     turns: list[tuple[int, Way]] = sorted(_stated_turns(network).items())
     return Priorities(
         turns=tuple((number, way) for number, way in turns if number in lanelets.ids),
         ranks=tuple(sorted(ranks.items())),
         minor=tuple(minor),
-        left_hand=opposite[1] > opposite[0] if opposite[0] != opposite[1] else country in _LEFT_HAND,
+        left_hand=(driving_side(lanelets) or ("left" if country in _LEFT_HAND else "right")) == "left",
         priority_side={"JPN": "left", "GBR": "none"}.get(country, "right"),  # type: ignore[arg-type]
         derives_main_road=country in _MAIN_ROAD or facts.version == "2018b",
     )

@@ -5,16 +5,19 @@ from __future__ import annotations
 import itertools
 from collections import defaultdict
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files.control import control, crosswalks, is_priority_sign, is_sign, priorities
-from interdrive.files.document import Facts
+from interdrive.files.control import control, control_notes, crosswalks, is_priority_sign, is_sign, priorities
+from interdrive.files.document import INITIAL_VALUES, Facts
+from interdrive.files.heights import heights_of, missing_heights
 from interdrive.files.motion import Track, completed, track, wrapped
+from interdrive.files.references import dangling_in_network
 from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
 from interdrive.scenario import (
+    STATE_FIELDS,
     GoalState,
     Incoming,
     InitialState,
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+Value = TypeVar("Value")
+
 _KINDS = {
     "priorityVehicle": "priority_vehicle",
     "parkedVehicle": "parked_vehicle",
@@ -44,9 +49,11 @@ _KINDS = {
 }
 #: Limit of each sign that has no value of its own [m/s]; every country's list of signs has one named MAX_SPEED.
 _LIMITS = {"MAX_SPEED": np.nan, "MAX_SPEED_ZONE_START": 30.0 / 3.6, "TOWN_SIGN": 50.0 / 3.6}
+#: A lanelet that turns by this much in one sense comes back to where it began [rad].
+_CLOSED = 1.5 * np.pi
+#: Values that recordings seldom state; derived ones are no remark where nobody has them.
+_OFTEN_ABSENT = ("acceleration", "yaw_rate")
 _PLAIN_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "train", "taxi")
-# Name in the file of each column that an initial state may lack; commonroad-io fills it with 0.
-_ELEMENTS = ("orientation", "velocity", "acceleration", "yawRate")
 
 
 @dataclass
@@ -96,6 +103,7 @@ def converted(
         _planning_problem(problems[number], lanelets, file, facts, notes) for number in sorted(problems)
     )
     lights, lines = control(scenario.lanelet_network, lanelets, benchmark_id, facts)
+    dangling = dangling_in_network(scenario.lanelet_network) if facts.dangling is None else facts.dangling
     found = Scenario(
         name=readable(path.stem) if path is not None else benchmark_id,
         benchmark_id=benchmark_id,
@@ -105,7 +113,14 @@ def converted(
         planning_problems=planning_problems,
         path=path,
         sha256=sha256,
-        notes=(*notes.lines(), *_not_obeyed(scenario.lanelet_network, facts)),
+        notes=(
+            *dangling,
+            *facts.notes,
+            *missing_heights(scenario.lanelet_network.lanelets),
+            *notes.lines(),
+            *control_notes(scenario.lanelet_network, lanelets, lines),
+            *_not_obeyed(scenario.lanelet_network, facts),
+        ),
         incomings=_incomings(scenario.lanelet_network),
         traffic_lights=lights,
         stop_lines=lines,
@@ -124,9 +139,16 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
     ids = np.array([lanelet.lanelet_id for lanelet in lanelets], dtype=np.int64)
     left, right = [], []
     for lanelet in lanelets:
-        bounds = [np.array(side, dtype=np.float64) for side in (lanelet.left_vertices, lanelet.right_vertices)]
-        left.append(np.ascontiguousarray(bounds[0][:, :2]))
-        right.append(np.ascontiguousarray(bounds[1][:, :2]))
+        bounds = [np.array(side, dtype=np.float64)[:, :2] for side in (lanelet.left_vertices, lanelet.right_vertices)]
+        turned = _turned(*bounds)
+        if turned is not None:
+            bounds[turned] = bounds[turned][::-1]
+            side = ("left", "right")[turned]
+            notes.add(
+                f"bounds in opposite directions, the {side} one is turned round, lanelets", int(lanelet.lanelet_id)
+            )
+        left.append(np.ascontiguousarray(bounds[0]))
+        right.append(np.ascontiguousarray(bounds[1]))
     signs = {sign.traffic_sign_id: sign for sign in network.traffic_signs}
 
     def neighbours(side: str) -> tuple[Any, Any]:
@@ -138,6 +160,7 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
 
     adjacent_left, left_same = neighbours("left")
     adjacent_right, right_same = neighbours("right")
+    heights = tuple(heights_of(lanelet) for lanelet in lanelets)
     return Lanelets(
         ids=ids,
         left=tuple(left),
@@ -149,10 +172,47 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
         adjacent_right=adjacent_right,
         adjacent_right_same_direction=right_same,
         speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
-        types=tuple(tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or ())) for lanelet in lanelets),
-        left_marking=tuple(str(lanelet.line_marking_left_vertices.value) for lanelet in lanelets),
-        right_marking=tuple(str(lanelet.line_marking_right_vertices.value) for lanelet in lanelets),
+        types=tuple(
+            tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or () if kind.value != "unknown"))
+            for lanelet in lanelets
+        ),
+        left_marking=_stated(tuple(str(lanelet.line_marking_left_vertices.value) for lanelet in lanelets), "unknown"),
+        right_marking=_stated(tuple(str(lanelet.line_marking_right_vertices.value) for lanelet in lanelets), "unknown"),
+        users=_stated(
+            tuple(
+                tuple(sorted({str(user.value) for user in (*lanelet.user_one_way, *lanelet.user_bidirectional)}))
+                for lanelet in lanelets
+            ),
+            (),
+        ),
+        heights=heights if any(len(one) for one in heights) else (),
     )
+
+
+def _stated(values: tuple[Value, ...], nothing: Value) -> tuple[Value, ...]:
+    """Values of all lanelets or obstacles; empty where none states anything."""
+    return () if all(value == nothing for value in values) else values
+
+
+def _turned(left: NDArray[np.float64], right: NDArray[np.float64]) -> int | None:
+    """Which bound runs against the other and is on its side if turned round (0: left, 1: right); None if none does."""
+    if min(len(left), len(right)) < 2:
+        return None
+
+    def apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+        return float(np.hypot(*(a - b)))
+
+    along = apart(left[0], right[0]) + apart(left[-1], right[-1])
+    against = apart(left[0], right[-1]) + apart(left[-1], right[0])
+    # Ends of a bend, or of a wide and short lanelet, may be nearer to the wrong ones: the first steps tell, too.
+    steps = [bound[-1] - bound[0] for bound in (left, right)]
+    if not (against < along and float(steps[0] @ steps[1]) < 0.0):
+        return None
+    outline = np.concatenate((left, right))
+    x, y = outline.T
+    # Clockwise along the left and back along the right bound: the left one lies on the left of its own direction.
+    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return 1 if area < 0.0 else 0
 
 
 def _not_obeyed(network: Foreign, facts: Facts) -> tuple[str, ...]:
@@ -196,7 +256,7 @@ def _speed_limit(lanelet: Foreign, signs: dict[int, Any], notes: _Notes) -> floa
                 continue
             try:
                 limit = float(element.additional_values[0])
-            except (IndexError, ValueError):
+            except (IndexError, TypeError, ValueError):
                 limit = _LIMITS[name]
             if 0.0 < limit <= limits.LARGEST_SPEED_LIMIT:
                 found.append(limit)
@@ -249,7 +309,7 @@ def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) ->
     x, y = position[:2] if exact else middle_of(_area(position, f"{what} has a state whose position is", file))
     numbers = [values.get(name) for name in ("orientation", "velocity", "acceleration", "yaw_rate")]
     if stated is not None:
-        numbers = [number if tag in stated else None for number, tag in zip(numbers, _ELEMENTS, strict=True)]
+        numbers = [number if tag in stated else None for number, tag in zip(numbers, INITIAL_VALUES, strict=True)]
     uncertain = not exact or hasattr(time_step, "start") or any(hasattr(number, "start") for number in numbers)
     orientation, velocity, acceleration, yaw_rate = (_scalar(number) for number in numbers)
     velocity_y = _scalar(values.get("velocity_y"))
@@ -267,12 +327,13 @@ def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) ->
 
 
 def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _Notes) -> Obstacles:
-    for name, attribute in (("environment", "environment_obstacle"), ("phantom", "phantom_obstacle")):
-        for obstacle in getattr(scenario, attribute, ()):
-            notes.add(f"{name} obstacles left out", int(obstacle.obstacle_id))
-    statics = {int(obstacle.obstacle_id) for obstacle in scenario.static_obstacles}
+    for obstacle in getattr(scenario, "phantom_obstacle", ()):
+        notes.add("phantom obstacles left out", int(obstacle.obstacle_id))
+    buildings = [_Standing(obstacle, file) for obstacle in getattr(scenario, "environment_obstacle", ())]
+    statics = {int(obstacle.obstacle_id) for obstacle in (*scenario.static_obstacles, *buildings)}
     sources = sorted(
-        [*scenario.static_obstacles, *scenario.dynamic_obstacles], key=lambda obstacle: int(obstacle.obstacle_id)
+        [*scenario.static_obstacles, *scenario.dynamic_obstacles, *buildings],
+        key=lambda obstacle: int(obstacle.obstacle_id),
     )
     ids = [int(obstacle.obstacle_id) for obstacle in sources]
     for first, second in itertools.pairwise(ids):
@@ -280,12 +341,45 @@ def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _No
             raise InputError(f"{file}: two obstacles have the id {first}; give each its own")
     tracks, shapes = [], []
     for obstacle, number in zip(sources, ids, strict=True):
+        if isinstance(obstacle, _Standing):
+            tracks.append(track([(0, (0.0,) * 6)]))
+            shapes.append(obstacle.shape)
+            continue
         tracks.append(_track(obstacle, number in statics, dt, file, facts, notes))
-        shape = facts.footprints.get(number) or shape_of(obstacle.obstacle_shape)
+        shape = facts.footprints.get(number) or _shape(obstacle.obstacle_shape, number, file)
+        # Footprints may be made anywhere in the world; their size is checked around their centres.
+        limits.require_shape(shape, f"obstacle {number}", file)
         shapes.append(shape)
+    _note_derived(dict(zip(ids, tracks, strict=True)), len(set(ids) - statics), notes)
     is_static = np.array([number in statics for number in ids], dtype=np.bool_)
     kinds = tuple(_kind(obstacle) for obstacle in sources)
     return _tables(ids, kinds, tuple(shapes), is_static, tracks, file)
+
+
+def _note_derived(tracks: Mapping[int, Track], n_moving: int, notes: _Notes) -> None:
+    """Notes what was derived; acceleration and yaw rate only where others have them, because most files state none."""
+    for name in STATE_FIELDS:
+        lacking = [number for number, one in tracks.items() if name in one.derived]
+        if name in _OFTEN_ABSENT and len(lacking) == n_moving:
+            continue
+        for number in lacking:
+            notes.add(f"{name.replace('_', ' ')} derived from the motion, obstacles", number)
+
+
+class _Standing:
+    """An environment obstacle of the format 2020a as a static one; its shape is in the world frame."""
+
+    def __init__(self, obstacle: Foreign, file: str) -> None:
+        self.obstacle_id, self.obstacle_type = obstacle.obstacle_id, obstacle.obstacle_type
+        occupied = obstacle.occupancy if hasattr(obstacle, "occupancy") else obstacle.obstacle_shape
+        self.shape = _shape(getattr(occupied, "shape", occupied), int(self.obstacle_id), file)
+
+
+def _shape(source: Foreign, number: int, file: str) -> Shape:
+    try:
+        return shape_of(source)
+    except (AttributeError, IndexError, TypeError, ValueError) as error:
+        raise InputError(f"{file}: the shape of obstacle {number} cannot be read; correct it") from error
 
 
 def _kind(obstacle: Foreign) -> str:
@@ -316,8 +410,6 @@ def _track(obstacle: Foreign, is_static: bool, dt: float, file: str, facts: Fact
     if is_static:
         recorded.values[:, 3:] = 0.0
     result = completed(recorded, dt)
-    for name in result.derived:
-        notes.add(f"{name.replace('_', ' ')} derived from the motion, obstacles", number)
     if len(result.time_steps) > 1 and np.any(np.diff(result.time_steps) > 1):
         notes.add("absent between recorded time steps, obstacles", number)
     return result
@@ -355,6 +447,7 @@ def _tables(
         acceleration=acceleration,
         yaw_rate=yaw_rate,
         valid=np.isfinite(x),
+        derived=_stated(tuple(one.derived_first for one in tracks), ()),
     )
 
 
@@ -377,7 +470,7 @@ def _planning_problem(problem: Foreign, lanelets: Lanelets, file: str, facts: Fa
         y=y,
         orientation=float(wrapped(np.array(orientation))),
         velocity=velocity,
-        acceleration=0.0 if np.isnan(acceleration) else acceleration,
+        acceleration=acceleration,
         yaw_rate=yaw_rate,
     )
     states = problem.goal.state_list
@@ -394,7 +487,7 @@ def _goal_state(state: Foreign, lanelet_ids: Iterable[int], lanelets: Lanelets, 
     values = vars(state)
     ids = tuple(int(number) for number in lanelet_ids)
     if ids:
-        areas = tuple(_lanelet_area(number, lanelets, what, file) for number in ids)
+        areas = tuple(area for number in ids for area in _lanelet_areas(number, lanelets, what, file))
     elif values.get("position") is None:
         areas = ()
     elif isinstance(values["position"], np.ndarray):
@@ -421,8 +514,28 @@ def _interval(value: Foreign) -> tuple[float, float] | None:
     return float(value), float(value)
 
 
-def _lanelet_area(number: int, lanelets: Lanelets, what: str, file: str) -> Shape:
+def _lanelet_areas(number: int, lanelets: Lanelets, what: str, file: str) -> tuple[Shape, ...]:
+    """The area of a lanelet, in pieces if it turns back to its beginning: a polygon must not touch itself."""
     row = int(np.searchsorted(lanelets.ids, number))
     if row == len(lanelets.ids) or lanelets.ids[row] != number:
         raise InputError(f"{file}: the goal of {what} is lanelet {number}, which does not exist; correct the reference")
-    return polygon(np.concatenate((lanelets.left[row], lanelets.right[row][::-1])))
+    left, right = lanelets.left[row], lanelets.right[row]
+    cuts = _cuts(0.5 * (left + right)) if len(left) == len(right) else [0, len(left) - 1]
+    if len(cuts) == 2:
+        return (polygon(np.concatenate((left, right[::-1]))),)
+    return tuple(
+        polygon(np.concatenate((left[a : b + 1], right[a : b + 1][::-1]))) for a, b in itertools.pairwise(cuts)
+    )
+
+
+def _cuts(center: NDArray[np.float64]) -> list[int]:
+    """First vertices of pieces of a line that turn by half a circle each, and the last vertex."""
+    last = len(center) - 1
+    side = np.diff(center, axis=0)
+    heading = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
+    turned = np.abs(heading - heading[0])
+    if len(heading) < 4 or turned.max() < _CLOSED:
+        return [0, last]
+    n = int(np.ceil(turned.max() / np.pi))
+    inner = (int(np.argmax(turned >= turned.max() * i / n)) for i in range(1, n))
+    return sorted({0, last, *inner})

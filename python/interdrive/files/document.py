@@ -17,6 +17,7 @@ from xml.parsers import expat
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.files.encoding import text_of
 from interdrive.files.numbers import check_adjacency, check_numbers
 from interdrive.files.shapes import polygon
 from interdrive.scenario import Shape
@@ -32,6 +33,10 @@ _COLUMNS = ("x", "y", "orientation", "velocity", "acceleration", "yawRate")
 _STATED = frozenset(("position", "time", "velocityY", *_COLUMNS[2:]))
 
 
+#: Elements of an initial state besides position and time, in the order of `STATE_FIELDS`.
+INITIAL_VALUES = ("orientation", "velocity", "acceleration", "yawRate")
+
+
 @dataclass(frozen=True)
 class Facts:
     """Contents of the XML that commonroad-io does not pass on.
@@ -45,6 +50,9 @@ class Facts:
             `STATE_FIELDS`, nan where not stated. commonroad-io takes twenty times as long for them.
         version: Version of the format; empty if unknown.
         signs: Ids of the elements of each traffic sign, by its id; commonroad-io forgets those that it does not know.
+        dangling: One line per reference to an element that does not exist; None: to be found in the network.
+        notes: What the file lacks, in words.
+        unplaced_lights: Ids of traffic lights without position, for which commonroad-io invents one.
     """
 
     benchmark_id: str = ""
@@ -54,6 +62,9 @@ class Facts:
     trajectories: dict[int, list[tuple[int, tuple[float, ...]]]] = field(default_factory=dict)
     version: str = ""
     signs: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    dangling: tuple[str, ...] | None = None
+    notes: tuple[str, ...] = ()
+    unplaced_lights: frozenset[int] = frozenset()
 
 
 def parse(data: bytes, file: str) -> Element:
@@ -71,14 +82,15 @@ def parse(data: bytes, file: str) -> Element:
     """
     if not data.strip():
         raise InputError(f"{file}: the file is empty; give a CommonRoad file")
+    text = text_of(data, file)
     try:
-        if _has_document_type(data):
+        if _has_document_type(text):
             raise InputError(
                 f"{file}: has a document type declaration or entities, refused for safety; remove the <!DOCTYPE ...>"
             )
-        root = fromstring(data)
-    except (ParseError, expat.ExpatError, ValueError, LookupError) as error:
-        if data.lstrip()[:1] != b"<" and not data.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
+        root = fromstring(text)
+    except (ParseError, expat.ExpatError, ValueError) as error:
+        if not text.lstrip().startswith("<"):
             raise InputError(f"{file}: not an XML file; give a CommonRoad .xml or .pb file") from error
         raise InputError(f"{file}: broken XML ({error}); is the file complete?") from error
     return root
@@ -88,7 +100,7 @@ class _PrologueRead(Exception):  # noqa: N818 - the parser is left by raising
     """Ends the parser once it is known whether there is a document type declaration."""
 
 
-def _has_document_type(data: bytes) -> bool:
+def _has_document_type(text: str) -> bool:
     """Whether there is a document type declaration, the only place of entities; the rest is not parsed.
 
     Raises:
@@ -106,7 +118,7 @@ def _has_document_type(data: bytes) -> bool:
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler, parser.StartElementHandler = declared, begun
     with contextlib.suppress(_PrologueRead):
-        parser.Parse(data, True)
+        parser.Parse(text, True)
     return bool(found)
 
 
@@ -132,14 +144,21 @@ def check(root: Element, file: str) -> None:
                 f"{file}: lanelet {lanelet.get('id')} has {counts[0]} points on its left bound and {counts[1]} on its "
                 "right one; give both the same number, at least 2"
             )
+        for line in lanelet.iterfind("stopLine"):
+            n_points = len(line.findall("point"))
+            if n_points not in (0, 2):
+                raise InputError(
+                    f"{file}: the stop line of lanelet {lanelet.get('id')} has {n_points} "
+                    f"{'point' if n_points == 1 else 'points'}; give it both ends, or none for the lanelet's end"
+                )
     drop_dangling_relations(root)
     lanelet_ids = {lanelet.get("id") for lanelet in root.iterfind("lanelet")}
     for problem in root.iterfind("planningProblem"):
         for reference in problem.iterfind("goalState/position/lanelet"):
             if reference.get("ref") not in lanelet_ids:
                 raise InputError(
-                    f"{file}: the goal of planning problem {problem.get('id')} is lanelet {reference.get('ref')}, "
-                    "which does not exist; correct the reference"
+                    f"{file}: the goal of planning problem {problem.get('id')} is lanelet "
+                    f"{reference.get('ref', '(without ref)')}, which does not exist; correct the reference"
                 )
 
 
@@ -160,6 +179,8 @@ def _check_header(root: Element, file: str) -> None:
     if root.tag != "commonRoad":
         raise InputError(f"{file}: the root element is <{root.tag}>, not <commonRoad>; give a CommonRoad scenario")
     version = root.get("commonRoadVersion")
+    if version is None:
+        raise InputError(f"{file}: states no commonRoadVersion; add it, {' or '.join(VERSIONS)}")
     if version not in VERSIONS:
         raise InputError(f"{file}: CommonRoad version {version} is not supported; convert it to {VERSIONS[-1]}")
     text = root.get("timeStepSize", "missing")
@@ -199,12 +220,13 @@ def integer_id(element: Element, file: str) -> int:
         raise InputError(f"{file}: a <{element.tag}> has the id '{text}'; it must be a whole number") from None
 
 
-def facts(root: Element, file: str) -> Facts:
+def facts(root: Element, file: str, dangling: tuple[str, ...] = ()) -> Facts:
     """Extracts the contents of the XML that commonroad-io loses, and simplifies footprints so that it reads them.
 
     Args:
         root: Root element; footprints are simplified in place.
         file: Name for messages.
+        dangling: References to what does not exist, as found before `check` removed some of them.
 
     Returns:
         The facts.
@@ -218,10 +240,12 @@ def facts(root: Element, file: str) -> Facts:
     for tag in ("obstacle", "staticObstacle", "dynamicObstacle"):
         for element in root.iterfind(tag):
             number = integer_id(element, file)
+            if tag == "obstacle" and element.findtext("role") not in ("static", "dynamic"):
+                raise InputError(f"{file}: obstacle {number} has no role static or dynamic; add it")
             initial = element.find("initialState")
             if initial is None:
                 raise InputError(f"{file}: obstacle {number} has no initial state; add one")
-            stated[number] = frozenset(child.tag for child in initial)
+            stated[number] = _stated(initial)
             shape = element.find("shape")
             if shape is None or len(shape) == 0:
                 raise InputError(f"{file}: obstacle {number} has no shape; add one")
@@ -238,15 +262,39 @@ def facts(root: Element, file: str) -> Facts:
                 trajectories[number] = states
                 element.remove(trajectory)
     by_problem = {
-        integer_id(element, file): frozenset(child.tag for child in element.iterfind("initialState/*"))
+        integer_id(element, file): _stated(initial)
         for element in root.iterfind("planningProblem")
+        if (initial := element.find("initialState")) is not None
     }
     signs = {
         integer_id(sign, file): tuple(found.text or "" for found in sign.iterfind("trafficSignElement/trafficSignID"))
         for sign in root.iterfind("trafficSign")
     }
-    version = root.get("commonRoadVersion", "")
-    return Facts(root.get("benchmarkID", ""), stated, by_problem, footprints, trajectories, version, signs)
+    lights = (light for light in root.iterfind("trafficLight") if light.find("position") is None)
+    return Facts(
+        benchmark_id=root.get("benchmarkID", ""),
+        stated=stated,
+        stated_by_problem=by_problem,
+        footprints=footprints,
+        trajectories=trajectories,
+        version=root.get("commonRoadVersion", ""),
+        signs=signs,
+        dangling=dangling,
+        unplaced_lights=frozenset(integer_id(light, file) for light in lights),
+    )
+
+
+def _stated(initial: Element) -> frozenset[str]:
+    """Names of the elements in an initial state; of those that are missing, it gets what commonroad-io wants to see.
+
+    Where one of them is missing, commonroad-io takes 0 for others, too.
+    """
+    names = frozenset(child.tag for child in initial)
+    if "velocityY" not in names:  # a point mass has other ones
+        for tag in INITIAL_VALUES:
+            if tag not in names:
+                SubElement(SubElement(initial, tag), "exact").text = "0"
+    return names
 
 
 def _certain_states(trajectory: Element) -> list[tuple[int, tuple[float, ...]]] | None:

@@ -26,12 +26,14 @@ class Track:
         time_steps: Shape (states,).
         values: Columns as in `STATE_FIELDS`, nan where not stated, shape (states, 6).
         derived: Names of the columns with derived values.
+        derived_first: Names of the columns whose first value is derived.
         contradicts: Whether a time step occurs twice, at places more than `SAME_PLACE` apart.
     """
 
     time_steps: NDArray[np.int64]
     values: Floats
     derived: tuple[str, ...] = field(default=())
+    derived_first: tuple[str, ...] = field(default=())
     contradicts: bool = False
 
 
@@ -91,7 +93,8 @@ def completed(recorded: Track, dt: float) -> Track:
     orientation = wrapped(orientation)
     values = np.column_stack((x, y, orientation, velocity, acceleration, yaw_rate))
     derived = tuple(name for column, name in enumerate(STATE_FIELDS) if missing[:, column].any())
-    return Track(recorded.time_steps, values, derived)
+    derived_first = tuple(name for name in derived if missing[0, STATE_FIELDS.index(name)])
+    return Track(recorded.time_steps, values, derived, derived_first)
 
 
 def wrapped(angle: Floats) -> Floats:

@@ -17,16 +17,19 @@ import numpy as np
 
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import document
+from interdrive.files.completion import completed_document, completed_messages
 from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.convert import converted
 from interdrive.files.numbers import check_message
+from interdrive.files.references import dangling_in_file
 from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
+from interdrive.recordings import joined, repaired
 from interdrive.scenario import Scenario
 from interdrive.scenario.limits import require_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
     from commonroad.scenario.scenario import Scenario as CommonRoadScenario
@@ -42,7 +45,7 @@ ScenarioSpec: TypeAlias = (
 PROTOBUF_ENDINGS = (".pb", ".proto", ".protobuf")
 
 
-def read_scenario(path: str | os.PathLike[str]) -> Scenario:
+def read_scenario(path: str | os.PathLike[str], *, raw: bool = False) -> Scenario:
     """Reads a CommonRoad file as arrays: roads, recorded traffic, planning problems.
 
     It reads XML of the versions 2018b and 2020a and the protobuf files of the installed commonroad-io: up to 2024.3 one
@@ -51,10 +54,15 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
 
     Values that a recording does not state are derived from its positions, see `Obstacles`. An obstacle with a set-based
     prediction or none at all is present at its initial time step only. Uncertain states are replaced by their middle.
-    Phantom and environment obstacles are left out. `Scenario.notes` lists these cases with the ids of the obstacles.
+    Environment obstacles such as buildings become static obstacles; phantom obstacles are left out. `Scenario.notes`
+    lists these cases with the ids of the obstacles.
+
+    Recordings are repaired: headings that are off by one angle are turned, and `Scenario.overlaps` lists participants
+    that are in each other (see `interdrive.recordings`).
 
     Args:
         path: The file.
+        raw: Leave recordings as the file has them.
 
     Returns:
         The scenario; `path` and `sha256` are set.
@@ -63,30 +71,50 @@ def read_scenario(path: str | os.PathLike[str]) -> Scenario:
         InputError: The file cannot be used; one line names it and says what to do.
     """
     path = Path(path)
-    file = str(path)
     data = _bytes(path)
-    sha256 = hashlib.sha256(data).hexdigest()
+    if path.suffix.lower() not in PROTOBUF_ENDINGS:
+        return read_document(data, str(path), path, raw=raw)
+    file, sha256 = str(path), hashlib.sha256(data).hexdigest()
     with quiet(file) as remarks:
-        if path.suffix.lower() in PROTOBUF_ENDINGS:
-            scenario, problems = open_protobuf(path, data)
-            facts = document.Facts()
-        else:
-            root = document.parse(data, file)
-            document.check(root, file)
-            facts = document.facts(root, file)
-            scenario, problems = _open_xml(root, data)
+        scenario, problems, lacking = open_protobuf(path, data)
+        facts = document.Facts(notes=lacking)
         result = converted(scenario, _by_id(problems), file=file, path=path, sha256=sha256, facts=facts)
-    return _with_remarks(result, remarks)
+    return _repaired(_with_remarks(result, remarks), raw=raw)
+
+
+def read_document(data: bytes, file: str, path: Path | None = None, *, raw: bool = False) -> Scenario:
+    """The same for the contents of an XML file.
+
+    Args:
+        data: The document.
+        file: Its name in messages.
+        path: Where it lies; None: in memory only.
+        raw: Leave recordings as the document has them.
+    """
+    sha256 = "" if path is None else hashlib.sha256(data).hexdigest()
+    with quiet(file) as remarks:
+        root = document.parse(data, file)
+        dangling = dangling_in_file(root)
+        document.check(root, file)
+        facts = document.facts(root, file, dangling)
+        facts = dataclasses.replace(facts, notes=completed_document(root, file))
+        scenario, problems = _open_xml(root, data)
+        result = converted(scenario, _by_id(problems), file=file, path=path, sha256=sha256, facts=facts)
+    return _repaired(_with_remarks(result, remarks), raw=raw)
 
 
 def scenario_from_commonroad(
-    scenario: CommonRoadScenario, planning_problems: PlanningProblemSet | PlanningProblem | None = None
+    scenario: CommonRoadScenario,
+    planning_problems: PlanningProblemSet | PlanningProblem | None = None,
+    *,
+    raw: bool = False,
 ) -> Scenario:
     """Converts a scenario that was loaded by commonroad-io, or built with its classes, to arrays.
 
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`. It is not changed.
         planning_problems: Its planning problems, or one of them.
+        raw: Leave recordings as the objects have them, as for `read_scenario`.
 
     Returns:
         The scenario; `path` is None. commonroad-io sets values that are missing in the initial state of a file to 0, so
@@ -102,7 +130,11 @@ def scenario_from_commonroad(
     with quiet(file) as remarks:
         facts = document.Facts()
         result = converted(scenario, problems, file=file, path=None, sha256="", facts=facts)
-    return _with_remarks(result, remarks)
+    return _repaired(_with_remarks(result, remarks), raw=raw)
+
+
+def _repaired(scenario: Scenario, *, raw: bool) -> Scenario:
+    return dataclasses.replace(scenario, raw=True) if raw else repaired(scenario)
 
 
 def _by_id(problems: Foreign) -> Mapping[int, Foreign]:
@@ -136,8 +168,8 @@ def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
     return opened
 
 
-def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
-    """Opens protobuf as scenario and planning problem set of commonroad-io, in the format of its version."""
+def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign, tuple[str, ...]]:
+    """Opens protobuf of the version of commonroad-io as its scenario and planning problem set, with notes."""
     try:
         from commonroad.common.file_reader import FileFormat  # noqa: PLC0415
     except ImportError:
@@ -147,37 +179,47 @@ def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign]:
         CommonRoad,
     )
 
-    _check_angles(CommonRoad(), data, path)
-    opened: tuple[Foreign, Foreign] = CommonRoadFileReader(data, file_format=FileFormat.PROTOBUF).open()
-    return opened
+    _checked(CommonRoad(), data, path)
+    return (*CommonRoadFileReader(data, file_format=FileFormat.PROTOBUF).open(), ())
 
 
-def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign]:
+def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign, tuple[str, ...]]:
     """The same for commonroad-io from 2026.1 on, with separate files for map, traffic and planning problems."""
-    from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
-
-    traffic, problems, roads = _protobuf_parts(path)
-    for part, meaning in ((traffic, "traffic"), (roads, "map")):
+    traffic_file, problem_file, road_file = _protobuf_parts(path)
+    for part, meaning in ((traffic_file, "traffic"), (road_file, "map")):
         if not part.is_file():
             raise InputError(f"{path}: the {meaning} file {part.name} is not beside it; put it there or convert to XML")
+    from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
     from commonroad.common.protobuf.dynamic.commonroad_dynamic_pb2 import CommonRoadDynamic  # noqa: PLC0415
     from commonroad.common.protobuf.map.commonroad_map_pb2 import CommonRoadMap  # noqa: PLC0415
     from commonroad.common.protobuf.scenario.commonroad_scenario_pb2 import CommonRoadScenario  # noqa: PLC0415
+    from commonroad.scenario.traffic_sign import TrafficSignIDCountries  # noqa: PLC0415
 
-    parts = ((traffic, CommonRoadDynamic()), (roads, CommonRoadMap()), (problems, CommonRoadScenario()))
-    for part, message in parts:
-        if part.is_file():
-            _check_angles(message, content_of_file(part), part)
-    reader = CommonRoadFileReader(filename_map=roads, filename_dynamic=traffic, filename_scenario=problems)
-    if problems.is_file():
+    traffic = _checked(CommonRoadDynamic(), content_of_file(traffic_file), traffic_file)
+    roads = _checked(CommonRoadMap(), content_of_file(road_file), road_file)
+    problems = CommonRoadScenario()
+    if problem_file.is_file():
+        _checked(problems, content_of_file(problem_file), problem_file)
+    signs = {country: names.__members__.keys() for country, names in TrafficSignIDCountries.items()}
+    notes = completed_messages(roads, traffic, problems, signs, str(problem_file))
+    reader = CommonRoadFileReader(
+        filename_map=roads.SerializeToString(),
+        filename_dynamic=traffic.SerializeToString(),
+        filename_scenario=problems.SerializePartialToString(),
+    )
+    if problem_file.is_file():
         scenario, problem_set, _cooperative = reader.open_all()
-        return scenario, problem_set
-    return reader.open_map_dynamic(), None
+        return scenario, problem_set, notes
+    return reader.open_map_dynamic(), None, notes
 
 
-def _check_angles(message: Foreign, data: bytes, path: Path) -> None:
-    message.ParseFromString(data)
+def _checked(message: Foreign, data: bytes, path: Path) -> Foreign:
+    message.MergeFromString(data)
     check_message(message, str(path))
+    missing = message.FindInitializationErrors()
+    if missing:
+        raise InputError(f"{path}: lacks {missing[0]}; add it")
+    return message
 
 
 def _protobuf_parts(path: Path) -> tuple[Path, Path, Path]:
@@ -231,23 +273,53 @@ def quiet(file: str) -> Iterator[list[str]]:
         logger.propagate = propagate
 
 
+#: Messages of Python about values, and what they mean to the author of a file.
+_MEANINGS = (
+    (re.compile(r"could not convert string to float: ('.*')"), r"\1 is not a number"),
+    (re.compile(r"invalid literal for int\(\) with base 10: ('.*')"), r"\1 is not a whole number"),
+    (re.compile(r"cannot convert float .* to integer"), "a number is not finite"),
+    (re.compile(r"None is not a valid (\w+)"), r"the \1 is missing"),
+    (re.compile(r"(.*) is not a valid (\w+)"), r"\1 is no \2"),
+)
+#: Words that only a programmer knows, and no message of commonroad-io about a file has.
+_INTERNAL = re.compile(
+    r"None|<(class|enum) |\w\(\)|object has no|out of range|not subscriptable|reshape|\['|field error"
+)
+
+
 def _reason(error: Exception) -> str:
-    """The message of commonroad-io without the names of its classes and functions."""
+    """What is wrong in the words of a file, without names of classes and functions of Python and commonroad-io."""
     text = re.sub(r"^<[^<>]*>:? *", "", " ".join(str(error).split()))[:200]
-    if text and isinstance(error, AssertionError):
-        return text
-    return f"{type(error).__name__}: {text or 'no reason given'}"
+    for pattern, meaning in _MEANINGS:
+        found = pattern.fullmatch(text)
+        if found:
+            words = re.sub(r"(?<=[a-z])([A-Z])", lambda letter: f" {letter[1].lower()}", found[found.lastindex or 0])
+            return found.expand(meaning).replace(found[found.lastindex or 0], words[:1].lower() + words[1:])
+    if isinstance(error, KeyError):
+        return f"{text} is not known" if text.isdigit() else "a part of it is missing or not known"
+    stated = isinstance(error, AssertionError | ValueError | Warning)
+    return (
+        text if text and stated and not _INTERNAL.search(text) else "a part of it is missing, empty or of a wrong kind"
+    )
 
 
 def _place(error: Exception) -> str:
-    """The element that commonroad-io was reading, which its messages do not name: the local variable `xml_node`."""
+    """The element that commonroad-io was reading, which its messages do not name: a local variable of its readers.
+
+    It is `xml_node` of those of XML; in those of protobuf its name ends with `_msg`.
+    """
     owner = inner = ""
     trace = error.__traceback__
     while trace is not None:
-        node = trace.tb_frame.f_locals.get("xml_node")
+        variables = trace.tb_frame.f_locals
+        node = variables.get("xml_node")
         if isinstance(node, Element):
             number = node.get("id")
             owner, inner = (f" of {node.tag} {number}", "") if number else (owner, node.tag)
+        for name, value in variables.items():
+            kind = name.removesuffix("_msg")
+            if kind != name and isinstance(getattr(value, f"{kind}_id", None), int):
+                owner = f" of {kind.replace('_', ' ')} {getattr(value, f'{kind}_id')}"
         trace = trace.tb_next
     if inner and inner != "commonRoad":
         return f" at <{inner}>{owner}"
@@ -265,17 +337,44 @@ def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:
     return dataclasses.replace(scenario, notes=(*scenario.notes, *(f"commonroad-io: {line}" for line in lines)))
 
 
-def open_scenario(spec: ScenarioSpec) -> Scenario:
+def open_scenario(spec: ScenarioSpec, *, raw: bool = False) -> Scenario:
     """The scenario that a specification means.
+
+    Args:
+        spec: The specification.
+        raw: Leave recordings as they are; a scenario that was read before stays as it is.
 
     Raises:
         InputError: There is no such file or scenario, or it cannot be used; one line that says why.
     """
     if isinstance(spec, Scenario):
         require_scenario(spec, spec.name)
+        if raw and spec.path is not None and not spec.raw:
+            raise InputError(f"{spec.name}: was read with repaired recordings; use read_scenario(path, raw=True)")
         return spec
     if isinstance(spec, str | os.PathLike):
-        return read_scenario(scenario_file(spec))
+        return read_scenario(scenario_file(spec), raw=raw)
     if isinstance(spec, tuple):
-        return scenario_from_commonroad(*spec)
-    return scenario_from_commonroad(spec)
+        return scenario_from_commonroad(*spec, raw=raw)
+    return scenario_from_commonroad(spec, raw=raw)
+
+
+def join(paths: Sequence[str | os.PathLike[str]], *, raw: bool = False) -> Scenario:
+    """Joins recordings that follow each other in time, such as windows of one long recording.
+
+    Participants with the same id, kind and size continue in the next recording. Planning problems are left out. See
+    `interdrive.recordings.joined`.
+
+    Args:
+        paths: At least two CommonRoad files, in any order.
+        raw: Leave headings as the files have them.
+
+    Returns:
+        The scenario, without path; time steps are those in the names of the files, otherwise they begin at 0.
+
+    Raises:
+        InputError: A file cannot be read, or the recordings do not belong together; one line that says why.
+    """
+    if isinstance(paths, str | os.PathLike):
+        raise InputError("join: give a list of files")
+    return joined([read_scenario(path, raw=True) for path in paths], raw=raw)

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import re
 import tempfile
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
-
-import numpy as np
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 from interdrive.errors import InputError
 from interdrive.files import document
 from interdrive.files.content import content_of_file
+from interdrive.files.network import add_speed_signs, network_document
 from interdrive.files.numbers import check_adjacency
 from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet, read_scenario
-from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from interdrive.scenario import Scenario
 
 ROAD_TAGS = ("lanelet", "trafficSign", "trafficLight", "intersection")
@@ -67,26 +61,27 @@ def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
     """
     root = _original(scenario)
     if root is None:
-        root = _from_arrays(scenario)
+        root = network_document(scenario)
     elif root.get("commonRoadVersion") == "2018b":
         _modernise(root)
+    _set_cycles(root, scenario)
     elements = [element for tag in ROAD_TAGS for element in root.iterfind(tag)]
     ids = {int(element.get("id", "0")) for element in elements}
     ids |= {int(incoming.get("id", "0")) for incoming in root.iterfind("intersection/incoming")}
     return _header(root), [_text(element) for element in elements], ids
 
 
-def plain_decimal(value: float) -> str:
-    """A number, exactly, in plain decimal notation, the only one that the format allows."""
-    text = f"{Decimal(repr(float(value))):f}"
-    text = text.rstrip("0").rstrip(".") if "." in text else text
-    return "0" if text == "-0" else text
-
-
-def free_id(taken: set[int]) -> int:
-    """The next free id: after the largest, or the smallest free one if the largest is the last possible id."""
-    after = max(taken, default=0) + 1
-    return after if after <= LARGEST_ID else next(number for number in itertools.count(1) if number not in taken)
+def _set_cycles(root: Element, scenario: Scenario) -> None:
+    """Cycles of traffic lights begin when those of the scenario do, which may have other time steps than its file."""
+    begins = {light.id: light.offset for light in scenario.traffic_lights}
+    for light in root.iterfind("trafficLight"):
+        cycle, begin = light.find("cycle"), begins.get(int(light.get("id", "0")))
+        if cycle is None or begin is None or int(cycle.findtext("timeOffset", "0")) == begin:
+            continue
+        offset = cycle.find("timeOffset")
+        if offset is None:
+            offset = SubElement(cycle, "timeOffset")
+        offset.text = str(begin)
 
 
 def _text(element: Element) -> str:
@@ -155,7 +150,7 @@ def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
     from commonroad.planning.planning_problem import PlanningProblemSet  # noqa: PLC0415
 
     with quiet(str(path)), tempfile.TemporaryDirectory() as folder:
-        scenario, _problems = open_protobuf(path, data)
+        scenario, _problems, _notes = open_protobuf(path, data)
         target = Path(folder) / "roads.xml"
         writer = CommonRoadFileWriter(
             scenario, PlanningProblemSet(), "", "", "", set(), decimal_precision=8, file_format=FileFormat.XML
@@ -175,69 +170,4 @@ def _modernise(root: Element) -> None:
             limits[int(lanelet.get("id", "0"))] = float(limit.text or "nan")
         if lanelet.find("laneletType") is None:
             SubElement(lanelet, "laneletType").text = "unknown"
-    _add_speed_signs(root, limits)
-
-
-def _from_arrays(scenario: Scenario) -> Element:
-    lanelets = scenario.lanelets
-    known = set(lanelets.ids.tolist())
-    root = Element("commonRoad")
-    for row, number in enumerate(lanelets.ids.tolist()):
-        lanelet = SubElement(root, "lanelet", id=str(number))
-        for tag, bound, markings in (
-            ("leftBound", lanelets.left[row], lanelets.left_marking),
-            ("rightBound", lanelets.right[row], lanelets.right_marking),
-        ):
-            side = SubElement(lanelet, tag)
-            for x, y in bound.tolist():
-                _add_point(side, x, y)
-            if markings:
-                SubElement(side, "lineMarking").text = markings[row]
-        for tag, relations in (("predecessor", lanelets.predecessors[row]), ("successor", lanelets.successors[row])):
-            for other in relations:
-                if other in known:
-                    SubElement(lanelet, tag, ref=str(other))
-        neighbours: Iterable[tuple[str, int, bool]] = (
-            ("adjacentLeft", int(lanelets.adjacent_left[row]), bool(lanelets.adjacent_left_same_direction[row])),
-            ("adjacentRight", int(lanelets.adjacent_right[row]), bool(lanelets.adjacent_right_same_direction[row])),
-        )
-        for tag, other, same in neighbours:
-            if other in known:
-                SubElement(lanelet, tag, ref=str(other), drivingDir="same" if same else "opposite")
-        for kind in lanelets.types[row] or ("unknown",):
-            SubElement(lanelet, "laneletType").text = kind
-    limits = zip(lanelets.ids.tolist(), lanelets.speed_limit.tolist(), strict=True)
-    _add_speed_signs(root, {number: limit for number, limit in limits if np.isfinite(limit)})
-    return root
-
-
-def _add_point(parent: Element, x: float, y: float) -> None:
-    point = SubElement(parent, "point")
-    for tag, value in (("x", x), ("y", y)):
-        SubElement(point, tag).text = plain_decimal(value)
-
-
-def _add_speed_signs(root: Element, limits: dict[int, float]) -> None:
-    """Adds a sign per limit [m/s]. 274 is Germany's number, which commonroad-io accepts for any country."""
-    used = {int(element.get("id", "0")) for element in root.iter() if element.get("id")}
-    lanelets = {int(lanelet.get("id", "0")): lanelet for lanelet in root.iterfind("lanelet")}
-    for limit in sorted(set(limits.values())):
-        number = free_id(used)
-        used.add(number)
-        sign_id = str(number)
-        owners = [lanelets[number] for number in sorted(limits) if limits[number] == limit]
-        for lanelet in owners:
-            _insert_sign_reference(lanelet, sign_id)
-        sign = SubElement(root, "trafficSign", id=sign_id)
-        element = SubElement(sign, "trafficSignElement")
-        SubElement(element, "trafficSignID").text = "274"
-        SubElement(element, "additionalValue").text = repr(limit)
-        start = owners[0].find("rightBound/point")
-        if start is not None:
-            SubElement(sign, "position").append(fromstring(tostring(start)))
-
-
-def _insert_sign_reference(lanelet: Element, sign_id: str) -> None:
-    """Inserts a sign reference; signs precede lights in the format."""
-    lights = [index for index, child in enumerate(lanelet) if child.tag == "trafficLightRef"]
-    lanelet.insert(lights[0] if lights else len(lanelet), Element("trafficSignRef", ref=sign_id))
+    add_speed_signs(root, limits)

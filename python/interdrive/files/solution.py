@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.files.content import content_of_file
+from interdrive.files.document import parse
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -72,7 +72,8 @@ def write_solution(
 
     Raises:
         InputError: An unknown cost function, model or vehicle type; agents that are no planning problems or drove
-            another vehicle; a problem without agent or not solved; a benchmark id that solutions cannot name.
+            another vehicle; a problem without agent or not solved; a benchmark id that solutions cannot name; headings
+            that were turned when the file was read.
     """
     if cost not in COSTS:
         raise InputError(f"cost {cost!r}: expected one of {', '.join(COSTS)}")
@@ -85,6 +86,11 @@ def write_solution(
     scenario = run.scenario
     if not _BENCHMARK_ID.fullmatch(scenario.benchmark_id):
         raise InputError(f"{scenario.name}: benchmark id {scenario.benchmark_id!r} is none that a solution can name")
+    if scenario.turned:
+        raise InputError(
+            f"{scenario.name}: its headings were turned when it was read, so drives do not start as its problems say; "
+            "run it with --raw (recording.raw)"
+        )
     drives = _drives(run)
     driven = [_driven_type(run, agent, vehicle) for _, agent in drives]
     names = [f"{model}{number}" for number in driven], [cost] * len(drives)
@@ -210,7 +216,7 @@ def stated_headings(run: RunRecord) -> dict[int, float]:
     if path is None or path.suffix != ".xml":
         return {}
     found = {}
-    for problem in ElementTree.fromstring(content_of_file(path)).iter("planningProblem"):
+    for problem in parse(content_of_file(path), str(path)).iter("planningProblem"):
         exact = problem.find("initialState/orientation/exact")
         if exact is not None and exact.text is not None:
             found[int(problem.attrib["id"])] = float(exact.text)

@@ -40,9 +40,7 @@ def check_solution(document: bytes, scenario_file: Path) -> SolutionCheck:
         InputError: It cannot read the scenario or the solution.
     """
     if importlib.util.find_spec("commonroad_dc") is None:
-        raise MissingExtraError(
-            "--check needs commonroad-drivability-checker: pip install commonroad-drivability-checker"
-        )
+        raise MissingExtraError('--check needs the checker of CommonRoad: pip install "interdrive[checker]"')
     from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415 - optional
     from commonroad.common.solution import CommonRoadSolutionReader  # noqa: PLC0415
     from commonroad_dc.feasibility import solution_checker as official  # noqa: PLC0415

@@ -1,25 +1,30 @@
-"""Writes a run as a CommonRoad 2020a document without commonroad-io, whose versions write it differently."""
+"""Writes runs and recordings as CommonRoad 2020a documents, without commonroad-io, whose versions differ in that."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from interdrive.files.content import content_of_file
+from interdrive.files.network import free_id, plain_decimal
 from interdrive.files.read import quiet
-from interdrive.files.roads import free_id, plain_decimal, road_elements
+from interdrive.files.roads import Header, road_elements
 from interdrive.scenario import GoalState, PlanningProblem, Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Sequence
+    from pathlib import Path
 
     from commonroad.planning.planning_problem import PlanningProblemSet
     from commonroad.scenario.scenario import Scenario as CommonRoadScenario
     from numpy.typing import NDArray
 
     from interdrive.run import RunRecord, States
+    from interdrive.scenario import Obstacles, Scenario
 
     Floats = NDArray[np.float64]
 
@@ -67,18 +72,18 @@ class CommonRoadObjects(NamedTuple):
 
 
 def commonroad_objects(document: bytes) -> CommonRoadObjects:
-    """A document of `write_scenario` as objects of commonroad-io."""
+    """A document of `run_document` as objects of commonroad-io."""
     from commonroad.common.reader.file_reader_xml import XMLFileReader  # noqa: PLC0415 - a fifth of a second
 
     with quiet("scenario.xml"):
         return CommonRoadObjects(*XMLFileReader(document).open(lanelet_assignment=False))
 
 
-def write_scenario(run: RunRecord) -> bytes:
+def run_document(run: RunRecord) -> bytes:
     """The simulated world as a CommonRoad 2020a document, for commonroad-io and tools based on it.
 
     - Roads, signs, lights and intersections are those of the scenario's file if it still exists unchanged; otherwise
-      lanelets and their speed limits are written from the scenario, and signs, lights and intersections are lost.
+      they are written from the scenario, as far as the format can hold them (`road_losses`).
     - Every participant is an obstacle: agents and recorded vehicles with the states of the run, static ones as static
       obstacles of the kinds that the format has for them. Rectangles and circles off their origin and footprints of
       several parts (as their convex hull) become polygons, since commonroad-io 2026.1 does not read them.
@@ -93,6 +98,8 @@ def write_scenario(run: RunRecord) -> bytes:
     """
     scenario = run.scenario
     header, roads, road_ids = road_elements(scenario)
+    source = f"{header.source}; simulated with interdrive" if header.source else "simulated with interdrive"
+    header = replace(header, source=source, tags=(*header.tags, "simulated"))
     ids = _Ids(set(road_ids))
     footprints = dict(zip(scenario.obstacles.ids.tolist(), scenario.obstacles.shapes, strict=True))
     static, dynamic = [], []
@@ -105,14 +112,47 @@ def write_scenario(run: RunRecord) -> bytes:
         if run.states.is_static[row]:
             static.append(_static_obstacle(run.states, row, number, shape))
         else:
-            dynamic.append(_dynamic_obstacle(run.states, row, number, shape))
+            dynamic.append(_dynamic_obstacle(run.states, run.states.first_time_step, row, number, shape))
     problems = [_planning_problem(problem, ids.free(problem.id)) for problem in scenario.planning_problems]
+    return _document(scenario, header, [*roads, *static, *dynamic, *problems])
+
+
+def scenario_document(scenario: Scenario, map_file: Path | None = None) -> bytes:
+    """A scenario as a CommonRoad 2020a document, all numbers exact.
+
+    Args:
+        scenario: Roads, recorded traffic, planning problems. Accelerations and yaw rates that its
+            file did not state are left out.
+        map_file: File from which roads, signs, lights and intersections are taken; by default that of the scenario.
+
+    Returns:
+        The document in UTF-8; equal scenarios give equal bytes.
+    """
+    if map_file is not None:
+        scenario = replace(scenario, path=map_file, sha256=hashlib.sha256(content_of_file(map_file)).hexdigest())
+    header, roads, road_ids = road_elements(scenario)
+    ids, obstacles = _Ids(set(road_ids)), scenario.obstacles
+    static, dynamic = [], []
+    for row, (participant, shape) in enumerate(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True)):
+        number = ids.free(participant)
+        if obstacles.is_static[row]:
+            static.append(_static_obstacle(obstacles, row, number, _footprint(shape), plain_decimal))
+        else:
+            unknown = obstacles.derived[row] if obstacles.derived else ()
+            dynamic.append(_dynamic_obstacle(obstacles, 0, row, number, _footprint(shape), plain_decimal, unknown))
+    problems = [
+        _planning_problem(problem, ids.free(problem.id), states_all=False) for problem in scenario.planning_problems
+    ]
+    return _document(scenario, header, [*roads, *static, *dynamic, *problems])
+
+
+def _document(scenario: Scenario, header: Header, elements: Sequence[str]) -> bytes:
     attributes = {
         "timeStepSize": plain_decimal(scenario.dt),
         "commonRoadVersion": "2020a",
         "author": header.author,
         "affiliation": header.affiliation,
-        "source": f"{header.source}; simulated with interdrive" if header.source else "simulated with interdrive",
+        "source": header.source,
         "benchmarkID": scenario.benchmark_id,
         "date": header.date,
     }
@@ -121,11 +161,8 @@ def write_scenario(run: RunRecord) -> bytes:
         "<?xml version='1.0' encoding='UTF-8'?>",
         f"<commonRoad {opening}>",
         header.location,
-        f"<scenarioTags>{''.join(f'<{tag}/>' for tag in (*header.tags, 'simulated'))}</scenarioTags>",
-        *roads,
-        *static,
-        *dynamic,
-        *problems,
+        f"<scenarioTags>{''.join(f'<{tag}/>' for tag in header.tags)}</scenarioTags>",
+        *elements,
         "</commonRoad>\n",
     ]
     return "\n".join(parts).encode()
@@ -153,20 +190,34 @@ def _point(x: float, y: float, tag: str = "point") -> str:
 # Obstacles
 
 
-def _static_obstacle(states: States, row: int, number: int, shape: str) -> str:
+def _static_obstacle(
+    states: States | Obstacles, row: int, number: int, shape: str, text: Callable[[float], str] = _rounded
+) -> str:
     kind = _STANDING.get(states.kinds[row], "unknown")
     first = int(states.valid[row].argmax())
-    state = _state("initialState", states, row, first, 0, ("velocity",))
+    state = _state("initialState", states, row, first, 0, ("velocity",), text)
     return f'<staticObstacle id="{number}"><type>{kind}</type><shape>{shape}</shape>{state}</staticObstacle>'
 
 
-def _dynamic_obstacle(states: States, row: int, number: int, shape: str) -> str:
+def _dynamic_obstacle(
+    states: States | Obstacles,
+    first_time_step: int,
+    row: int,
+    number: int,
+    shape: str,
+    text: Callable[[float], str] = _rounded,
+    unknown: tuple[str, ...] = (),
+) -> str:
     kind = _MOVING.get(states.kinds[row], "unknown")
     columns = np.flatnonzero(states.valid[row]).tolist()
     # All states of a trajectory must have the same values.
-    names = tuple(name for name in _COLUMNS if np.isfinite(getattr(states, name)[row, columns]).all())
+    names = tuple(
+        name
+        for name in _COLUMNS
+        if (name == "velocity" or name not in unknown) and np.isfinite(getattr(states, name)[row, columns]).all()
+    )
     first, *later = (
-        _state("state" if index else "initialState", states, row, column, states.first_time_step + column, names)
+        _state("state" if index else "initialState", states, row, column, first_time_step + column, names, text)
         for index, column in enumerate(columns)
     )
     trajectory = "\n".join(["<trajectory>", *later, "</trajectory>"]) if later else ""
@@ -176,10 +227,18 @@ def _dynamic_obstacle(states: States, row: int, number: int, shape: str) -> str:
     )
 
 
-def _state(tag: str, states: States, row: int, column: int, time_step: int, names: tuple[str, ...]) -> str:
-    x, y = _rounded(states.x[row, column]), _rounded(states.y[row, column])
-    orientation = _exact("orientation", _rounded(states.orientation[row, column]))
-    values = "".join(_exact(_COLUMNS[name], _rounded(getattr(states, name)[row, column])) for name in names)
+def _state(
+    tag: str,
+    states: States | Obstacles,
+    row: int,
+    column: int,
+    time_step: int,
+    names: tuple[str, ...],
+    text: Callable[[float], str],
+) -> str:
+    x, y = text(states.x[row, column]), text(states.y[row, column])
+    orientation = _exact("orientation", text(states.orientation[row, column]))
+    values = "".join(_exact(_COLUMNS[name], text(getattr(states, name)[row, column])) for name in names)
     time = _exact("time", str(time_step))
     return f"<{tag}><position><point><x>{x}</x><y>{y}</y></point></position>{orientation}{time}{values}</{tag}>"
 
@@ -242,16 +301,20 @@ def _hull(points: Floats) -> Floats:
 # Planning problems
 
 
-def _planning_problem(problem: PlanningProblem, number: int) -> str:
+def _planning_problem(problem: PlanningProblem, number: int, *, states_all: bool = True) -> str:
+    """The element; commonroad-io requires accelerations and yaw rates, which are 0 where unknown or left out."""
     start = problem.initial_state
     values = {
         "orientation": start.orientation,
         "time": start.time_step,
         "velocity": start.velocity,
-        "acceleration": start.acceleration,
+        "acceleration": 0.0 if np.isnan(start.acceleration) else start.acceleration,
         "yawRate": 0.0 if np.isnan(start.yaw_rate) else start.yaw_rate,
         "slipAngle": 0.0,
     }
+    if not states_all:
+        unknown = {"acceleration": np.isnan(start.acceleration), "yawRate": np.isnan(start.yaw_rate)}
+        values = {tag: value for tag, value in values.items() if not unknown.get(tag)}
     initial = (
         f"<initialState><position>{_point(start.x, start.y)}</position>"
         f"{''.join(_exact(tag, plain_decimal(value)) for tag, value in values.items())}</initialState>"

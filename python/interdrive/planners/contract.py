@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sized
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from interdrive._core import PLAN_POINTS_MAX
 from interdrive.errors import InputError
 from interdrive.scenario import STATE_FIELDS
 
@@ -43,12 +45,13 @@ class Planner(Protocol):
 
     Every agent and every run has its own object, so a planner may keep state. `plan` gets a view (the agent's state,
     limits, route and goal under `view.ego`, and the visible participants with their past as arrays) and the predictions
-    for these participants and the agent. It returns a trajectory of at least two points that starts at the present
-    state, never jumps, and does not exceed the speed of the vehicle. Its arguments are read-only. If it raises an
+    for these participants and the agent. It returns a trajectory of 2 to 10,000 points that starts at the present
+    state, never jumps, moves along its headings at the speeds that it states, and does not exceed the speed of the
+    vehicle. Its arguments are read-only. If it raises an
     exception or returns an invalid trajectory, only its own agent ends, with outcome `planner_error`.
 
-    Set `parallel = True` in a class if its objects are independent of each other: they run in separate processes when a
-    run has more than one thread, with the same results. Set `obeys_rules = True` if your planner stops where
+    Set `parallel = True` in a class if its objects are independent of each other: they run in separate processes, as
+    many at a time as the run has threads, with the same results. Set `obeys_rules = True` if your planner stops where
     `view.ego.stop_s` says: its agents then get orders at junctions (`rules.precedence`), and others count on it.
     """
 
@@ -65,6 +68,18 @@ class Planner(Protocol):
         ...
 
 
+#: What arrays that are refused hold, by the kind of their type.
+_KINDS = {
+    "b": "truth values",
+    "c": "complex numbers",
+    "O": "objects",
+    "S": "bytes",
+    "U": "texts",
+    "M": "dates",
+    "m": "times",
+}
+
+
 def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be None
     """The arrays of a trajectory, for `Plans.set`: x, y, orientation, velocity, acceleration, yaw_rate.
 
@@ -78,10 +93,26 @@ def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be Non
         values = getattr(trajectory, name)
         if values is None and name in STATE_FIELDS[:4]:
             raise InputError(f"{name} is missing")
-        if values is not None:
-            try:
-                values = np.asarray(values, dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"{name} is not an array of numbers ({error})") from None
-        arrays.append(values)
+        arrays.append(None if values is None else _real_numbers(name, values))
     return tuple(arrays)
+
+
+def _real_numbers(name: str, values: object) -> NDArray[np.float64]:
+    """A field as an array; numpy alone would drop imaginary parts and masks, and read numbers out of texts."""
+    if isinstance(values, np.ma.MaskedArray):
+        raise InputError(f"{name} is a masked array, plain numbers are expected")
+    if isinstance(values, Sized) and len(values) > PLAN_POINTS_MAX:
+        raise InputError(f"the plan has {len(values)} points, at most {PLAN_POINTS_MAX} are allowed")
+    if isinstance(values, (list, tuple)) and any(value is np.ma.masked for value in values):
+        raise InputError(f"{name} holds masked values, plain numbers are expected")
+    try:
+        array = np.asarray(values)
+        # Before anything is copied; rows of columns are refused with their shape later.
+        if array.size > PLAN_POINTS_MAX:
+            raise InputError(f"{name} has {array.size} values, at most {PLAN_POINTS_MAX} are allowed")
+        if array.dtype.kind in "iuf":
+            return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is not an array of numbers ({error})") from None
+    held = _KINDS.get(array.dtype.kind, f"values of type {array.dtype}")
+    raise InputError(f"{name} is not an array of real numbers: it holds {held}")

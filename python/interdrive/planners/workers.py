@@ -1,21 +1,26 @@
 """Planners in Python that run in separate processes, because their class has `parallel = True`.
 
 Every worker process stages the same world, which never steps: it only turns the scenes that it receives into views. A
-planner stays in the process in which it was made, so it may keep state; results do not depend on the number of
-processes. If a planner raises an exception, only its own agent ends. If it kills its process, or hangs where no signal
-reaches it, the other planners of the process are lost as well.
+planner stays in the process in which it was made, so it may keep state. How many processes there are depends on the
+number of planners alone, so that results do not depend on the number of threads, which says how many of them work at a
+time. If a planner raises an exception, only its own agent ends. If it kills its process, or hangs where no signal
+reaches it, the other planners of the process are lost as well: none up to `PROCESSES_MAX` planners.
 """
 
 from __future__ import annotations
 
 import math
 import multiprocessing
+import os
 import pickle
 import signal
+import threading
+import time
 import weakref
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
+from multiprocessing.connection import wait
 from typing import TYPE_CHECKING, Any, cast
 
 from interdrive.errors import InputError
@@ -31,6 +36,8 @@ if TYPE_CHECKING:
     from interdrive.planners.calls import Answer
     from interdrive.planners.contract import Planner
 
+#: More planners than this share processes: each imports the package and stages the world (about 80 MB, 0.3 s).
+PROCESSES_MAX = 8
 #: Time limit for the start of a process [s]; it imports the package and stages the world.
 _START_MAX = 120.0
 #: A call that exceeds its limit by this much [s] does not react to signals: its process is killed.
@@ -68,7 +75,7 @@ class Workers:
         self,
         stage: Callable[[], _core.World],
         make: Mapping[int, Callable[[], Planner]],
-        n_processes: int,
+        at_once: int,
         timeout_s: float = math.inf,
     ) -> None:
         """Starts the processes and waits until all are ready.
@@ -76,19 +83,20 @@ class Workers:
         Args:
             stage: Makes a world with the participants of the simulation; it is sent to the processes.
             make: Makes the planner of each agent; it is sent to the processes.
-            n_processes: Number of processes, at most one per agent.
+            at_once: So many processes work at a time.
             timeout_s: Time limit of a call [s].
 
         Raises:
             InputError: A process does not start, or a planner cannot be made there.
         """
-        self._timeout_s = timeout_s
+        self._at_once, self._timeout_s = at_once, timeout_s
         ids = sorted(make)
+        n_processes = min(PROCESSES_MAX, len(ids))
         context = multiprocessing.get_context("spawn")
         self._workers: list[_Worker] = []
         self._close = weakref.finalize(self, _stop, self._workers)
-        for k in range(min(n_processes, len(ids))):
-            agents = tuple(ids[k :: min(n_processes, len(ids))])
+        for k in range(n_processes):
+            agents = tuple(ids[k::n_processes])
             ours, theirs = context.Pipe()
             arguments = (theirs, stage, {i: make[i] for i in agents}, timeout_s)
             process = context.Process(target=_work, args=arguments, daemon=True, name=f"interdrive-planners-{k}")
@@ -121,34 +129,58 @@ class Workers:
             wanted: Agent id -> what it needs besides.
         """
         parts = pickle.dumps((scene.parts(), predictions), protocol=pickle.HIGHEST_PROTOCOL)
-        asked = []
-        for worker in self._workers:
-            mine = [(i, wanted[i]) for i in worker.agents if i in wanted]
-            if mine and not worker.lost:
-                try:
-                    worker.connection.send((parts, mine))
-                except OSError:
-                    worker.lost = "its process ended"
-            asked.append((worker, [i for i, _ in mine]))
         answers: dict[int, Answer] = {}
-        for worker, mine_ids in asked:
-            for i in mine_ids:
-                answers[i] = Failure(worker.lost) if worker.lost else self._receive(worker, i)
+        idle = [(worker, mine) for worker in self._workers if (mine := [i for i in worker.agents if i in wanted])]
+        idle.reverse()
+        #: Those that work: the agents whose answers are to come, and until when the next one must be there.
+        busy: dict[Connection, tuple[_Worker, list[int], float]] = {}
+        while idle or busy:
+            while idle and len(busy) < self._at_once:
+                worker, mine = idle.pop()
+                self._send(worker, (parts, [(i, wanted[i]) for i in mine]))
+                if worker.lost:
+                    answers |= dict.fromkeys(mine, Failure(worker.lost))
+                else:
+                    busy[worker.connection] = worker, mine, self._deadline()
+            first = min((until for _, _, until in busy.values()), default=math.inf)
+            ready = wait(list(busy), None if math.isinf(first) else max(0.0, first - time.monotonic()))
+            for connection, (worker, mine, until) in list(busy.items()):
+                if connection not in ready and time.monotonic() < until:
+                    continue
+                del busy[connection]
+                agent, *rest = mine
+                answers[agent] = self._receive(worker, agent, in_time=connection in ready)
+                if worker.lost:
+                    answers |= dict.fromkeys(rest, Failure(worker.lost))
+                elif rest:
+                    busy[connection] = worker, rest, self._deadline()
         return answers
 
-    def _receive(self, worker: _Worker, agent: int) -> Answer:
-        """The next result; without one the process is lost with all its planners."""
+    def _deadline(self) -> float:
+        return time.monotonic() + self._timeout_s + _GRACE
+
+    @staticmethod
+    def _send(worker: _Worker, request: object) -> None:
+        if not worker.lost:
+            try:
+                worker.connection.send(request)
+            except OSError:
+                worker.lost = "its process ended"
+
+    @staticmethod
+    def _receive(worker: _Worker, agent: int, *, in_time: bool) -> Answer:
+        """The next answer; without one the process is lost with all its planners."""
         blame = f"the planner of agent {agent}"
-        limit = None if math.isinf(self._timeout_s) else self._timeout_s + _GRACE
-        try:
-            if worker.connection.poll(limit):
-                return cast("Answer", worker.connection.recv())
+        if not in_time:
             worker.lost = f"its process was killed: {blame} took too long (step.planner_timeout_s)"
             worker.process.kill()
+            return Failure(worker.lost)
+        try:
+            return cast("Answer", worker.connection.recv())
         except (EOFError, OSError):
             worker.process.join(1.0)
             worker.lost = f"its process ended in {blame} (exit code {worker.process.exitcode})"
-        return Failure(worker.lost)
+            return Failure(worker.lost)
 
     def close(self) -> None:
         """Ends the processes."""
@@ -166,6 +198,14 @@ def uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with_the_parent() -> None:
+    """Ends the process with its parent; otherwise an unwanted run or a planner in an endless loop might never end."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def can_be_sent(thing: object) -> bool:
@@ -196,6 +236,7 @@ def _work(
     """Runs in the worker process until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    threading.Thread(target=end_with_the_parent, daemon=True).start()
     try:
         world, planners = stage(), {i: factory() for i, factory in make.items()}
     except BaseException as error:  # noqa: BLE001 - reported to the parent

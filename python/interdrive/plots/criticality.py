@@ -9,9 +9,10 @@ from matplotlib.lines import Line2D
 
 from interdrive.criticality import MEASURES, measure_named
 from interdrive.errors import InputError
-from interdrive.plots.measures import CAPS, levels_of
+from interdrive.plots.measures import levels_of
 from interdrive.plots.scenes import Scene, draw_scenes
 from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, THRESHOLD, add_legend, empty_figure, plain
+from interdrive.run.goals import said_seconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +28,7 @@ _COLUMNS, _PANEL = 3, 27.0 * MM
 def draw_criticality(found: Criticality, participant_id: int, *, color: str = AGENTS[0]) -> Figure:
     """A figure, 180 mm wide, with a panel per measure: its values over time for one vehicle.
 
-    The most critical moment is marked; dashed lines are thresholds: the one of the settings for the time to collision,
+    The most critical moment is marked; dashed lines are thresholds: the one of the settings for the TTC,
     1 for numbers that compare what is needed with what is there. Where a line is missing, the measure is infinite (no
     conflict) or cannot be computed.
 
@@ -95,14 +96,15 @@ def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floa
     if threshold is not None:
         axes.axhline(threshold, color=THRESHOLD, linewidth=0.8, linestyle=(0, (4, 2)))
         low, high = min(low, threshold), max(high, threshold)
-    high = max(low, min(high, CAPS.get(measure.name, np.inf)))
+    high = max(low, min(high, measure.drawn_to))
     # What hardly changes is no drama.
     half = max(0.54 * (high - low), 0.05 * abs(high + low), 0.02)
     bottom, top = 0.5 * (low + high) - half, 0.5 * (low + high) + half
     axes.set_ylim(max(bottom, -0.06 * top) if low >= 0.0 else bottom, top)
     extreme = found.extremes[measure.name]
     at = int(extreme.time_step[row]) * found.dt
-    if np.isfinite(extreme.value[row]):
+    # Beyond the panel there is nothing to mark; at its edge the marker is whole.
+    if np.isfinite(extreme.value[row]) and axes.get_ylim()[0] <= extreme.value[row] <= axes.get_ylim()[1]:
         axes.plot(at, extreme.value[row], "o", ms=4.2, mfc="white", mec=INK, mew=1.2, zorder=4, clip_on=False)
 
 
@@ -122,9 +124,8 @@ def draw_critical_moment(run: Run, moment: CriticalMoment) -> Figure:
     measure = measure_named(moment.measure)
     if moment.partner_id < 0:
         raise InputError(f"the moment of {measure.name} has no partner: there is no encounter to draw")
-    value = f"{moment.value:.2f} {measure.unit}".rstrip()
-    time = moment.time_step * run.scenario.dt
-    title = f"{run.scenario.name}: {measure.title} {value} at {time:.1f} s"
+    value = measure.text(moment.value)
+    title = f"{run.scenario.name}: {measure.title} {value} at {said_seconds(moment.time_step, run.scenario.dt)} s"
     scene = Scene(run, title, moment.time_step - run.states.first_time_step)
     names = (f"vehicle {moment.participant_id}", f"vehicle {moment.partner_id}")
     return draw_scenes([scene], (moment.participant_id, moment.partner_id), names, filled="at that moment")

@@ -28,6 +28,7 @@ from interdrive.plots.style import (
 from interdrive.plots.trajectories import ellipse_rings, plan_points, strength
 from interdrive.plots.vehicles import Footprints, goal_outlines
 from interdrive.plots.view import View, view_of
+from interdrive.run.goals import said_time
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -260,7 +261,7 @@ class Stage:
                     (10 if self.crowded else 11) if color == RECORDED_EDGE else (11 if self.crowded else 13)
                 ]
                 draw.text((x, y), text, fill=color, font=font, anchor="mm", stroke_width=2, stroke_fill="white")
-        clock = f"{(self.run.states.first_time_step + column) * self.run.scenario.dt:.1f} s"
+        clock = f"{said_time(self.run, self.run.states.first_time_step + column)} s"
         draw.text((12, 10), clock, fill=INK, font=self.fonts[17], anchor="la", stroke_width=3, stroke_fill="white")
 
     def _legend(self) -> Image.Image:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from interdrive.criticality import measure_named
 from interdrive.errors import InputError
 from interdrive.plots.labels import draw_labels
-from interdrive.plots.measures import CAPS, levels_of
+from interdrive.plots.measures import levels_of
 from interdrive.plots.road import draw_scale, map_axes
 from interdrive.plots.still import draw_run
 from interdrive.plots.style import (
@@ -172,7 +172,7 @@ def draw_measures(
             axes.axhline(level, color=THRESHOLD, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1)
         if not any(np.isfinite(line).any() for line in lines.values()):
             axes.text(0.5, 0.5, "no conflict", ha="center", va="center", fontsize=_FONT, transform=axes.transAxes)
-        _limit(axes, list(lines.values()), level, CAPS.get(measure.name, np.inf))
+        _limit(axes, list(lines.values()), level, measure.drawn_to)
     _finish(figure, panels, styles, [])
     return figure
 

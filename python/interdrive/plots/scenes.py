@@ -192,7 +192,7 @@ def _stamps(scene: Scene, pair: tuple[int, int], every: float, view: View) -> li
                 continue
             kept.append(column)
             first, last, only = ((states.first_time_step + at) * dt for at in (stand[0], stand[-1], column))
-            text = f"{first:.3g}–{last:.3g} s" if last - first > 0.99 * every else f"{only:.3g} s"
+            text = f"{first:.5g}–{last:.5g} s" if last - first > 0.99 * every else f"{only:.5g} s"
             stamps.append(_Stamp(place, row, column, text, strong))
     return stamps
 

@@ -69,7 +69,7 @@ OUTCOME_MARKS = {
     "goal_reached_late": Mark("^", "#56B4E9", 4.8, "goal reached late", "////"),
     "time_limit": Mark("s", "#E69F00", 4.0, "time limit", "...."),
     "goal_missed": Mark("D", "#CC79A7", 3.8, "goal missed", "\\\\\\\\"),
-    "infeasible": Mark("v", "#F0E442", 5.0, "no feasible plan", "xxxx"),
+    "infeasible": Mark("v", "#F0E442", 5.0, "infeasible", "xxxx"),
     "planner_error": Mark("*", "#7f7f7f", 6.5, "planner error"),
     "collision": Mark("X", "#D55E00", 6.0, "collision"),
     "running": Mark("o", "#ffffff", 4.0, "still running"),
@@ -78,7 +78,7 @@ OUTCOME_MARKS = {
 #: What else happens to agents during a run.
 EVENT_MARKS = {
     "emergency_braking": Mark("8", "#E69F00", 4.0, "emergency plan"),
-    "infeasible_plan": Mark("v", "#F0E442", 5.0, "no feasible plan found"),
+    "infeasible_plan": Mark("v", "#F0E442", 5.0, "infeasible plan"),
     "violation": Mark("D", "#D55E00", 4.0, "broken rule of the road"),
     "hold": Mark("s", "#56B4E9", 4.0, "holds for another agent"),
     "critical": Mark("P", "#CC79A7", 6.0, "critical moment"),

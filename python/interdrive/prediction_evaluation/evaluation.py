@@ -154,7 +154,7 @@ def evaluate_predictors(
             "settings": {
                 name: value
                 for name, value in flatten(simulation).items()
-                if name.startswith(("predictor.", "road.", "step."))
+                if name.startswith(("predictor.", "recording.", "road.", "step."))
             },
         },
         tuple(choices),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
+from interdrive.files import content_of_input
 from interdrive.prediction_evaluation import curves, tables
 from interdrive.results import software
-from interdrive.storage import check_folder, replacing, write_json, write_table
+from interdrive.storage import FolderKind, Origin, changed_settings, resolved, whole_folder, write_json, write_table
+from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,21 +30,15 @@ _TABLES = {
 _ENDINGS = (".pdf", ".png")
 
 
-def check_evaluation_target(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """The folder an evaluation can be saved to, as an absolute path; useful before a long one.
-
-    Raises:
-        ResultsError: if something is there that must not be replaced.
-    """
-    return check_folder(folder, "prediction evaluation", _MARK, _belongs, overwrite=overwrite)
-
-
 def _belongs(entry: Path) -> bool:
     name = entry.stem
     return entry.name == _MARK or (
         (entry.suffix == ".parquet" and name in _TABLES)
         or (entry.suffix in _ENDINGS and (name in ("error_over_time", "calibration") or name.startswith("scene_")))
     )
+
+
+EVALUATION_FOLDER = FolderKind("prediction evaluation", _MARK, _belongs)
 
 
 def save_evaluation(
@@ -69,17 +66,23 @@ def save_evaluation(
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
     """
-    target = check_evaluation_target(folder, overwrite=overwrite)
-    with replacing(target) as partial:
-        partial.mkdir()
+    with whole_folder(folder, EVALUATION_FOLDER, overwrite=overwrite) as partial:
+        origin = _origin(found)
         for name, table in _TABLES.items():
             if name != "samples" or with_samples:
-                write_table(table(found), partial / f"{name}.parquet")
+                write_table(table(found), partial / f"{name}.parquet", origin)
         about = {"predictors": list(found.predictors), **found.settings, "notes": list(found.notes)}
         write_json({**about, **software()}, partial / _MARK)
         if with_figures:
             _draw(found, partial, on_figure)
-    return target
+    return resolved(folder)
+
+
+def _origin(found: PredictionEvaluation) -> Origin:
+    """What was asked for, settings that are not the defaults, and the content of all files."""
+    inputs = {readable(file.name): sha256(content_of_input(file)).hexdigest() for file in found.files}
+    asked = {name: value for name, value in found.settings.items() if name != "files"}
+    return Origin({"predictors": list(found.predictors), **asked, **changed_settings(found.simulation)}, inputs)
 
 
 def _draw(found: PredictionEvaluation, folder: Path, on_figure: Callable[[str], None] | None) -> None:

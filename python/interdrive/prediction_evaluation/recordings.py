@@ -185,7 +185,7 @@ def opened(path: Path, settings: SimulationSettings, *, is_needed: bool) -> Reco
         InputError: It is needed and cannot be used.
     """
     try:
-        return Recording(read_scenario(path), settings)
+        return Recording(read_scenario(path, raw=settings.recording.raw), settings)
     except InterdriveError as error:
         if is_needed:
             raise

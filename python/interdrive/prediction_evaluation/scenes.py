@@ -82,7 +82,7 @@ def example_scenes(found: PredictionEvaluation) -> Iterator[ExampleScene]:
         if chosen is None:
             continue
         file, time_step = chosen
-        recording = Recording(read_scenario(found.files[file]), found.simulation)
+        recording = Recording(read_scenario(found.files[file], raw=found.simulation.recording.raw), found.simulation)
         moment = recording.at(time_step)
         predicted = {}
         for choice in found.choices:

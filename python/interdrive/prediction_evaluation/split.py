@@ -6,7 +6,6 @@ The file is TOML with a table `[[place]]` per place: `files` (patterns of file n
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 from interdrive.errors import InputError
 from interdrive.files import content_of_input
+from interdrive.storage.reading import decoded, parsed_toml
 
 #: Origin of traffic: cameras; a simulation (SUMO); invented by hand or by synthesis; unknown.
 UNKNOWN = "unknown"
@@ -74,7 +74,7 @@ def read_split(path: str | Path) -> Split:
     path = Path(path)
     content = content_of_input(path)
     try:
-        table: dict[str, Any] = tomllib.loads(content.decode())
+        table = parsed_toml(decoded(content))
     except ValueError as error:
         raise InputError(f"{path}: cannot be read as TOML ({error})") from None
     places = table.get("place")
@@ -92,6 +92,6 @@ def _place(path: Path, number: int, entry: Any) -> Place:  # noqa: ANN401 - what
     if not isinstance(part, str) or not isinstance(category, str):
         raise InputError(f"{path}: place {name}: part and category must be texts")
     traffic = given.get("traffic", UNKNOWN)
-    if traffic not in TRAFFIC:
+    if not isinstance(traffic, str) or traffic not in TRAFFIC:
         raise InputError(f"{path}: place {name}: traffic is {traffic!r}, but must be one of {', '.join(TRAFFIC)}")
     return Place(name, tuple(files), part, category, traffic)

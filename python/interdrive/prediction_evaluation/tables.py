@@ -121,7 +121,20 @@ SAMPLE_COLUMNS = (
     Column("stands", "truth", "known for 0.5 s and moved less than 0.1 m in it"),
     Column("stays", "truth", "stands, and moves less than 0.1 m in the next 3 s"),
     Column("departure", "number", "distance after 3 s from a drive with the present velocity [m]", nullable=True),
-    *(Column(name, "number", "see interdrive.prediction_evaluation.measures.judged", True) for name in _SAMPLE_VALUES),
+    *(
+        Column(
+            name,
+            "number",
+            "see interdrive.prediction_evaluation.measures.judged",
+            nullable=True,
+            own_unit="m"
+            if name.startswith(("ade", "fde", "displacement"))
+            else "nat"
+            if name.startswith("nll")
+            else "1",
+        )
+        for name in _SAMPLE_VALUES
+    ),
 )
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.storage.names import path_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,10 +45,10 @@ def cache_folder() -> Path:
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     if chosen:
-        return Path(chosen).expanduser()
+        return path_of(chosen)
     # The XDG specification has relative paths ignored.
-    desktop = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-    return (desktop if desktop.is_absolute() else Path("~/.cache").expanduser()) / "interdrive"
+    desktop = path_of(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    return (desktop if desktop.is_absolute() else path_of("~/.cache")) / "interdrive"
 
 
 def weights_file() -> Path:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from interdrive import _core
 from interdrive.errors import InputError
+from interdrive.storage.names import path_of
 
 #: The shipped weights.
 SHIPPED = Path(__file__).with_name("neural.safetensors")
@@ -23,7 +24,7 @@ def network(weights: str = "") -> _core.NeuralNetwork:
             interdrive, or has a tensor that does not fit. The message names the file.
     """
     try:
-        path = Path(weights).expanduser().resolve() if weights else SHIPPED
+        path = path_of(weights).resolve() if weights else SHIPPED
         status = path.stat()
     except (OSError, ValueError, RuntimeError) as error:  # no such user, circular links
         raise InputError(f"weights {weights or SHIPPED}: no such file") from error

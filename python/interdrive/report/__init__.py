@@ -11,8 +11,9 @@ from interdrive.errors import InterdriveError, ResultsError
 from interdrive.report.batch import batch_contents
 from interdrive.report.contents import run_contents
 from interdrive.report.page import page, pages_side_by_side
+from interdrive.results.folder import inputs_of
 from interdrive.results.information import read_information
-from interdrive.storage import replacing
+from interdrive.storage import keep_inputs, replacing, resolved
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +36,7 @@ def write_run_report(folder: str | Path, path: str | Path | None = None) -> Path
         InputError: if the scenario of the run cannot be read.
     """
     target = _target(folder, path)
+    keep_inputs(target, _read(folder))
     contents = run_contents(folder)
     text = page(f"{contents.header['name']} - interdrive", contents)
     with replacing(target) as partial:
@@ -59,6 +61,7 @@ def write_pair_report(first: str | Path, second: str | Path, path: str | Path | 
     """
     one, other = (Path(folder).resolve() for folder in (first, second))
     target = _target(one, one.with_name(f"{one.name}_{other.name}.html") if path is None else path)
+    keep_inputs(target, [*_read(one), *_read(other)])
     scenarios = [read_information(folder)["scenario"] for folder in (one, other)]
     names = [str(scenario["name"]) for scenario in scenarios]
     if len({(scenario["name"], scenario["sha256"]) for scenario in scenarios}) > 1:
@@ -79,6 +82,13 @@ def _target(folder: str | Path, path: str | Path | None) -> Path:
     if target.is_dir():
         raise ResultsError(f"{target}: a folder with this name already exists")
     return target
+
+
+def _read(folder: str | Path) -> list[Path]:
+    """The files that the page of a run is made of."""
+    resolved(folder)  # circular links are refused by its own name
+    source = read_information(Path(folder))["scenario"]["path"]
+    return [*inputs_of(folder), *(() if source is None else (Path(source),))]
 
 
 def is_batch(folder: str | Path) -> bool:

@@ -11,8 +11,8 @@ from interdrive.batches.plan import ALONE
 from interdrive.batches.store import BatchFolder
 from interdrive.comparison import compare
 from interdrive.comparison.variants import ALL, arrays, categories_of, compared_sets, variants_of
+from interdrive.criticality import measure_named
 from interdrive.errors import ResultsError
-from interdrive.plots.measures import CAPS
 from interdrive.report.comparison import compared_of
 from interdrive.report.contents import Contents
 from interdrive.report.contract import FORMAT
@@ -22,13 +22,15 @@ from interdrive.report.repeat import command
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from interdrive.comparison import Comparison
     from interdrive.report.contract import BatchHeader, BatchRun, Compared, Missing
 
 #: Columns of the data set whose distributions are drawn, the factor to their unit, and beyond what no value matters.
 _DRAWN = (
     ("score", "score", "", 100.0, None),
-    ("ttc_min", "min TTC", "s", 1.0, CAPS["ttc"]),
+    ("ttc_min", "min TTC", "s", 1.0, measure_named("ttc").drawn_to),
     ("jerk_rms", "jerk (rms)", "m/s³", 1.0, None),
     ("lateral_acceleration_rms", "lateral acceleration (rms)", "m/s²", 1.0, None),
     ("deceleration_max", "largest deceleration", "m/s²", 1.0, None),
@@ -127,6 +129,10 @@ def _parts(column: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return sorted({_part(column, row) for row in range(len(column["key"]))})
 
 
+def _least(values: NDArray[np.float64]) -> float | None:
+    return float(np.nanmin(values)) if np.isfinite(values).any() else None
+
+
 def _runs(column: Mapping[str, Any], pages: Mapping[str, str], damaged: Mapping[str, str]) -> list[BatchRun]:
     """One entry per run, in the order of the data set."""
     ttc = column["ttc_min"].astype(np.float64)
@@ -150,7 +156,8 @@ def _runs(column: Mapping[str, Any], pages: Mapping[str, str], damaged: Mapping[
             "n_agents": len(mine),
             "agent": int(column["agent_id"][mine[0]]) if about["agents"] == ALONE and len(mine) else None,
             "outcomes": {name: outcomes.count(name) for name in sorted(set(outcomes))},
-            "ttc_min": float(np.nanmin(least)) if np.isfinite(least).any() else None,
+            "ttc_min": _least(least),
+            "ttc": measure_named("ttc").text(_least(least), with_unit=False),
             "page": pages.get(str(keys[run])),
             "damage": damaged.get(str(keys[run]), ""),
         }

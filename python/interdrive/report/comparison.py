@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.comparison import METRICS
 from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.metrics import SHARES
 from interdrive.comparison.tables import meaning_of_bold, metrics_shown, shown
 from interdrive.comparison.variants import ALL
 
@@ -57,7 +58,7 @@ def _row(row: dict[str, Any], rows: Rows, metrics: Sequence[Metric], *, enough: 
         "planner": row["variant"],
         "runs": f"{row['runs']}{lost}",
         "n_agents": row["n_agents"],
-        "shares": {metric.column: row[metric.name] for metric in METRICS if metric.outcome and row[metric.name]},
+        "shares": {metric.column: row[metric.name] for metric in SHARES if row[metric.name]},
         "cells": [_cell(metric, row, rows, enough=enough) for metric in metrics],
     }
 

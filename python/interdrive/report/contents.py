@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.criticality import MEASURES
+from interdrive.criticality import MEASURES, measure_named
 from interdrive.errors import InterdriveError
-from interdrive.plots.measures import CAPS, LEVELS
+from interdrive.plots.measures import LEVELS
 from interdrive.plots.style import agent_colors
 from interdrive.plots.vehicles import body_outlines, outlines
 from interdrive.plots.view import View, view_of
 from interdrive.report.contract import FORMAT
 from interdrive.report.cooperation import pack_cooperation
 from interdrive.report.events import Event, events_of
-from interdrive.report.measured import measured_of
+from interdrive.report.measured import Measured, measured_of
 from interdrive.report.packing import Packer
 from interdrive.report.priorities import pack_priorities
 from interdrive.report.tables import (
@@ -33,6 +33,7 @@ from interdrive.results import read_results, reopen, with_cooperation, with_rout
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 from interdrive.scoring import score, score_table, stored_score
+from interdrive.storage import is_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,7 +102,7 @@ def run_contents(folder: str | Path) -> Contents:
         "n_steps": run.states.n_steps,
         "view": {"angle": view.angle, "width": view.width, "height": view.height},
         "origin": (float(origin[0]), float(origin[1])),
-        "participants": _participants(run, results, origin, _scores(Path(folder), run, results, lacking)),
+        "participants": _participants(run, results, origin, _scores(Path(folder), run, results, lacking), measured),
         "statuses": list(PLAN_STATUS),
         "reasons": reasons,
         "measures": [] if measured is None else [_measure(measure) for measure in MEASURES],
@@ -154,7 +155,9 @@ def _origin(view: View) -> Floats:
 def _scores(folder: Path, run: Run, results: Results, lacking: list[Missing]) -> dict[int, tuple[float | None, str]]:
     """Score of every agent and why it is not 1: as stored, or evaluated with the defaults."""
     try:
-        found = stored_score(folder) or score_table(score(with_routes(run, results)))
+        found = stored_score(folder)
+        if found is None or not is_of(found, run.digest):
+            found = score_table(score(with_routes(run, results)))
     except InterdriveError as cause:
         lacking.append({"what": "score", "text": f"Scores cannot be evaluated: {cause}"})
         return {}
@@ -162,7 +165,11 @@ def _scores(folder: Path, run: Run, results: Results, lacking: list[Missing]) ->
 
 
 def _participants(
-    run: Run, results: Results, origin: Floats, scores: Mapping[int, tuple[float | None, str]]
+    run: Run,
+    results: Results,
+    origin: Floats,
+    scores: Mapping[int, tuple[float | None, str]],
+    measured: Measured | None,
 ) -> list[Participant]:
     """One entry per row of the states: what does not change."""
     states, colors = run.states, agent_colors(run)
@@ -193,6 +200,7 @@ def _participants(
                 "outcome": outcome["outcome"],
                 "end": outcome["time_step"] - states.first_time_step,
                 "harm": outcome["harm"],
+                "ttc": _least_ttc(measured, order[number]),
                 "reason": ", ".join(filter(None, (outcome["reason"], _swung_out(outcome["off_lanelets"])))),
                 "goal": [np.round(line - origin, 2).tolist() for line in goal],
                 "sensor_radius": sensor_radius,
@@ -202,6 +210,11 @@ def _participants(
                 entry["score"], entry["why"] = scores[number]
         made.append(entry)
     return made
+
+
+def _least_ttc(measured: Measured | None, place: int) -> str:
+    value = None if measured is None else float(measured.extreme[MEASURES.index(measure_named("ttc")), place])
+    return measure_named("ttc").text(value, with_unit=False)
 
 
 def _swung_out(off_lanelets: float) -> str:
@@ -243,7 +256,8 @@ def _measure(measure: Measure) -> contract.Measure:
         "title": measure.title,
         "unit": measure.unit,
         "grows": measure.grows,
-        "cap": CAPS.get(measure.name),
+        "cap": measure.drawn_to if np.isfinite(measure.drawn_to) else None,
+        "horizon": measure.horizon if np.isfinite(measure.horizon) else None,
         "level": LEVELS.get(measure.name),
     }
 

@@ -43,6 +43,7 @@ class Participant(TypedDict):
     outcome: NotRequired[str]
     end: NotRequired[int]
     harm: NotRequired[float | None]
+    ttc: NotRequired[str]
     reason: NotRequired[str]
     score: NotRequired[float | None]
     why: NotRequired[str]
@@ -52,13 +53,14 @@ class Participant(TypedDict):
 
 
 class Measure(TypedDict):
-    """A criticality measure; values beyond the cap do not matter, the level is a line to compare with."""
+    """A criticality measure: the largest values drawn (cap) and told (horizon), and a line to compare with (level)."""
 
     name: str
     title: str
     unit: str
     grows: bool
     cap: float | None
+    horizon: float | None
     level: float | None
 
 
@@ -201,6 +203,7 @@ class BatchRun(TypedDict):
     agent: int | None
     outcomes: dict[str, int]
     ttc_min: float | None
+    ttc: str
     page: str | None
     damage: str
     command: NotRequired[str | None]

@@ -10,6 +10,7 @@ import numpy as np
 from interdrive.criticality import MEASURES, measure_named
 from interdrive.report.planning import made_at
 from interdrive.run import RULES
+from interdrive.run.reasons import STANDSTILL, said_rejection
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,14 +23,14 @@ if TYPE_CHECKING:
 THRESHOLDS = {"ttc": 2.0, "pet": 1.0, "btn": 1.0}
 
 #: Plans of these kinds are events when they begin; an emergency plan brakes or evades (planner_frenet.md).
-_EMERGENCIES = {"emergency_braking": "falls back on an emergency plan", "infeasible": "finds no feasible plan"}
+_EMERGENCIES = {"emergency_braking": "falls back on an emergency plan", "infeasible": "has no plan (infeasible)"}
 
 _ENDS = {
     "goal_reached": "reaches its goal",
     "goal_reached_late": "reaches its goal late",
     "time_limit": "runs out of time",
     "goal_missed": "misses its goal",
-    "infeasible": "has no feasible plan left",
+    "infeasible": "ends as infeasible",
     "collision": "collides",
     "planner_error": "ends: its planner failed",
     "running": "still drives when the run is stopped",
@@ -87,6 +88,8 @@ def _ends(run: Run) -> Iterator[Event]:
             text, rows = f"{text} with {partner}", (*rows, _row(run, partner))
         elif outcome == "collision":
             text = f"{number} leaves the road"
+        elif outcome == "time_limit" and ended.message[index].startswith(STANDSTILL):
+            text = f"{number} ends, as nothing moves any more"
         if np.isfinite(ended.impact_speed[index]):
             text += f" at {ended.impact_speed[index]:.1f} m/s"
         step = int(ended.time_step[index]) - run.states.first_time_step
@@ -109,7 +112,8 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
             if name not in _EMERGENCIES or (before is not None and status[before] == name):
                 continue
             kind, moment = "infeasible_plan" if name == "infeasible" else name, int(step[at])
-            text = f"{number} {_EMERGENCIES[name]}" + (f": {rejection[at]}" if rejection[at] else "")
+            why = f"; most samples were rejected: {said_rejection(rejection[at])}" if rejection[at] else ""
+            text = f"{number} {_EMERGENCIES[name]}{why}"
             yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), text)
 
 
@@ -149,5 +153,5 @@ def _critical(run: Run, measured: Measured) -> Iterator[Event]:
                 continue
             rows = (_row(run, number), partner) if partner >= 0 else (_row(run, number),)
             other = f" with {run.states.participant_id[partner]}" if partner >= 0 else ""
-            size = f"{value:.2f}\N{NO-BREAK SPACE}{measure.unit}" if measure.unit else f"{value:.2f}"
+            size = measure.text(value).replace(" ", "\N{NO-BREAK SPACE}")
             yield Event(step, "critical", rows, f"{number}: {measure.title} {size}{other}", value)

@@ -9,6 +9,7 @@ import numpy as np
 
 from interdrive.criticality import MEASURES, evaluate
 from interdrive.criticality.tables import criticality_extremes_table, criticality_table, stored_criticality
+from interdrive.storage import is_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,7 +54,7 @@ def measured_of(folder: Path, run: Run) -> Measured | None:
     if not run.agents:
         return None
     tables = stored_criticality(folder)
-    if tables is None:
+    if tables is None or not is_of(tables[0], run.digest):
         found = evaluate(run)
         tables = criticality_table(found), criticality_extremes_table(found)
     shape = len(MEASURES), len(run.outcomes.agent_id)

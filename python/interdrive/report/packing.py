@@ -96,7 +96,8 @@ def _narrowest(whole: NDArray[np.int64]) -> Literal["u8", "i8", "i16", "i32"]:
 
 
 def _shortened(values: NDArray[Any]) -> NDArray[np.float32]:
-    single = np.ascontiguousarray(values, dtype="<f4")
+    with np.errstate(over="ignore"):  # what is too large for single precision is inf
+        single = np.ascontiguousarray(values, dtype="<f4")
     bits = single.view("<u4").copy()
     finite = np.isfinite(single)
     half, mask = np.uint32(1 << (_DROPPED_BITS - 1)), np.uint32(0xFFFFFFFF << _DROPPED_BITS & 0xFFFFFFFF)

@@ -8,8 +8,8 @@ bytes. Absent numbers are null.
 from __future__ import annotations
 
 from interdrive.results.columns import COLUMNS
-from interdrive.results.folder import Results, check_target, holds_run, read_results, save
-from interdrive.results.information import FORMAT, RunInformation, information, software
+from interdrive.results.folder import RUN_FOLDER, Results, check_target, holds_run, read_results, save
+from interdrive.results.information import FORMAT, RunInformation, information, origin_of_run, software
 from interdrive.results.reader import with_cooperation, with_routes
 from interdrive.results.run import Run, RunInterrupted, load, recorded_run, reopen
 from interdrive.results.tables import (
@@ -26,6 +26,7 @@ from interdrive.results.tables import (
 __all__ = [
     "COLUMNS",
     "FORMAT",
+    "RUN_FOLDER",
     "Results",
     "Run",
     "RunInformation",
@@ -35,6 +36,7 @@ __all__ = [
     "holds_run",
     "information",
     "load",
+    "origin_of_run",
     "outcome_table",
     "plans_table",
     "predictions_table",

@@ -110,7 +110,12 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
         Column("partner_id", "integer", "participant whose right of way it took", nullable=True),
         Column("x", "number", "centre of the vehicle at the first time step [m]"),
         Column("y", "number", "centre of the vehicle at the first time step [m]"),
-        Column("value", "number", "; ".join(f"{name}: {rule.value}" for name, rule in RULES.items())),
+        Column(
+            "value",
+            "number",
+            "; ".join(f"{name}: {rule.value}" for name, rule in RULES.items()),
+            own_unit="of the rule",
+        ),
     ),
     "orders": (
         Column("agent_id", "integer", "agent that was told to wait before a junction or a crosswalk"),

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interdrive.results.columns import COLUMNS, ON_DEMAND
-from interdrive.results.information import information, read_information
+from interdrive.results.information import information, origin_of_run, read_information
 from interdrive.results.tables import (
     agreements_table,
     candidates_table,
@@ -23,8 +23,9 @@ from interdrive.results.tables import (
     violations_table,
 )
 from interdrive.results.validation import check_tables
+from interdrive.storage.folders import FolderKind, check_folder, whole_folder
 from interdrive.storage.tables import read_table, schema_of, write_parquet
-from interdrive.storage.writing import check_folder, replacing, resolved, write_json
+from interdrive.storage.writing import resolved, write_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -54,6 +55,8 @@ _OTHER_FILES = (
 
 #: All files that a run folder may contain.
 _RUN_FILES = {*_OTHER_FILES, *(f"{name}.parquet" for name in COLUMNS)}
+
+RUN_FOLDER = FolderKind("run", "run.json", lambda entry: entry.name in _RUN_FILES)
 
 
 @dataclass(frozen=True)
@@ -111,12 +114,11 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
     """
-    from interdrive.files import write_scenario  # noqa: PLC0415 - commonroad-io takes a second to load
+    from interdrive.files import road_losses, run_document  # noqa: PLC0415 - commonroad-io takes a second to load
 
-    target = check_target(folder, overwrite=overwrite)
-    with replacing(target) as partial:
-        partial.mkdir()
-        rows = {}
+    inputs = () if run.scenario.path is None else (run.scenario.path,)
+    with whole_folder(folder, RUN_FOLDER, overwrite=overwrite, inputs=inputs) as partial:
+        rows, origin = {}, origin_of_run(run)
         for name, table in (
             ("outcomes", outcome_table(run)),
             ("states", states_table(run)),
@@ -133,11 +135,26 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
         ):
             if table is None:
                 continue
-            write_parquet(table, partial / f"{name}.parquet")
+            write_parquet(table, partial / f"{name}.parquet", origin)
             rows[name] = table.num_rows
-        write_json({**information(run), "rows": rows}, partial / "run.json")
-        (partial / "scenario.xml").write_bytes(write_scenario(run))
-    return target
+        about = information(run)
+        lost = road_losses(run.scenario) if run.scenario.path is None else ()
+        about["notes"] = [*about["notes"], *(f"scenario.xml lacks {line}" for line in lost)]
+        write_json({**about, "rows": rows}, partial / "run.json")
+        (partial / "scenario.xml").write_bytes(run_document(run))
+    return resolved(folder)
+
+
+def inputs_of(folder: str | Path, run: RunRecord | None = None) -> list[Path]:
+    """What makes up the run in a folder: its tables, run.json and scenario, which no figure or page may replace.
+
+    Args:
+        folder: A run folder.
+        run: The run in it; the file that it was simulated from counts, too.
+    """
+    made = {"run.json", "scenario.xml", *(f"{name}.parquet" for name in COLUMNS)}
+    source = None if run is None else run.scenario.path
+    return [*(Path(folder) / name for name in sorted(made)), *(() if source is None else (source,))]
 
 
 def read_results(folder: str | Path, *, in_part: bool = False) -> Results:
@@ -180,7 +197,7 @@ def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
     Raises:
         ResultsError: if something is there that must not be replaced.
     """
-    return check_folder(folder, "run", "run.json", lambda entry: entry.name in _RUN_FILES, overwrite=overwrite)
+    return check_folder(folder, RUN_FOLDER, overwrite=overwrite)
 
 
 def holds_run(folder: Path) -> bool:

@@ -5,13 +5,18 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import numpy as np
 
+from interdrive.config.binding import flatten
+from interdrive.config.schema import SimulationSettings
 from interdrive.errors import ResultsError
 from interdrive.results.run_json import check_information
-from interdrive.storage.writing import one_line, read_json
+from interdrive.storage.origin import Origin
+from interdrive.storage.reading import read_json
+from interdrive.storage.writing import json_text, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -133,6 +138,25 @@ def information(run: RunRecord) -> RunInformation:
         "notes": list(run.notes),
         **software(),
     }
+
+
+#: Choices of a run that nobody made.
+_USUAL = {"agents": "all", "planner": "frenet", "predictor": "neural", "seed": 0}
+
+
+def origin_of_run(run: RunRecord) -> Origin:
+    """How the tables of a run came about: choices and settings that are not the defaults, scenario and states."""
+    chosen = run.settings
+    usual = {**_USUAL, **_usual_settings()}
+    given: dict[str, Any] = {name: chosen.get(name, value) for name, value in _USUAL.items()}
+    given |= dict(chosen.get("settings") or {})
+    changed = {name: value for name, value in given.items() if json_text(value) != json_text(usual.get(name))}
+    return Origin(changed, {"scenario": run.scenario.sha256, "run": run.digest})
+
+
+@cache
+def _usual_settings() -> dict[str, Any]:
+    return flatten(SimulationSettings())
 
 
 def software() -> SoftwareInformation:

@@ -206,10 +206,12 @@ def _scenario_of(folder: Path, info: RunInformation) -> Scenario:
         path = Path(stored["path"])
         try:
             if hashlib.sha256(content_of_file(path)).hexdigest() == stored["sha256"]:
-                return read_scenario(path)
+                # Runs from before recordings were repaired do not say it.
+                said = info.get("settings", {}).get("settings", {})
+                return read_scenario(path, raw=bool(said.get("recording.raw", True)))
         except OSError:
             pass  # moved away; the folder has a copy of the road
-    return read_scenario(folder / "scenario.xml")
+    return read_scenario(folder / "scenario.xml", raw=True)
 
 
 def _states(results: Results, scenario: Scenario) -> States:

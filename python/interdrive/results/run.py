@@ -13,7 +13,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from interdrive.files import commonroad_objects, write_scenario
+from interdrive.files import commonroad_objects, run_document
 from interdrive.results import tables
 from interdrive.results.folder import save
 from interdrive.results.reader import read_part, read_run
@@ -179,19 +179,18 @@ class Run(RunRecord):
         folder = Path(tempfile.mkdtemp(prefix="interdrive-")) / "run"
         self.save(folder)
         page = RunPage(write_run_report(folder))
-        # Other programs may have loaded these packages; only the shell of a notebook has a kernel.
-        shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-        if hasattr(shell, "kernel"):
+        if (cell := _cell()) is not None:
             from IPython.display import display  # noqa: PLC0415 - there in Jupyter only
 
             display(page)
+            page.shown_in = cell
         else:
             webbrowser.open(page.path.as_uri())
         return page
 
     def to_commonroad(self) -> CommonRoadObjects:
-        """The simulated world as `(scenario, planning_problem_set)` of commonroad-io; see `write_scenario`."""
-        return commonroad_objects(write_scenario(self))
+        """The simulated world as `(scenario, planning_problem_set)` of commonroad-io; see `run_document`."""
+        return commonroad_objects(run_document(self))
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -210,21 +209,32 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 class RunPage:
-    """The page of a run; Jupyter shows it where it is the value of a cell.
+    """The page of a run; Jupyter shows it where it is the value of a cell, unless that cell has shown it already.
 
     Attributes:
         path: The file.
+        shown_in: Number of the cell that has shown it; None: none.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.shown_in: int | None = None
 
     def __repr__(self) -> str:
         return f"<RunPage {self.path}>"
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
+        if self.shown_in is not None and self.shown_in == _cell():
+            return None
         page = escape(self.path.read_text(encoding="utf-8"), quote=True)
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 720px; border: 0"></iframe>'
+
+
+def _cell() -> int | None:
+    """Number of the notebook's cell that is executed; None outside of notebooks."""
+    # Other programs may have loaded these packages; only the shell of a notebook has a kernel.
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return int(shell.execution_count) if shell is not None and hasattr(shell, "kernel") else None
 
 
 def _unbound(part: T) -> T:

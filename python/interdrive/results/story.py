@@ -10,7 +10,8 @@ from interdrive.criticality import measure_named
 from interdrive.errors import InputError
 from interdrive.run.goals import said_time
 from interdrive.run.phases import emergency_steps, phases
-from interdrive.run.reasons import said_count, said_list, said_name, said_obstruction, said_order
+from interdrive.run.reasons import said_count, said_line, said_list, said_name, said_obstruction, said_order
+from interdrive.run.rules import RULES
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
@@ -45,7 +46,8 @@ def story(run: Run, agent_id: int, criticality: Criticality | None = None) -> li
         lines.append(f"  no admissible sample at {said_count(len(braking), 'time step')}, the first at {first} s")
     found = criticality or run.criticality([agent_id])
     trace = run.outcomes.traceback[int(np.searchsorted(run.outcomes.agent_id, agent_id))]
-    return [*lines, *(f"  {line}" for line in [*_critical(run, agent_id, found), *trace.splitlines()])]
+    more = [*_broken(run, agent_id), *_critical(run, agent_id, found), *trace.splitlines()]
+    return [*lines, *(f"  {line}" for line in more)]
 
 
 def ending(run: Run, agent_id: int) -> str:
@@ -97,8 +99,8 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
         text += f" {said_order(run, *phase.order)}"
     elif phase.leader_id >= 0:
         text += f" behind {said_name(run, phase.leader_id)}"
-    elif phase.red_lanelet_id >= 0:
-        text += f" at a red light (stop line of lanelet {phase.red_lanelet_id})"
+    elif line := said_line(phase):
+        text += f" {line}"
     elif phase.left_lanelet_id >= 0:
         text += f" before the end of lanelet {phase.left_lanelet_id}, without a gap in the lane beside"
     elif phase.crossing_ids:
@@ -111,6 +113,34 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
     return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}{because}"
 
 
+def _broken(run: Run, agent_id: int) -> list[str]:
+    """The rules of the road that an agent broke, each once, in the order of their first times."""
+    broken = run.violations
+    if broken is None:
+        return []
+    mine = [
+        place for place in np.flatnonzero(broken.participant_id == agent_id).tolist() if broken.source[place] == "agent"
+    ]
+    by_rule: dict[str, list[int]] = {}
+    for place in sorted(mine, key=lambda place: int(broken.first_time_step[place])):
+        by_rule.setdefault(broken.rule[place], []).append(place)
+    lines = []
+    for rule, (place, *others) in by_rule.items():
+        partner = int(broken.partner_id[place])
+        name = said_name(run, partner) if partner >= 0 else ""
+        words = RULES[rule].words.format(value=float(broken.value[place]), partner=name)
+        words = words.replace("\N{NO-BREAK SPACE}", " ")
+        first, last = (int(steps[place]) for steps in (broken.first_time_step, broken.last_time_step))
+        when = (
+            f"at {said_time(run, first)}"
+            if first == last
+            else f"from {said_time(run, first)} to {said_time(run, last)}"
+        )
+        again = f", and {said_count(len(others), 'more time')}" if others else ""
+        lines.append(f"broken rule {when} s: {words}{again}")
+    return lines
+
+
 def _critical(run: Run, agent_id: int, found: Criticality) -> list[str]:
     """The most critical value of some measures, with time and partner."""
     lines = []
@@ -121,5 +151,5 @@ def _critical(run: Run, agent_id: int, found: Criticality) -> list[str]:
         if np.isfinite(value):
             met = f" with {said_name(run, partner)}" if partner >= 0 else ""
             when = said_time(run, int(extremes.time_step[row]))
-            lines.append(f"least {measure.title} {value:.1f} {measure.unit}{met} at {when} s")
+            lines.append(f"least {measure.title} {measure.text(value, 1)}{met} at {when} s")
     return lines

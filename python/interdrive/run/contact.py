@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,19 +17,35 @@ if TYPE_CHECKING:
 
 #: Halvings of the last step in the search for the moment of contact.
 _HALVINGS = 20
+#: Relative way [m] between looks for the first contact within a step, and the most looks.
+_PIECE, _MOST_PIECES = 0.1, 2000
 
 
-def contact_sides(states: States, first: int, second: int, time_step: int) -> tuple[str, str]:
-    """Sides by which two participants touched on the way to a time step: front, rear, left or right.
+@dataclass(frozen=True)
+class Contact:
+    """How two participants touched.
+
+    Attributes:
+        sides: Side of each that touched: front, rear, left or right.
+        approach: Speed at which each moved towards the other one before the contact [m/s], negative: away.
+    """
+
+    sides: tuple[str, str]
+    approach: tuple[float, float]
+
+
+def contact_between(states: States, first: int, second: int, time_step: int, dt: float) -> Contact:
+    """How two participants touched on the way to a time step.
 
     Footprints count as the rectangles around them, poses between time steps as interpolated. The side of each is the
-    one that faces the other across the line that separates them best at the moment of contact.
+    one that faces the other across the line that separates them best at the first moment of contact.
 
     Args:
         states: States of all participants.
         first: Row of one.
         second: Row of the other one.
         time_step: Time step of the first recorded states after the contact.
+        dt: Time between steps [s].
     """
     column = time_step - states.first_time_step
     before = column - 1 if column > 0 and states.valid[[first, second], column - 1].all() else column
@@ -35,7 +53,11 @@ def contact_sides(states: States, first: int, second: int, time_step: int) -> tu
     def boxes(fraction: float) -> list[tuple[Floats, Floats, Floats]]:
         return [_box(states, row, before, column, fraction) for row in (first, second)]
 
-    apart, touching = 0.0, 1.0
+    moved = [box[0] - start[0] for box, start in zip(boxes(1.0), boxes(0.0), strict=True)]
+    # Two that meet in a long step may be apart again at its end.
+    n = min(_MOST_PIECES, max(1, math.ceil(float(np.hypot(*(moved[1] - moved[0]))) / _PIECE)))
+    piece = next((i for i in range(1, n + 1) if _gap(*boxes(i / n))[0] <= 0.0), n)
+    apart, touching = (piece - 1) / n, piece / n
     for _ in range(_HALVINGS):
         middle = 0.5 * (apart + touching)
         if _gap(*boxes(middle))[0] > 0.0:
@@ -44,7 +66,10 @@ def contact_sides(states: States, first: int, second: int, time_step: int) -> tu
             touching = middle
     one, other = boxes(apart)
     normal = _gap(one, other)[1]
-    return _side(one, normal), _side(other, -normal)
+    return Contact(
+        (_side(one, normal), _side(other, -normal)),
+        (float(moved[0] @ normal) / dt, float(moved[1] @ -normal) / dt),
+    )
 
 
 def _box(states: States, row: int, before: int, after: int, fraction: float) -> tuple[Floats, Floats, Floats]:

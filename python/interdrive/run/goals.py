@@ -182,6 +182,11 @@ def way_to_goal(agent: AgentRecord, x: float, y: float) -> float:
 
 
 def said_time(run: RunRecord, time_step: int) -> str:
-    """A time step in seconds, with as many digits as steps need."""
-    dt = run.scenario.dt
-    return f"{time_step * dt:.{1 if math.isclose(dt * 10, round(dt * 10)) and round(dt * 10) else 2}f}"
+    """A time step of a run in seconds, with as many digits as steps need."""
+    return said_seconds(time_step, run.scenario.dt)
+
+
+def said_seconds(time_step: int, dt: float) -> str:
+    """A time step in seconds, with as many digits as steps of `dt` [s] need: the same text wherever it is told."""
+    digits = next((n for n in (1, 2) if math.isclose(dt * 10**n, round(dt * 10**n), abs_tol=1e-6)), 3)
+    return f"{time_step * dt:.{digits}f}"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.run.record import AgentRecord, RunRecord
+    from interdrive.scenario import StopLine
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
@@ -57,13 +58,15 @@ class Phase:
     Attributes:
         kind: What it did.
         first_time_step: Its first time step. last_time_step: Its last one, included.
-        leader_id: The vehicle ahead in most of this time, -1 for none.
-        crossing_ids: While it stood without a vehicle ahead or a red light: participants that crossed its path, in
-            their order.
-        red_lanelet_id: While it stood without a vehicle ahead: the lanelet of the stop line before it, if its light was
-            red or yellow most of the time; -1 otherwise.
-        left_lanelet_id: While it stood without a vehicle ahead, a red light or an order: the lanelet whose end is ahead
-            of it and which its route leaves for the lane beside; -1 otherwise.
+        leader_id: The vehicle ahead in most of this time, -1 for none; what is beyond a line at which it waits is not
+            meant.
+        crossing_ids: While it stood without a vehicle ahead or a line to wait at: participants that crossed its path,
+            in their order.
+        red_lanelet_id: The lanelet of the stop line that it stood at or came to, nearer than any vehicle, if its light
+            was red or yellow most of the time; -1 otherwise.
+        sign_lanelet_id: The same for a line with a stop sign.
+        left_lanelet_id: While it stood without a vehicle ahead, a line or an order: the lanelet whose end is ahead of
+            it and which its route leaves for the lane beside; -1 otherwise.
         order: Why (one of `ORDERS`) it was told most of the time to wait, before a junction while it slowed or stood or
             before a crosswalk, and because of which participant (-1 for none); None if it was not, or only by the
             vehicle ahead.
@@ -75,6 +78,7 @@ class Phase:
     leader_id: int = -1
     crossing_ids: tuple[int, ...] = ()
     red_lanelet_id: int = -1
+    sign_lanelet_id: int = -1
     left_lanelet_id: int = -1
     order: tuple[str, int] | None = None
 
@@ -106,12 +110,14 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
         order = _order(run, agent.id, first, last) if kind != "emergency braking" else None
         if kind == "driving" and order is not None and order[0] != "crosswalk":
             order = None  # It drives towards a junction, which takes no time yet.
-        is_first = kind == "standing" and leader < 0
-        red = _red_line(run, agent, row, inside) if is_first else -1
-        is_alone = is_first and red < 0 and order is None
+        stands = kind == "standing"
+        red, sign = _line_ahead(run, agent, row, inside, leader, standing=stands)
+        if red >= 0 or sign >= 0:
+            leader = -1
+        is_alone = stands and order is None and leader == red == sign == -1
         left = _left_lanelet(run, agent, row, int(inside[-1])) if is_alone else -1
         crossing = _crossing(run, path, row, inside) if is_alone and left < 0 else ()
-        found.append(Phase(kind, first, last, leader, crossing, red, left, order))
+        found.append(Phase(kind, first, last, leader, crossing, red, sign, left, order))
         at += length
     return tuple(found)
 
@@ -200,28 +206,50 @@ def _crossing(run: RunRecord, path: Floats, row: int, columns: Ints) -> tuple[in
     return tuple(found)
 
 
-def _red_line(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) -> int:
-    """Lanelet of the stop line before which an agent stands while its light is mostly red or yellow; -1 for none."""
-    states, scenario = run.states, run.scenario
-    lights = {light.id: light for light in scenario.traffic_lights}
-    last = int(columns[-1])
-    heading = float(states.orientation[row, last])
-    ahead = np.array([np.cos(heading), np.sin(heading)])
-    front = np.array([states.x[row, last], states.y[row, last]]) + 0.5 * float(states.length[row]) * ahead
-    for line in scenario.stop_lines:
-        left, right = line.ends
-        along = float((line.ends.mean(axis=0) - front) @ ahead)
-        across = float(np.hypot(*(right - left)))
-        beside = float((front - left) @ (right - left)) / max(across, 1e-9)
-        if line.lanelet_id not in agent.route_lanelet_ids or not 0.0 <= beside <= across:
-            continue
-        taken = [ids for following, ids in line.light_ids if following in agent.route_lanelet_ids]
-        ways = taken or [ids for _, ids in line.light_ids]  # a route may end at the line
-        shown = shown_together([lights[i] for ids in ways for i in ids], states.first_time_step + last + 1)
-        red = np.isin(shown[states.first_time_step + columns], [SIGNALS.index("red"), SIGNALS.index("yellow")])
-        if -_BEYOND_LINE <= along <= _BEFORE_LINE and 2 * np.count_nonzero(red) > len(columns):
-            return line.lanelet_id
-    return -1
+def _line_ahead(
+    run: RunRecord, agent: AgentRecord, row: int, columns: Ints, leader: int, *, standing: bool
+) -> tuple[int, int]:
+    """Lanelets of the nearest stop line of the route before which an agent waits: for red, for a stop sign.
+
+    Each is -1 if it does not wait for that. What is ahead of it already at the line is not beyond it. An agent that
+    stands is near the line; others come to it soon if they do not stop.
+    """
+    states, path = run.states, agent.reference_path
+    other = np.searchsorted(states.participant_id, [leader])
+    there = columns if leader < 0 else columns[states.valid[other[0], columns]]
+    last = int(there[-1])
+    lines = [line for line in run.scenario.stop_lines if line.lanelet_id in agent.route_lanelet_ids]
+    if not lines or len(path) < 2:
+        return -1, -1
+    points = np.array([*(line.ends.mean(axis=0) for line in lines), (states.x[row, last], states.y[row, last])])
+    s, beside, _ = path_coordinates(path, points)
+    ahead = s[:-1] - s[-1] - 0.5 * float(states.length[row])
+    across = np.array([0.5 * float(np.hypot(*np.diff(line.ends, axis=0)[0])) for line in lines])
+    fastest = float(np.abs(states.velocity[row, columns]).max())
+    reach = _BEFORE_LINE if standing else max(_AHEAD_DRIVING, _AHEAD_S * fastest)
+    if leader >= 0:
+        near, _, own_front, _ = _extents(run, path, row, other, last)
+        reach = min(reach, float(near[0]) - own_front)
+    near_enough = (ahead >= -_BEYOND_LINE) & (ahead <= reach) & (beside[:-1] <= across)
+    for place in np.argsort(ahead, kind="stable").tolist():
+        if near_enough[place]:
+            line = lines[place]
+            if _is_red(run, agent, line, columns):
+                return line.lanelet_id, -1
+            if line.has_stop_sign:
+                return -1, line.lanelet_id
+    return -1, -1
+
+
+def _is_red(run: RunRecord, agent: AgentRecord, line: StopLine, columns: Ints) -> bool:
+    """Whether the lights of a stop line, for the way that an agent takes, were red or yellow in most of the columns."""
+    lights = {light.id: light for light in run.scenario.traffic_lights}
+    taken = [ids for following, ids in line.light_ids if following in agent.route_lanelet_ids]
+    ways = taken or [ids for _, ids in line.light_ids]  # a route may end at the line
+    steps = run.states.first_time_step + columns
+    shown = shown_together([lights[i] for ids in ways for i in ids], int(steps[-1]) + 1)
+    red = np.isin(shown[steps], [SIGNALS.index("red"), SIGNALS.index("yellow")])
+    return bool(2 * np.count_nonzero(red) > len(columns))
 
 
 def _left_lanelet(run: RunRecord, agent: AgentRecord, row: int, column: int) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.run.contact import contact_sides
+from interdrive.run.contact import contact_between
 from interdrive.run.goals import approach, inside, said_time
 from interdrive.run.phases import STANDING_SPEED, emergency_steps, phases
 
@@ -15,17 +15,31 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive import _core
+    from interdrive.run.contact import Contact
     from interdrive.run.phases import Phase
     from interdrive.run.record import AgentRecord, RunRecord
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
 
+#: So begins what the core says of agents that end because nothing moves any more.
+STANDSTILL = "nothing moved any more"
+
 #: Shorter stops and shorter times without an admissible sample are no reason for being late [s].
 _LONG = 1.0
 
 #: Smaller overhangs are not worth a number [m].
 _SMALLEST = 0.05
+
+#: Limits of the vehicle by which samples are rejected.
+_LIMITS = ("acceleration", "curvature", "steering rate", "yaw rate", "lateral acceleration")
+
+#: What else rejects samples and says too little as a name.
+_REJECTIONS = {
+    "negative speed": "driving backwards",
+    "left the reference path": "leaving the reference path",
+    "stop line": "passing a stop line",
+}
 
 #: Participants of these kinds are named with their kind.
 _NAMED = ("pedestrian", "bicycle", "motorcycle", "train")
@@ -53,30 +67,32 @@ def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetw
         case "running":
             text = _stopped(run, agent)
         case "planner_error":
-            text = message
+            text = message.strip() or "the planner gave no reason"
         case "infeasible":
             steps = len(emergency_steps(run, agent.id))
             before = f" after emergency braking at {said_count(steps, 'time step')}" if steps else ""
             why = said_obstruction(run, agent.id, ended.time_step[place : place + 1])
-            text = _joined(f"no plan{before}: {message or 'the planner gave no reason'}", why)
+            because = message.strip() or "the planner gave no reason"
+            text = _joined(f"no plan{before}: {because}", why and f"most samples were rejected: {why}")
         case "goal_reached_late":
             text = _joined(_lateness(run, agent), *_causes(run, agent))
         case "goal_missed":
             text = approach(run, agent).words or "drove past its goal"
         case _:
-            text = _time_over(run, agent, message or "the time was over")
+            text = _time_over(run, agent, message)
     return text
 
 
-def _time_over(run: RunRecord, agent: AgentRecord, over: str) -> str:
-    """What cost an agent its time, and how near its goal it was in the end; `over` says what ended it."""
-    near = approach(run, agent)
-    end = f"{near.words} when {over}" if near.at_end else near.words or over
-    return _joined(*_causes(run, agent), end)
+def _time_over(run: RunRecord, agent: AgentRecord, message: str) -> str:
+    """What cost an agent its time, and how near its goal it was; `message` says what ended it before its time."""
+    near, over = approach(run, agent), message or "the time was over"
+    if near.at_end:
+        return _joined(*_causes(run, agent), f"{near.words} when {over}")
+    return _joined(*_causes(run, agent), near.words, over if message or not near.words else "")
 
 
 def _joined(*parts: str) -> str:
-    return "; ".join(part for part in parts if part)
+    return "; ".join(part for part in parts if part.strip())
 
 
 def said_count(n: int, what: str) -> str:
@@ -149,14 +165,24 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
         return f"{lasted} {said_order(run, *stop.order)}"
     if stop.leader_id >= 0:
         return f"stood behind {said_name(run, stop.leader_id)} for {seconds} s"
-    if stop.red_lanelet_id >= 0:
-        return f"{lasted} at a red light (stop line of lanelet {stop.red_lanelet_id})"
+    if line := said_line(stop):
+        return f"{lasted} {line}"
     if stop.left_lanelet_id >= 0:
         return f"{lasted} before the end of lanelet {stop.left_lanelet_id} without a gap in the lane beside"
     none = no_sample(run, agent_id, stop.first_time_step, stop.last_time_step)
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"
     return f"{lasted} without a vehicle ahead" + (f": {none}" if none else ", as planned")
+
+
+def said_line(phase: Phase) -> str:
+    """At which line an agent stood, or to which it came, and why it has to wait there; "" for none."""
+    where = {"standing": "at", "driving": "towards"}.get(phase.kind, "before")
+    if phase.red_lanelet_id >= 0:
+        return f"{where} a red light (stop line of lanelet {phase.red_lanelet_id})"
+    if phase.sign_lanelet_id >= 0:
+        return f"{where} a stop sign (stop line of lanelet {phase.sign_lanelet_id})"
+    return ""
 
 
 def said_order(run: RunRecord, kind: str, by: int) -> str:
@@ -194,7 +220,14 @@ def said_obstruction(run: RunRecord, agent_id: int, time_steps: Ints) -> str:
     row = next(row for row in rows.tolist() if plans.rejection[row] == rejection)
     x, y, overhang = (float(c[row]) for c in (plans.rejection_x, plans.rejection_y, plans.rejection_overhang))
     beyond = f", the cheapest by {overhang:.1f} m" if overhang >= _SMALLEST else ""
-    return f"{rejection}{beyond}" + (f" at ({x:.1f}, {y:.1f})" if np.isfinite(x) else "")
+    return f"{said_rejection(rejection)}{beyond}" + (f" at ({x:.1f}, {y:.1f})" if np.isfinite(x) else "")
+
+
+def said_rejection(rejection: str) -> str:
+    """What rejected samples, in words that stand alone."""
+    if rejection in _LIMITS:
+        return f"{rejection} beyond the vehicle's limit"
+    return _REJECTIONS.get(rejection, rejection)
 
 
 def said_name(run: RunRecord, participant_id: int) -> str:
@@ -208,22 +241,7 @@ def _collision(run: RunRecord, place: int) -> str:
     ended, states = run.outcomes, run.states
     number, partner, time_step = (int(c[place]) for c in (ended.agent_id, ended.partner_id, ended.time_step))
     row, other = (int(np.searchsorted(states.participant_id, i)) for i in (number, partner))
-    own, theirs = contact_sides(states, row, other, time_step)
-    name, sides = said_name(run, partner), ("left", "right")
-    if (own, theirs) == ("front", "rear"):
-        text = f"ran into {name} from behind"
-    elif (own, theirs) == ("rear", "front"):
-        text = f"hit from behind by {name}"
-    elif (own, theirs) == ("front", "front"):
-        text = f"frontal collision with {name}"
-    elif own in sides and theirs in sides:
-        text = f"side contact with {name}"
-    elif own == "front":
-        text = f"ran into the {theirs} side of {name}"
-    elif theirs == "front":
-        text = f"hit on its {own} side by {name}"
-    else:
-        text = f"its {own} touched the {theirs} of {name}"
+    text = _touched(contact_between(states, row, other, time_step, run.scenario.dt), said_name(run, partner))
     speed = float(ended.impact_speed[place])
     how_fast = f" at {speed:.1f} m/s" if np.isfinite(speed) else ""
     if states.is_agent[other]:
@@ -235,6 +253,33 @@ def _collision(run: RunRecord, place: int) -> str:
         stands = abs(float(states.velocity[other, column])) < STANDING_SPEED
         what = ", which replays its recording" + (" and stood" if stands else "")
     return f"{text}{how_fast}{what}"
+
+
+def _touched(contact: Contact, name: str) -> str:
+    """Who moved into whom, and with which sides."""
+    own, theirs = contact.sides
+    moves, comes = (approach > STANDING_SPEED for approach in contact.approach)
+    ends, sides = ("front", "rear"), ("left", "right")
+    at_own = f"on its {own} side" if own in sides else f"at its {own}"
+    if own in sides and theirs in sides:
+        text = f"side contact with {name}"
+    elif theirs == "rear" and comes and not moves:
+        text = f"hit {at_own} by reversing {name}"
+    elif own == "rear" and moves and not comes:
+        text = f"reversed into {name if theirs in ends else f'the {theirs} side of {name}'}"
+    elif (own, theirs) == ("front", "rear"):
+        text = f"ran into {name} from behind"
+    elif (own, theirs) == ("rear", "front"):
+        text = f"hit from behind by {name}"
+    elif (own, theirs) == ("front", "front"):
+        text = f"frontal collision with {name}"
+    elif own == "front":
+        text = f"hit {at_own} by {name}" if comes and not moves else f"ran into the {theirs} side of {name}"
+    elif theirs == "front" and (comes or not moves):
+        text = f"hit {at_own} by {name}"
+    else:
+        text = f"its {own} touched the {theirs} of {name}"
+    return text
 
 
 def _departure(run: RunRecord, agent: AgentRecord, road: _core.RoadNetwork) -> str:

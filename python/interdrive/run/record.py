@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypedDict
 
-from interdrive.errors import MissingExtraError
+from interdrive.storage import as_pandas, as_polars
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -73,10 +72,7 @@ class Tabular:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        if importlib.util.find_spec("pandas") is None:
-            raise MissingExtraError("to_pandas needs pandas: pip install interdrive[pandas]")
-        frame: pd.DataFrame = self.to_arrow().to_pandas()
-        return frame
+        return as_pandas(self.to_arrow())
 
     def to_polars(self) -> pl.DataFrame:
         """The table that the run folder stores, as a polars data frame.
@@ -84,13 +80,7 @@ class Tabular:
         Raises:
             MissingExtraError: polars is not installed.
         """
-        try:
-            import polars  # noqa: PLC0415 - optional
-        except ImportError:
-            raise MissingExtraError("to_polars needs polars: pip install polars") from None
-        frame = polars.from_arrow(self.to_arrow())
-        assert isinstance(frame, polars.DataFrame)
-        return frame
+        return as_polars(self.to_arrow())
 
 
 @dataclass(frozen=True, repr=False)

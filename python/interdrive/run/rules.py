@@ -28,7 +28,7 @@ RULES: Mapping[str, Rule] = {
     "red_light": Rule(
         "time since the light turned red [s]", f"passes a light that has been red for {{value:.1f}}{_GAP}s"
     ),
-    "stop_sign": Rule("least speed before the line [m/s]", f"passes a stop sign, {{value:.1f}}{_GAP}m/s at least"),
+    "stop_sign": Rule("least speed before the line [m/s]", f"passes a stop sign at {{value:.1f}}{_GAP}m/s or more"),
     "right_of_way": Rule(
         "time between its rear leaving the common area and the other one's front reaching it, 0 for none [s]",
         f"takes the right of way of {{partner}}, {{value:.1f}}{_GAP}s ahead of it",

@@ -1,6 +1,6 @@
 """The input as arrays: roads, recorded traffic, planning problems; limits, inspection, choice of agents."""
 
-from interdrive.scenario.control import SIGNALS, Signal, StopLine, TrafficLight
+from interdrive.scenario.control import SIGNALS, Priorities, Signal, StopLine, TrafficLight, Way
 from interdrive.scenario.model import (
     KINDS,
     STATE_FIELDS,
@@ -11,8 +11,8 @@ from interdrive.scenario.model import (
     Obstacles,
     PlanningProblem,
     Scenario,
-    Shape,
 )
+from interdrive.scenario.shape import Shape
 
 __all__ = [
     "KINDS",
@@ -24,9 +24,11 @@ __all__ = [
     "Lanelets",
     "Obstacles",
     "PlanningProblem",
+    "Priorities",
     "Scenario",
     "Shape",
     "Signal",
     "StopLine",
     "TrafficLight",
+    "Way",
 ]

@@ -11,10 +11,11 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError, check_between
-from interdrive.scenario.inspection import candidates
+from interdrive.scenario.inspection import DRIVABLE_KINDS, candidates
 from interdrive.scenario.limits import LARGEST_VELOCITY
-from interdrive.scenario.model import KINDS, GoalState, InitialState, Shape
+from interdrive.scenario.model import KINDS, GoalState, InitialState
 from interdrive.scenario.native import core_shape
+from interdrive.scenario.shape import Shape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,9 +28,12 @@ _USUAL_TYPE = 2
 #: The types that are trucks; others are cars.
 _TRUCKS = (4,)
 
-#: Recorded accelerations are differences of noisy positions in many data sets; an agent starts with at most this value
-#: [m/s²].
-_START_ACCELERATION_MAX = 3.0
+#: A planning problem and a recorded vehicle are one if they are nearer than this [m], and, where the vehicle enters
+#: later, differ by less than this in speed [m/s] and heading [rad].
+_SAME_PLACE, _SAME_SPEED, _SAME_HEADING = 1.0, 0.5, 0.2
+
+#: Recordings may leave out steps for this time [s] while a vehicle is there.
+_GAP = 1.0
 
 
 @dataclass(frozen=True)
@@ -128,6 +132,7 @@ class _Proposal:
     goal: tuple[GoalState, ...]
     velocity_max: float
     vehicle_type: int = 0  # 0: limits that fit the footprint
+    past: tuple[tuple[float, float], ...] = ()  # recorded speeds and headings right before the start
 
 
 #: What chooses agents, for messages.
@@ -189,7 +194,7 @@ def select(
     while waiting:
         proposal = waiting.pop(0)
         try:
-            built.append(_build(proposal, road))
+            built.append(_build(proposal, road, scenario.dt))
         except InputError as error:
             if explicit:
                 raise
@@ -226,7 +231,7 @@ def possible_agents(
     able = []
     for proposal in proposals:
         try:
-            _build(proposal, road)
+            _build(proposal, road, scenario.dt)
             able.append(proposal.id)
         except InputError as error:
             reasons[proposal.id] = error.message
@@ -286,14 +291,13 @@ def _proposals(
     proposals: list[_Proposal] = []
     obstacles = scenario.obstacles
     taken = {int(i) for i in obstacles.ids} | {problem.id for problem in scenario.planning_problems}
-    driven_by_problem: set[int] = set()
+    driven = _driven(scenario)
     for problem in scenario.planning_problems:
         if not problem.goal:
             reasons[problem.id] = "its planning problem has no goal"
             notes.append(f"planning problem {problem.id} has no goal and is left out")
             continue
-        proposal, note = _from_problem(scenario, problem, taken, agent_settings.vehicle_type)
-        driven_by_problem.update(i for i in proposal.names if i in obstacles.ids)
+        proposal, note = _from_problem(scenario, problem, driven.get(problem.id), taken, agent_settings.vehicle_type)
         taken.add(proposal.id)
         if note:
             notes.append(note)
@@ -315,32 +319,105 @@ def _proposals(
     return [p for p in proposals if p not in late], reasons, notes
 
 
-def _from_problem(
-    scenario: Scenario, problem: PlanningProblem, taken: set[int], vehicle_type: int
-) -> tuple[_Proposal, str]:
-    """The agent of a planning problem; if a recorded vehicle is at its start, the agent takes its place."""
+def _driven(scenario: Scenario) -> dict[int, tuple[int, str]]:
+    """By planning problem the row of the recorded vehicle that it drives, if it has one, and where both are one.
+
+    A vehicle belongs to one problem: first to one that starts where it is at that time, then to one that states what it
+    has at its first time step, which is later; files that are cut or converted have such. The best match counts.
+    """
+    problems = [problem for problem in scenario.planning_problems if problem.goal]
+    found: dict[int, tuple[int, str]] = {}
+    matches = [match for problem in problems for match in _present(scenario, problem)]
+    if not scenario.raw:
+        matches += [match for problem in problems for match in _entering(scenario, problem)]
+    for *_, number, row, where in sorted(matches):
+        if number not in found and row not in {taken for taken, _ in found.values()}:
+            found[number] = row, where
+    return found
+
+
+def _present(scenario: Scenario, problem: PlanningProblem) -> list[tuple[int, float, int, int, str]]:
+    """Recorded vehicles that are where a problem starts, at that time: rank, distance, problem, row, where."""
     state, obstacles = problem.initial_state, scenario.obstacles
-    driven = vehicle_type or _USUAL_TYPE
-    size = _core.Vehicle.of_type(driven)
+    x, y = (_at_time(table, obstacles.valid, state.time_step, scenario.dt) for table in (obstacles.x, obstacles.y))
+    distance = np.hypot(x - state.x, y - state.y)
+    same = np.flatnonzero(~obstacles.is_static & (distance < _SAME_PLACE))
+    return [(0, float(distance[row]), problem.id, row, "is") for row in same.tolist()]
+
+
+def _entering(scenario: Scenario, problem: PlanningProblem) -> list[tuple[int, float, int, int, str]]:
+    """Recorded vehicles that enter after a problem starts, in its state: rank, difference, problem, row, where."""
+    state, obstacles = problem.initial_state, scenario.obstacles
+    rows = np.arange(len(obstacles.ids))
+    first = obstacles.valid.argmax(axis=1) if len(rows) else rows
+
+    distance = np.hypot(obstacles.x[rows, first] - state.x, obstacles.y[rows, first] - state.y)
+    speed = np.abs(obstacles.velocity[rows, first] - state.velocity)
+    turn = obstacles.orientation[rows, first] - state.orientation
+    turn = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
+    drivable = np.array([kind in DRIVABLE_KINDS for kind in obstacles.kinds], dtype=np.bool_)
+    same = drivable & ~obstacles.is_static & obstacles.valid.any(axis=1) & (first > state.time_step)
+    same &= (distance < _SAME_PLACE) & (speed < _SAME_SPEED) & (turn < _SAME_HEADING)
+    difference = distance / _SAME_PLACE + speed / _SAME_SPEED + turn / _SAME_HEADING
+    return [
+        (1, float(difference[row]), problem.id, row, f"enters at time step {first[row]}")
+        for row in np.flatnonzero(same).tolist()
+    ]
+
+
+def _at_time(table: np.ndarray, valid: np.ndarray, time_step: int, dt: float) -> np.ndarray:
+    """A column of a table; between recorded steps that are near each other, on the straight line; nan where absent."""
+    n_steps = table.shape[1]
+    if not 0 <= time_step < n_steps:
+        return np.full(len(table), np.nan)
+    values = table[:, time_step].copy()
+    reach = max(1, round(_GAP / dt))
+    for row in np.flatnonzero(~valid[:, time_step]).tolist():
+        near = slice(max(0, time_step - reach), time_step + reach + 1)
+        steps = np.flatnonzero(valid[row, near]) + near.start
+        if steps.size and steps[0] < time_step < steps[-1]:
+            values[row] = np.interp(time_step, steps, table[row, steps])
+    return values
+
+
+def _from_problem(
+    scenario: Scenario, problem: PlanningProblem, driven: tuple[int, str] | None, taken: set[int], vehicle_type: int
+) -> tuple[_Proposal, str]:
+    """The agent of a planning problem; if it drives a recorded vehicle, the agent takes its place."""
+    state, obstacles = problem.initial_state, scenario.obstacles
+    size = _core.Vehicle.of_type(vehicle_type or _USUAL_TYPE)
     shape = Shape("rectangle", length=size.length, width=size.width)
-    kind, agent_id, note = "truck" if driven in _TRUCKS else "car", problem.id, ""
+    own_type = vehicle_type or _USUAL_TYPE
+    kind, agent_id, note = "truck" if own_type in _TRUCKS else "car", problem.id, ""
     names: tuple[int, ...] = (problem.id,)
-    column = state.time_step
-    if 0 <= column < obstacles.n_steps:
-        distance = np.hypot(obstacles.x[:, column] - state.x, obstacles.y[:, column] - state.y)
-        same = obstacles.valid[:, column] & ~obstacles.is_static & (distance < 1.0)
-        for row in np.flatnonzero(same)[:1]:
-            agent_id = int(obstacles.ids[row])
-            names = (problem.id, agent_id)
-            if not vehicle_type:
-                driven, kind, shape = 0, obstacles.kinds[row], obstacles.shapes[row]
-            note = f"planning problem {problem.id} starts where recorded vehicle {agent_id} is: they are one agent"
-    if agent_id == problem.id and problem.id in {int(i) for i in obstacles.ids} and not note:
+    past: tuple[tuple[float, float], ...] = ()
+    if driven is not None:
+        row, where = driven
+        agent_id = int(obstacles.ids[row])
+        names = (problem.id, agent_id)
+        if not vehicle_type:
+            own_type, kind, shape = 0, obstacles.kinds[row], obstacles.shapes[row]
+        past = _past(scenario, row, state.time_step)
+        note = f"planning problem {problem.id} starts where recorded vehicle {agent_id} {where}: they are one agent"
+    elif problem.id in {int(i) for i in obstacles.ids}:
         agent_id = max(taken) + 1
         note = f"planning problem {problem.id} has the id of an obstacle elsewhere: its agent is {agent_id}"
         names = (agent_id,)
-    found = _Proposal(agent_id, names, "planning problem", kind, shape, state, problem.goal, state.velocity, driven)
+    found = _Proposal(
+        agent_id, names, "planning problem", kind, shape, state, problem.goal, state.velocity, own_type, past
+    )
     return found, note
+
+
+def _past(scenario: Scenario, row: int, time_step: int) -> tuple[tuple[float, float], ...]:
+    """Recorded speeds [m/s] and headings [rad] right before a time step, oldest first, without a gap."""
+    obstacles = scenario.obstacles
+    if not 0 < time_step <= obstacles.n_steps:
+        return ()
+    absent = np.flatnonzero(~obstacles.valid[row, :time_step])
+    steps = slice(int(absent[-1]) + 1 if absent.size else 0, time_step)
+    values = zip(obstacles.velocity[row, steps].tolist(), obstacles.orientation[row, steps].tolist(), strict=True)
+    return tuple(values)
 
 
 def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: int, settings: GoalSettings) -> _Proposal:
@@ -352,18 +429,24 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
     def value(table: np.ndarray, column: int) -> float:
         return float(table[row, column])
 
+    def stated(name: str) -> float:
+        """A first value; nan if it was derived from what the vehicle does later."""
+        derived = bool(obstacles.derived) and name in obstacles.derived[row]
+        return math.nan if derived else value(getattr(obstacles, name), first)
+
     initial = InitialState(
         time_step=first,
         x=value(obstacles.x, first),
         y=value(obstacles.y, first),
         orientation=value(obstacles.orientation, first),
         velocity=value(obstacles.velocity, first),
-        acceleration=value(obstacles.acceleration, first),
-        yaw_rate=value(obstacles.yaw_rate, first),
+        acceleration=stated("acceleration"),
+        yaw_rate=stated("yaw_rate"),
     )
     x, y = value(obstacles.x, last), value(obstacles.y, last)
     orientation, velocity = value(obstacles.orientation, last), value(obstacles.velocity, last)
-    areas, lane_orientation = _goal_areas(road, x, y, orientation, settings)
+    kind = obstacles.kinds[row]
+    areas, lane_orientation = _goal_areas(road, x, y, orientation, kind, settings)
     early = settings.time_early / scenario.dt
     limit = float(road.lane_rules(np.array([x]), np.array([y]), np.array([orientation]))[0][0])
     allowed = math.inf if math.isnan(limit) else settings.limit_share * limit
@@ -387,7 +470,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
         id=obstacle_id,
         names=(obstacle_id,),
         origin="recorded",
-        kind=obstacles.kinds[row],
+        kind=kind,
         shape=obstacles.shapes[row],
         initial_state=initial,
         goal=(goal,),
@@ -396,10 +479,14 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
 
 
 def _goal_areas(
-    road: _core.RoadNetwork, x: float, y: float, orientation: float, settings: GoalSettings
+    road: _core.RoadNetwork, x: float, y: float, orientation: float, kind: str, settings: GoalSettings
 ) -> tuple[tuple[Shape, ...], float]:
-    """The section of lane around a pose, and the lane's direction there; off the lanes a rectangle."""
+    """The section of lane around a pose, and the lane's direction there; off the lanelets a rectangle.
+
+    Lanelets that are no lane for the kind of vehicle count only where there is no lane.
+    """
     found = road.matching(x, y, orientation, 1.0, math.pi / 2)
+    found.sort(key=lambda match: not road.admits(match[0], KINDS.index(kind)))
     if found:
         lanelet, s, _, heading_error = found[0]
         polygons = road.lane_stretch(lanelet, s, settings.length_before, settings.length_after)
@@ -412,7 +499,7 @@ def _goal_areas(
     return (Shape("rectangle", length=length, width=4.0, center=center, orientation=orientation),), orientation
 
 
-def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
+def _build(proposal: _Proposal, road: _core.RoadNetwork, dt: float) -> Agent:
     state = proposal.initial_state
     try:
         goal = _core.Goal(
@@ -426,21 +513,16 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork) -> Agent:
                 for alternative in proposal.goal
             ]
         )
-        route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal)
+        user = KINDS.index(proposal.kind)
+        route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal, user)
     except InputError as error:
         raise error.within(f"agent {proposal.id}") from None
     vehicle = _vehicle(proposal)
     velocity_max = min(1.2 * proposal.velocity_max, LARGEST_VELOCITY)
     if velocity_max > vehicle.velocity_max:
         vehicle = _vehicle(proposal, velocity_max)
-    acceleration = float(np.clip(state.acceleration, -_START_ACCELERATION_MAX, _START_ACCELERATION_MAX))
-    yaw_rate = state.yaw_rate
-    if not math.isfinite(yaw_rate):
-        # A vehicle with unknown steering is assumed to follow its lane.
-        index = round(route.start_s / route.length * (len(route.reference_curvature) - 1))
-        yaw_rate = state.velocity * float(route.reference_curvature[index])
-    yaw_rate_max = _yaw_rate_max(vehicle, abs(state.velocity))
-    yaw_rate = float(np.clip(yaw_rate, -yaw_rate_max, yaw_rate_max))
+    values = (state.x, state.y, state.orientation, state.velocity, state.acceleration, state.yaw_rate)
+    acceleration, yaw_rate = route.first_state(vehicle, values, proposal.past, dt)
     return Agent(
         id=proposal.id,
         names=tuple(sorted({proposal.id, *proposal.names})),
@@ -461,10 +543,3 @@ def _vehicle(proposal: _Proposal, velocity_max: float | None = None) -> _core.Ve
         return _core.Vehicle.of_type(proposal.vehicle_type, velocity_max=velocity_max)
     length, width = core_shape(proposal.shape).extent
     return _core.Vehicle(KINDS.index(proposal.kind), length, width, velocity_max=velocity_max)
-
-
-def _yaw_rate_max(vehicle: _core.Vehicle, velocity: float) -> float:
-    """Largest yaw rate for steering and, with a reserve, tyres at a speed [rad/s]; recorded headings are noisy."""
-    reserve = 0.5
-    by_tyres = reserve * vehicle.lateral_acceleration_max / max(velocity, 0.1)
-    return min(vehicle.curvature_max * velocity, by_tyres)

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.scenario.lanes import driving_side
+from interdrive.scenario.map_defects import map_defects
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -88,6 +91,7 @@ class Inspection:
         n_static: Number of static obstacles among them.
         planning_problems: Sorted by id.
         candidates: Which recorded vehicles can become agents, and why not.
+        map_notes: Defects of the map, and what it does not tell.
         notes: What was repaired, derived or left out while reading.
     """
 
@@ -110,6 +114,7 @@ class Inspection:
     n_static: int
     planning_problems: tuple[ProblemSummary, ...]
     candidates: Candidates
+    map_notes: tuple[str, ...]
     notes: tuple[str, ...]
 
 
@@ -219,7 +224,18 @@ def inspect(scenario: Scenario, min_displacement: float = 10.0) -> Inspection:
         n_static=int(obstacles.is_static.sum()),
         planning_problems=tuple(_summary(problem, scenario) for problem in scenario.planning_problems),
         candidates=candidates(scenario, min_displacement),
+        map_notes=(*map_defects(lanelets), *_side_by_country(scenario)),
         notes=scenario.notes,
+    )
+
+
+def _side_by_country(scenario: Scenario) -> tuple[str, ...]:
+    """A line if the side of driving does not follow from the map."""
+    if driving_side(scenario.lanelets) is not None:
+        return ()
+    side = "left" if scenario.priorities.left_hand else "right"
+    return (
+        f"the map does not tell on which side vehicles drive: on the {side}, by the country of {scenario.benchmark_id}",
     )
 
 

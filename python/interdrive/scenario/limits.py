@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.scenario.model import Lanelets, Obstacles, PlanningProblem, Scenario, Shape
+    from interdrive.scenario.model import Lanelets, Obstacles, PlanningProblem, Scenario
+    from interdrive.scenario.shape import Shape
 
     Floats = NDArray[np.float64]
 
@@ -266,7 +267,7 @@ def _require_problem(problem: PlanningProblem, file: str) -> None:
         ("coordinate", start.y, near),
         ("orientation", start.orientation, LARGEST_ANGLE),
         ("velocity", start.velocity, LARGEST_VELOCITY),
-        ("acceleration", start.acceleration, LARGEST_ACCELERATION),
+        ("acceleration", 0.0 if np.isnan(start.acceleration) else start.acceleration, LARGEST_ACCELERATION),
         ("yaw rate", 0.0 if np.isnan(start.yaw_rate) else start.yaw_rate, LARGEST_YAW_RATE),
     ):
         require_values((value,), most, what, file, name)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from interdrive.scenario.control import Priorities
+from interdrive.scenario.shape import centred
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.scenario.control import StopLine, TrafficLight
+    from interdrive.scenario.shape import Shape
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
@@ -52,35 +54,6 @@ STATE_FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
 
 
 @dataclass(frozen=True)
-class Shape:
-    """A footprint in the body frame, or an area in the world frame.
-
-    Attributes:
-        kind: "rectangle", "circle", "polygon" or "group".
-        length: Rectangle's length [m] along its own orientation.
-        width: Rectangle's width [m].
-        radius: Circle's radius [m].
-        center: Centre of a rectangle or circle [m].
-        orientation: Orientation of a rectangle [rad].
-        vertices: Polygon's vertices [m], shape (vertices, 2), without a repeated last one.
-        members: Shapes of a group.
-    """
-
-    kind: Literal["rectangle", "circle", "polygon", "group"]
-    length: float = 0.0
-    width: float = 0.0
-    radius: float = 0.0
-    center: tuple[float, float] = (0.0, 0.0)
-    orientation: float = 0.0
-    vertices: Floats = field(default_factory=lambda: np.empty((0, 2)))
-    members: tuple[Shape, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Arrays are read-only from here on."""
-        _freeze(self)
-
-
-@dataclass(frozen=True)
 class Lanelets:
     """The road network as the file states it, one entry per lanelet, sorted by id.
 
@@ -95,9 +68,12 @@ class Lanelets:
         adjacent_right: Id of the right neighbour, -1 for none, shape (lanelets,).
         adjacent_right_same_direction: Whether it runs in the same direction, shape (lanelets,).
         speed_limit: Speed limit [m/s], nan where the file states none, shape (lanelets,).
-        types: CommonRoad's lanelet types per lanelet, for figures and files.
+        types: CommonRoad's lanelet types per lanelet; what they mean: `interdrive.scenario.lanes`.
         left_marking: CommonRoad's name of the line on the left bound of each, such as "solid"; empty: none is known.
         right_marking: The same on the right bound.
+        users: CommonRoad's road users per lanelet, such as "vehicle"; empty: none are stated.
+        heights: Height of the middle between both bounds at each of their vertices [m], shape (vertices,) per lanelet;
+            an empty array: of this lanelet none are stated; empty: of no lanelet.
     """
 
     ids: Ints
@@ -113,6 +89,8 @@ class Lanelets:
     types: tuple[tuple[str, ...], ...]
     left_marking: tuple[str, ...] = ()
     right_marking: tuple[str, ...] = ()
+    users: tuple[tuple[str, ...], ...] = ()
+    heights: tuple[Floats, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Lanelets: {len(self.ids)}>"
@@ -127,8 +105,10 @@ class Obstacles:
     """Recorded traffic, one row per obstacle, sorted by id.
 
     The tables have shape (obstacles, time_steps) and start at time step 0; where `valid` is false the obstacle is
-    absent and the numbers are nan. A static obstacle is valid at every step and stays for ever. Positions are those
-    of the body frame's origin (the centre of nearly every footprint).
+    absent and the numbers are nan. A static obstacle is valid at every step and stays for ever. Positions are the
+    centres of footprints: a footprint whose centre is elsewhere in its body frame, such as that of a vehicle that was
+    recorded by its rear axle or of a building in world coordinates, is moved there together with its states, and
+    what never moves is turned along its footprint.
 
     Attributes:
         ids: Obstacle ids, shape (obstacles,).
@@ -141,6 +121,8 @@ class Obstacles:
         acceleration: Acceleration [m/s²]; derived where the file has none.
         yaw_rate: Change of heading [rad/s]; derived where the file has none.
         valid: Whether the obstacle is present at that time step.
+        derived: For each obstacle the names in `STATE_FIELDS` of what the file does not state at its first time step;
+            empty: it states everything.
     """
 
     ids: Ints
@@ -154,13 +136,32 @@ class Obstacles:
     acceleration: Floats
     yaw_rate: Floats
     valid: Bools
+    derived: tuple[tuple[str, ...], ...] = ()
 
     def __repr__(self) -> str:
         return f"<Obstacles: {len(self.ids)} over {self.x.shape[1]} time steps>"
 
     def __post_init__(self) -> None:
-        """Arrays are read-only from here on."""
+        """Positions become the centres of footprints; arrays are read-only from here on."""
+        self._centre()
         _freeze(self)
+
+    def _centre(self) -> None:
+        moved = [centred(shape, stands=bool(stands)) for shape, stands in zip(self.shapes, self.is_static, strict=True)]
+        object.__setattr__(self, "shapes", tuple(shape for shape, _, _ in moved))
+        rows = [row for row, (_, offset, turn) in enumerate(moved) if offset != (0.0, 0.0) or turn != 0.0]
+        if not rows:
+            return
+        x, y, heading = self.x.copy(), self.y.copy(), self.orientation.copy()
+        for row in rows:
+            _, (ahead, left), turn = moved[row]
+            cos, sin = np.cos(heading[row]), np.sin(heading[row])
+            x[row] += ahead * cos - left * sin
+            y[row] += ahead * sin + left * cos
+            if turn != 0.0:
+                heading[row] = np.arctan2(np.sin(heading[row] + turn), np.cos(heading[row] + turn))
+        for name, table in (("x", x), ("y", y), ("orientation", heading)):
+            object.__setattr__(self, name, table)
 
     @property
     def n_steps(self) -> int:
@@ -198,7 +199,7 @@ class InitialState:
         y: The same [m].
         orientation: Heading [rad], world frame.
         velocity: Speed along the heading [m/s].
-        acceleration: Along the heading [m/s²]; 0 where unknown.
+        acceleration: Along the heading [m/s²]; nan where unknown.
         yaw_rate: Change of heading [rad/s]; nan where unknown.
     """
 
@@ -267,6 +268,9 @@ class Scenario:
         stop_lines: Where vehicles stop for lights and stop signs, sorted by lanelet.
         priorities: Who goes first at junctions, as far as the file says.
         crosswalks: Lanelets on which people cross the road, ascending ids.
+        raw: Its recordings were not repaired, see `interdrive.read_scenario`.
+        turned: Angle by which all headings were turned when the file was read [rad].
+        overlaps: Pairs of ids of recorded participants that are in each other at some time; ascending.
     """
 
     name: str
@@ -283,6 +287,14 @@ class Scenario:
     stop_lines: tuple[StopLine, ...] = ()
     priorities: Priorities = field(default_factory=Priorities)
     crosswalks: tuple[int, ...] = ()
+    raw: bool = False
+    turned: float = 0.0
+    overlaps: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def overlapping(self) -> frozenset[int]:
+        """Ids of the recorded participants of `overlaps`; they are not judged."""
+        return frozenset(number for pair in self.overlaps for number in pair)
 
     def __repr__(self) -> str:
         still = int(self.obstacles.is_static.sum())

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
+from interdrive.native_settings import RoadSettings
 from interdrive.scenario.control import CLOSED, SIGNALS, WAYS
+from interdrive.scenario.lanes import lane_users
 from interdrive.scenario.model import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.native_settings import RoadSettings
-    from interdrive.scenario.model import Lanelets, Obstacles, Scenario, Shape
+    from numpy.typing import NDArray
+
+    from interdrive.scenario.model import Lanelets, Obstacles, Scenario
+    from interdrive.scenario.shape import Shape
 
     _Point = tuple[float, float]
 
@@ -32,9 +38,26 @@ def thread_count(threads: int | None) -> int:
     Raises:
         InputError: The number is impossible.
     """
+    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int | np.integer)):
+        raise InputError(f"threads must be a whole number, is {threads!r}")
     if threads is not None and not 1 <= threads <= _THREADS_MAX:
         raise InputError(f"threads must be at least 1 and at most {_THREADS_MAX}, not {threads}")
     return threads or os.cpu_count() or 1
+
+
+#: As in the core: ways that are farther apart in height do not meet [m].
+CLEARANCE = 3.0
+#: More than this share of the free memory is not asked for.
+MEMORY_SHARE = 0.8
+
+
+def free_memory() -> float:
+    """Memory that is free [bytes]; inf where the system does not say."""
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        return 1024.0 * next(float(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, ValueError, IndexError, StopIteration):
+        return math.inf
 
 
 @contextmanager
@@ -80,8 +103,34 @@ def core_road(scenario: Scenario, settings: RoadSettings) -> _core.RoadNetwork:
             lanelets.adjacent_right.tolist(),
             lanelets.adjacent_right_same_direction.tolist(),
             lanelets.speed_limit.tolist(),
+            [sum(1 << KINDS.index(kind) for kind in kinds) for kinds in lane_users(lanelets)],
             settings,
+            _storeys(lanelets),
         )
+
+
+def storeys(scenario: Scenario) -> _core.RoadNetwork | None:
+    """The core's road network if ways can be one above the other, else None: then all that touch meet.
+
+    Raises:
+        InputError: As `core_road`.
+    """
+    return core_road(scenario, RoadSettings(open_end_length=0.0)) if _storeys(scenario.lanelets) else None
+
+
+def _storeys(lanelets: Lanelets) -> list[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+    """Lanelets with heights, points of their middle and the height at each, if ways can be one above the other."""
+    known = [row for row, heights in enumerate(lanelets.heights) if len(heights) == len(lanelets.left[row])]
+    if not known or np.ptp(np.concatenate([lanelets.heights[row] for row in known])) <= CLEARANCE:
+        return []
+    return [
+        (
+            int(lanelets.ids[row]),
+            np.ascontiguousarray(0.5 * (lanelets.left[row] + lanelets.right[row])),
+            np.ascontiguousarray(lanelets.heights[row], dtype=np.float64),
+        )
+        for row in known
+    ]
 
 
 def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario:
@@ -111,6 +160,8 @@ def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario
             _priorities(scenario),
             (_closed(scenario.lanelets, "left"), _closed(scenario.lanelets, "right")),
             list(scenario.crosswalks),
+            list(scenario.overlaps),
+            [("acceleration" in names, "yaw_rate" in names) for names in o.derived],
         )
 
 
@@ -138,6 +189,9 @@ def _lines(scenario: Scenario) -> list[tuple[int, tuple[_Point, _Point], bool, l
     place = {light.id: row for row, light in enumerate(scenario.traffic_lights)}
     found = []
     for line in scenario.stop_lines:
+        missing = sorted({i for _, lights in line.light_ids for i in lights} - place.keys())
+        if missing:
+            raise InputError(f"stop line of lanelet {line.lanelet_id}: there is no traffic light {missing[0]}")
         ways = [(following, [place[i] for i in lights]) for following, lights in line.light_ids]
         left, right = line.ends.tolist()
         ends = tuple(left), tuple(right)

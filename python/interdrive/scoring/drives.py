@@ -49,7 +49,7 @@ class Site:
     _times: dict[tuple[int, float], tuple[Floats, Ints]] = field(default_factory=dict)
 
     def recorded_times(self, number: int, horizon: float) -> tuple[Floats, Ints]:
-        """Time to contact of a recorded vehicle and the other one's id, from time step 0 on."""
+        """Time to contact straight on of a recorded vehicle and the other one's id, from time step 0 on."""
         if (number, horizon) not in self._times:
             if self._recorded is None:
                 self._recorded = traffic(self, self.scenario)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
-from interdrive.run.goals import way_to_goal
+from interdrive.run.goals import said_seconds, way_to_goal
 from interdrive.scenario import KINDS
 from interdrive.scenario.native import core_shape
 from interdrive.scoring.drives import (
@@ -25,6 +25,7 @@ from interdrive.scoring.drives import (
 from interdrive.scoring.faults import verdicts
 from interdrive.scoring.settings import ScoringSettings
 from interdrive.scoring.terms import Term, comfort_term, direction_term, progress_term, speed_term, ttc_term
+from interdrive.storage import Origin, changed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     Bools = NDArray[np.bool_]
 
 #: Terms with weights, and what they are called in words.
-TERMS = {"progress": "progress", "ttc": "time to contact", "speed": "speed limit", "comfort": "comfort"}
+TERMS = {"progress": "progress", "ttc": "time to contact straight on", "speed": "speed limit", "comfort": "comfort"}
 
 #: Factors of the score in the order in which zeros are told.
 FACTORS = ("alive", "fault", "road", "direction", "progress_min")
@@ -75,6 +76,7 @@ class Score:
         excused: Names of factors and terms that count as 1 because the recording's are 0.
         reasons: In words, what made the score less than 1, for every agent.
         notes: One line per thing the user should know.
+        origin: How the scores came about.
     """
 
     ids: Ints
@@ -88,6 +90,7 @@ class Score:
     excused: tuple[tuple[str, ...], ...]
     reasons: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
+    origin: Origin = field(default_factory=Origin)
 
     def __repr__(self) -> str:
         mean = f", mean {100.0 * float(self.score.mean()):.1f}" if len(self.ids) else ""
@@ -119,7 +122,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
 
     Args:
         run: A run with its routes, as `simulate` and `load` give it.
-        ids: Agents; all by default.
+        ids: Agents; by default all but those whose recordings are in others (`Scenario.overlaps`).
         settings: Bounds, weights and reactions; the defaults otherwise.
 
     Raises:
@@ -127,7 +130,8 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
     """
     chosen = settings or ScoringSettings()
     known = run.outcomes.agent_id
-    wanted = known if ids is None else np.array(sorted(set(ids)), dtype=np.int64)
+    left_out = [number for number in known.tolist() if ids is None and number in run.scenario.overlapping]
+    wanted = np.array(sorted(set(known.tolist() if ids is None else ids) - set(left_out)), dtype=np.int64)
     strangers = [number for number in wanted.tolist() if number not in known]
     if strangers:
         raise InputError(f"score: {strangers[0]} is no agent of this run")
@@ -138,6 +142,9 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
     times, partners = simulated.straight_times(wanted.tolist(), axles, chosen.ttc_horizon, 1)
     judged = verdicts(run, simulated, wanted.tolist(), chosen)
     notes = []
+    if left_out:
+        named = ", ".join(map(str, left_out[:5])) + (f" and {len(left_out) - 5} more" if len(left_out) > 5 else "")
+        notes.append(f"not scored, because their recordings overlap those of others: {named}")
     is_original = _has_recording(run)
     if not is_original:
         notes.append("the scenario file is gone or has changed: no recording to compare with, no excuses")
@@ -165,6 +172,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
         excused=tuple(row["excused"] for row in rows),
         reasons=tuple(row["reasons"] for row in rows),
         notes=tuple(notes),
+        origin=Origin(changed_settings(chosen, "scoring."), {"scenario": run.scenario.sha256, "run": run.digest}),
     )
 
 
@@ -239,7 +247,7 @@ class _Agent:
             "fault_nuplan": bool(verdict and verdict.fault_nuplan),
             "collision_type": verdict.collision_type if verdict else "",
             "excused": tuple(excused),
-            "reasons": _reasons(kinder, words, terms, excused, verdict),
+            "reasons": _reasons(kinder, words, terms, excused, verdict, self.run.scenario.dt),
         }
 
     def _path(self) -> Floats:
@@ -350,6 +358,7 @@ def _reasons(
     terms: Mapping[str, Term],
     excused: Sequence[str],
     verdict: Verdict | None,
+    dt: float,
 ) -> tuple[str, ...]:
     """What made the score less than 1, zeros first; then what happened without its fault, and what was excused."""
     found = [words[name] for name in FACTORS if factors[name] == 0.0]
@@ -360,7 +369,7 @@ def _reasons(
         if term.value < _NEARLY_ONE and name not in excused and not (told and name == "progress"):
             found.append(f"{title} {term.value:.2f}: {term.words}")
     if verdict is not None and not verdict.kind:
-        found.append(f"collision at {verdict.instant:.1f} s, not its fault: {verdict.words}")
+        found.append(f"collision at {said_seconds(verdict.time_step, dt)} s, not its fault: {verdict.words}")
     if excused:
-        found.append(f"excused, as the recording is no better: {', '.join(excused)}")
+        found.append(f"excused, as the recording is no better: {', '.join(TERMS.get(name, name) for name in excused)}")
     return tuple(found)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.run.goals import said_seconds
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -41,7 +43,8 @@ class Verdict:
         kind: One of `FAULT_KINDS`; "" if it is not the agent's fault.
         room: Distance that was left minus the distance needed by the rule that decided [m]; nan if none measured it.
         collision_type: One of `COLLISION_TYPES`. fault_nuplan: nuPlan's verdict.
-        instant: Time of the contact [s].
+        instant: Time of the contact itself [s], between two time steps; it decides, but is not told.
+        time_step: Of the first state after the contact: the time of the collision wherever it is told.
         words: Why.
     """
 
@@ -50,6 +53,7 @@ class Verdict:
     collision_type: str
     fault_nuplan: bool
     instant: float
+    time_step: int
     words: str
 
 
@@ -72,7 +76,7 @@ def verdicts(
         (reaction.others_delay, reaction.others_deceleration),
     )
     dt, judged = run.scenario.dt, {}
-    for i, (who, whom, _, _) in enumerate(contacts):
+    for i, (who, whom, when, _) in enumerate(contacts):
         gap, needed = float(found["gap"][i]), float(found["needed"][i])
         kind, side = found["kind"][i], found["side"][i]
         verdict = Verdict(
@@ -81,7 +85,8 @@ def verdicts(
             collision_type=found["collision_type"][i],
             fault_nuplan=bool(found["fault_nuplan"][i]),
             instant=float(found["instant"][i]) * dt,
-            words=_words(kind, whom, side, gap, needed, float(found["decided_at"][i]) * dt),
+            time_step=when,
+            words=_words(kind, whom, side, gap, needed, said_seconds(int(found["decided_at"][i]), dt)),
         )
         if found["angle"][i] > _CROSSING_ANGLE and run.violations is not None:
             verdict = _at_crossing(verdict, run.violations, who, whom, dt, settings.yield_time)
@@ -92,38 +97,37 @@ def verdicts(
 def _at_crossing(verdict: Verdict, broken: Violations, who: int, whom: int, dt: float, time: float) -> Verdict:
     """The same where ways cross: the one that had to yield is at fault, and the other one did not come too late."""
     own, others = (
-        _last_violation(broken, number, other, verdict.instant, dt, time)
-        for number, other in ((who, whom), (whom, who))
+        _last_violation(broken, number, other, verdict, dt, time) for number, other in ((who, whom), (whom, who))
     )
     if own is not None:
         rule, before = own
-        return replace(verdict, kind=rule, words=f"{_TOLD[rule]} {before:.1f} s before the contact with {whom}")
+        return replace(verdict, kind=rule, words=f"{_TOLD[rule]} {before} s before the contact with {whom}")
     if others is not None and verdict.kind == "cut_off":
         rule, before = others
-        return replace(verdict, kind="", words=f"{whom} {_TOLD[rule]} {before:.1f} s before")
+        return replace(verdict, kind="", words=f"{whom} {_TOLD[rule]} {before} s before")
     return verdict
 
 
 def _last_violation(
-    broken: Violations, number: int, other: int, instant: float, dt: float, time: float
-) -> tuple[str, float] | None:
-    """The last rule that a participant broke instead of yielding to another, and how long before the contact [s]."""
+    broken: Violations, number: int, other: int, verdict: Verdict, dt: float, time: float
+) -> tuple[str, str] | None:
+    """The last rule that a participant broke instead of yielding to another, and the seconds up to the collision."""
     rules, sources = np.array(broken.rule, dtype=object), np.array(broken.source, dtype=object)
-    before = instant - broken.first_time_step * dt
+    before = verdict.instant - broken.first_time_step * dt
     counts = (broken.participant_id == number) & (sources != "recording") & (before >= 0.0) & (before <= time)
     counts &= np.isin(rules, YIELD_RULES) & ((broken.partner_id == other) | (rules != "right_of_way"))
     if not counts.any():
         return None
     last = int(np.flatnonzero(counts)[before[counts].argmin()])
-    return str(rules[last]), float(before[last])
+    return str(rules[last]), said_seconds(verdict.time_step - int(broken.first_time_step[last]), dt)
 
 
-def _words(kind: str, whom: int, side: str, gap: float, needed: float, when: float) -> str:
-    measured = f"at {when:.1f} s with {gap:.1f} m left, {needed:.1f} m needed"
+def _words(kind: str, whom: int, side: str, gap: float, needed: float, when: str) -> str:
+    measured = f"at {when} s with {gap:.1f} m left, {needed:.1f} m needed"
     if kind == "wrong_side":
         return f"met oncoming {whom} outside the lanes that lead its way"
     if kind == "cut_off":
-        return f"cut off {whom} {measured}" if gap < needed else f"left its lane beside {whom} at {when:.1f} s"
+        return f"cut off {whom} {measured}" if gap < needed else f"left its lane beside {whom} at {when} s"
     if kind == "ran_into":
         return f"ran into {whom}, which was in its way {measured}"
     if not math.isfinite(gap):

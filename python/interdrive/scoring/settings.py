@@ -54,7 +54,7 @@ class ScoreWeights:
 
     Attributes:
         progress: Of the progress along the route.
-        ttc: Of the time to contact.
+        ttc: Of the time to contact straight on.
         speed: Of speed limits.
         comfort: Of comfort.
     """
@@ -98,7 +98,7 @@ class ScoringSettings:
         comfort: Bounds of comfort.
         weights: Weights of the terms.
         reaction: What drivers are asked to do before a contact.
-        ttc_bound: The time to contact has to stay above this.
+        ttc_bound: The time to contact straight on has to stay above this.
         ttc_horizon: Contacts later than this are none.
         overspeed: So much too fast all the time makes the speed term 0.
         progress_min: Less progress makes the score 0.

@@ -17,7 +17,7 @@ SCORE_COLUMNS = (
     Column("score", "number", "from 0 to 1", nullable=True),
     Column("score_strict", "number", "the same without excuses for what the recording does itself", nullable=True),
     Column("progress", "number", "along the reference path, as a share of the recording's", nullable=True),
-    Column("ttc_term", "number", "1 if the time to contact stayed above its bound, else 0", nullable=True),
+    Column("ttc_term", "number", "1 if the time to contact straight on stayed above its bound, else 0", nullable=True),
     Column("speed_term", "number", "1 without speeding, less with it", nullable=True),
     Column("comfort_term", "number", "1 if all bounds of comfort held, else 0", nullable=True),
     Column("direction", "number", "1, 1/2 or 0 by the metres driven against the lane", nullable=True),
@@ -29,7 +29,7 @@ SCORE_COLUMNS = (
     Column(
         "straight_ttc_min",
         "number",
-        "smallest time to contact if all went straight on [s]; inf: none",
+        "smallest time to contact straight on [s]; inf: none",
         nullable=True,
         infinite=True,
     ),
@@ -78,7 +78,7 @@ def save_score(found: Score, folder: str | Path) -> Path:
     """
     path = Path(folder) / _TABLE
     with replacing(path) as partial:
-        write_table(score_table(found), partial)
+        write_table(score_table(found), partial, found.origin)
     return path
 
 

@@ -1,4 +1,4 @@
-"""The terms of one drive: speed limit, comfort, direction, time to contact; with what made them less than 1."""
+"""The terms of one drive: speed limit, comfort, direction, time to contact straight on; what made them less than 1."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.run.goals import said_seconds
 from interdrive.scoring.smoothing import smoothed
 
 if TYPE_CHECKING:
@@ -100,8 +101,8 @@ def comfort_term(motion: Motion, dt: float, bounds: ComfortBounds) -> Term:
     for name, values, bound, unit in checks:
         worst = int(values.argmax())
         if values[worst] > bound:
-            when = motion.time_step[worst] * dt
-            return Term(0.0, f"{name} {values[worst]:.2f} {unit} at {when:.1f} s ({bound:g} allowed)")
+            when = said_seconds(int(motion.time_step[worst]), dt)
+            return Term(0.0, f"{name} {values[worst]:.2f} {unit} at {when} s ({bound:g} allowed)")
     return Term(1.0)
 
 
@@ -122,16 +123,16 @@ def direction_term(motion: Motion, off: Floats, dt: float) -> Term:
     within = sums[second:] - sums[:-second]
     most = float(within.max())
     value = 1.0 if most < DIRECTION_FULL else 0.5 if most < DIRECTION_HALF else 0.0
-    when = motion.time_step[int(within.argmax())] * dt
-    return Term(value, "" if value == 1.0 else f"{most:.1f} m against the lane within the second up to {when:.1f} s")
+    when = said_seconds(int(motion.time_step[int(within.argmax())]), dt)
+    return Term(value, "" if value == 1.0 else f"{most:.1f} m against the lane within the second up to {when} s")
 
 
 def ttc_term(times: Floats, partner: Ints, time_step: Ints, dt: float, bound: float) -> Term:
-    """1 if the time to contact of footprints that go straight on stays above a bound, else 0."""
+    """1 if the time to contact straight on stays above a bound, else 0; it looks along no lanes, as a TTC does."""
     if not len(times):
         return Term(math.nan)
     least = int(times.argmin())
     if times[least] > bound:
         return Term(1.0)
-    when = time_step[least] * dt
-    return Term(0.0, f"{times[least]:.2f} s to a contact with {partner[least]} at {when:.1f} s")
+    when = said_seconds(int(time_step[least]), dt)
+    return Term(0.0, f"{times[least]:.2f} s to a contact with {partner[least]} at {when} s")

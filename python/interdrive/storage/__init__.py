@@ -8,13 +8,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.storage.checks import check_order, check_table, check_values
-from interdrive.storage.tables import Column, arrow_table, labels, read_table, schema_of, write_parquet, write_table
+from interdrive.storage.folders import FolderKind, check_folder, claimed, claimed_new, keep_inputs, whole_folder
+from interdrive.storage.frames import as_pandas, as_polars
+from interdrive.storage.origin import Origin, changed_settings, is_of, origin_of, units_of
+from interdrive.storage.reading import read_json
+from interdrive.storage.tables import (
+    Column,
+    arrow_table,
+    joined_tables,
+    labels,
+    read_table,
+    schema_of,
+    write_parquet,
+    write_table,
+)
 from interdrive.storage.writing import (
-    check_folder,
     json_text,
     not_a_link,
     one_line,
-    read_json,
     replacing,
     resolved,
     write_json,
@@ -26,20 +37,33 @@ if TYPE_CHECKING:
 __all__ = [
     "ArrowTable",
     "Column",
+    "FolderKind",
+    "Origin",
     "arrow_table",
+    "as_pandas",
+    "as_polars",
+    "changed_settings",
     "check_folder",
     "check_order",
     "check_table",
     "check_values",
+    "claimed",
+    "claimed_new",
+    "is_of",
+    "joined_tables",
     "json_text",
+    "keep_inputs",
     "labels",
     "not_a_link",
     "one_line",
+    "origin_of",
     "read_json",
     "read_table",
     "replacing",
     "resolved",
     "schema_of",
+    "units_of",
+    "whole_folder",
     "write_json",
     "write_parquet",
     "write_table",

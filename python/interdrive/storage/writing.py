@@ -11,6 +11,7 @@ import secrets
 import shutil
 import sys
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,12 @@ from interdrive.errors import ResultsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+
+#: Longest name that a hidden name may contain [bytes]; file systems take 255, and a process and an ending are added.
+_NAME_MAX = 180
+
+#: How often a folder is replaced anew if other processes replace it at the same moment.
+_ATTEMPTS = 100
 
 
 def resolved(path: str | Path, *, follow: bool = True) -> Path:
@@ -60,62 +67,6 @@ def not_a_link(folder: str | Path) -> Path:
     return target
 
 
-def _check_arrow() -> None:
-    """Checks before the simulation that tables can be written."""
-    try:
-        import pyarrow.parquet  # noqa: F401, PLC0415
-    except ImportError as cause:
-        raise ResultsError(
-            f"no results can be written, pyarrow does not work here: {one_line(cause)}; "
-            "`pip install --upgrade interdrive` brings versions that fit together"
-        ) from cause
-
-
-def check_folder(folder: str | Path, what: str, mark: str, belongs: Callable[[Path], bool], *, overwrite: bool) -> Path:
-    """A folder that can be written whole, as an absolute path.
-
-    Args:
-        folder: New or empty, or one of the same kind.
-        what: The kind of folder, for messages.
-        mark: File that every folder of this kind has.
-        belongs: Whether an entry may be part of such a folder.
-        overwrite: The folder may be replaced.
-
-    Raises:
-        ResultsError: if it is a symbolic link, has contents that must not be replaced, or pyarrow does not work.
-    """
-    target = not_a_link(folder)
-    _check_arrow()
-    try:
-        if not target.exists():
-            nearest = next(parent for parent in target.parents if parent.exists())
-            if not nearest.is_dir():
-                raise ResultsError(f"{folder}: {nearest} is not a folder")
-            _check_writable(folder, nearest)
-            return target
-        if not target.is_dir():
-            raise ResultsError(f"{folder}: a file with this name already exists")
-        entries = sorted(target.iterdir())
-        foreign = [entry.name for entry in entries if not belongs(entry)]
-    except OSError as cause:
-        raise ResultsError(f"{folder}: cannot be used as a {what} folder: {one_line(cause)}") from cause
-    inside = [entry.name for entry in entries]
-    if inside and (mark not in inside or foreign):
-        example = (foreign or inside)[0]
-        raise ResultsError(
-            f"{folder}: this folder has other contents ({example}) and is not replaced; choose another one"
-        )
-    if inside and not overwrite:
-        raise ResultsError(f"{folder}: a {what} already exists there; --overwrite (overwrite=True) replaces it")
-    _check_writable(folder, target.parent)  # the new folder replaces the old one
-    return target
-
-
-def _check_writable(folder: str | Path, place: Path) -> None:
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise ResultsError(f"{folder}: no permission to write in {place}")
-
-
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """A path to write one file or folder to, which replaces `path` on success and is removed on failure.
@@ -126,30 +77,29 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises:
         ResultsError: if it cannot be written; one line with path and cause.
     """
-    with _replacing(resolved(path, follow=False)) as partial:
+    with written_beside(resolved(path, follow=False), replace_path) as partial:
         yield partial
 
 
 @contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
+def written_beside(target: Path, move: Callable[[Path, Path], None]) -> Iterator[Path]:
+    """A hidden path beside `target` to write to; `move(path, target)` puts it in place.
+
+    Raises:
+        ResultsError: if it cannot be written; one line with path and cause.
+    """
     # Keeps the ending: writers of images choose the format by it. Threads, and containers whose process ids repeat, may
     # write the same file at the same time.
-    own = f".{target.name}.{os.getpid()}-{secrets.token_hex(4)}"
-    partial = target.with_name(f"{own}.partial{target.suffix}")
-    created: list[Path] = []
+    partial = target.with_name(f"{hidden(target)}.{os.getpid()}-{secrets.token_hex(4)}.partial{target.suffix[:20]}")
     try:
-        for parent in reversed([parent for parent in target.parents if not parent.exists()]):
-            parent.mkdir(exist_ok=True)
-            created.append(parent)
-        yield partial
-        _move(partial, target, target.with_name(f"{own}.old"))
-        for parent in created:
-            _sync(parent.parent)
+        with parents_of(target):
+            yield partial
+            for path in (*partial.rglob("*"), partial):
+                sync(path)
+            move(partial, target)
+            sync(target.parent)
     except BaseException as cause:
         _remove(partial)
-        for parent in reversed(created):
-            if parent.exists() and not any(parent.iterdir()):
-                parent.rmdir()
         if isinstance(cause, (OSError, _arrow_exception())):
             raise ResultsError(f"{target}: cannot be written: {one_line(cause)}") from cause
         if isinstance(cause, ResultsError) and str(partial) in str(cause):
@@ -158,24 +108,53 @@ def _replacing(target: Path) -> Iterator[Path]:
         raise
 
 
-def _move(partial: Path, target: Path, old: Path) -> None:
-    """Moves the new file or folder to its place; an existing folder is `old` for a moment."""
+@contextmanager
+def parents_of(target: Path) -> Iterator[None]:
+    """Makes the missing folders above `target`; those that are still empty in the end are removed."""
+    created: list[Path] = []
+    try:
+        for parent in reversed([parent for parent in target.parents if not parent.exists()]):
+            parent.mkdir(exist_ok=True)
+            created.append(parent)
+        yield
+        for parent in created:
+            if parent.exists():
+                sync(parent.parent)
+    finally:
+        for parent in reversed(created):
+            with suppress(OSError):  # it has contents
+                parent.rmdir()
+
+
+def hidden(target: Path) -> str:
+    """The beginning of names beside `target` that are there only for a while; short enough for every file system."""
+    name = target.name
+    return f".{name}" if len(os.fsencode(name)) <= _NAME_MAX else f".{sha256(os.fsencode(name)).hexdigest()[:16]}"
+
+
+def replace_path(partial: Path, target: Path) -> None:
+    """Moves a new file or folder to its place, whose old contents are removed; a file never replaces a folder."""
     if target.is_dir() and not target.is_symlink() and not partial.is_dir():
-        # A file never replaces a folder, because all its contents would be lost.
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    for path in (*partial.rglob("*"), partial):
-        _sync(path)
     if not (partial.is_dir() and (target.is_dir() or target.is_symlink())):
         partial.replace(target)
-    else:
-        target.rename(old)
+        return
+    gone: list[Path] = []
+    for is_last in (*[False] * _ATTEMPTS, True):
+        old = target.with_name(f"{hidden(target)}.{os.getpid()}-{secrets.token_hex(4)}.old")
+        with suppress(FileNotFoundError):  # another process has just moved it away
+            target.rename(old)
+            gone.append(old)
         try:
             partial.rename(target)
-        except BaseException:
-            old.rename(target)
-            raise
+            break
+        except OSError as cause:
+            if is_last or cause.errno not in (errno.ENOTEMPTY, errno.EEXIST):  # another process put its own there
+                if gone and not os.path.lexists(target):
+                    gone.pop().rename(target)
+                raise
+    for old in gone:
         _remove(old)
-    _sync(target.parent)
 
 
 def _remove(path: Path) -> None:
@@ -187,35 +166,13 @@ def _remove(path: Path) -> None:
             path.unlink()
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
     """Flushes a file, or the entries of a folder, to disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
-    """Reads a JSON file.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It is not JSON, is nested too deeply, or has an invalid number (NaN, Infinity, 1e999).
-    """
-    if path.exists() and not path.is_file():
-        raise ValueError("it is not a file")
-    try:
-        return json.loads(path.read_bytes(), parse_constant=_finite_number, parse_float=_finite_number)
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
-
-
-def _finite_number(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"{text} is not a JSON number")
-    return number
 
 
 def write_json(values: Mapping[str, Any], path: Path) -> None:

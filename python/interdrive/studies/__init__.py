@@ -5,7 +5,7 @@ Kaufeld, Trauth, Betz, "Investigating Driving Interactions", IV 2024, section IV
 
 from interdrive.studies.case import case_study
 from interdrive.studies.figures import profile_figure, scene_figure
-from interdrive.studies.folder import save_study
+from interdrive.studies.folder import STUDY_FOLDER, save_study
 from interdrive.studies.known import STUDIES, Case, known_cases
 from interdrive.studies.measures import MEASURES, Measure, footprint_distances
 from interdrive.studies.reading import reading
@@ -15,6 +15,7 @@ __all__ = [
     "DEGREES",
     "MEASURES",
     "STUDIES",
+    "STUDY_FOLDER",
     "Case",
     "CaseStudy",
     "Measure",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from interdrive.plots import save_figure
-from interdrive.results import holds_run, save
-from interdrive.storage import check_folder, replacing, write_json, write_table
+from interdrive.results import holds_run, origin_of_run, save, software
+from interdrive.storage import FolderKind, Origin, resolved, whole_folder, write_json, write_table
 from interdrive.studies.figures import profile_figure, scene_figure
 from interdrive.studies.result import DEGREES, study_table
 
@@ -22,19 +22,26 @@ _ENDINGS = ("pdf", "png")
 _FIGURES = tuple(f"{name}.{ending}" for name in ("profiles", "scenes") for ending in _ENDINGS)
 
 
-def check_study_target(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """The folder a study can be saved to, as an absolute path; useful before long simulations.
-
-    Raises:
-        ResultsError: if something is there that must not be replaced.
-    """
-    return check_folder(folder, "study", _MARK, _belongs, overwrite=overwrite)
-
-
 def _belongs(entry: Path) -> bool:
     if not entry.is_dir():
         return entry.name in (*_TABLES, _MARK)
     return all(inside.name in _FIGURES or (inside.name in DEGREES and holds_run(inside)) for inside in entry.iterdir())
+
+
+def _origin(studies: Sequence[CaseStudy]) -> Origin:
+    """The settings of the interactive runs, all of which have the same; scenarios and states of all runs."""
+    settings: dict[str, Any] = {}
+    inputs: dict[str, str] = {}
+    for study in studies:
+        for degree, run in study.runs.items():
+            told = origin_of_run(run)
+            inputs |= {study.scenario.name: run.scenario.sha256, f"{study.name}/{degree}": run.digest}
+            if degree == "interactive":
+                settings |= {name: value for name, value in told.settings.items() if name != "agents"}
+    return Origin(settings, inputs)
+
+
+STUDY_FOLDER = FolderKind("study", _MARK, _belongs)
 
 
 def save_study(
@@ -58,12 +65,11 @@ def save_study(
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
     """
-    target = check_study_target(folder, overwrite=overwrite)
-    with replacing(target) as partial:
-        partial.mkdir()
-        table = study_table(studies)
+    inputs = [study.scenario.path for study in studies if study.scenario.path is not None]
+    with whole_folder(folder, STUDY_FOLDER, overwrite=overwrite, inputs=inputs) as partial:
+        table, origin = study_table(studies), _origin(studies)
         for name in _TABLES:
-            write_table(table, partial / name)
+            write_table(table, partial / name, origin)
         for study in studies:
             if on_case is not None:
                 on_case(study.name)
@@ -84,5 +90,6 @@ def save_study(
             }
             for study in studies
         ]
-        write_json({"cases": cases}, partial / _MARK)
-    return target
+        told = {"settings": dict(origin.settings), "inputs": dict(origin.inputs), **software()}
+        write_json({"cases": cases, **told}, partial / _MARK)
+    return resolved(folder)

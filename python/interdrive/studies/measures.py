@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from interdrive.criticality import CriticalitySettings
+from interdrive.criticality import CriticalitySettings, measure_named
 from interdrive.scenario import Shape
 from interdrive.scenario.native import core_shape
 from interdrive.storage import Column
@@ -30,14 +30,20 @@ class Measure:
     Attributes:
         column: Name, type and meaning in the table.
         heading: The same for people, with unit.
+        name: The criticality measure that it is of two vehicles.
         digits: Decimals to print.
         of: The number, from a run and the ids of the agent and of the other vehicle.
     """
 
     column: Column
     heading: str
+    name: str
     digits: int
     of: Callable[[Run, int, int], float]
+
+    def text(self, value: float | None) -> str:
+        """A value for people, without unit; see `interdrive.criticality.Measure.text`."""
+        return measure_named(self.name).text(value, self.digits, with_unit=False)
 
 
 def footprint_distances(run: Run, first: int, second: int) -> Floats:
@@ -105,30 +111,35 @@ MEASURES = (
     Measure(
         Column("min_dce", "number", "smallest distance between the footprints of the two [m]", nullable=True),
         "min. DCE [m]",
+        "dce",
         2,
         distance_of_closest_encounter,
     ),
     Measure(
-        Column("min_ttc", "number", "smallest time to collision of the agent with the other [s]", nullable=True),
+        Column("min_ttc", "number", "smallest time to collision along lanes with the other [s]", nullable=True),
         "min. TTC [s]",
+        "ttc",
         2,
         _extreme("ttc"),
     ),
     Measure(
         Column("max_btn", "number", "largest brake threat number of the agent behind the other", nullable=True),
         "max. BTN",
+        "btn",
         2,
         _extreme("btn"),
     ),
     Measure(
         Column("et", "number", "encroachment time of the agent [s]; null: entered, never left", nullable=True),
         "ET [s]",
+        "et",
         1,
         _extreme("et"),
     ),
     Measure(
         Column("pet", "number", "post-encroachment time of the two [s]", nullable=True),
         "PET [s]",
+        "pet",
         1,
         _extreme("pet"),
     ),

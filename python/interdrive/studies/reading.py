@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.run.goals import said_time
+from interdrive.run.phases import STANDING_SPEED
 from interdrive.studies.lateral import lateral_offsets
 from interdrive.studies.measures import collided, footprint_distances
 
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
 
 #: Sideways deviations below this are not worth a word [m].
 _WORTH_TELLING = 0.1
+#: If lowest speeds differ by less than this, neither is called slow [m/s].
+_WORTH_TELLING_SPEED = 0.5
 
 
 def reading(study: CaseStudy) -> str:
@@ -28,16 +32,16 @@ def reading(study: CaseStudy) -> str:
 
 def _encounter(study: CaseStudy, run: Run) -> str:
     """How near they came to each other, when, and which was ahead on the way there."""
-    dt, first = run.scenario.dt, run.states.first_time_step
     if collided(run, study.agent, study.other):
         row = run.outcomes.agent_id.tolist().index(study.agent)
-        at = run.outcomes.time_step[row] * dt
-        return f"they collide at {at:.1f} s with {run.outcomes.impact_speed[row]:.1f} m/s"
+        at = said_time(run, int(run.outcomes.time_step[row]))
+        return f"they collide at {at} s with {run.outcomes.impact_speed[row]:.1f} m/s"
     distances = footprint_distances(run, study.agent, study.other)
     if not np.isfinite(distances).any():
         return "they are never there at the same time"
     nearest = int(np.nanargmin(distances))
-    return f"they come to {distances[nearest]:.2f} m of each other, at {(first + nearest) * dt:.1f} s"
+    when = said_time(run, run.states.first_time_step + nearest)
+    return f"they come to {distances[nearest]:.2f} m of each other, at {when} s"
 
 
 def _reaction(study: CaseStudy, run: Run) -> str:
@@ -50,8 +54,24 @@ def _reaction(study: CaseStudy, run: Run) -> str:
     path = np.stack([obstacles.x[recorded], obstacles.y[recorded]], axis=1)[obstacles.valid[recorded]]
     driven = np.stack([states.x[row], states.y[row]], axis=1)[states.valid[row]]
     aside = np.abs(lateral_offsets(path, driven))
-    slowest, slowest_recorded = np.nanmin(states.velocity[row]), np.nanmin(obstacles.velocity[recorded])
-    text = f"; vehicle {study.other} slows to {slowest:.1f} m/s (recorded: {slowest_recorded:.1f} m/s)"
+    slowest, recorded_slowest = (
+        float(np.nanmin(np.abs(speed))) for speed in (states.velocity[row], obstacles.velocity[recorded])
+    )
+    text = f"; vehicle {study.other} {_slowness(slowest, recorded_slowest)}"
     if np.nanmax(aside, initial=0.0) > _WORTH_TELLING:
         text += f" and drives up to {np.nanmax(aside):.1f} m beside its recorded path"
     return text
+
+
+def _slowness(slowest: float, recorded: float) -> str:
+    """The lowest speed beside the recorded one [m/s]: only a lower one says that the vehicle reacts by slowing."""
+    stops = slowest < STANDING_SPEED
+    if f"{slowest:.1f}" == f"{recorded:.1f}" or (stops and recorded < STANDING_SPEED):
+        return "stops, as in its recording" if stops else f"drives at least {slowest:.1f} m/s, as in its recording"
+    if slowest - recorded > _WORTH_TELLING_SPEED:
+        text = f"does not slow below {slowest:.1f} m/s"
+    elif recorded - slowest > _WORTH_TELLING_SPEED:
+        text = "stops" if stops else f"slows to {slowest:.1f} m/s"
+    else:
+        text = f"drives at least {slowest:.1f} m/s"
+    return f"{text} (recorded: {recorded:.1f} m/s)"

@@ -210,7 +210,12 @@ def world(
         kinds=("car",) * len(ordered),
         shapes=(CAR,) * len(ordered),
         is_static=np.zeros(len(ordered), dtype=np.bool_),
+        x=tables["x"],
+        y=tables["y"],
+        orientation=tables["orientation"],
+        velocity=tables["velocity"],
+        acceleration=tables["acceleration"],
+        yaw_rate=tables["yaw_rate"],
         valid=valid,
-        **tables,
     )
     return Scenario(name, name, dt, lanelets, obstacles, tuple(sorted(problems, key=lambda p: p.id)))

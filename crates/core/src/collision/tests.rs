@@ -1,6 +1,6 @@
 use super::*;
 use crate::geometry::shape::Lcg;
-use crate::road::{LaneletInput, RoadJudge, RoadSettings};
+use crate::road::{LaneletInput, RoadJudge, RoadSettings, Users};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 fn car() -> Shape {
@@ -198,6 +198,7 @@ fn straight_road() -> RoadNetwork {
         adjacent_left: None,
         adjacent_right: None,
         speed_limit: f64::NAN,
+        users: Users::ALL,
     };
     let settings = RoadSettings { judge: RoadJudge::Body, ..RoadSettings::default() };
     RoadNetwork::new(vec![lanelet], settings).expect("one lanelet")
@@ -232,6 +233,7 @@ fn a_gap_in_the_road_is_found_where_the_footprint_first_reaches_into_it() {
         adjacent_left: None,
         adjacent_right: None,
         speed_limit: f64::NAN,
+        users: Users::ALL,
     };
     let road = crate::road::testing::closed(vec![lanelet(1, 0.0, 50.0), lanelet(2, 52.0, 100.0)]);
     // Looked at every 0.25 m of 50 m; the map may be wrong by 0.1 m.

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::footing::{is_against_the_lane, is_within_another_lane, is_within_one_lane, lanes_at};
+use super::footing::{is_against_the_lane, is_along_a_lane, is_within_another_lane, is_within_one_lane, lanes_at};
 use super::traffic::Traffic;
 use crate::collision::{first_contact, pose_between};
 use crate::error::{Error, Result};
@@ -313,18 +313,24 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     {
         return verdict(FaultKind::None, Some(&into_ours));
     }
+    // Whoever drives across a lane without a lane of its own there has no way that the lane's traffic could enter.
+    let owns_a_way = !other_drives
+        || other.speed().abs() <= STANDING
+        || is_along_a_lane(road, there)
+        || !keeps_its_lane(pair, into_theirs.step);
+    let cuts_off = entered && owns_a_way && into_theirs.gap < into_theirs.needed;
     // The other one came first, and so late that nothing could be done.
     if into_ours.step > 0 && into_ours.step < into_theirs.step && into_ours.gap < into_ours.needed {
         return verdict(FaultKind::None, Some(&into_ours));
     }
-    if entered && into_theirs.gap < into_theirs.needed && into_ours.step >= into_theirs.step {
+    if cuts_off && into_ours.step >= into_theirs.step {
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     let is_front = side == 0;
     if is_front && agent.speed() > STANDING && into_ours.gap >= into_ours.needed {
         return verdict(FaultKind::RanInto, Some(&into_ours));
     }
-    if entered && into_theirs.gap < into_theirs.needed {
+    if cuts_off {
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     verdict(FaultKind::None, if is_front { Some(&into_ours) } else { entered.then_some(&into_theirs) })
@@ -338,6 +344,12 @@ fn keeps_lane_beside(pair: &Pair<'_>, step: usize) -> bool {
         wrap_angle(there.orientation - here.orientation).abs() < ALONGSIDE
             && is_within_another_lane(road, agent.shape, *here, &theirs)
     })
+}
+
+/// From a step to the contact the agent is within a lane and drives along it.
+fn keeps_its_lane(pair: &Pair<'_>, step: usize) -> bool {
+    let (agent, road) = (&pair.agent, &pair.traffic.road);
+    agent.poses[step..].iter().all(|pose| is_along_a_lane(road, *pose) && is_within_one_lane(road, agent.shape, *pose))
 }
 
 /// Side of the agent that touches.

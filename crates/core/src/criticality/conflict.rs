@@ -111,7 +111,8 @@ impl<'a> Conflicts<'a> {
         }
         let (first, second) = (own.min(other), own.max(other));
         let common = self.areas[&first].intersection(&self.areas[&second]);
-        if common.size() > self.overlap_min { common.shape() } else { None }
+        let (shape, origin) = common.shape().filter(|_| common.size() > self.overlap_min)?;
+        (!self.traffic.road.lanelets_are_apart([own, other], origin)).then_some((shape, origin))
     }
 
     fn stay(&self, row: usize, (area, origin): &(Shape, Point)) -> Option<Stay> {

@@ -71,6 +71,11 @@ impl Curve {
         Some(Self { points, tangents, arc_lengths, directions })
     }
 
+    /// Arc length of the last vertex [m].
+    pub(super) fn length(&self) -> f64 {
+        self.arc_lengths[self.arc_lengths.len() - 1]
+    }
+
     /// Middle and half width of the directions that the curve takes [rad].
     pub(super) fn directions(&self) -> (f64, f64) {
         self.directions

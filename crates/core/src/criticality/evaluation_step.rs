@@ -6,8 +6,14 @@ use super::formulas;
 use super::overlap::Overlaps;
 use super::paths::{Path, PathCode, PathSystems, starts};
 use super::settings::{LeadMembership, Settings, ThwMode};
-use super::traffic::{Extents, LaneletTrack, Traffic};
+use super::traffic::{ALONG, Extents, LaneletTrack, Traffic};
+use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
+
+/// Recorded footprints are this inexact [m]: bodies that overlap less were beside each other.
+const GRAZE: f64 = 0.3;
+/// Slower participants stand [m/s]: they are in the way whichever way they point.
+const STANDING: f64 = 0.5;
 
 /// Everything that does not change from one moment to the next.
 pub(super) struct Context<'a> {
@@ -85,6 +91,10 @@ struct Neighbour {
     /// The footprints cannot be nearer than this [m].
     distance_at_least: f64,
     touches: bool,
+    /// They touch for certain: a run says so, or they overlap by more than recordings are inexact.
+    collides: bool,
+    /// It drives above or below.
+    is_apart: bool,
     considered: OnceCell<bool>,
 }
 
@@ -98,6 +108,17 @@ struct OwnPath<'a> {
     extents: Extents,
     velocity: (f64, f64),
     acceleration: f64,
+    /// None of the other paths is followed longer.
+    is_driven: bool,
+}
+
+/// What follows from the vehicles ahead.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ahead {
+    /// Of all on any path.
+    pub all: Following,
+    /// Of those in the way: on the path that is driven, where they stand or drive along it, and bodies would meet.
+    pub in_the_way: Following,
 }
 
 pub(super) struct Moment<'a> {
@@ -117,6 +138,12 @@ fn components(size: f64, cos: f64, sin: f64) -> (f64, f64) {
     (size * cos, size * sin)
 }
 
+/// A body without the margin by which recordings are inexact.
+fn shrunk(body: &OrientedBox) -> OrientedBox {
+    let inner = |half: f64| (half - 0.5 * GRAZE).max(0.0);
+    OrientedBox { half_length: inner(body.half_length), half_width: inner(body.half_width), ..*body }
+}
+
 impl<'a> Moment<'a> {
     pub(super) fn new(context: &'a Context<'a>, row: usize, column: usize) -> Self {
         let mut moment = Self {
@@ -134,7 +161,7 @@ impl<'a> Moment<'a> {
     }
 
     fn find_neighbours(&mut self) {
-        let Context { traffic, settings, columns, contacts, .. } = self.context;
+        let Context { traffic, settings, tracks, columns, contacts, .. } = self.context;
         let (row, column) = (self.row, self.column);
         let (pose, shape) = (traffic.pose(row, column), &traffic.shape[row]);
         for &(other, position) in &columns[column] {
@@ -145,16 +172,23 @@ impl<'a> Moment<'a> {
             if other as usize == row || !(is_near || away <= reach * reach) {
                 continue;
             }
+            let at = |row: usize| (traffic.pose(row, column), tracks[row].height(column));
+            let is_apart = traffic.road.has_heights() && traffic.road.are_apart_at(at(row), at(other as usize));
             let distance_at_least = away.sqrt() - reach;
             let (first, second) = (other.min(row as u32), other.max(row as u32));
-            let touches = (distance_at_least <= 1e-6
-                && shape.overlaps(pose, other_shape, traffic.pose(other as usize, column)))
-                || contacts.binary_search(&(first, second, column as u32)).is_ok();
+            let (body, other_pose) = (shape.oriented_box(pose), traffic.pose(other as usize, column));
+            let is_known = contacts.binary_search(&(first, second, column as u32)).is_ok();
+            let touches =
+                (distance_at_least <= 1e-6 && !is_apart && shape.overlaps(pose, other_shape, other_pose)) || is_known;
+            let collides =
+                touches && (is_known || shrunk(&body).overlaps(&shrunk(&other_shape.oriented_box(other_pose))));
             // Participants in contact count however far apart their centres are.
             if !(is_near || touches) {
                 continue;
             }
-            self.neighbours.push(Neighbour { row: other, distance_at_least, touches, considered: OnceCell::new() });
+            let row = other;
+            let considered = OnceCell::new();
+            self.neighbours.push(Neighbour { row, distance_at_least, touches, collides, is_apart, considered });
         }
     }
 
@@ -168,7 +202,8 @@ impl<'a> Moment<'a> {
             let ahead = if start.reversed { here.s } else { length - here.s };
             for (number, path) in paths.of(start).iter().enumerate() {
                 let reach = path.reach(ahead, settings.radius);
-                if path.shared >= reach {
+                // A loop brings those behind on its first lanelet in front.
+                if path.shared >= reach && !path.is_closed() {
                     continue;
                 }
                 let Some(foot) = path.curve.project(position, settings.radius) else { continue };
@@ -182,20 +217,28 @@ impl<'a> Moment<'a> {
                     extents: Extents::of(&traffic.shape[row], cos, sin),
                     velocity: components(traffic.states.velocity[i], cos, sin),
                     acceleration: components(traffic.states.acceleration[i], cos, sin).0,
+                    is_driven: false,
                 });
             }
         }
+        let follows = |own: &OwnPath<'_>| tracks[row].follows(&own.path.lanelets[..own.reach], column);
+        let until: Vec<usize> = self.own.iter().map(follows).collect();
+        let longest = until.iter().max();
+        self.own.iter_mut().zip(&until).for_each(|(own, until)| own.is_driven = Some(until) == longest);
     }
 
     /// Headway, time headway, time to collision and the required accelerations, over all participants ahead.
-    pub(super) fn following(&self) -> Following {
+    pub(super) fn following(&self) -> Ahead {
         if self.own.is_empty() {
-            return Following::UNKNOWN;
+            return Ahead { all: Following::UNKNOWN, in_the_way: Following::UNKNOWN };
         }
-        let mut found = Following::FREE;
-        if let Some(touched) = self.neighbours.iter().find(|neighbour| neighbour.touches) {
-            for measure in [&mut found.hw, &mut found.thw, &mut found.ttc] {
-                measure.keep_smaller(0.0, touched.row, Via::Nothing);
+        let mut found = Ahead { all: Following::FREE, in_the_way: Following::FREE };
+        let touched = self.neighbours.iter().find(|neighbour| neighbour.touches);
+        let collided = self.neighbours.iter().find(|neighbour| neighbour.collides);
+        for (other, following) in [(touched, &mut found.all), (collided, &mut found.in_the_way)] {
+            let Some(other) = other else { continue };
+            for measure in [&mut following.hw, &mut following.thw, &mut following.ttc] {
+                measure.keep_smaller(0.0, other.row, Via::Nothing);
             }
         }
         for neighbour in self.neighbours.iter().filter(|neighbour| !neighbour.touches) {
@@ -213,49 +256,67 @@ impl<'a> Moment<'a> {
                     Some(under) => under.iter().filter_map(|one| own.path.place(*one as u32, own.reach)).max(),
                 };
                 // On lanelets that an earlier path shares, with the one behind them, nothing new is found.
-                if member.is_some_and(|place| own.path.shared < place + 2) && self.considers(neighbour) {
-                    self.follow(own, other, &mut found);
+                let is_new = |place| own.path.shared < place + 2 || own.path.is_closed();
+                let Some(place) = member else { continue };
+                if (is_new(place) || own.is_driven) && self.considers(neighbour) {
+                    self.follow(own, other, is_new(place), &mut found);
                 }
             }
         }
         found
     }
 
-    fn follow(&self, own: &OwnPath<'_>, other: usize, found: &mut Following) {
+    /// What follows from a participant ahead on an own path; among all of them it counts where `is_new`.
+    fn follow(&self, own: &OwnPath<'_>, other: usize, is_new: bool, found: &mut Ahead) {
         let Context { traffic, settings, tracks, .. } = self.context;
         let position = traffic.position(other, self.column);
         let Some(foot) = own.path.curve.project(position, settings.radius) else { return };
         let heading = tracks[other].heading(self.column);
         let (cos, sin) = (foot.tangent.dot(heading), foot.tangent.cross(heading));
         let extents = Extents::of(&traffic.shape[other], cos, sin);
-        let headway = foot.s - own.s - own.extents.front - extents.back;
-        if headway <= 0.0 {
+        let place = own.path.seen_from(own.s, foot.s, 0.0);
+        let headway = place - own.s - own.extents.front - extents.back;
+        if headway <= 0.0 || (own.path.is_closed() && place - own.s > settings.radius) {
             return;
         }
         let i = traffic.index(other, self.column);
         let velocity = components(traffic.states.velocity[i], cos, sin);
         let acceleration = components(traffic.states.acceleration[i], cos, sin);
-        let (row, via) = (other as u32, Via::Path(own.code));
-        found.hw.keep_smaller(headway, row, via);
         let time_headway = match settings.thw_mode {
             ThwMode::Normalized => formulas::time_headway(headway, own.velocity.0),
-            ThwMode::Recorded => self.time_to_reach(own, foot.s - extents.back),
+            ThwMode::Recorded => self.time_to_reach(own, place - extents.back),
         };
-        found.thw.keep_smaller(time_headway, row, via);
         let closing = velocity.0 - own.velocity.0;
         let ttc = formulas::time_to_collision(headway, closing, acceleration.0 - own.acceleration);
-        found.ttc.keep_smaller(ttc, row, via);
         let required = if settings.leader_stops {
             formulas::required_acceleration_stopping(headway, own.velocity.0, velocity.0, acceleration.0)
         } else {
             formulas::required_acceleration(headway, closing, acceleration.0)
         };
-        found.a_long_req.keep_smaller(required, row, via);
-        if ttc.is_finite() {
-            let offset = foot.d - own.d + (velocity.1 - own.velocity.1) * ttc + 0.5 * acceleration.1 * ttc * ttc;
-            let (left, right) = (extents.left + own.extents.right, extents.right + own.extents.left);
-            let lateral = formulas::required_lateral_acceleration(ttc, offset, left, right);
-            found.a_lat_req.keep_larger(lateral, row, via);
+        let offset =
+            |time: f64| foot.d - own.d + (velocity.1 - own.velocity.1) * time + 0.5 * acceleration.1 * time * time;
+        let (left, right) = (extents.left + own.extents.right, extents.right + own.extents.left);
+        let speed = traffic.states.velocity[i];
+        let is_along = cos.abs() >= ALONG.cos() || speed.abs() < STANDING;
+        let time = if ttc.is_finite() { ttc.min(settings.ttc_threshold) } else { 0.0 };
+        // Oncoming traffic whose lane crosses the path follows its own lane, not the bends of the path.
+        let straight = || own.path.curve.project(position + heading * (speed * time), settings.radius);
+        let meets = |beside: f64| beside > -left && beside < right;
+        let stays = || straight().is_some_and(|there| meets(there.d - own.d - own.velocity.1 * time));
+        let is_in_the_way = own.is_driven && is_along && meets(offset(time)) && (speed * cos >= 0.0 || stays());
+        let (row, via) = (other as u32, Via::Path(own.code));
+        for (following, counts) in [(&mut found.all, is_new), (&mut found.in_the_way, is_in_the_way)] {
+            if !counts {
+                continue;
+            }
+            following.hw.keep_smaller(headway, row, via);
+            following.thw.keep_smaller(time_headway, row, via);
+            following.ttc.keep_smaller(ttc, row, via);
+            following.a_long_req.keep_smaller(required, row, via);
+            if ttc.is_finite() {
+                let lateral = formulas::required_lateral_acceleration(ttc, offset(ttc), left, right);
+                following.a_lat_req.keep_larger(lateral, row, via);
+            }
         }
     }
 
@@ -267,7 +328,8 @@ impl<'a> Moment<'a> {
                 && own.path.curve.project(traffic.position(self.row, *column), settings.radius).is_some_and(|foot| {
                     let heading = tracks[self.row].heading(*column);
                     let (cos, sin) = (foot.tangent.dot(heading), foot.tangent.cross(heading));
-                    foot.s + Extents::of(&traffic.shape[self.row], cos, sin).front >= s
+                    let place = own.path.seen_from(own.s, foot.s, own.extents.front);
+                    place + Extents::of(&traffic.shape[self.row], cos, sin).front >= s
                 })
         });
         reached.map_or(f64::INFINITY, |column| (column - self.column) as f64 * traffic.dt)
@@ -279,7 +341,7 @@ impl<'a> Moment<'a> {
         let (pose, shape) = (traffic.pose(self.row, self.column), &traffic.shape[self.row]);
         let mut nearest = (f64::INFINITY, u32::MAX);
         let mut consider = |neighbour: &Neighbour| {
-            if neighbour.distance_at_least > nearest.0 || !self.considers(neighbour) {
+            if neighbour.is_apart || neighbour.distance_at_least > nearest.0 || !self.considers(neighbour) {
                 return;
             }
             let other = neighbour.row as usize;
@@ -294,7 +356,7 @@ impl<'a> Moment<'a> {
         };
         // Apparently nearest participants first: then most others need no exact distance.
         let by_bound = |a: &&Neighbour, b: &&Neighbour| a.distance_at_least.total_cmp(&b.distance_at_least);
-        if let Some(first) = self.neighbours.iter().min_by(by_bound) {
+        if let Some(first) = self.neighbours.iter().filter(|one| !one.is_apart).min_by(by_bound) {
             consider(first);
         }
         self.neighbours.iter().for_each(consider);
@@ -355,8 +417,11 @@ impl<'a> Moment<'a> {
     }
 
     fn under_footprint(&self, row: usize) -> Vec<usize> {
-        let traffic = self.context.traffic;
-        self.overlaps().under(&traffic.road, &traffic.shape[row], traffic.pose(row, self.column))
+        let Context { traffic, tracks, .. } = self.context;
+        let (pose, height) = (traffic.pose(row, self.column), tracks[row].height(self.column));
+        let mut found = self.overlaps().under(&traffic.road, &traffic.shape[row], pose);
+        found.retain(|lanelet| traffic.road.is_level(*lanelet, pose.position, height));
+        found
     }
 
     fn overlaps(&self) -> &Overlaps {

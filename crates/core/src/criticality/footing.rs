@@ -1,6 +1,6 @@
 //! Where a footprint stands among lanelets: within one lane or across several, along a lane or against it.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
@@ -31,6 +31,11 @@ pub fn is_within_one_lane(road: &RoadNetwork, shape: &Shape, pose: Pose) -> bool
 pub fn is_within_another_lane(road: &RoadNetwork, shape: &Shape, pose: Pose, than: &[usize]) -> bool {
     let is_apart = |position: Point| road.lanelets_at(position).iter().all(|lanelet| !than.contains(lanelet));
     is_apart(pose.position) && corners(shape, pose).into_iter().all(is_apart) && is_within_one_lane(road, shape, pose)
+}
+
+/// A lanelet below the centre leads its way within 45 degrees.
+pub fn is_along_a_lane(road: &RoadNetwork, pose: Pose) -> bool {
+    road.lane_rules(pose).1 <= FRAC_PI_4
 }
 
 /// The lanelets below a position, with those before and behind them.

@@ -56,6 +56,10 @@ impl Measure {
         (Self::Msd, "msd"),
     ];
 
+    /// Those that follow from who is ahead on the paths.
+    pub const FOLLOWING: [Self; 7] =
+        [Self::Hw, Self::Thw, Self::Ttc, Self::ALongReq, Self::Btn, Self::ALatReq, Self::Stn];
+
     /// Larger values are more critical.
     pub fn grows(self) -> bool {
         use Measure::{ALatReq, Btn, Msd, Stn, Tet, Tit};

@@ -32,7 +32,7 @@ use crate::error::{Error, Result};
 use crate::limits::check_threads;
 use crate::road::RoadNetwork;
 use conflict::{Conflicts, crossing_connectors};
-use evaluation_step::{Context, Decisive, Following, Moment, Via};
+use evaluation_step::{Ahead, Context, Decisive, Following, Moment, Via};
 use overlap::Overlaps;
 use paths::{PathSystems, starts};
 use result::{Judged, assemble};
@@ -193,6 +193,7 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
     let (n, dt) = (traffic.states.n_steps, traffic.dt);
     let there: Vec<bool> = (0..n).map(|column| traffic.is_there(row, column)).collect();
     let mut series = vec![vec![Decisive::without_partner(f64::NAN); n]; Measure::ALL.len()];
+    let mut in_the_way_only = vec![vec![Decisive::without_partner(f64::NAN); n]; Measure::FOLLOWING.len()];
     let mut write = |measure: Measure, column: usize, value: Decisive| series[measure as usize][column] = value;
     let encroachment = conflicts.of(row);
     let (mut closest, mut closest_column) = (Decisive::without_partner(f64::INFINITY), None);
@@ -202,16 +203,15 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
     // Backwards: encounters and exposure look ahead.
     for column in (0..n).rev().filter(|column| there[*column]) {
         let moment = Moment::new(context, row, column);
-        let Following { hw, thw, ttc, a_long_req, a_lat_req } = moment.following();
-        let times = |value: Decisive, factor: f64| Decisive { value: value.value.abs() * factor, ..value };
-        write(Measure::Hw, column, hw);
-        write(Measure::Thw, column, thw);
-        write(Measure::Ttc, column, ttc);
-        write(Measure::ALongReq, column, a_long_req);
-        write(Measure::Btn, column, times(a_long_req, 1.0 / deceleration));
-        write(Measure::ALatReq, column, a_lat_req);
-        write(Measure::Stn, column, times(a_lat_req, 1.0 / settings.lateral_acceleration));
-        let (time, integral) = formulas::exposure_of_sample(ttc.value, settings.ttc_threshold, dt);
+        let Ahead { all, in_the_way } = moment.following();
+        for (measure, value) in measured(&all, deceleration, settings) {
+            write(measure, column, value);
+        }
+        for ((_, value), series) in measured(&in_the_way, deceleration, settings).into_iter().zip(&mut in_the_way_only)
+        {
+            series[column] = value;
+        }
+        let (time, integral) = formulas::exposure_of_sample(all.ttc.value, settings.ttc_threshold, dt);
         exposed_time += time;
         exposed_integral += integral;
         write(Measure::Tet, column, Decisive::without_partner(exposed_time / alive));
@@ -245,7 +245,16 @@ fn judge(context: &Context<'_>, conflicts: &Conflicts<'_>, row: usize, decelerat
         pet_first: i64::from(encroachment.pet_first),
     };
     let extremes = extremes(&series, &there, encroachment.et, encroachment.pet);
-    Judged { series, extremes, exposure }
+    Judged { series, in_the_way: in_the_way_only, extremes, exposure }
+}
+
+/// The measures of `Measure::FOLLOWING`, in their order.
+fn measured(found: &Following, deceleration: f64, settings: &Settings) -> [(Measure, Decisive); 7] {
+    let Following { hw, thw, ttc, a_long_req, a_lat_req } = *found;
+    let times = |value: Decisive, factor: f64| Decisive { value: value.value.abs() * factor, ..value };
+    let (btn, stn) = (times(a_long_req, 1.0 / deceleration), times(a_lat_req, 1.0 / settings.lateral_acceleration));
+    let values = [hw, thw, ttc, a_long_req, btn, a_lat_req, stn];
+    std::array::from_fn(|i| (Measure::FOLLOWING[i], values[i]))
 }
 
 /// The most critical value of every measure with its column. Encroachment comes as it is, the running sums and the

@@ -118,10 +118,14 @@ impl Area {
         self.pieces.iter().map(|(_, piece)| area(piece)).sum()
     }
 
+    /// Middle of the box around it; `None` if it is empty.
+    pub(super) fn middle(&self) -> Option<Point> {
+        self.around.map(|around| around.min.lerp(around.max, 0.5))
+    }
+
     /// The pieces as one shape around a point, which is its body origin; `None` if there are none.
     pub(super) fn shape(&self) -> Option<(Shape, Point)> {
-        let around = self.around?;
-        let origin = around.min.lerp(around.max, 0.5);
+        let origin = self.middle()?;
         let local = |piece: &Vec<Point>| -> Vec<Point> { piece.iter().map(|p| *p - origin).collect() };
         let parts: Vec<Shape> =
             self.pieces.iter().filter_map(|(_, piece)| Shape::polygon(&local(piece)).ok()).collect();
@@ -192,7 +196,15 @@ impl Overlaps {
         let lanelets = road.lanelets();
         let n = lanelets.len();
         let eroded: Vec<Area> = of_each(n, |i| Area::eroded(&lanelets[i], erosion));
-        let pairs: Vec<Vec<usize>> = of_each(n, |i| (i..n).filter(|j| eroded[i].shares(&eroded[*j], least)).collect());
+        let meet = |i: usize, j: usize| {
+            eroded[i].shares(&eroded[j], least)
+                && !(road.has_heights()
+                    && eroded[i]
+                        .intersection(&eroded[j])
+                        .middle()
+                        .is_some_and(|at| road.lanelets_are_apart([i, j], at)))
+        };
+        let pairs: Vec<Vec<usize>> = of_each(n, |i| (i..n).filter(|j| meet(i, *j)).collect());
         let mut bits = vec![0_u64; (n * n).div_ceil(64)];
         for (i, others) in pairs.iter().enumerate() {
             for &j in others {

@@ -26,6 +26,8 @@ pub(super) struct Path {
     ends: Vec<f64>,
     /// Number of leading lanelets that an earlier path of the same system shares.
     pub shared: usize,
+    /// Length of the loop [m], if the last lanelet leads to the first one.
+    period: Option<f64>,
     pub curve: Curve,
 }
 
@@ -34,6 +36,18 @@ impl Path {
     pub(super) fn reach(&self, ahead: f64, radius: f64) -> usize {
         let needed = self.ends.iter().position(|end| ahead + end >= radius);
         needed.map_or(self.lanelets.len(), |index| index + 1)
+    }
+
+    /// The last lanelet leads to the first one.
+    #[inline]
+    pub(super) fn is_closed(&self) -> bool {
+        self.period.is_some()
+    }
+
+    /// Arc length of a place seen from another one [m]: in a loop ahead of it, but for `behind` [m].
+    #[inline]
+    pub(super) fn seen_from(&self, from: f64, place: f64, behind: f64) -> f64 {
+        self.period.map_or(place, |period| from + (place - from + behind).rem_euclid(period) - behind)
     }
 
     /// Place of a lanelet among the first `reach` ones.
@@ -127,7 +141,7 @@ fn paths_from(road: &RoadNetwork, start: Start, radius: f64) -> Vec<Path> {
     grow(road, start.reversed, radius, 0.0, &mut vec![start.lanelet], &mut chains);
     let lead_in = lead_in(road, start);
     let mut paths: Vec<Path> = Vec::with_capacity(chains.len());
-    for lanelets in chains {
+    for (lanelets, is_closed) in chains {
         let shared = paths
             .last()
             .map_or(0, |before: &Path| before.lanelets.iter().zip(&lanelets).take_while(|(a, b)| a == b).count());
@@ -142,23 +156,36 @@ fn paths_from(road: &RoadNetwork, start: Start, radius: f64) -> Vec<Path> {
             .collect();
         let centers = lanelets.iter().flat_map(|lanelet| center(road, *lanelet, start.reversed));
         if let Some(curve) = Curve::new(lead_in.iter().copied().chain(centers)) {
-            paths.push(Path { lanelets, ends, shared, curve });
+            let period = is_closed.then(|| curve.length() - LEAD_IN).filter(|period| *period > 0.0);
+            paths.push(Path { lanelets, ends, shared, period, curve });
         }
     }
     paths
 }
 
 /// Depth first, the straightest branch first; a chain ends where the road does, before a lanelet that it has already
-/// passed, or when `radius` lies behind the end of its first lanelet.
-fn grow(road: &RoadNetwork, reversed: bool, radius: f64, length: f64, chain: &mut Vec<u32>, found: &mut Vec<Vec<u32>>) {
+/// passed, or when `radius` lies behind the end of its first lanelet. A chain that leads back to its first lanelet is
+/// marked as closed.
+fn grow(
+    road: &RoadNetwork,
+    reversed: bool,
+    radius: f64,
+    length: f64,
+    chain: &mut Vec<u32>,
+    found: &mut Vec<(Vec<u32>, bool)>,
+) {
     if found.len() >= PATHS_MAX {
         return;
     }
     let last = chain[chain.len() - 1];
-    let mut is_end = true;
+    let (mut is_end, mut is_closed) = (true, false);
     if length < radius && chain.len() < LANELET_CHAIN_MAX {
         for &branch in next(road, last, reversed) {
             if chain.contains(&(branch as u32)) {
+                if branch as u32 == chain[0] && !is_closed {
+                    is_closed = true;
+                    found.push((chain.clone(), true));
+                }
                 continue;
             }
             is_end = false;
@@ -167,8 +194,8 @@ fn grow(road: &RoadNetwork, reversed: bool, radius: f64, length: f64, chain: &mu
             chain.pop();
         }
     }
-    if is_end {
-        found.push(chain.clone());
+    if is_end && !is_closed {
+        found.push((chain.clone(), false));
     }
 }
 
@@ -225,6 +252,20 @@ mod tests {
     #[test]
     fn paths_end_before_a_lanelet_that_they_have_passed() {
         assert_eq!(lanelets(&ring(), 1, false, 1000.0), [vec![1, 2, 3, 0]]);
+    }
+
+    #[test]
+    fn a_loop_brings_what_is_behind_in_front() {
+        let road = ring();
+        let start = Start { lanelet: 0, reversed: false };
+        let systems = PathSystems::new(&road, [start], 1000.0);
+        let path = &systems.of(start)[0];
+        let around = road.lanelets().iter().map(|lanelet| lanelet.length).sum::<f64>();
+        assert!(path.is_closed() && (path.seen_from(30.0, 20.0, 0.0) - (20.0 + around)).abs() < 1e-6);
+        assert!((path.seen_from(30.0, 29.0, 2.0) - 29.0).abs() < 1e-9);
+        // Within 60 m the path does not come back.
+        let systems = PathSystems::new(&road, [start], 60.0);
+        assert!(!systems.of(start)[0].is_closed());
     }
 
     #[test]

@@ -67,6 +67,9 @@ pub struct Criticality {
     pub n_steps: usize,
     /// One per [`Measure`].
     pub series: Vec<Series>,
+    /// One per entry of [`Measure::FOLLOWING`]: only who is in the way of the judged participant counts. By these pairs
+    /// are ranked.
+    pub in_the_way: Vec<Series>,
     /// Per measure and judged participant.
     pub extremes: Vec<Vec<Extreme>>,
     /// Per judged participant.
@@ -79,6 +82,8 @@ pub struct Criticality {
 pub(super) struct Judged {
     /// Per measure and column.
     pub(super) series: Vec<Vec<Decisive>>,
+    /// Per entry of `Measure::FOLLOWING` and column.
+    pub(super) in_the_way: Vec<Vec<Decisive>>,
     pub(super) extremes: Vec<(Decisive, usize)>,
     pub(super) exposure: Exposure,
 }
@@ -93,7 +98,9 @@ pub(super) fn assemble(
     let (n, n_measures) = (traffic.states.n_steps, Measure::ALL.len());
     let mut vias: Vec<Via> = found
         .iter()
-        .flat_map(|one| one.series.iter().flatten().chain(one.extremes.iter().map(|(value, _)| value)))
+        .flat_map(|one| {
+            one.series.iter().chain(&one.in_the_way).flatten().chain(one.extremes.iter().map(|(value, _)| value))
+        })
         .map(|value| value.via)
         .filter(|via| *via != Via::Nothing)
         .collect();
@@ -102,15 +109,19 @@ pub(super) fn assemble(
     let ids = &traffic.states.ids;
     let id_of = |row: u32| ids.get(row as usize).copied().unwrap_or(-1);
     let way_of = |via: Via| vias.binary_search(&via).map_or(-1, |index| index as i64);
-    let series = (0..n_measures)
-        .map(|measure| {
-            let all = || found.iter().flat_map(move |one| one.series[measure].iter());
-            Series {
-                value: all().map(|value| value.value).collect(),
-                partner: all().map(|value| id_of(value.partner)).collect(),
-                way: all().map(|value| way_of(value.via)).collect(),
-            }
-        })
+    let joined = |all: &mut dyn Iterator<Item = &Decisive>| {
+        let mut series = Series::default();
+        for one in all {
+            series.value.push(one.value);
+            series.partner.push(id_of(one.partner));
+            series.way.push(way_of(one.via));
+        }
+        series
+    };
+    let series =
+        (0..n_measures).map(|measure| joined(&mut found.iter().flat_map(|one| &one.series[measure]))).collect();
+    let in_the_way = (0..Measure::FOLLOWING.len())
+        .map(|measure| joined(&mut found.iter().flat_map(|one| &one.in_the_way[measure])))
         .collect();
     let extremes = (0..n_measures)
         .map(|measure| {
@@ -135,6 +146,7 @@ pub(super) fn assemble(
         first_time_step: traffic.states.first_time_step,
         n_steps: n,
         series,
+        in_the_way,
         extremes,
         exposure,
         ways: vias.iter().map(|via| way(&traffic.road, paths, *via)).collect(),

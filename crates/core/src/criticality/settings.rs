@@ -29,7 +29,7 @@ settings! {
     pub struct Settings as MeasureSettings {
         /// Others count within this distance, centre to centre.
         radius: f64 ["m"] = 100.0, positive(f64::MAX);
-        /// Time to collision up to which a vehicle is exposed.
+        /// Time to collision along lanes up to which a vehicle is exposed.
         ttc_threshold: f64 ["s"] = 2.0, positive(f64::MAX);
         /// Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type 2 can do on a dry
         /// road, which is optimistic.

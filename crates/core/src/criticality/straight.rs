@@ -45,8 +45,15 @@ pub struct StraightTime {
 /// Shape (judged, time steps), row-major.
 pub fn straight_times(traffic: &Traffic, request: &StraightRequest) -> Vec<StraightTime> {
     let n = traffic.states.n_steps;
+    let has_heights = traffic.road.has_heights();
+    let heights: Vec<_> =
+        (0..traffic.states.ids.len()).filter(|_| has_heights).map(|row| traffic.heights(row)).collect();
+    let are_apart = |row: usize, other: usize, column: usize| {
+        let at = |row: usize| (traffic.pose(row, column), heights[row][column]);
+        has_heights && traffic.road.are_apart_at(at(row), at(other))
+    };
     let one = |(row, axle): &(usize, f64)| -> Vec<StraightTime> {
-        (0..n).map(|column| straight_time(traffic, request, *row, *axle, column)).collect()
+        (0..n).map(|column| straight_time(traffic, request, (*row, *axle), column, &are_apart)).collect()
     };
     // The global thread pool is left alone: without threads of its own the calling thread does it all.
     let pool = (request.threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(request.threads).build());
@@ -56,7 +63,14 @@ pub fn straight_times(traffic: &Traffic, request: &StraightRequest) -> Vec<Strai
     }
 }
 
-fn straight_time(traffic: &Traffic, request: &StraightRequest, row: usize, axle: f64, column: usize) -> StraightTime {
+/// `are_apart` tells of two rows whether one is above the other at a column.
+fn straight_time(
+    traffic: &Traffic,
+    request: &StraightRequest,
+    (row, axle): (usize, f64),
+    column: usize,
+    are_apart: &(dyn Fn(usize, usize, usize) -> bool + Sync),
+) -> StraightTime {
     let none = StraightTime { time: f64::INFINITY, partner: -1 };
     if !traffic.is_there(row, column) {
         return StraightTime { time: f64::NAN, ..none };
@@ -72,7 +86,7 @@ fn straight_time(traffic: &Traffic, request: &StraightRequest, row: usize, axle:
     let mut least_cos = None;
     let (mut nearest, mut partner) = (1.0, -1);
     for other in (0..traffic.states.ids.len()).filter(|other| *other != row) {
-        if !traffic.is_there(other, column) {
+        if !traffic.is_there(other, column) || are_apart(row, other, column) {
             continue;
         }
         let there = traffic.pose(other, column);

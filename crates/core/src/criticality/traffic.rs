@@ -119,6 +119,15 @@ impl Traffic {
         Pose::new(self.states.x[i], self.states.y[i], self.states.orientation[i])
     }
 
+    /// Height of the ways that a row drives, per column [m]; empty where the map states none.
+    pub(super) fn heights(&self, row: usize) -> Vec<Option<f64>> {
+        if !self.road.has_heights() {
+            return Vec::new();
+        }
+        let pose = |column: usize| self.is_there(row, column).then(|| self.pose(row, column));
+        self.road.heights_along(&(0..self.states.n_steps).map(pose).collect::<Vec<_>>())
+    }
+
     /// First and last column in which a row is there.
     pub(super) fn span(&self, row: usize) -> Option<(usize, usize)> {
         let valid = &self.states.valid[row * self.states.n_steps..(row + 1) * self.states.n_steps];
@@ -147,6 +156,10 @@ pub(super) struct LaneletTrack {
     headings: Vec<Point>,
     /// Lanelets it drives along at some step, each with the last column at which it does.
     lane: Vec<(u32, u32)>,
+    /// First and last columns of its stays on lanelets, in the order of their beginnings.
+    stays: Vec<(u32, usize, usize)>,
+    /// Height of the ways that it drives, per column [m]; empty where the map states none.
+    heights: Vec<Option<f64>>,
     is_static: bool,
 }
 
@@ -154,18 +167,25 @@ impl LaneletTrack {
     fn of(traffic: &Traffic, row: usize) -> Self {
         let is_static = traffic.is_static[row];
         let n = traffic.states.n_steps;
-        let mut track = Self { starts: vec![0], is_static, ..Self::default() };
+        let mut track = Self { starts: vec![0], is_static, heights: traffic.heights(row), ..Self::default() };
         let mut found: Vec<Here> = Vec::new();
         let mut last: Option<usize> = None;
         for column in 0..n {
             if traffic.is_there(row, column) {
                 let pose = traffic.pose(row, column);
                 if !(is_static && last.is_some()) {
-                    found = lanelets_here(&traffic.road, pose);
+                    found = lanelets_here(&traffic.road, pose, track.height(column));
                     track.here.extend(&found);
                     track.headings.push(Point::from_angle(pose.orientation));
                 } else {
                     track.headings.push(track.headings[track.headings.len() - 1]);
+                }
+                for here in &found {
+                    let goes_on = |stay: &&mut (u32, usize, usize)| stay.0 == here.lanelet && stay.2 + 1 >= column;
+                    match track.stays.iter_mut().rev().find(goes_on) {
+                        Some(stay) => stay.2 = column,
+                        None => track.stays.push((here.lanelet, column, column)),
+                    }
                 }
                 for here in found.iter().filter(|here| here.turn.abs() <= ALONG) {
                     match track.lane.iter_mut().find(|(lanelet, _)| *lanelet == here.lanelet) {
@@ -191,6 +211,22 @@ impl LaneletTrack {
         &self.here[self.starts[column] as usize..self.starts[column + 1] as usize]
     }
 
+    /// Last column until which its way from a column on is one along these lanelets.
+    pub(super) fn follows(&self, lanelets: &[u32], column: usize) -> usize {
+        let mut until = column;
+        for lanelet in lanelets {
+            let goes_on = |stay: &&(u32, usize, usize)| stay.0 == *lanelet && stay.1 <= until + 1 && stay.2 > until;
+            until = self.stays.iter().rfind(goes_on).map_or(until, |stay| stay.2);
+        }
+        until
+    }
+
+    /// Height at a column [m]; `None` where it is not known.
+    #[inline]
+    pub(super) fn height(&self, column: usize) -> Option<f64> {
+        self.heights.get(column).copied().flatten()
+    }
+
     #[inline]
     pub(super) fn heading(&self, column: usize) -> Point {
         self.headings[column]
@@ -203,13 +239,14 @@ impl LaneletTrack {
     }
 }
 
-fn lanelets_here(road: &RoadNetwork, pose: Pose) -> Vec<Here> {
+fn lanelets_here(road: &RoadNetwork, pose: Pose, height: Option<f64>) -> Vec<Here> {
     let place = |lanelet: usize| {
         let foot = road.lanelets()[lanelet].center.project(pose.position);
         let turn = wrap_angle(pose.orientation - road.heading_at(lanelet, foot.s));
         Here { lanelet: lanelet as u32, s: foot.s, distance: foot.distance, turn }
     };
-    road.lanelets_at(pose.position).into_iter().map(place).collect()
+    let is_level = |lanelet: &usize| road.is_level(*lanelet, pose.position, height);
+    road.lanelets_at(pose.position).into_iter().filter(is_level).map(place).collect()
 }
 
 /// The lanelets that each participant passes.

@@ -147,6 +147,9 @@ fn area_of(road: &RoadNetwork, [a, b]: [usize; 2], strips: [&Strip; 2]) -> Optio
     if common.size < COMMON_MIN {
         return None;
     }
+    if road.lanelets_are_apart([a, b], common.corners[0]) {
+        return None;
+    }
     let stretches =
         [0, 1].map(|side| if merges { (common.last_begin(side), lanelets[side].length) } else { common.whole(side) });
     let sides = [0, 1].map(|k| Side { lanelet: [a, b][k], entry: stretches[k].0, exit: stretches[k].1 });

@@ -37,6 +37,11 @@ impl Body {
         Self::of(participants.ids[row], state.pose(), velocity, what)
     }
 
+    /// Where it is.
+    pub fn pose(&self) -> Pose {
+        Pose { position: self.position, orientation: self.axis.angle() }
+    }
+
     /// From its size [m], its kind, and whether it never moves.
     pub fn of(
         id: i64,

@@ -1,7 +1,7 @@
 //! Plans from outside the core: what is checked before they are driven.
 
 use crate::error::{Error, Result};
-use crate::geometry::wrap_angle;
+use crate::geometry::{Point, wrap_angle};
 use crate::limits::NUMBER_MAX;
 use crate::trajectory::State;
 use crate::vehicle::Vehicle;
@@ -15,6 +15,16 @@ const START_VELOCITY_MAX: f64 = 1.0;
 const VELOCITY_SHARE: f64 = 1.1;
 /// ... and a step may be longer than at that speed by this much [m].
 const STEP_MARGIN: f64 = 0.1;
+
+/// Most points of a plan: a thousand seconds at 0.1 s.
+pub const PLAN_POINTS_MAX: usize = 10_000;
+/// A plan may move this much less or more than its speeds say [m], ...
+const MOTION_GAP: f64 = 0.05;
+/// ... and by this share of the distance: models differ in where a vehicle's speed is measured.
+const MOTION_SHARE: f64 = 0.1;
+/// A step may go sideways by this share of its length, at the centre or at the rear axle: simple planners shift a vehicle
+/// to the next lane without turning it.
+const SIDEWAYS_SHARE: f64 = 0.5;
 
 /// A plan as stated: one slice per field, all of the same length, point 0 is now. Acceleration [m/s²] and yaw rate
 /// [rad/s] may be missing.
@@ -39,7 +49,8 @@ impl StatedPlan<'_> {
     /// by the shorter way round.
     ///
     /// # Errors
-    /// `InvalidInput` naming the field: another length, fewer than two points, a value that is not a number.
+    /// `InvalidInput` naming the field: another length, fewer than two points, more than [`PLAN_POINTS_MAX`], a value
+    /// that is not a number.
     pub fn points(&self, dt: f64) -> Result<Vec<State>> {
         let n = self.x.len();
         let given = [
@@ -52,6 +63,9 @@ impl StatedPlan<'_> {
         ];
         if n < 2 {
             return Err(Error::invalid(format!("the plan has {n} points, at least two are expected")));
+        }
+        if n > PLAN_POINTS_MAX {
+            return Err(Error::invalid(format!("the plan has {n} points, at most {PLAN_POINTS_MAX} are allowed")));
         }
         for (name, values) in given.into_iter().filter_map(|(name, values)| Some((name, values?))) {
             if values.len() != n {
@@ -123,6 +137,46 @@ pub fn check_plan(points: &[State], now: &State, vehicle: &Vehicle, dt: f64) -> 
     Ok(())
 }
 
+/// Whether positions, headings and speeds of a plan tell of the same motion. From point 0 to any other, it must move along
+/// its headings as far as its speeds say (at one end of each step or the other, whichever allows more), and hardly
+/// sideways: the centre does where a vehicle turns about its rear axle, so that the axle counts, too.
+///
+/// # Errors
+/// `InvalidInput` with the first stretch where they contradict each other.
+pub fn check_motion(points: &[State], vehicle: &Vehicle, dt: f64) -> Result<()> {
+    let (mut along, mut least, mut most, mut driven) = (0.0, 0.0, 0.0, 0.0);
+    for (i, pair) in points.windows(2).enumerate() {
+        let [a, b] = [pair[0], pair[1]];
+        let heading = a.orientation + 0.5 * wrap_angle(b.orientation - a.orientation);
+        let step = b.pose().position - a.pose().position;
+        let axis = Point::from_angle(heading);
+        let turn = (Point::from_angle(b.orientation) - Point::from_angle(a.orientation)) * vehicle.rear_axle_to_center;
+        let sideways = axis.cross(step).abs().min(axis.cross(step - turn).abs());
+        along += axis.dot(step);
+        least += a.velocity.min(b.velocity) * dt;
+        most += a.velocity.max(b.velocity) * dt;
+        let length = a.velocity.abs().max(b.velocity.abs()) * dt;
+        driven += length;
+        let margin = MOTION_GAP + MOTION_SHARE * driven;
+        let (distance, way, first) = if along < least - margin || along > most + margin {
+            (along + 0.0, "", 0)
+        } else if sideways > MOTION_GAP + SIDEWAYS_SHARE * length {
+            (sideways, "sideways ", i)
+        } else {
+            continue;
+        };
+        let (last, n) = (i + 1, (i + 1 - first) as f64);
+        let speed = points[first..=last].iter().map(|point| point.velocity).sum::<f64>() / (n + 1.0);
+        return Err(Error::invalid(format!(
+            "the plan moves {distance:.1} m {way}in {} s but states {speed:.1} m/s (points {first} to {last}); positions \
+             are footprint centres, the rear axle is {:.1} m behind",
+            (n * dt * 1e3).round() / 1e3,
+            vehicle.rear_axle_to_center,
+        )));
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,6 +229,57 @@ mod tests {
     }
 
     #[test]
+    fn a_plan_whose_positions_contradict_its_speeds_is_named() {
+        let refusal = |change: &dyn Fn(usize, &mut State)| {
+            let mut points = straight(12.8, 31);
+            points.iter_mut().enumerate().for_each(|(i, point)| change(i, point));
+            check_plan(&points, &straight(12.8, 1)[0], &car(), 0.1).unwrap();
+            check_motion(&points, &car(), 0.1).map_err(|error| error.to_string())
+        };
+        let words = |change: &dyn Fn(usize, &mut State)| refusal(change).unwrap_err();
+        let axle = car().rear_axle_to_center;
+        let rear = words(&|i, p| p.x -= if i == 0 { 0.0 } else { axle });
+        assert!(
+            rear.contains(" m in 0.1 s but states 12.8 m/s (points 0 to 1); positions are footprint centres"),
+            "{rear}"
+        );
+        assert!(words(&|_, p| p.x = 0.0).starts_with("the plan moves 0.0 m in 0.1 s but states 12.8 m/s"));
+        assert!(words(&|_, p| p.x = -p.x).starts_with("the plan moves -1.3 m in 0.1 s but states 12.8 m/s"));
+        assert!(words(&|_, p| (p.x, p.y) = (0.9 * p.x, 0.6 * p.x)).contains("0.8 m sideways in 0.1 s but states 12.8"));
+        assert!(
+            words(&|i, p| p.x -= if i > 20 { 0.5 * 12.8 * 0.1 * (i - 20) as f64 } else { 0.0 })
+                .contains("points 0 to ")
+        );
+        // What is within the tolerance: other models of where a speed is measured, and of which end of a step has it.
+        assert_eq!(refusal(&|_, p| p.x *= 1.05), Ok(()));
+        let (mut euler, mut x) = (Vec::new(), 0.0);
+        for i in 0..31 {
+            let velocity = 8.0 * f64::from(i) * 0.1;
+            euler.push(State { x, velocity, ..State::default() });
+            x += velocity * 0.1;
+        }
+        assert_eq!(check_motion(&euler, &car(), 0.1), Ok(()));
+    }
+
+    #[test]
+    fn a_car_that_turns_as_tightly_as_it_can_moves_sideways_at_its_centre_and_may() {
+        let (vehicle, speed) = (car(), 5.0);
+        let radius = 1.0 / vehicle.curvature_max();
+        let circle = |i: usize| {
+            let heading = speed * 0.1 * i as f64 / radius;
+            let rear = Point::new(radius * heading.sin(), radius * (1.0 - heading.cos()));
+            let Point { x, y } = rear + Point::from_angle(heading) * vehicle.rear_axle_to_center;
+            State { x, y, orientation: wrap_angle(heading), velocity: speed, ..State::default() }
+        };
+        for sign in [1.0, -1.0] {
+            let points: Vec<State> = (0..40)
+                .map(|i| State { velocity: sign * speed, ..circle(if sign > 0.0 { i } else { 40 - i }) })
+                .collect();
+            assert_eq!(check_motion(&points, &vehicle, 0.1), Ok(()), "at {} m/s", sign * speed);
+        }
+    }
+
+    #[test]
     fn a_field_with_another_length_or_without_a_number_is_named() {
         let plan = StatedPlan {
             x: &[0.0, 1.0],
@@ -188,5 +293,7 @@ mod tests {
         let short = StatedPlan { velocity: &[10.0], ..plan };
         assert!(short.points(0.1).unwrap_err().to_string().contains("velocity has 1 values, x has 2"));
         assert!(StatedPlan { x: &[], ..plan }.points(0.1).unwrap_err().to_string().contains("0 points"));
+        let long = StatedPlan { x: &[0.0; PLAN_POINTS_MAX + 1], ..plan };
+        assert!(long.points(0.1).unwrap_err().to_string().contains("10001 points, at most 10000 are allowed"));
     }
 }

@@ -87,17 +87,18 @@ pub struct Lanes {
 /// Number of lane changes that are missing from every lanelet to the goal; `usize::MAX` if it cannot be reached.
 ///
 /// Without a place as goal, the goal is where the map ends.
-fn missing_changes(road: &RoadNetwork, goal: Option<usize>) -> Vec<usize> {
+/// Only lanelets that the route's user may use count.
+fn missing_changes(road: &RoadNetwork, route: &Route, goal: Option<usize>) -> Vec<usize> {
     let lanelets = road.lanelets();
     let mut changes = vec![usize::MAX; lanelets.len()];
     let mut queue = VecDeque::new();
+    let may_use: Vec<bool> = (0..lanelets.len()).map(|i| route.may_use(road, i)).collect();
     let neighbours = |i: usize| {
         let sides = [lanelets[i].adjacent_left, lanelets[i].adjacent_right];
-        sides.into_iter().flatten().filter(|side| side.1).map(|side| side.0)
+        sides.into_iter().flatten().filter(|side| side.1 && may_use[side.0]).map(|side| side.0)
     };
-    let map_ends = |i: usize| {
-        lanelets[i].successors.is_empty() && neighbours(i).all(|beside| lanelets[beside].successors.is_empty())
-    };
+    let ends = |i: usize| lanelets[i].successors.iter().all(|next| !may_use[*next]);
+    let map_ends = |i: usize| may_use[i] && ends(i) && neighbours(i).all(ends);
     for (i, changes) in changes.iter_mut().enumerate() {
         if goal.map_or_else(|| map_ends(i), |goal| goal == i) {
             *changes = 0;
@@ -108,7 +109,7 @@ fn missing_changes(road: &RoadNetwork, goal: Option<usize>) -> Vec<usize> {
     while let Some(i) = queue.pop_front() {
         let here = changes[i];
         for &before in &lanelets[i].predecessors {
-            if changes[before] > here {
+            if may_use[before] && changes[before] > here {
                 changes[before] = here;
                 queue.push_front(before);
             }
@@ -136,7 +137,8 @@ impl Lanes {
             for i in 0..chains[at].len() {
                 let lanelet = &road.lanelets()[chains[at][i]];
                 for (beside, same) in [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten() {
-                    let is_new = same && !chains.iter().any(|chain| chain.contains(&beside));
+                    let is_new =
+                        same && route.may_use(road, beside) && !chains.iter().any(|chain| chain.contains(&beside));
                     if is_new && chains.len() < LANES_MAX {
                         chains.push(chain(road, beside, (&[], &[]), &ends));
                     }
@@ -183,7 +185,7 @@ impl Ends {
         let has_place = goal.states.iter().any(|state| !state.areas.is_empty());
         let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
         Self {
-            changes: missing_changes(&scenario.road, goal_lanelet),
+            changes: missing_changes(&scenario.road, route, goal_lanelet),
             start: route.path.at(route.start_s).position,
             goal_place: has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position),
             length: if has_place { route.path.length() + EXTENSION } else { FREE_LENGTH },

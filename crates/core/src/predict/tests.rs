@@ -29,6 +29,7 @@ fn scene(states: &[State]) -> Scene {
         shape: vec![Shape::rectangle(4.5, 1.8); n],
         is_static: vec![false; n],
         is_agent: vec![true; n],
+        ..Participants::default()
     };
     let turns = vec![None; n];
     Scene { time_step: 0, dt: DT, participants: Arc::new(participants), present: (0..n).collect(), turns, past }

@@ -1,8 +1,8 @@
 //! The border of the drivable area: pieces of lanelet borders beside which nothing is drivable.
 
+use super::filler::Filler;
 use super::grid::Buckets;
 use super::lanelet::Lanelet;
-use super::open_ends::Filler;
 use super::surface::{Surface, is_twisted};
 use crate::geometry::Point;
 

@@ -117,30 +117,32 @@ impl Chains {
     }
 }
 
-/// Successors and predecessors of every lanelet, those that bend least first, equal ones by id.
+/// Successors and predecessors of every lanelet: those that are lanes for all its users first, of these those that bend
+/// least first, equal ones by id.
 pub(super) fn straightest(lanelets: &[Lanelet]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let chord = |i: usize, from: f64, to: f64| {
         let line = &lanelets[i].center;
         let chord = line.at(to) - line.at(from);
         if chord.norm() > 1e-6 { chord.angle() } else { line.direction_at(from).angle() }
     };
-    let sorted = |related: &[usize], bend: &dyn Fn(usize) -> f64| {
-        let mut keyed: Vec<(f64, usize)> = related.iter().map(|j| (bend(*j), *j)).collect();
-        keyed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        keyed.into_iter().map(|pair| pair.1).collect()
+    let sorted = |i: usize, related: &[usize], bend: &dyn Fn(usize) -> f64| {
+        let narrows = |j: usize| !lanelets[j].users.covers(lanelets[i].users);
+        let mut keyed: Vec<(bool, f64, usize)> = related.iter().map(|j| (narrows(*j), bend(*j), *j)).collect();
+        keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        keyed.into_iter().map(|key| key.2).collect()
     };
     let rounded = |angle: f64| (wrap_angle(angle).abs() * 1e6).round();
     let successors = |i: usize| {
         let length = lanelets[i].length;
         let leaving = chord(i, length - 2.0 * HEADING_REACH, length);
-        sorted(&lanelets[i].successors, &|j| {
+        sorted(i, &lanelets[i].successors, &|j| {
             let reach = lanelets[j].length.min(BRANCH_LENGTH);
             rounded(chord(j, reach - 2.0 * HEADING_REACH, reach) - leaving)
         })
     };
     let predecessors = |i: usize| {
         let entering = chord(i, 0.0, 2.0 * HEADING_REACH);
-        sorted(&lanelets[i].predecessors, &|j| {
+        sorted(i, &lanelets[i].predecessors, &|j| {
             let start = (lanelets[j].length - BRANCH_LENGTH).max(0.0);
             rounded(chord(j, start, start + 2.0 * HEADING_REACH) - entering)
         })

@@ -1,6 +1,7 @@
 //! One lanelet, and the relations between lanelets put in order.
 
-use super::LaneletInput;
+use super::filler::Filler;
+use super::{LaneletInput, Users};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
@@ -8,8 +9,14 @@ use crate::limits::{LANELET_LENGTH_MAX, NUMBER_MAX, ROADS_LENGTH_MAX};
 
 /// Neighbours share a bound if it is within this distance [m] all along.
 const SHARED_BOUND_DISTANCE: f64 = 0.1;
-/// A successor that starts farther away than this [m] is an error of the map.
-const SUCCESSOR_GAP_MAX: f64 = 10.0;
+/// A successor that starts farther away than this [m] is an error of the map, unless it starts before the end.
+const SUCCESSOR_GAP_MAX: f64 = 3.0;
+/// Lanelets that overlap their successor by more than this [m] are cut.
+const OVERLAP_MIN: f64 = 0.5;
+/// Middles of overlapping lanelets are at most this far apart [m].
+const OVERLAP_OFFSET_MAX: f64 = 1.0;
+/// What is left of a lanelet that is cut is no shorter than this [m].
+const CUT_LENGTH_MIN: f64 = 1.0;
 
 /// A lanelet of the network. Relations are indices into `RoadNetwork::lanelets`.
 #[derive(Debug, Clone)]
@@ -34,6 +41,8 @@ pub struct Lanelet {
     pub adjacent_right: Option<(usize, bool)>,
     /// Speed limit [m/s]; NaN: unknown.
     pub speed_limit: f64,
+    /// For whom it is a lane.
+    pub users: Users,
     /// Length of the centre line [m].
     pub length: f64,
     /// Arc length of the centre line at every pair of bound vertices; not strictly ascending.
@@ -90,6 +99,7 @@ impl Lanelet {
             adjacent_left: None,
             adjacent_right: None,
             speed_limit: input.speed_limit,
+            users: input.users,
             pair_s,
         })
     }
@@ -118,6 +128,43 @@ impl Lanelet {
     pub fn width_at(&self, s: f64) -> f64 {
         let (left, right) = self.bounds_at(s);
         left.distance(right)
+    }
+
+    /// Both bounds between two arc lengths of the centre line [m].
+    fn bounds_between(&self, from: f64, to: f64) -> (Vec<Point>, Vec<Point>) {
+        let inner = (0..self.pair_s.len()).filter(|i| self.pair_s[*i] > from && self.pair_s[*i] < to);
+        let inner = inner.map(|i| (self.left[i], self.right[i]));
+        let ends = (self.bounds_at(from), self.bounds_at(to));
+        std::iter::once(ends.0).chain(inner).chain(std::iter::once(ends.1)).unzip()
+    }
+
+    /// Keeps what lies between two arc lengths of the centre line [m]; the parts before and behind are returned.
+    fn cut(&mut self, from: f64, to: f64) -> Result<Vec<Filler>> {
+        let parts = [(0.0, from), (to, self.length)].into_iter().filter(|(from, to)| to > from);
+        let fillers = parts
+            .map(|(from, to)| {
+                let (left, right) = self.bounds_between(from, to);
+                let backwards = right.iter().rev().copied().collect();
+                Filler { borders: vec![left.clone(), backwards], left, right }
+            })
+            .collect();
+        let (left, right) = self.bounds_between(from, to);
+        let relations = (std::mem::take(&mut self.predecessors), std::mem::take(&mut self.successors));
+        let input = LaneletInput {
+            id: self.id,
+            left,
+            right,
+            predecessors: Vec::new(),
+            successors: Vec::new(),
+            adjacent_left: None,
+            adjacent_right: None,
+            speed_limit: self.speed_limit,
+            users: self.users,
+        };
+        let (adjacent_left, adjacent_right) = (self.adjacent_left, self.adjacent_right);
+        let (predecessors, successors) = relations;
+        *self = Self { predecessors, successors, adjacent_left, adjacent_right, ..Self::from_input(&input)? };
+        Ok(fillers)
     }
 
     /// First corners, left and right.
@@ -155,8 +202,8 @@ fn paired(left: &[Point], right: &[Point]) -> (Vec<Point>, Vec<Point>) {
     (along(&left_line), along(&right_line))
 }
 
-/// Lanelets sorted by id, with relations completed.
-pub(super) fn linked(mut inputs: Vec<LaneletInput>) -> Result<Vec<Lanelet>> {
+/// Lanelets sorted by id, with relations completed, and what was cut off where they overlap.
+pub(super) fn linked(mut inputs: Vec<LaneletInput>) -> Result<(Vec<Lanelet>, Vec<Filler>)> {
     if inputs.is_empty() {
         return Err(Error::invalid("a road network needs at least one lanelet"));
     }
@@ -193,16 +240,56 @@ pub(super) fn linked(mut inputs: Vec<LaneletInput>) -> Result<Vec<Lanelet>> {
     return_adjacency(&mut lanelets);
     derive_adjacency(&mut lanelets);
     return_adjacency(&mut lanelets);
-    Ok(lanelets)
+    let cut_off = cut_overlaps(&mut lanelets)?;
+    Ok((lanelets, cut_off))
 }
 
 /// Relates two lanelets unless they are far apart.
 fn link(lanelets: &mut [Lanelet], before: usize, after: usize) {
-    let middle = |(left, right): (Point, Point)| left.lerp(right, 0.5);
-    if middle(lanelets[before].end()).distance(middle(lanelets[after].start())) <= SUCCESSOR_GAP_MAX {
+    let (end, start) = (lanelets[before].center.at(lanelets[before].length), lanelets[after].center.at(0.0));
+    if end.distance(start) <= SUCCESSOR_GAP_MAX || overlap(&lanelets[before], &lanelets[after]) > 0.0 {
         lanelets[before].successors.push(after);
         lanelets[after].predecessors.push(before);
     }
+}
+
+/// How far the end of a lanelet lies beyond the start of its successor, along both [m]; 0 where they meet or part.
+fn overlap(before: &Lanelet, after: &Lanelet) -> f64 {
+    let end = after.center.project(before.center.at(before.length));
+    let start = before.center.project(after.center.at(0.0));
+    let beyond = before.length - start.s;
+    let is_along = end.distance <= OVERLAP_OFFSET_MAX && start.distance <= OVERLAP_OFFSET_MAX;
+    let rest = start.s.min(after.length - end.s);
+    if before.id != after.id && is_along && beyond.min(end.s) > OVERLAP_MIN && rest >= CUT_LENGTH_MIN {
+        beyond.min(end.s)
+    } else {
+        0.0
+    }
+}
+
+/// Cuts lanelets where all their successors start before their end, and those that start before the end of all their
+/// predecessors, so that arc lengths add up along a lane. Returns what was cut off.
+fn cut_overlaps(lanelets: &mut [Lanelet]) -> Result<Vec<Filler>> {
+    let least = |overlaps: &mut dyn Iterator<Item = f64>| overlaps.reduce(f64::min).unwrap_or(0.0);
+    let ends: Vec<f64> = lanelets
+        .iter()
+        .map(|lanelet| least(&mut lanelet.successors.iter().map(|next| overlap(lanelet, &lanelets[*next]))))
+        .collect();
+    let starts: Vec<f64> = lanelets
+        .iter()
+        .map(|lanelet| {
+            let left = |before: &usize| overlap(&lanelets[*before], lanelet) - ends[*before];
+            least(&mut lanelet.predecessors.iter().map(left))
+        })
+        .collect();
+    let mut cut_off = Vec::new();
+    for (lanelet, (start, end)) in lanelets.iter_mut().zip(starts.into_iter().zip(ends)) {
+        let start = if start > OVERLAP_MIN { start } else { 0.0 };
+        if start + end > 0.0 && lanelet.length - start - end >= CUT_LENGTH_MIN {
+            cut_off.extend(lanelet.cut(start, lanelet.length - end)?);
+        }
+    }
+    Ok(cut_off)
 }
 
 /// A neighbour that states no neighbour on the shared side gets the one that named it.

@@ -1,6 +1,7 @@
 //! Where the map ends, the road does not: straight continuations beyond open ends, and strips that close small gaps
 //! between lanelets that are stated to touch.
 
+use super::filler::Filler;
 use super::lanelet::Lanelet;
 use super::surface::{Triangle, strip};
 use crate::geometry::polyline::Polyline;
@@ -18,16 +19,6 @@ const CLOSED_GAP_MAX: f64 = 3.0;
 const NEIGHBOUR_GAP_MAX: f64 = 0.5;
 /// Smaller gaps [m] need no strip.
 const GAP_MIN: f64 = 1e-3;
-
-/// A drivable piece that belongs to no lanelet.
-#[derive(Debug, Clone)]
-pub(super) struct Filler {
-    /// Left and right side, equally many points.
-    pub(super) left: Vec<Point>,
-    pub(super) right: Vec<Point>,
-    /// Borders that may be road edges; drivable is what lies to the right of them.
-    pub(super) borders: Vec<Vec<Point>>,
-}
 
 /// An end of a lanelet that nothing continues.
 struct OpenEnd {

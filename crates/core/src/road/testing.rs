@@ -1,6 +1,6 @@
 //! Small invented roads for tests. Lanes are 3.5 m wide.
 
-use super::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings};
+use super::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings, Users};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
 
@@ -35,6 +35,7 @@ pub(crate) fn tapered_lane(id: i64, center: &[Point], first_width: f64, last_wid
         adjacent_left: None,
         adjacent_right: None,
         speed_limit: f64::NAN,
+        users: Users::ALL,
     }
 }
 

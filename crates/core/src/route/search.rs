@@ -7,6 +7,7 @@ use super::{LaneMatch, RoadNetwork};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::geometry::shape::PlacedShape;
+use crate::vehicle::ParticipantKind;
 
 /// One metre beside the centre line counts like this length [m].
 const OFFSET_COST: f64 = 5.0;
@@ -14,6 +15,10 @@ const OFFSET_COST: f64 = 5.0;
 const CROSSING_SAMPLING: f64 = 0.25;
 /// A goal area on no lanelet belongs to those this near [m] to its centre.
 const GOAL_TOLERANCE: f64 = 3.0;
+/// Starts whose direction differs from that of the best one by more than this [rad] count only if nothing else leads to the
+/// goal; the same for offsets [m].
+const START_ANGLE: f64 = 10.0 * std::f64::consts::PI / 180.0;
+const START_OFFSET: f64 = 1.0;
 /// The start may be this far [m] beyond the end of a goal area and still count as being there.
 const PASSED_TOLERANCE: f64 = 0.1;
 
@@ -94,22 +99,24 @@ fn crossing(road: &RoadNetwork, lanelet: usize, area: &PlacedShape) -> Option<Go
     Some(GoalPlace { lanelet, entry, exit, offset: line.project(area.center()).distance })
 }
 
-/// Lane changes first, then length [m].
+/// Lanelets that are no lane for the user first, then lane changes, then length [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Cost {
+    off_lanes: usize,
     lane_changes: usize,
     length: f64,
 }
 
 impl Cost {
-    const UNREACHED: Self = Self { lane_changes: usize::MAX, length: f64::INFINITY };
+    const UNREACHED: Self = Self { off_lanes: usize::MAX, lane_changes: usize::MAX, length: f64::INFINITY };
 
     fn plus(self, lane_changes: usize, length: f64) -> Self {
-        Self { lane_changes: self.lane_changes + lane_changes, length: self.length + length }
+        Self { lane_changes: self.lane_changes + lane_changes, length: self.length + length, ..self }
     }
 
     fn order(&self, other: &Self) -> Ordering {
-        self.lane_changes.cmp(&other.lane_changes).then(self.length.total_cmp(&other.length))
+        let changes = self.off_lanes.cmp(&other.off_lanes).then(self.lane_changes.cmp(&other.lane_changes));
+        changes.then(self.length.total_cmp(&other.length))
     }
 }
 
@@ -138,6 +145,7 @@ impl PartialOrd for Entry {
 /// position is not ahead), and entered over its start.
 struct Search<'a> {
     road: &'a RoadNetwork,
+    user: ParticipantKind,
     /// Cost up to the start of the lanelet.
     costs: Vec<Cost>,
     /// The node before, and whether a lane change leads from it.
@@ -146,7 +154,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn relax(&mut self, node: usize, cost: Cost, from: Option<(usize, bool)>) {
+    fn relax(&mut self, node: usize, mut cost: Cost, from: Option<(usize, bool)>) {
+        cost.off_lanes += usize::from(!self.road.lanelets()[self.lanelet(node)].users.admits(self.user));
         if cost.order(&self.costs[node]) == Ordering::Less {
             self.costs[node] = cost;
             self.from[node] = from;
@@ -163,21 +172,35 @@ impl Search<'_> {
     }
 }
 
+/// The starts that fit best: of those that contain the position, if any does, by heading, then by offset. Lanelets beside the
+/// position are left to the search, which counts a lane change for them.
+pub(super) fn best_starts(road: &RoadNetwork, starts: &[LaneMatch], position: Point) -> Vec<LaneMatch> {
+    let inside = road.lanelets_at(position);
+    let contains = |start: &&LaneMatch| inside.is_empty() || inside.contains(&start.lanelet);
+    let error = |start: &LaneMatch| start.heading_error.abs();
+    let angle = starts.iter().filter(contains).map(error).fold(f64::INFINITY, f64::min) + START_ANGLE;
+    let straight = starts.iter().filter(|start| error(start) <= angle);
+    let offset = straight.clone().filter(contains).map(|start| start.d.abs()).fold(f64::INFINITY, f64::min);
+    straight.filter(|start| !contains(start) || start.d.abs() <= offset + START_OFFSET).copied().collect()
+}
+
 /// The best sequence from one of the starts to one of the goals.
 pub(super) fn search(
     road: &RoadNetwork,
+    user: ParticipantKind,
     starts: &[LaneMatch],
     position: Point,
     goals: &[GoalPlace],
 ) -> Result<FoundRoute> {
     let n = road.lanelets().len();
     let mut search =
-        Search { road, costs: vec![Cost::UNREACHED; 2 * n], from: vec![None; 2 * n], heap: BinaryHeap::new() };
+        Search { road, user, costs: vec![Cost::UNREACHED; 2 * n], from: vec![None; 2 * n], heap: BinaryHeap::new() };
     let inside = road.lanelets_at(position);
     for start in starts {
         // Beginning in a lanelet beside the one with the start is a lane change in all but name.
         let lane_changes = usize::from(!inside.is_empty() && !inside.contains(&start.lanelet));
-        search.relax(start.lanelet, Cost { lane_changes, length: OFFSET_COST * start.d.abs() - start.s }, None);
+        let length = OFFSET_COST * start.d.abs() - start.s;
+        search.relax(start.lanelet, Cost { off_lanes: 0, lane_changes, length }, None);
     }
     let start_on = |lanelet: usize| road.lanelets()[lanelet].center.project(position).s;
     while let Some(Entry { cost, node }) = search.heap.pop() {
@@ -206,6 +229,11 @@ pub(super) fn search(
         });
     let best = reached.min_by(|a, b| a.0.order(&b.0).then(a.1.cmp(&b.1)));
     let Some((_, node, goal)) = best else {
+        let behind = |goal: &GoalPlace| starts.iter().any(|start| start.lanelet == goal.lanelet);
+        if let Some(goal) = goals.iter().find(|goal| behind(goal)) {
+            let distance = start_on(goal.lanelet) - 0.5 * (goal.entry + goal.exit);
+            return Err(Error::NoRoute(format!("the goal lies {distance:.0} m behind the start in the same lanelet")));
+        }
         let id = |lanelet: usize| road.lanelets()[lanelet].id;
         return Err(Error::NoRoute(format!(
             "no way leads from lanelet {} to lanelet {}",

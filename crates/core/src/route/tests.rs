@@ -1,7 +1,8 @@
 use super::*;
 use crate::geometry::shape::Shape;
-use crate::road::LaneletInput;
 use crate::road::testing::*;
+use crate::road::{LaneletInput, Users};
+use crate::vehicle::ParticipantKind;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const SPEED: f64 = 10.0;
@@ -168,7 +169,7 @@ fn a_goal_behind_the_start_on_a_road_without_return_has_no_route() {
     let Err(Error::NoRoute(message)) = find(&road, Pose::new(100.0, 0.0, 0.0), &[box_at(40.0, 0.0, 4.0, 3.0)]) else {
         panic!("found one")
     };
-    assert!(message.contains("from lanelet 1 to lanelet 1"), "{message}");
+    assert_eq!(message, "the goal lies 60 m behind the start in the same lanelet");
     assert!(find(&road, Pose::new(40.0, 0.0, 0.0), &[box_at(40.0, 0.0, 4.0, 3.0)]).is_ok(), "inside it, it has");
 }
 
@@ -203,4 +204,148 @@ fn without_a_goal_position_the_lane_is_followed_straight_on() {
     assert_eq!(ids(&road, &found), [1, 2]);
     assert!(found.goal_entry_s.is_nan() && found.goal_exit_s.is_nan());
     assert!(found.path.length() - found.start_s > 200.0);
+}
+
+/// For bicycles alone.
+const BICYCLES: Users = Users::from_bits(1 << ParticipantKind::Bicycle as u32);
+
+/// Lane 1 along x to (50, 0); from there lane 2 straight on to (100, 0), and lane 4, which is as long, aside; both lead to
+/// lane 3 from (100, 0) to (150, 0).
+fn short_cut(users_of_straight: Users) -> RoadNetwork {
+    let aside = [Point::new(50.0, 0.0), Point::new(75.0, 8.0), Point::new(100.0, 0.0)];
+    open(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2, 4]),
+        LaneletInput {
+            users: users_of_straight,
+            ..with_successors(lane(2, &straight((50.0, 0.0), (100.0, 0.0))), &[3])
+        },
+        lane(3, &straight((100.0, 0.0), (150.0, 0.0))),
+        with_successors(lane(4, &aside), &[3]),
+    ])
+}
+
+fn route_of(user: ParticipantKind, road: &RoadNetwork, start: Pose, areas: &[PlacedShape]) -> Route {
+    let settings = RouteSettings { user, ..RouteSettings::default() };
+    find_route(road, start, SPEED, areas, &settings).expect("there is a route")
+}
+
+#[test]
+fn a_car_goes_round_a_bicycle_lane_that_a_bicycle_takes() {
+    let road = short_cut(BICYCLES);
+    let way = |user| ids(&road, &route_of(user, &road, Pose::new(10.0, 0.0, 0.0), &[box_at(140.0, 0.0, 5.0, 3.0)]));
+    assert_eq!(way(ParticipantKind::Car), [1, 4, 3]);
+    assert_eq!(way(ParticipantKind::Truck), [1, 4, 3]);
+    assert_eq!(way(ParticipantKind::Bicycle), [1, 2, 3]);
+}
+
+#[test]
+fn a_goal_that_only_a_bicycle_lane_leads_to_is_reached_over_it() {
+    let road = short_cut(BICYCLES);
+    let found = route(&road, Pose::new(10.0, 0.0, 0.0), &[box_at(80.0, 0.0, 5.0, 1.0)]);
+    assert_eq!(ids(&road, &found), [1, 2]);
+}
+
+#[test]
+fn a_free_route_follows_the_lane_although_a_bicycle_lane_is_straighter() {
+    let road = short_cut(BICYCLES);
+    assert_eq!(ids(&road, &route(&road, Pose::new(10.0, 0.0, 0.0), &[])), [1, 4, 3]);
+    assert_eq!(ids(&short_cut(Users::ALL), &route(&short_cut(Users::ALL), Pose::new(10.0, 0.0, 0.0), &[])), [1, 2, 3]);
+}
+
+#[test]
+fn a_car_that_starts_on_a_sidewalk_uses_the_lane_beside_it() {
+    let mut lanelets = parallel_lanes(2, 200.0);
+    lanelets[0].users = Users::from_bits(0);
+    let road = open(lanelets);
+    // 0.85 m from the lane, and too far from it.
+    let goals = [box_at(150.0, LANE_WIDTH, 5.0, 3.0)];
+    assert_eq!(ids(&road, &route(&road, Pose::new(20.0, 0.9, 0.0), &goals)), [2]);
+    assert_eq!(ids(&road, &route(&road, Pose::new(20.0, 0.0, 0.0), &goals)), [1, 2]);
+}
+
+/// Lane 1 from (0, 0) along x for 60 m; lane 2 leaves it there at an angle [rad], offset to the left [m]; lane 3 follows 2
+/// and leads to the end of 1 on a long way; 4 follows both.
+fn overlapping(angle: f64, offset: f64) -> RoadNetwork {
+    let far = Point::new(0.0, offset) + Point::from_angle(angle) * 60.0;
+    let around = [far, far + Point::new(40.0, 20.0), Point::new(160.0, 40.0), Point::new(180.0, 0.0)];
+    open(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (60.0, 0.0))), &[5]),
+        with_successors(lane(2, &straight((0.0, offset), (far.x, far.y))), &[3]),
+        with_successors(lane(3, &around), &[4]),
+        lane(4, &straight((180.0, 0.0), (240.0, 0.0))),
+        with_successors(lane(5, &straight((60.0, 0.0), (180.0, 0.0))), &[4]),
+    ])
+}
+
+#[test]
+fn the_start_lanelet_is_the_one_that_the_start_fits_although_another_one_is_shorter() {
+    let goals = [box_at(220.0, 0.0, 5.0, 3.0)];
+    for (angle, offset, first) in [(0.4, 0.0, 2), (0.2, 0.0, 2), (0.1, 0.0, 1)] {
+        let road = overlapping(angle, offset);
+        let found = route(&road, Pose::new(0.5, 0.5 * angle, angle), &goals);
+        assert_eq!(ids(&road, &found)[0], first, "{angle} rad");
+    }
+    // In the same direction the offset decides.
+    let road = overlapping(0.0, 1.4);
+    assert_eq!(ids(&road, &route(&road, Pose::new(10.0, 1.4, 0.0), &goals))[0], 2);
+    assert_eq!(ids(&road, &route(&road, Pose::new(10.0, 0.7, 0.0), &goals))[0], 1);
+}
+
+#[test]
+fn a_start_lanelet_that_fits_less_counts_where_no_other_leads_to_the_goal() {
+    let road = overlapping(0.4, 0.0);
+    let goals = [box_at(50.0, 0.0, 5.0, 3.0)];
+    assert_eq!(ids(&road, &route(&road, Pose::new(2.0, 0.8, 0.4), &goals)), [1]);
+}
+
+#[test]
+fn no_route_leads_over_a_gap_of_more_than_3_m() {
+    for (gap, connected) in [(0.0, true), (2.9, true), (3.1, false), (200.0, false)] {
+        let road = open(vec![
+            with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2]),
+            lane(2, &straight((50.0 + gap, 0.0), (100.0 + gap, 0.0))),
+        ]);
+        let found = find(&road, Pose::new(10.0, 0.0, 0.0), &[box_at(80.0 + gap, 0.0, 5.0, 3.0)]);
+        assert_eq!(found.is_ok(), connected, "{gap} m");
+    }
+    // A lane's width aside.
+    let road = open(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (50.0, 0.0))), &[2]),
+        lane(2, &straight((50.0, 3.5), (100.0, 3.5))),
+    ]);
+    assert!(find(&road, Pose::new(10.0, 0.0, 0.0), &[box_at(80.0, 3.5, 5.0, 3.0)]).is_err());
+}
+
+#[test]
+fn where_lanelets_overlap_the_path_goes_on_without_turning_back() {
+    for overlap in [2.0, 5.0, 12.0, 40.0] {
+        let road = open(vec![
+            with_successors(lane(1, &straight((0.0, 0.0), (100.0 + overlap, 0.0))), &[2]),
+            lane(2, &straight((100.0, 0.0), (250.0, 0.0))),
+        ]);
+        let found = route(&road, Pose::new(30.0, 0.0, 0.0), &[box_at(200.0, 0.0, 10.0, 3.0)]);
+        assert!((found.goal_entry_s - found.start_s - 165.0).abs() < 0.5, "{overlap} m: {}", found.goal_entry_s);
+        assert!(positions(&found).windows(2).all(|pair| pair[1].1.x > pair[0].1.x), "{overlap} m");
+    }
+}
+
+#[test]
+fn branches_that_begin_before_the_end_of_their_lanelet_are_cut_alone() {
+    let road = open(vec![
+        with_successors(lane(1, &straight((0.0, 0.0), (100.0, 0.0))), &[2, 3]),
+        lane(2, &straight((92.0, 0.0), (250.0, 0.0))),
+        lane(3, &arc((100.0, 30.0), 30.0, -FRAC_PI_2, 0.0)),
+    ]);
+    let length = |id: i64| road.lanelets()[road.index_of(id).expect("a lanelet")].length;
+    assert!((length(1) - 100.0).abs() < 1e-9 && (length(2) - 150.0).abs() < 1e-9, "{} {}", length(1), length(2));
+    assert!(road.is_on_road(Point::new(95.0, 1.7)));
+}
+
+#[test]
+fn what_is_cut_off_stays_drivable() {
+    let road = closed(vec![
+        with_successors(tapered_lane(1, &straight((0.0, 0.0), (105.0, 0.0)), 8.0, 8.0), &[2]),
+        lane(2, &straight((100.0, 0.0), (250.0, 0.0))),
+    ]);
+    assert!(road.is_on_road(Point::new(104.0, 3.8)) && !road.is_on_road(Point::new(106.0, 3.8)));
 }

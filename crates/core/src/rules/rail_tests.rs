@@ -15,6 +15,7 @@ use crate::junctions::{AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, with_successors};
 use crate::route::Route;
+use crate::vehicle::ParticipantKind;
 
 const DT: f64 = 0.1;
 /// Distance of junctions, half their size, lanes beside the middle of the road [m].
@@ -98,7 +99,15 @@ impl Grid {
         let center = |index: &usize| self.road.lanelets()[*index].center.points().to_vec();
         let points: Vec<Point> = lanelets.iter().flat_map(center).collect();
         let path = ReferencePath::through(&points).expect("a path");
-        Route { lanelets, path, start_s: 0.0, goal_entry_s: f64::NAN, goal_exit_s: f64::NAN, lane_changes: 0 }
+        Route {
+            lanelets,
+            path,
+            start_s: 0.0,
+            goal_entry_s: f64::NAN,
+            goal_exit_s: f64::NAN,
+            lane_changes: 0,
+            user: ParticipantKind::Car,
+        }
     }
 }
 

@@ -32,9 +32,13 @@ impl Scene {
         told: &dyn Fn(i64) -> Option<PlacedBody<'a>>,
     ) -> Option<(i64, usize)> {
         let mut first: Option<(i64, usize)> = None;
+        let now = self.body(agent).map(|body| body.pose);
         for (row, id) in predictions.ids.iter().enumerate().filter(|(_, id)| **id != agent) {
             let until = first.map_or(drive.len(), |(_, interval)| interval);
             let Some(body) = told(*id).or_else(|| self.body(*id)) else { continue };
+            if now.is_some_and(|now| self.participants.storeys.are_apart(now, body.pose)) {
+                continue;
+            }
             let found = if body.is_static {
                 contact_with_static(&drive[..until], body, margin)
             } else {
@@ -131,6 +135,7 @@ mod tests {
             shape: vec![Shape::rectangle(4.0, 2.0), Shape::rectangle(30.0, 0.2)],
             is_static: vec![false, true],
             is_agent: vec![false, false],
+            ..Participants::default()
         };
         let mut predictions = Predictions::empty(0, vec![3, 8], 2, 10);
         for row in 0..2 {

@@ -19,6 +19,7 @@ use super::inbox::Inbox;
 use super::message::{Body, Claim, Message, PlanPoint};
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
+use crate::scene::Storeys;
 pub use bar::{Agreement, Bar};
 use bar::{Stop, bar, note};
 use lane::Lane;
@@ -60,6 +61,8 @@ pub(crate) struct Negotiator<'a> {
     pub(crate) velocity: f64,
     /// Length and width [m].
     pub(crate) extent: (f64, f64),
+    /// Where ways cross one above the other.
+    pub(crate) storeys: &'a Storeys,
     /// Junction areas on its path.
     pub(crate) crossings: &'a [Crossing],
     /// It enters junctions by the order of the rules.

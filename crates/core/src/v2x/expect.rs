@@ -322,7 +322,8 @@ impl Network {
     }
 }
 
-/// Drops what the agent's sensors would see where it was told to be; the rows are those of `extras`.
+/// Drops what the agent's sensors would see where it was told to be, and what drives above or below it; the rows are
+/// those of `extras`.
 fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, extras: &[Extra]) {
     if told.is_empty() {
         return;
@@ -333,5 +334,6 @@ fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, ex
     };
     let bodies: Vec<_> = told.iter().map(body).collect();
     let mut seen = scene.would_see(observer.row, observer.view, &bodies, &|_| true).into_iter();
-    told.retain(|_| seen.next() == Some(false));
+    let (pose, storeys) = (scene.state(observer.row).pose(), &scene.participants.storeys);
+    told.retain(|known| seen.next() == Some(false) && !storeys.are_apart(pose, extras[known.row].state.pose()));
 }

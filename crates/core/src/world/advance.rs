@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Drive, StepMemory, World};
+use super::{Drive, StepMemory, StepSettings, World};
 use crate::collision::{Mover, departure, find_contacts};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
@@ -60,6 +60,7 @@ impl World {
         self.time_step += 1;
         self.judge_goals();
         self.judge_length();
+        self.judge_standstill();
         self.remember(&orders);
         if self.settings.keep_recording {
             for order in orders.iter().filter(|order| order.kind != OrderKind::Go) {
@@ -172,6 +173,14 @@ impl World {
                 still_touching.insert(pair);
                 continue;
             }
+            let place = |row: usize| next[row].expect("filtered").pose();
+            if self.participants.storeys.are_apart(place(pair.0), place(pair.1)) {
+                continue;
+            }
+            let ids = &self.participants.ids;
+            if self.scenario.overlaps.contains(&(ids[pair.0].min(ids[pair.1]), ids[pair.0].max(ids[pair.1]))) {
+                continue;
+            }
             let velocity = |row: usize| velocity_between(self.states[row].as_ref(), next[row].as_ref(), fraction);
             let impact_speed = (velocity(pair.0) - velocity(pair.1)).norm();
             self.collide(pair.0, Some(pair.1), impact_speed, fraction);
@@ -231,14 +240,14 @@ impl World {
     }
 
     fn judge_goals(&mut self) {
-        let (time_step, grace, dt) = (self.time_step, self.settings.step.grace_factor, self.scenario.dt);
+        let (time_step, settings, dt) = (self.time_step, self.settings.step, self.scenario.dt);
         let control = &self.scenario.control;
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
             drive.follow_path(&state, dt);
             drive.stop = drive.stop.after(control, &drive.way, drive.front(), state.velocity);
-            if let Some(kind) = drive.judge(&state, time_step, grace) {
+            if let Some(kind) = drive.judge(&state, time_step, &settings) {
                 drive.outcome.kind = kind;
             }
         }
@@ -249,7 +258,7 @@ impl World {
         if self.time_step < self.final_time_step() {
             return;
         }
-        let max_steps = self.max_steps();
+        let max_steps = self.time_step - self.scenario.obstacles.states.first_time_step;
         for drive in self.drives.iter_mut().filter(|drive| drive.outcome.kind == OutcomeKind::Running) {
             drive.outcome.kind = OutcomeKind::TimeLimit;
             drive.outcome.message = format!("the run ended after {max_steps} time steps");
@@ -306,6 +315,7 @@ impl World {
         for other in (0..self.states.len()).filter(|other| *other != row) {
             let Some(state) = self.states[other] else { continue };
             if (participants.is_agent[row] || participants.is_agent[other])
+                && !participants.storeys.are_apart(pose, state.pose())
                 && participants.shape[row].overlaps(pose, &participants.shape[other], state.pose())
             {
                 self.entered_in_contact.insert((row.min(other), row.max(other)));
@@ -334,7 +344,7 @@ impl Drive {
         }
     }
 
-    fn judge(&self, state: &State, time_step: i64, grace_factor: f64) -> Option<OutcomeKind> {
+    fn judge(&self, state: &State, time_step: i64, settings: &StepSettings) -> Option<OutcomeKind> {
         if self.outcome.kind != OutcomeKind::Running {
             return None;
         }
@@ -353,7 +363,7 @@ impl Drive {
         if center > self.agent.route.goal_exit_s + MISSED_MARGIN && !inside {
             return Some(OutcomeKind::GoalMissed);
         }
-        (self.last_time_step(grace_factor).is_some_and(|last| time_step >= last)).then_some(OutcomeKind::TimeLimit)
+        (self.last_time_step(settings).is_some_and(|last| time_step >= last)).then_some(OutcomeKind::TimeLimit)
     }
 }
 

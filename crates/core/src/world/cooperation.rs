@@ -197,6 +197,7 @@ impl World {
             pose: state.pose(),
             velocity: state.velocity,
             extent: drive.agent.shape.extent(),
+            storeys: &self.participants.storeys,
             crossings: &drive.crossings,
             is_ordered: !drive.course.stations.is_empty(),
             line: self.line(drive).min(drive.front() + self.to_crosswalk(drive).min(held)),

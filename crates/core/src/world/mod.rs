@@ -8,14 +8,16 @@ mod people;
 mod planning;
 mod settings;
 mod staging;
+mod standstill;
+mod storeys;
 #[cfg(test)]
 mod tests;
 mod threads;
 mod unseen;
 
 use std::collections::BTreeSet;
-use std::sync::atomic::AtomicUsize;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
@@ -68,8 +70,34 @@ pub struct Agent {
     pub v2x: Option<bool>,
 }
 
+/// Effort of a plan, which threads write.
+#[derive(Debug, Default)]
+struct Effort(AtomicUsize);
+
+impl Clone for Effort {
+    fn clone(&self) -> Self {
+        Self(AtomicUsize::new(self.0.load(Ordering::Relaxed)))
+    }
+}
+
+/// Something that threads share, with copies that have their own.
+#[derive(Debug, Default)]
+struct Shared<T>(Mutex<T>);
+
+impl<T> Shared<T> {
+    fn lock(&self) -> MutexGuard<'_, T> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T: Clone> Clone for Shared<T> {
+    fn clone(&self) -> Self {
+        Self(Mutex::new(self.lock().clone()))
+    }
+}
+
 /// An agent's changing part.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Drive {
     agent: Arc<Agent>,
     /// What its planner computed before the first step.
@@ -95,15 +123,17 @@ struct Drive {
     s: f64,
     /// Last plan and the time step of its point 0.
     plan: Option<(Trajectory, i64)>,
+    /// Where it stands, once the recording is over.
+    stand: Option<standstill::Stand>,
     /// Has been fully on the road; before that, leaving it is not counted.
     was_on_road: bool,
     /// Fraction of the step at which the collision that ended it happened.
     contact_fraction: f64,
     /// Effort of its last plan, 0 if that was kept: agents with the largest effort are planned first. Affects run time only.
-    effort: AtomicUsize,
+    effort: Effort,
     /// Cost weights in the place of those of its planner, and the terms of its last choice.
     weights: Option<CostWeights>,
-    terms: Mutex<Option<[f64; frenet::N_TERMS]>>,
+    terms: Shared<Option<[f64; frenet::N_TERMS]>>,
 }
 
 impl Drive {
@@ -125,10 +155,8 @@ impl Drive {
     }
 
     /// Last time step of the grace period.
-    fn last_time_step(&self, grace_factor: f64) -> Option<i64> {
-        let start = self.agent.start_time_step;
-        let late = |end: i64| start.saturating_add((grace_factor * (end - start) as f64).floor() as i64);
-        self.agent.goal.latest_time_step().map(late)
+    fn last_time_step(&self, step: &StepSettings) -> Option<i64> {
+        self.agent.goal.latest_time_step().map(|end| step.time_limit(self.agent.start_time_step, end))
     }
 }
 
@@ -145,8 +173,8 @@ pub struct Progress {
     pub stop_by: Option<i64>,
 }
 
-/// The running simulation.
-#[derive(Debug)]
+/// The running simulation. A copy goes on by itself, to the same bits.
+#[derive(Debug, Clone)]
 pub struct World {
     scenario: Arc<Scenario>,
     settings: WorldSettings,
@@ -156,6 +184,8 @@ pub struct World {
     drives: Vec<Drive>,
     first_time_step: i64,
     time_step: i64,
+    /// From then on the recording changes nothing.
+    recording_end: i64,
     /// Some agent has an area on its way.
     has_passages: bool,
     /// Orders of the present time step, once they were needed.
@@ -175,7 +205,7 @@ pub struct World {
     sights: Vec<OnceLock<Vec<usize>>>,
     threads: Threads,
     /// Memory of the planners, one per thread.
-    memories: Vec<Mutex<PlanningMemory>>,
+    memories: Vec<Shared<PlanningMemory>>,
     prediction_memory: predict::Memory,
     step_memory: StepMemory,
 }
@@ -200,7 +230,7 @@ pub(crate) struct Driver<'a> {
 }
 
 /// Memory that steps reuse.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 struct StepMemory {
     /// States of the step before, afterwards.
     next: Vec<Option<State>>,
@@ -283,7 +313,7 @@ impl World {
             row: drive.row,
             outcome: &drive.outcome,
             state: self.recording.last_state(drive.row),
-            last_time_step: drive.last_time_step(self.settings.step.grace_factor),
+            last_time_step: drive.last_time_step(&self.settings.step),
         }
     }
 
@@ -294,18 +324,20 @@ impl World {
 
     /// Latest time step at which the last agent ends; `None` without agents.
     pub fn last_time_step(&self) -> Option<i64> {
-        let latest = self.drives.iter().filter_map(|drive| drive.last_time_step(self.settings.step.grace_factor)).max();
-        latest.map(|latest| latest.min(self.final_time_step()))
+        self.latest_of_agents().map(|latest| latest.min(self.final_time_step()))
+    }
+
+    /// The same, if they had all the time in the world.
+    fn latest_of_agents(&self) -> Option<i64> {
+        self.drives.iter().filter_map(|drive| drive.last_time_step(&self.settings.step)).max()
     }
 
     /// Time step after which nothing happens any more.
     fn final_time_step(&self) -> i64 {
-        self.scenario.obstacles.states.first_time_step.saturating_add(self.max_steps() as i64)
-    }
-
-    /// Number of time steps after which the world ends.
-    fn max_steps(&self) -> usize {
-        self.settings.step.steps_at_most(self.scenario.obstacles.states.n_steps)
+        let states = &self.scenario.obstacles.states;
+        let needed = self.latest_of_agents().map_or(0, |latest| latest.saturating_sub(states.first_time_step));
+        let steps = self.settings.step.steps_at_most(states.n_steps, needed);
+        states.first_time_step.saturating_add(steps as i64)
     }
 
     /// What can be seen now.

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 use std::sync::atomic::Ordering;
-use std::sync::{MutexGuard, OnceLock, PoisonError};
+use std::sync::{MutexGuard, OnceLock};
 
 use super::{Drive, World};
 use crate::error::Result;
@@ -92,7 +92,8 @@ impl World {
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
         let prediction_index = PredictionIndex::of(table, &crowd.positions);
-        let request = self.request(drive, &others, (table, &prediction_index));
+        let level = self.on_its_storey(drive, &others, table);
+        let request = self.request(drive, &others, (level.as_ref().unwrap_or(table), &prediction_index));
         Ok(plan::candidates(&drive.agent.planner, &drive.prepared, &request))
     }
 
@@ -101,7 +102,7 @@ impl World {
     fn longest_first(&self, drives: &[&Drive]) -> Vec<usize> {
         let mut rows: Vec<usize> = (0..drives.len()).collect();
         if self.settings.threads > 1 {
-            rows.sort_by_cached_key(|row| Reverse(drives[*row].effort.load(Ordering::Relaxed)));
+            rows.sort_by_cached_key(|row| Reverse(drives[*row].effort.0.load(Ordering::Relaxed)));
         }
         rows
     }
@@ -109,7 +110,7 @@ impl World {
     /// The memory of a thread; the lock is never contended.
     fn memory(&self, thread: usize) -> MutexGuard<'_, PlanningMemory> {
         // Plans do not depend on what is left in it, so a panic in between spoils nothing.
-        self.memories[thread].lock().unwrap_or_else(PoisonError::into_inner)
+        self.memories[thread].lock()
     }
 
     fn plan_one(
@@ -120,7 +121,7 @@ impl World {
         memory: &mut PlanningMemory,
     ) -> Option<PlanResult> {
         if let Some(kept) = self.kept_plan(drive) {
-            drive.effort.store(0, Ordering::Relaxed);
+            drive.effort.0.store(0, Ordering::Relaxed);
             return Some(kept);
         }
         if drive.agent.planner == Planner::External {
@@ -128,19 +129,20 @@ impl World {
         }
         let mut others: Vec<Other<'_>> = std::mem::take(&mut memory.others);
         crowd.see(drive, scene, &mut memory.visible, &mut others);
-        let request = self.request(drive, &others, expected);
+        let level = self.on_its_storey(drive, &others, expected.0);
+        let request = self.request(drive, &others, (level.as_ref().unwrap_or(expected.0), expected.1));
         let plan = match (&drive.agent.planner, drive.weights) {
             (Planner::Frenet(settings), Some(weights)) => {
                 let planner = Planner::Frenet(Box::new(FrenetSettings { weights, ..**settings }));
                 memory.told().is_asked = true;
                 let plan = plan::plan(&planner, &drive.prepared, &request, memory);
                 let told = std::mem::take(memory.told());
-                *drive.terms.lock().unwrap_or_else(PoisonError::into_inner) = told.terms;
+                *drive.terms.lock() = told.terms;
                 plan
             }
             (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),
         };
-        drive.effort.store(memory.effort(), Ordering::Relaxed);
+        drive.effort.0.store(memory.effort(), Ordering::Relaxed);
         others.clear();
         // An empty list is handed on as memory: collecting in place allocates nothing.
         memory.others = others.into_iter().map(|_| unreachable!("it is empty")).collect();
@@ -187,7 +189,7 @@ impl World {
 
     /// The terms of the last choice of an agent that plans with weights of its own; `None` if nothing was chosen.
     pub(crate) fn terms(&self, index: usize) -> Option<[f64; frenet::N_TERMS]> {
-        *self.drives[index].terms.lock().unwrap_or_else(PoisonError::into_inner)
+        *self.drives[index].terms.lock()
     }
 
     /// The next state of an agent, by its position among the agents, that drives a sample with a given end. It looks at
@@ -234,7 +236,7 @@ impl World {
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
             rules,
-            last_time_step: drive.last_time_step(self.settings.step.grace_factor),
+            last_time_step: drive.last_time_step(&self.settings.step),
             lane_change: LaneChange::default(),
         }
     }

@@ -1,6 +1,6 @@
 //! Settings of the world.
 
-use crate::settings::{between, settings};
+use crate::settings::{between, positive, settings};
 use crate::v2x::{Logged, V2xSettings};
 
 settings! {
@@ -14,15 +14,27 @@ settings! {
         /// this number of steps of 0.1 s.
         history_steps: usize = 30, between(1.0, 10_000.0);
         /// Largest number of time steps of a run; agents that are still driving then end with time_limit. 0: 5000, or
-        /// twice the number of recorded time steps if that is more.
+        /// twice the number of recorded time steps, or what the times of all agents need, up to 20000, if that is more.
         max_steps: usize = 0, between(0.0, 1_000_000.0);
+        /// A run in which nothing has moved for so long, and nothing is left that could set an agent in motion, ends: its
+        /// agents end with time_limit. The longest cycle of its traffic lights comes on top. inf: only their own times
+        /// end agents. Own choice: several times as long as any rule of the road lets an agent stand.
+        standstill_s: f64 ["s"] = 60.0, positive(f64::INFINITY);
     }
 }
 
 impl StepSettings {
-    /// Number of time steps after which a run of a scenario with so many recorded time steps ends.
-    pub fn steps_at_most(&self, n_recorded: usize) -> usize {
-        if self.max_steps > 0 { self.max_steps } else { (2 * n_recorded).max(5_000) }
+    /// Number of time steps after which a run of a scenario with so many recorded time steps ends, whose last agent has
+    /// time for `needed` time steps.
+    pub fn steps_at_most(&self, n_recorded: usize, needed: i64) -> usize {
+        const OWN_TIMES_MAX: i64 = 20_000;
+        let needed = needed.clamp(0, OWN_TIMES_MAX) as usize;
+        if self.max_steps > 0 { self.max_steps } else { (2 * n_recorded).max(5_000).max(needed) }
+    }
+
+    /// Last time step of the grace period of an agent that starts and whose goal ends at these time steps.
+    pub fn time_limit(&self, start: i64, end: i64) -> i64 {
+        start.saturating_add((self.grace_factor * end.saturating_sub(start) as f64).floor() as i64)
     }
 
     /// Number of past time steps in a scene, for steps of `dt` [s].
@@ -76,9 +88,19 @@ mod tests {
     }
 
     #[test]
-    fn a_run_ends_after_5000_steps_or_twice_the_recording_unless_it_is_stated() {
-        assert_eq!(StepSettings::default().steps_at_most(2_500), 5_000);
-        assert_eq!(StepSettings::default().steps_at_most(2_501), 5_002);
-        assert_eq!(StepSettings { max_steps: 3, ..StepSettings::default() }.steps_at_most(2_501), 3);
+    fn a_run_ends_after_5000_steps_twice_the_recording_or_the_times_of_its_agents_unless_it_is_stated() {
+        let settings = StepSettings::default();
+        for (n_recorded, needed, expected) in
+            [(2_500, 5_000, 5_000), (2_501, 0, 5_002), (100, 5_542, 5_542), (100, i64::MAX, 20_000), (100, -3, 5_000)]
+        {
+            assert_eq!(settings.steps_at_most(n_recorded, needed), expected);
+        }
+        assert_eq!(StepSettings { max_steps: 3, ..settings }.steps_at_most(2_501, 5_542), 3);
+    }
+
+    #[test]
+    fn a_grace_period_lasts_1_7_times_as_long_as_the_time_of_the_goal() {
+        assert_eq!(StepSettings::default().time_limit(10, 110), 180);
+        assert_eq!(StepSettings::default().time_limit(0, i64::MAX), i64::MAX);
     }
 }

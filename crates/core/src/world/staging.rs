@@ -1,10 +1,10 @@
 //! How a world begins: agents with what is worked out for them once, and the participants.
 
 use std::collections::BTreeSet;
-use std::sync::atomic::AtomicUsize;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 
-use super::{Agent, Drive, StepMemory, Threads, World, WorldSettings, ordering, people};
+use super::standstill::recording_end;
+use super::{Agent, Drive, Effort, Shared, StepMemory, Threads, World, WorldSettings, ordering, people};
 use crate::error::{Error, Result};
 use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
 use crate::plan::Prepared;
@@ -12,7 +12,7 @@ use crate::predict;
 use crate::recording::{Outcome, Recording};
 use crate::rules::{Course, Memory, Stop, Way};
 use crate::scenario::Scenario;
-use crate::scene::Participants;
+use crate::scene::{Participants, Storeys};
 
 /// Past time steps that a scene needs so that speeds can be observed.
 const HISTORY_MIN: usize = 3;
@@ -33,7 +33,7 @@ impl StagedAgent {
     /// `InvalidInput` if its planner needs a recording that is not there.
     pub(crate) fn new(agent: Agent, scenario: &Scenario) -> Result<Self> {
         let way = Arc::new(Way::along(&agent.route.path, &agent.route.lanelets, scenario, &agent.rules));
-        let start_s = agent.route.start_s;
+        let start_s = axle_s(&agent, agent.route.start_s);
         let course = Arc::new(ordering::course(&agent, scenario, &way));
         Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), way, course, start_s, agent: Arc::new(agent) })
     }
@@ -43,9 +43,8 @@ impl StagedAgent {
     /// # Errors
     /// As [`StagedAgent::new`].
     pub(crate) fn entering(&self, agent: Agent, scenario: &Scenario) -> Result<Self> {
-        let path = &agent.route.path;
-        let axle = agent.vehicle.rear_axle_from_center(agent.initial_state.pose());
-        let start_s = path.project(axle).map_or(self.start_s, |foot| foot.0);
+        let near = agent.route.path.project(agent.initial_state.pose().position).map_or(self.start_s, |foot| foot.0);
+        let start_s = axle_s(&agent, near);
         let prepared = match &*self.prepared {
             Prepared::RecordedPath(_) => Arc::new(prepared(&agent, scenario)?),
             _ => Arc::clone(&self.prepared),
@@ -53,6 +52,13 @@ impl StagedAgent {
         let (way, course) = (Arc::clone(&self.way), Arc::clone(&self.course));
         Ok(Self { prepared, way, course, start_s, agent: Arc::new(agent) })
     }
+}
+
+/// Arc length of the rear axle of an agent that enters [m], near that of its centre.
+fn axle_s(agent: &Agent, center_s: f64) -> f64 {
+    let axle = agent.vehicle.rear_axle_from_center(agent.initial_state.pose());
+    let window = 2.0 * agent.vehicle.rear_axle_to_center;
+    agent.route.path.project_near(axle, center_s, window).map_or(center_s, |foot| foot.0)
 }
 
 fn prepared(agent: &Agent, scenario: &Scenario) -> Result<Prepared> {
@@ -84,6 +90,7 @@ impl World {
             drives: Vec::new(),
             first_time_step,
             time_step: first_time_step,
+            recording_end: first_time_step,
             has_passages: false,
             orders: OnceLock::new(),
             has_crosswalks: false,
@@ -94,7 +101,7 @@ impl World {
             network: None,
             sights: Vec::new(),
             threads: Threads::new(settings.threads)?,
-            memories: (0..settings.threads).map(|_| Mutex::default()).collect(),
+            memories: (0..settings.threads).map(|_| Shared::default()).collect(),
             prediction_memory: predict::Memory::default(),
             step_memory: StepMemory::default(),
         })
@@ -119,11 +126,12 @@ impl World {
             outcome: Outcome::running(staged.agent.start_time_step),
             s: staged.start_s,
             plan: None,
+            stand: None,
             was_on_road: false,
             contact_fraction: f64::INFINITY,
-            effort: AtomicUsize::new(0),
+            effort: Effort::default(),
             weights: None,
-            terms: Mutex::new(None),
+            terms: Shared::default(),
             agent: Arc::clone(&staged.agent),
         }));
         if !Arc::ptr_eq(&self.scenario, scenario) {
@@ -136,6 +144,7 @@ impl World {
         self.states.resize(participants.ids.len(), None);
         (self.participants, self.recorded_row) = (Arc::new(participants), recorded_row);
         (self.first_time_step, self.time_step) = (first_time_step, first_time_step);
+        self.recording_end = recording_end(scenario);
         self.entered_in_contact.clear();
         self.has_passages = agents.iter().any(|staged| !staged.course.passages.is_empty());
         self.orders = OnceLock::new();
@@ -193,7 +202,7 @@ fn participants(scenario: &Scenario, agents: &[StagedAgent]) -> (Participants, V
         obstacles.states.ids.iter().enumerate().filter(|(_, id)| !replaced(id)).map(|(row, id)| (*id, Some(row), None)),
     );
     rows.sort_by_key(|(id, ..)| *id);
-    let mut participants = Participants::default();
+    let mut participants = Participants { storeys: Storeys::of(&scenario.road), ..Participants::default() };
     let mut recorded = Vec::with_capacity(rows.len());
     for (id, row, agent) in rows {
         participants.ids.push(id);

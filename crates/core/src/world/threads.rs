@@ -1,26 +1,66 @@
 //! The threads of a world: the calling thread works, too, and others help.
 
+use std::process;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 
-/// Threads of a world.
+/// Threads of a world. A copy starts its own when it first needs them, and so does a process that was forked: threads do
+/// not survive a fork.
 #[derive(Debug)]
 pub(crate) struct Threads {
-    /// None for one thread.
-    pool: Option<rayon::ThreadPool>,
+    /// With the process in which they run; none before they are needed.
+    pool: Mutex<Option<(u32, Arc<rayon::ThreadPool>)>>,
     n: usize,
+}
+
+impl Clone for Threads {
+    fn clone(&self) -> Self {
+        Self { pool: Mutex::new(None), n: self.n }
+    }
+}
+
+impl Drop for Threads {
+    fn drop(&mut self) {
+        if let Some(found) = self.pool.get_mut().unwrap_or_else(PoisonError::into_inner).take() {
+            Self::end(found);
+        }
+    }
 }
 
 impl Threads {
     /// For work by so many at once, one of them the calling thread.
     pub(crate) fn new(n: usize) -> Result<Self> {
-        if n < 2 {
-            return Ok(Self { pool: None, n });
+        let threads = Self { pool: Mutex::new(None), n };
+        if n > 1 {
+            threads.pool()?;
         }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(n - 1).build();
-        let pool = pool.map_err(|error| Error::invalid(format!("{n} threads could not be started: {error}")))?;
-        Ok(Self { pool: Some(pool), n })
+        Ok(threads)
+    }
+
+    /// The threads besides the calling one, started if this process has none.
+    fn pool(&self) -> Result<Arc<rayon::ThreadPool>> {
+        let mut kept = self.pool.lock().unwrap_or_else(PoisonError::into_inner);
+        let process = process::id();
+        if let Some((_, pool)) = kept.as_ref().filter(|(owner, _)| *owner == process) {
+            return Ok(Arc::clone(pool));
+        }
+        let built = rayon::ThreadPoolBuilder::new().num_threads(self.n - 1).build();
+        let n = self.n;
+        let pool =
+            Arc::new(built.map_err(|error| Error::invalid(format!("{n} threads could not be started: {error}")))?);
+        if let Some(found) = kept.replace((process, Arc::clone(&pool))) {
+            Self::end(found);
+        }
+        Ok(pool)
+    }
+
+    /// Lets go of threads; those of the process that was forked are not there to be told.
+    fn end((owner, pool): (u32, Arc<rayon::ThreadPool>)) {
+        if owner != process::id() {
+            std::mem::forget(pool);
+        }
     }
 
     /// Calls `work(thread, i)` once for every i below `n`. They are handed out one by one in their order, the next one to
@@ -37,7 +77,10 @@ impl Threads {
             work(thread, i);
         };
         let n_threads = self.n.min(n);
-        let Some(pool) = self.pool.as_ref().filter(|_| n_threads > 1) else { return take(0) };
+        if n_threads < 2 {
+            return take(0);
+        }
+        let Ok(pool) = self.pool() else { return take(0) };
         pool.in_place_scope(|scope| {
             for thread in 1..n_threads {
                 let take = &take;

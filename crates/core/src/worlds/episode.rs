@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::rewards::{Amounts, N_TERMS, term, term_of};
 use super::stage::{Cast, Stage};
 use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::observation::{self, Body, ObservationMemory, Observer, PIXELS, PathTable};
 use crate::plan::Planner;
@@ -31,6 +31,9 @@ struct Learner {
     table: Arc<PathTable>,
     /// Row of its recording.
     recorded: Option<usize>,
+    /// It has not entered, but will.
+    is_awaited: bool,
+    has_entered: bool,
     is_driving: bool,
     /// It has ended in this call.
     has_ended: bool,
@@ -42,6 +45,8 @@ struct Learner {
     weights: CostWeights,
     weight_change: f64,
     status: PlanStatus,
+    /// Steps that it drove.
+    steps: usize,
     /// Arc length of its centre at first, and from there to its goal [m].
     start_q: f64,
     way: f64,
@@ -53,7 +58,7 @@ struct Learner {
 }
 
 /// A world and what it needs to be played.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Episode {
     world: World,
     stage: Option<Arc<Stage>>,
@@ -118,9 +123,13 @@ impl Episode {
         &self.world
     }
 
-    /// It has an episode of which no learner drives any more, or none.
+    /// It has an episode of which no learner drives any more or is still to enter, or none.
     pub(super) fn is_over(&self) -> bool {
-        !self.learners.iter().any(|learner| learner.is_driving)
+        !self.learners.iter().any(|learner| learner.is_driving || learner.is_awaited)
+    }
+
+    fn is_anybody_driving(&self) -> bool {
+        self.learners.iter().any(|learner| learner.is_driving)
     }
 
     /// It has begun once.
@@ -128,13 +137,19 @@ impl Episode {
         self.stage.is_some()
     }
 
-    /// Begins an episode.
+    /// Begins an episode, at the time step at which the first of its learners drives.
     ///
     /// # Errors
-    /// `InvalidInput` if a learner does not drive at its first step.
+    /// `InvalidInput` if a learner has left by its first step, or all enter after the end of the world; those of
+    /// prediction.
     pub(super) fn begin(&mut self, stage: &Arc<Stage>, spec: EpisodeSpec, settings: &WorldsSettings) -> Result<()> {
         stage.cast(&spec.learners, spec.first_time_step, &mut self.cast)?;
-        self.world.restart(&stage.scenario, &self.cast.agents, spec.first_time_step);
+        // Without others that drive, nothing that is seen later happens before the first learner enters.
+        let first = match self.cast.has_traffic() {
+            true => spec.first_time_step,
+            false => self.cast.first_start().unwrap_or(spec.first_time_step),
+        };
+        self.world.restart(&stage.scenario, &self.cast.agents, first);
         self.has_traffic = self.cast.agents.iter().any(|staged| staged.agent.planner != Planner::External);
         self.learners.clear();
         for ((agent, table), recorded) in self.cast.learners.drain(..).zip(&self.cast.recorded) {
@@ -147,14 +162,17 @@ impl Episode {
                 id: driver.agent.id,
                 table,
                 recorded: *recorded,
-                is_driving: true,
+                is_awaited: true,
+                has_entered: false,
+                is_driving: false,
                 has_ended: false,
-                state: driver.state.unwrap_or_default(),
+                state: State::default(),
                 limited: false,
                 is_refused: false,
                 weights: settings.actions.weights().map_or_else(CostWeights::default, |own| own.planner.weights),
                 weight_change: 0.0,
                 status: PlanStatus::None,
+                steps: 0,
                 start_q,
                 way: (goal - start_q).max(WAY_MIN),
                 progress: 0.0,
@@ -166,14 +184,48 @@ impl Episode {
         (self.steps, self.spec, self.weights) = (0, spec, settings.rewards.as_array());
         self.stage = Some(Arc::clone(stage));
         self.look(settings);
+        self.admit();
+        while !self.is_anybody_driving() && !self.is_over() {
+            self.plan_traffic(settings)?;
+            self.world.step(&self.plans)?;
+            self.look(settings);
+            self.admit();
+        }
+        if self.is_over() {
+            return Err(Error::invalid("learners: all enter after the end of the world"));
+        }
         self.expect_for_observers(settings)
     }
 
-    /// Takes one decision of every learner; rewards add up in `rows`. Observations are not written.
+    /// Lets learners drive that have entered now; whether there are any. Those that come after the end of the world are
+    /// awaited no more.
+    fn admit(&mut self) -> bool {
+        let mut have_entered = false;
+        for learner in self.learners.iter_mut().filter(|learner| learner.is_awaited) {
+            let driver = self.world.driver(learner.agent);
+            if driver.outcome.kind != OutcomeKind::Running {
+                learner.is_awaited = false;
+            } else if let Some(state) = driver.state {
+                (learner.is_awaited, learner.has_entered, learner.is_driving) = (false, true, true);
+                (learner.state, have_entered) = (state, true);
+            }
+        }
+        have_entered
+    }
+
+    /// Takes one decision of every learner; rewards add up in `rows`. It ends early if a learner enters, which then has to
+    /// decide, and goes on until one enters if none drives. Only the last observations of learners that end are written,
+    /// to `observations` only if `keep_last`.
     ///
     /// # Errors
     /// Those of prediction.
-    pub(super) fn step(&mut self, actions: &Actions<'_>, settings: &WorldsSettings, rows: &mut Rows<'_>) -> Result<()> {
+    pub(super) fn step(
+        &mut self,
+        actions: &Actions<'_>,
+        settings: &WorldsSettings,
+        rows: &mut Rows<'_>,
+        keep_last: bool,
+    ) -> Result<()> {
         let dt = self.world.scenario().dt;
         let n = ((settings.decision_seconds / dt).round() as usize).max(1);
         let weights = self.weights;
@@ -183,18 +235,27 @@ impl Episode {
         if let Some(own) = settings.actions.weights() {
             self.weigh(own, actions);
         }
-        for _ in 0..n {
+        let mut n_left = n;
+        loop {
             self.plan(actions, settings)?;
             self.world.step(&self.plans)?;
             self.steps += 1;
+            n_left = n_left.saturating_sub(1);
             self.look(settings);
             let is_late = self.steps as f64 * dt >= settings.max_seconds - 1e-9;
             for slot in 0..self.learners.len() {
                 if self.learners[slot].is_driving {
                     self.judge(slot, &weights, rows, is_late, settings);
+                    if self.learners[slot].has_ended {
+                        self.expect_for_observers(settings)?;
+                        self.write_last(slot, settings, rows, keep_last);
+                    }
+                } else if is_late {
+                    self.learners[slot].is_awaited = false;
                 }
             }
-            if self.is_over() {
+            let have_entered = self.admit();
+            if have_entered || self.is_over() || (n_left == 0 && self.is_anybody_driving()) {
                 break;
             }
         }
@@ -229,9 +290,8 @@ impl Episode {
         }
     }
 
-    /// Writes the plans of all agents that drive.
-    fn plan(&mut self, actions: &Actions<'_>, settings: &WorldsSettings) -> Result<()> {
-        let dt = self.world.scenario().dt;
+    /// Writes the plans of all agents that drive and have planners; those of others are empty.
+    fn plan_traffic(&mut self, settings: &WorldsSettings) -> Result<()> {
         if self.has_traffic {
             self.expect(settings)?;
             let predictions = self.predictions.as_ref().expect("they were just made");
@@ -239,6 +299,13 @@ impl Episode {
         } else {
             self.plans.clear(self.world.time_step(), self.world.driving_ids());
         }
+        Ok(())
+    }
+
+    /// Writes the plans of all agents that drive.
+    fn plan(&mut self, actions: &Actions<'_>, settings: &WorldsSettings) -> Result<()> {
+        self.plan_traffic(settings)?;
+        let dt = self.world.scenario().dt;
         for (slot, learner) in self.learners.iter_mut().enumerate().filter(|(_, learner)| learner.is_driving) {
             if settings.actions.weights().is_some() {
                 let row = self.plans.row(learner.id).expect("a learner that drives has a row of its plans");
@@ -344,6 +411,7 @@ impl Episode {
         }
         let learner = &mut self.learners[slot];
         learner.progress = progress;
+        learner.steps += 1;
         // Once in a decision.
         learner.weight_change = 0.0;
         learner.distance += before.pose().position.distance(state.pose().position);
@@ -368,7 +436,8 @@ impl Episode {
         if reach <= 0.0 {
             return 0.0;
         }
-        let eye = state.pose().position;
+        let (pose, storeys) = (state.pose(), &self.scene.participants.storeys);
+        let eye = pose.position;
         let front = driver.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let radius = driver.agent.view.sensor_radius;
         let mut gap = f64::INFINITY;
@@ -382,7 +451,8 @@ impl Episode {
             let turned = path.at(s).tangent().cross(body.axis).abs();
             let half_width = 0.5 * body.size.1 + (half_length - 0.5 * body.size.1) * turned;
             let ahead = s - half_length - front;
-            if d.abs() < half_width + 0.5 * vehicle.width && s > front - 0.5 * vehicle.length {
+            let is_ahead = d.abs() < half_width + 0.5 * vehicle.width && s > front - 0.5 * vehicle.length;
+            if is_ahead && !storeys.are_apart_at(|| (pose, body.pose())) {
                 gap = gap.min(ahead.max(0.0));
             }
         }
@@ -420,9 +490,11 @@ impl Episode {
         }
         // Those that have just ended are seen by learners that have just ended only: the others look after that.
         let last = if learner.is_driving { &[][..] } else { &self.last_bodies };
-        let eye = learner.state.pose().position;
+        let (pose, storeys) = (learner.state.pose(), &self.scene.participants.storeys);
         let radius = driver.agent.view.sensor_radius;
-        let is_seen = |body: &&Body| body.id != learner.id && body.position.distance(eye) <= radius;
+        let is_near = |body: &Body| body.position.distance(pose.position) <= radius;
+        let is_seen =
+            |body: &&Body| body.id != learner.id && is_near(body) && !storeys.are_apart_at(|| (pose, body.pose()));
         let seen = self.visible.iter().map(|place| &bodies[*place]).chain(last.iter().filter(is_seen));
         observation::observe(&observer, seen.clone(), &settings.observation, &mut self.memory, out);
         if !picture.is_empty() {
@@ -430,45 +502,45 @@ impl Episode {
         }
     }
 
-    /// Writes observations, masks and ids of all rows. Learners that have ended in this call have their last observation
-    /// in `final_observations` if there is room for it, and in `observations` if `keep_last`; all others that do not drive
-    /// are zero.
+    /// Writes observations, masks and ids of all rows. Those of learners that have ended in this call hold their last
+    /// observation already if `keep_last`; all others that do not drive are zero.
     pub(super) fn write(&mut self, settings: &WorldsSettings, rows: &mut Rows<'_>, keep_last: bool) {
         let n = settings.n_observations();
         let pixels = if settings.observation.raster { PIXELS } else { 0 };
         for slot in 0..rows.masks.len() {
             let out = &mut rows.observations[slot * n..(slot + 1) * n];
             let picture = &mut rows.rasters[slot * pixels..(slot + 1) * pixels];
-            let Some(learner) = self.learners.get(slot) else {
+            let Some(learner) = self.learners.get(slot).filter(|learner| learner.has_entered) else {
                 out.fill(0.0);
                 picture.fill(0);
-                (rows.masks[slot], rows.agent_ids[slot], rows.outcomes[slot]) = (false, -1, -1);
+                let id = self.learners.get(slot).map_or(-1, |learner| learner.id);
+                (rows.masks[slot], rows.agent_ids[slot], rows.outcomes[slot]) = (false, id, -1);
                 continue;
             };
             let (is_driving, has_ended, id) = (learner.is_driving, learner.has_ended, learner.id);
             (rows.masks[slot], rows.agent_ids[slot]) = (is_driving, id);
-            if is_driving || (has_ended && keep_last) {
+            if is_driving {
                 self.observe(slot, settings, out, picture);
-            } else {
+            } else if !(has_ended && keep_last) {
                 out.fill(0.0);
                 picture.fill(0);
             }
         }
-        self.write_last(settings, rows);
     }
 
-    /// Writes the last observations of learners that have ended in this call, if there is room for them.
-    pub(super) fn write_last(&mut self, settings: &WorldsSettings, rows: &mut Rows<'_>) {
+    /// Writes the last observation of a learner that has just ended: to `observations` if it is kept there, and to
+    /// `final_observations` if there is room for it.
+    fn write_last(&mut self, slot: usize, settings: &WorldsSettings, rows: &mut Rows<'_>, keep_last: bool) {
         let n = settings.n_observations();
-        if rows.final_observations.is_empty() {
-            return;
+        let of = |array: &[u8]| if array.is_empty() { 0..0 } else { slot * PIXELS..(slot + 1) * PIXELS };
+        let (pictures, final_pictures) = (of(rows.rasters), of(rows.final_rasters));
+        if keep_last {
+            let out = &mut rows.observations[slot * n..(slot + 1) * n];
+            self.observe(slot, settings, out, &mut rows.rasters[pictures]);
         }
-        let pixels = if rows.final_rasters.is_empty() { 0 } else { PIXELS };
-        for slot in 0..self.learners.len() {
-            if self.learners[slot].has_ended {
-                let out = &mut rows.final_observations[slot * n..(slot + 1) * n];
-                self.observe(slot, settings, out, &mut rows.final_rasters[slot * pixels..(slot + 1) * pixels]);
-            }
+        if !rows.final_observations.is_empty() {
+            let out = &mut rows.final_observations[slot * n..(slot + 1) * n];
+            self.observe(slot, settings, out, &mut rows.final_rasters[final_pictures]);
         }
     }
 
@@ -490,8 +562,8 @@ impl Episode {
                 partner: outcome.partner,
                 off_road: outcome.off_road,
                 impact_speed: outcome.impact_speed,
-                steps: self.steps,
-                seconds: self.steps as f64 * self.scene.dt,
+                steps: learner.steps,
+                seconds: learner.steps as f64 * self.scene.dt,
                 distance: learner.distance,
                 progress: learner.progress,
                 total: learner.total,

@@ -75,7 +75,7 @@ impl WorldsSettings {
 pub struct EpisodeSpec {
     /// Position of its stage.
     pub stage: usize,
-    /// Its first time step.
+    /// Its first time step; learners may enter later.
     pub first_time_step: i64,
     /// Positions of the learners among the vehicles of the stage, ascending.
     pub learners: Vec<usize>,
@@ -100,7 +100,7 @@ pub struct Ended {
     pub off_road: bool,
     /// Relative speed of a collision [m/s]; NaN without one.
     pub impact_speed: f64,
-    /// Steps of the world.
+    /// Steps that it drove.
     pub steps: usize,
     /// Their time [s].
     pub seconds: f64,
@@ -115,7 +115,7 @@ pub struct Ended {
 }
 
 /// A place in which episodes are played one after the other.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Place {
     episode: Episode,
     next: Option<EpisodeSpec>,
@@ -124,8 +124,8 @@ struct Place {
     failure: Option<Error>,
 }
 
-/// Many worlds.
-#[derive(Debug)]
+/// Many worlds. A copy goes on by itself, to the same bits.
+#[derive(Debug, Clone)]
 pub struct Worlds {
     stages: Vec<Arc<Stage>>,
     settings: WorldsSettings,
@@ -248,7 +248,7 @@ impl Worlds {
     /// Begins the queued episodes of some worlds and writes their rows; those of others are left alone.
     ///
     /// # Errors
-    /// `InvalidInput` if no episode is queued, or its learners do not drive.
+    /// `InvalidInput` if no episode is queued, or its learners do not drive then or later.
     pub fn reset(&mut self, worlds: &[bool], buffers: Buffers<'_>) -> Result<()> {
         buffers.check(self, false)?;
         if worlds.len() != self.places.len() {
@@ -340,10 +340,10 @@ impl Place {
             return Ok(());
         }
         let actions = rows.actions;
-        self.episode.step(&actions, settings, rows)?;
+        let keep_last = settings.autoreset != Autoreset::SameStep;
+        self.episode.step(&actions, settings, rows, keep_last)?;
         self.episode.tell(first_row, settings, &mut self.ended);
-        if settings.autoreset == Autoreset::SameStep && self.episode.is_over() {
-            self.episode.write_last(settings, rows);
+        if !keep_last && self.episode.is_over() {
             self.begin(stages, settings)?;
             let outcomes = std::mem::take(&mut self.ended);
             self.episode.write(settings, rows, false);
@@ -352,7 +352,7 @@ impl Place {
             }
             self.ended = outcomes;
         } else {
-            self.episode.write(settings, rows, settings.autoreset != Autoreset::SameStep);
+            self.episode.write(settings, rows, keep_last);
         }
         Ok(())
     }

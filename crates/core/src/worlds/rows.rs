@@ -53,9 +53,9 @@ pub struct Buffers<'a> {
     pub truncations: &'a mut [bool],
     /// (rows,): the next action of the row counts.
     pub masks: &'a mut [bool],
-    /// (rows,): codes of outcomes; -1 in rows without a learner.
+    /// (rows,): codes of outcomes; -1 in rows without a learner, or before it enters.
     pub outcomes: &'a mut [i8],
-    /// (rows,): -1 in rows without a learner.
+    /// (rows,): -1 in rows without a learner, or before it enters.
     pub agent_ids: &'a mut [i64],
     /// (rows, terms) or empty: amounts of the reward.
     pub components: &'a mut [f32],

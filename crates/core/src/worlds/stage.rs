@@ -8,14 +8,11 @@ use crate::observation::PathTable;
 use crate::plan::Planner;
 use crate::rules::RulesSettings;
 use crate::scenario::Scenario;
+use crate::start::{first_state, past_states};
 use crate::trajectory::State;
 use crate::vehicle::single_track::Kinematic;
 use crate::world::{Agent, StagedAgent, check_agents};
 
-/// Recorded accelerations are differences of noisy positions; an agent starts with at most this value [m/s²].
-const START_ACCELERATION_MAX: f64 = 3.0;
-/// Of what tyres allow, an agent that enters may use this share.
-const START_RESERVE: f64 = 0.5;
 /// The model does what a recorded driver did if it comes so near the next state: [m] and [rad].
 const MISSED_DISTANCE: f64 = 0.1;
 const MISSED_TURN: f64 = 0.02;
@@ -39,7 +36,7 @@ pub struct Stage {
 }
 
 /// The agents of an episode.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Clone)]
 pub(super) struct Cast {
     /// Sorted by id.
     pub(super) agents: Vec<StagedAgent>,
@@ -47,6 +44,18 @@ pub(super) struct Cast {
     pub(super) learners: Vec<(usize, Arc<PathTable>)>,
     /// Rows of the learners' recordings.
     pub(super) recorded: Vec<Option<usize>>,
+}
+
+impl Cast {
+    /// Others than the learners drive, too.
+    pub(super) fn has_traffic(&self) -> bool {
+        self.agents.len() > self.learners.len()
+    }
+
+    /// When the first of the learners enters.
+    pub(super) fn first_start(&self) -> Option<i64> {
+        self.learners.iter().map(|(agent, _)| self.agents[*agent].agent.start_time_step).min()
+    }
 }
 
 impl Stage {
@@ -94,6 +103,17 @@ impl Stage {
         (0..self.players.len()).filter(|i| drives(&self.players[*i])).collect()
     }
 
+    /// Positions of the vehicles that enter after a time step; with at least `rest` steps of their recording from then on,
+    /// if they have one.
+    pub fn later(&self, time_step: i64, rest: i64) -> Vec<usize> {
+        let enters = |player: &Player| {
+            let (start, states) = (player.learner.agent.start_time_step, &self.scenario.obstacles.states);
+            let has = |row| rest == 0 || states.get(row, start + rest).is_some();
+            start > time_step && player.row.is_none_or(has)
+        };
+        (0..self.players.len()).filter(|i| enters(&self.players[*i])).collect()
+    }
+
     /// What a recorded driver did, as the inputs of a model: two numbers per recorded time step, clipped to -1 to 1, and
     /// whether they lead from the recorded state to within 0.1 m and 0.02 rad of the next one.
     pub fn recorded_actions(&self, position: usize, model: &Kinematic) -> (Vec<f32>, Vec<bool>) {
@@ -122,7 +142,7 @@ impl Stage {
     /// Writes the agents of an episode that begins at a time step; `learners` are positions, ascending.
     ///
     /// # Errors
-    /// `InvalidInput` naming a learner that does not drive then.
+    /// `InvalidInput` naming a learner that has left by then.
     pub(super) fn cast(&self, learners: &[usize], first_time_step: i64, cast: &mut Cast) -> Result<()> {
         cast.agents.clear();
         cast.learners.clear();
@@ -132,11 +152,9 @@ impl Stage {
             let Some(staged) = (if learns { Some(&player.learner) } else { player.traffic.as_ref() }) else { continue };
             let entering = self.entering(staged, player.row, first_time_step)?;
             if learns {
-                let id = staged.agent.id;
-                if entering.as_ref().is_none_or(|staged| staged.agent.start_time_step != first_time_step) {
-                    return Err(Error::invalid(format!(
-                        "learners: {id} does not drive at time step {first_time_step}"
-                    )));
+                if entering.is_none() {
+                    let id = staged.agent.id;
+                    return Err(Error::invalid(format!("learners: {id} has left by time step {first_time_step}")));
                 }
                 cast.learners.push((cast.agents.len(), Arc::clone(&player.table)));
                 cast.recorded.push(player.row);
@@ -153,30 +171,12 @@ impl Stage {
         if agent.start_time_step >= time_step {
             return Ok(Some(staged.clone()));
         }
-        let states = &self.scenario.obstacles.states;
-        let Some(recorded) = row.and_then(|row| states.get(row, time_step)) else { return Ok(None) };
-        let initial_state = started(&recorded, agent);
+        let Some(row) = row else { return Ok(None) };
+        let Some(stated) = self.scenario.stated(row, time_step) else { return Ok(None) };
+        let dt = self.scenario.dt;
+        let past = past_states(&self.scenario.obstacles.states, row, time_step, dt);
+        let initial_state = first_state(&stated, &past, dt, &agent.route.path, None, &agent.vehicle);
         let agent = Agent { initial_state, start_time_step: time_step, ..Agent::clone(agent) };
         Ok(Some(staged.entering(agent, &self.scenario)?))
-    }
-}
-
-/// A recorded state as the first one of an agent: within the limits of the vehicle.
-fn started(recorded: &State, agent: &Agent) -> State {
-    let vehicle = &agent.vehicle;
-    let speed = recorded.velocity.abs();
-    let most = (vehicle.curvature_max() * speed).min(START_RESERVE * vehicle.lateral_acceleration_max / speed.max(0.1));
-    let yaw_rate = if recorded.yaw_rate.is_finite() {
-        recorded.yaw_rate
-    } else {
-        let path = &agent.route.path;
-        let foot = path.project(recorded.pose().position);
-        foot.map_or(0.0, |(s, _)| recorded.velocity * path.at(s).curvature)
-    };
-    State {
-        orientation: wrap_angle(recorded.orientation),
-        acceleration: recorded.acceleration.clamp(-START_ACCELERATION_MAX, START_ACCELERATION_MAX),
-        yaw_rate: yaw_rate.clamp(-most, most),
-        ..*recorded
     }
 }

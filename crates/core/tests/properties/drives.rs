@@ -268,6 +268,7 @@ fn drive(mut source: Source, threads: usize) -> Option<Driven> {
             grace_factor: if source.is_odd() { source.any(1.0, 3.0) } else { 1.7 },
             replan_every: 1 + source.below(3),
             history_steps: 1 + source.below(30),
+            standstill_s: 60.0,
             max_steps: if source.is_odd() { 1 + source.below(8) } else { 10_000 },
         },
         threads,

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use interdrive_core::geometry::{Aabb, Point, Pose};
-use interdrive_core::road::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings, Users};
 
 use crate::source::Source;
 
@@ -124,6 +124,7 @@ pub fn lanelets(source: &mut Source) -> Vec<LaneletInput> {
             adjacent_left: neighbour(source, n),
             adjacent_right: neighbour(source, n),
             speed_limit: source.any(8.0, 30.0),
+            users: Users::ALL,
         });
     }
     lanelets

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::{PlacedShape, Shape};
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::Planner;
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
 use interdrive_core::route::{RouteSettings, find_route};
 use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
@@ -144,6 +144,7 @@ fn lanelet(text: &str) -> LaneletInput {
         adjacent_left: adjacent("adjacentLeft"),
         adjacent_right: adjacent("adjacentRight"),
         speed_limit: 50.0 / 3.6,
+        users: Users::ALL,
     }
 }
 

@@ -18,7 +18,8 @@ def reference_rows(chosen: BenchmarkSet, split: str) -> list[Row]:
     stored = stored_reference(chosen.name)
     if stored.get("set_sha256") != chosen.sha256:
         return []
-    return [from_plain(row) for row in stored["splits"].get(split, {}).get("rows", [])]
+    files = chosen.of_split(split)
+    return [from_plain(row, files) for row in stored["splits"].get(split, {}).get("rows", [])]
 
 
 def stored_reference(name: str) -> dict[str, Any]:

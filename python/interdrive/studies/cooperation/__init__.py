@@ -2,17 +2,17 @@
 
 from interdrive.studies.cooperation.deadlock import deadlocks
 from interdrive.studies.cooperation.figure import cooperation_figure
-from interdrive.studies.cooperation.folder import check_cooperation_target, save_cooperation
+from interdrive.studies.cooperation.folder import COOPERATION_FOLDER, save_cooperation
 from interdrive.studies.cooperation.measure import COLUMNS, CooperationStudy, cooperation_study
 from interdrive.studies.cooperation.summary import summary_table
 from interdrive.studies.cooperation.variants import WITHOUT_ORDERS, Variant, cooperation_files, cooperation_variants
 
 __all__ = [
     "COLUMNS",
+    "COOPERATION_FOLDER",
     "WITHOUT_ORDERS",
     "CooperationStudy",
     "Variant",
-    "check_cooperation_target",
     "cooperation_figure",
     "cooperation_files",
     "cooperation_study",

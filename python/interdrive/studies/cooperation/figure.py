@@ -26,7 +26,7 @@ _MEASURES = (
 
 
 def cooperation_figure(study: CooperationStudy) -> Figure:
-    """Goals in time, time lost and share of time with a small time to collision, 180 mm wide.
+    """Goals in time, time lost and share of time with a small TTC, 180 mm wide.
 
     They are drawn over penetration, delay and loss, and with occlusion over penetration, by what is sent. Means with
     95 % intervals over scenarios, as differences to runs without V2X.

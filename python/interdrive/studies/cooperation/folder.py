@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from interdrive.config.binding import flatten
+from interdrive.config.schema import SimulationSettings
 from interdrive.plots import save_figure
-from interdrive.storage import check_folder, replacing, write_json, write_table
+from interdrive.results import software
+from interdrive.storage import FolderKind, Origin, resolved, whole_folder, write_json, write_table
 from interdrive.studies.cooperation.figure import cooperation_figure
 from interdrive.studies.cooperation.summary import summary_table
 
@@ -18,16 +21,9 @@ _MARK = "cooperation.json"
 _PAGE = "cooperation.md"
 _TABLES = tuple(f"{name}.{ending}" for name in ("table", "summary") for ending in ("parquet", "csv"))
 _FIGURES = tuple(f"cooperation.{ending}" for ending in ("pdf", "png"))
+_FILES = (*_TABLES, *_FIGURES, _MARK, _PAGE)
 
-
-def check_cooperation_target(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """The folder a study of cooperation can be saved to, as an absolute path; useful before it runs.
-
-    Raises:
-        ResultsError: if something is there that must not be replaced.
-    """
-    files = (*_TABLES, *_FIGURES, _MARK, _PAGE)
-    return check_folder(folder, "study of cooperation", _MARK, lambda entry: entry.name in files, overwrite=overwrite)
+COOPERATION_FOLDER = FolderKind("study of cooperation", _MARK, lambda entry: entry.name in _FILES)
 
 
 def save_cooperation(study: CooperationStudy, folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -39,26 +35,35 @@ def save_cooperation(study: CooperationStudy, folder: str | Path, *, overwrite: 
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
     """
-    target = check_cooperation_target(folder, overwrite=overwrite)
-    summary = summary_table(study)
-    with replacing(target) as partial:
-        partial.mkdir()
+    summary, origin = summary_table(study), _origin(study)
+    told = "".join(f"\n{line}\n" for line in origin.lines)
+    with whole_folder(folder, COOPERATION_FOLDER, overwrite=overwrite) as partial:
         for name, table in (("table", study.table), ("summary", summary)):
             for ending in ("parquet", "csv"):
-                write_table(table, partial / f"{name}.{ending}")
+                write_table(table, partial / f"{name}.{ending}", origin)
         for name in _FIGURES:
             save_figure(cooperation_figure(study), partial / name)
-        (partial / _PAGE).write_text(page(summary.to_pylist()), encoding="utf-8")
+        (partial / _PAGE).write_text(page(summary.to_pylist()) + told, encoding="utf-8")
         write_json(
             {
                 "planner": study.planner,
                 "predictor": study.predictor,
                 "settings": dict(study.settings),
                 "notes": list(study.notes),
+                "inputs": dict(study.inputs),
+                **software(),
             },
             partial / _MARK,
         )
-    return target
+    return resolved(folder)
+
+
+def _origin(study: CooperationStudy) -> Origin:
+    usual = flatten(SimulationSettings())
+    settings = {name: value for name, value in study.settings.items() if value != usual.get(name)}
+    chosen = {"planner": (study.planner, "frenet"), "predictor": (study.predictor, "neural")}
+    settings |= {name: value for name, (value, default) in chosen.items() if value != default}
+    return Origin(settings, study.inputs)
 
 
 def page(rows: list[dict[str, Any]]) -> str:

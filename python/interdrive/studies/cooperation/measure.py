@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,8 +43,8 @@ COLUMNS = (
     Column("missed", "integer", "agents that missed their goal"),
     Column("collisions", "integer", "agents that collided with a participant or left the road"),
     Column("time", "number", "mean time of an agent until its outcome [s]"),
-    Column("min_ttc", "number", "least time to collision of all agents [s]", nullable=True),
-    Column("ttc_share", "number", "share of the time of all agents with a time to collision of less than 1.5 s"),
+    Column("min_ttc", "number", "least time to collision along lanes of all agents [s]", nullable=True),
+    Column("ttc_share", "number", "share of the time of all agents with a TTC of less than 1.5 s"),
     Column("emergency_steps", "integer", "plans that are emergency braking"),
     Column("longest_wait", "number", "longest time that an agent stood [s]"),
     Column("deadlocks", "integer", "circles of agents that stand for 10 s because of each other"),
@@ -55,7 +55,7 @@ COLUMNS = (
     Column("used_share", "number", "share of known participants planned with a received plan", nullable=True),
 )
 
-#: Speed below which an agent stands [m/s]. A time to collision below this is critical [s].
+#: Speed below which an agent stands [m/s]. A TTC below this is critical [s].
 _STANDING, _CRITICAL = 0.3, 1.5
 
 
@@ -69,6 +69,7 @@ class CooperationStudy:
         predictor: Predictor of all agents.
         settings: Settings of all runs besides those of the variants.
         notes: What the user should know.
+        inputs: SHA-256 of the scenarios, by name.
     """
 
     table: ArrowTable
@@ -76,6 +77,7 @@ class CooperationStudy:
     predictor: str
     settings: Mapping[str, Any]
     notes: tuple[str, ...]
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<CooperationStudy: {self.table.num_rows} runs, planner {self.planner}>"
@@ -111,8 +113,10 @@ def cooperation_study(
     """
     planned = [(variant, seed) for variant in variants for seed in range(seeds if variant.is_drawn else 1)]
     rows: list[dict[str, Any]] = []
+    inputs: dict[str, str] = {}
     for file in files:
-        scenario = open_scenario(file)
+        scenario = open_scenario(file, raw=settings.recording.raw)
+        inputs[scenario.name] = scenario.sha256
         for variant, seed in planned:
             values: dict[str, Setting] = {**variant.settings, "record.violations": False}
             run = simulate(
@@ -127,7 +131,7 @@ def cooperation_study(
             if on_run is not None:
                 on_run(scenario.name, len(rows), len(files) * len(planned))
     table = arrow_table(COLUMNS, {column.name: [row[column.name] for row in rows] for column in COLUMNS})
-    return CooperationStudy(table, planner, predictor, flatten(settings), tuple(notes))
+    return CooperationStudy(table, planner, predictor, flatten(settings), tuple(notes), inputs)
 
 
 def _row(run: Run, variant: Variant, seed: int, threads: int | None) -> dict[str, Any]:

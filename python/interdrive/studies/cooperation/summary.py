@@ -29,7 +29,7 @@ _COLUMNS = (
     Column("time_low", "number", "95 % interval of that over scenarios [s]"),
     Column("time_high", "number", "95 % interval of that over scenarios [s]"),
     Column("collisions", "number", "agents that collided or left the road, per seed"),
-    Column("ttc_share", "number", "share of time with a time to collision below 1.5 s, mean over scenarios"),
+    Column("ttc_share", "number", "share of time with a TTC below 1.5 s, mean over scenarios"),
     Column("ttc_change", "number", "its difference to no V2X, mean over scenarios"),
     Column("ttc_low", "number", "95 % interval of that over scenarios"),
     Column("ttc_high", "number", "95 % interval of that over scenarios"),

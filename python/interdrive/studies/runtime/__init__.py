@@ -6,17 +6,17 @@ vehicles. Beyond it the town, with up to a thousand agents at constant density.
 
 from interdrive.studies.runtime.cases import COUNTS, TOWN_COUNTS, RuntimeCase, runtime_cases
 from interdrive.studies.runtime.figure import growth_figure, runtime_figure
-from interdrive.studies.runtime.folder import check_runtime_target, save_runtime
+from interdrive.studies.runtime.folder import RUNTIME_FOLDER, save_runtime
 from interdrive.studies.runtime.measure import RuntimeStudy, runtime_study
 from interdrive.studies.runtime.summary import Growth, growth, step_rows, summary_table
 
 __all__ = [
     "COUNTS",
+    "RUNTIME_FOLDER",
     "TOWN_COUNTS",
     "Growth",
     "RuntimeCase",
     "RuntimeStudy",
-    "check_runtime_target",
     "growth",
     "growth_figure",
     "runtime_cases",

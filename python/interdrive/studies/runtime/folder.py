@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.plots import save_figure
-from interdrive.storage import check_folder, replacing, write_json, write_table
+from interdrive.results import software
+from interdrive.storage import FolderKind, Origin, resolved, whole_folder, write_json, write_table
 from interdrive.studies.runtime.figure import growth_figure, runtime_figure
 from interdrive.studies.runtime.summary import growth, summary_table
 
@@ -19,13 +20,7 @@ _FIGURES = tuple(f"{name}.{ending}" for name in ("runtime", "growth") for ending
 _FILES = ("steps.parquet", "summary.parquet", "summary.csv", _MARK, *_FIGURES)
 
 
-def check_runtime_target(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """The folder a runtime study can be saved to, as an absolute path; useful before it runs.
-
-    Raises:
-        ResultsError: if something is there that must not be replaced.
-    """
-    return check_folder(folder, "runtime study", _MARK, lambda entry: entry.name in _FILES, overwrite=overwrite)
+RUNTIME_FOLDER = FolderKind("runtime study", _MARK, lambda entry: entry.name in _FILES)
 
 
 def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -37,13 +32,12 @@ def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = F
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
     """
-    target = check_runtime_target(folder, overwrite=overwrite)
-    with replacing(target) as partial:
-        partial.mkdir()
-        write_table(study.steps, partial / "steps.parquet")
+    with whole_folder(folder, RUNTIME_FOLDER, overwrite=overwrite) as partial:
+        origin = Origin(study.settings, study.inputs)
+        write_table(study.steps, partial / "steps.parquet", origin)
         summary = summary_table(study)
         for name in ("summary.parquet", "summary.csv"):
-            write_table(summary, partial / name)
+            write_table(summary, partial / name, origin)
         for name, figure in (("runtime", runtime_figure(study)), ("growth", growth_figure(study))):
             if figure is not None:
                 for ending in ("pdf", "png"):
@@ -53,10 +47,12 @@ def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = F
             {
                 "machine": study.machine,
                 "settings": study.settings,
+                "inputs": dict(study.inputs),
+                **software(),
                 "threads": study.threads,
                 "notes": list(study.notes),
                 "growth": {str(threads): vars(one) for threads, one in grown.items() if one is not None},
             },
             partial / _MARK,
         )
-    return target
+    return resolved(folder)

@@ -5,20 +5,21 @@ from __future__ import annotations
 import os
 import platform
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.config.schema import settings_of
 from interdrive.errors import InputError
 from interdrive.files import read_scenario
 from interdrive.run import PHASES
 from interdrive.simulation import Simulation
-from interdrive.storage import Column, arrow_table
+from interdrive.storage import Column, arrow_table, changed_settings
 from interdrive.studies.runtime.cases import RuntimeCase
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpec
@@ -59,6 +60,7 @@ class RuntimeStudy:
         machine: Processor, cores, load before the study, and software.
         settings: What was asked for.
         notes: One line per thing the user should know.
+        inputs: SHA-256 of the scenarios, by name.
     """
 
     steps: ArrowTable
@@ -66,6 +68,7 @@ class RuntimeStudy:
     machine: dict[str, Any]
     settings: dict[str, Any]
     notes: tuple[str, ...]
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
 
 def runtime_study(
@@ -108,7 +111,7 @@ def runtime_study(
     # What cannot be driven is refused before anything is.
     jobs = []
     for case in cases:
-        scenario = read_scenario(case.path)
+        scenario = read_scenario(case.path, raw=settings_of(settings).recording.raw)
         jobs += [(case, scenario, wanted) for wanted in _numbers(case, scenario, planner, settings)]
     total = len(jobs) * repetitions * len(counts)
     done = 0
@@ -129,8 +132,14 @@ def runtime_study(
         steps=arrow_table(STEP_COLUMNS, columns),
         threads=several,
         machine=where,
-        settings={"steps": steps, "repetitions": repetitions, "planner": str(planner)},
+        settings={
+            "steps": steps,
+            "repetitions": repetitions,
+            "planner": str(planner),
+            **changed_settings(settings_of(settings)),
+        },
         notes=notes,
+        inputs={scenario.name: scenario.sha256 for _, scenario, _ in jobs},
     )
 
 

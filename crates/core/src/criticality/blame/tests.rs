@@ -192,3 +192,26 @@ fn of_oncoming_traffic_at_a_crossing_only_the_one_that_turns_is_judged() {
     assert!(found.angle > ONCOMING && found.is_crossing, "{found:?}");
     assert_eq!(found.kind, FaultKind::CutOff);
 }
+
+/// A bicycle that rides towards a point at an angle to the lane; it is there at step 60.
+fn bicycle(to: (f64, f64), velocity: f64, orientation: f64) -> Actor {
+    let (x, y) = (orientation.cos() * velocity * 0.1, orientation.sin() * velocity * 0.1);
+    let at = |k: usize| k as f64 - 60.0;
+    Actor::car(OTHER, (0..120).map(|k| state(to.0 + x * at(k), to.1 + y * at(k), orientation, velocity)))
+}
+
+#[test]
+fn who_rides_across_a_lane_into_the_flank_of_a_car_that_keeps_it_is_not_cut_off() {
+    for (degrees, velocity) in [(90.0_f64, 5.0), (60.0, 4.0), (-90.0, 5.0), (120.0, 3.0)] {
+        let angle = degrees.to_radians();
+        // When the middle of the car is at 108 m, the bicycle is still beside the lane: it comes into the rear half.
+        let to = (108.0 - 3.2 * angle.cos(), -3.2 * angle.sin());
+        let found = verdict(two_lanes(), car(AGENT, 60.0, 8.0, 0.0, |_| 0.0), bicycle(to, velocity, angle));
+        assert_eq!(found.kind, FaultKind::None, "{degrees} degrees, {found:?}");
+        assert_ne!(found.side, 0, "{degrees} degrees");
+    }
+    // Who leaves its lane for that place is at fault.
+    let changing = car(AGENT, 60.0, 8.0, 0.0, |k| if k < 52 { 3.5 } else { 1.5 });
+    let found = verdict(two_lanes(), changing, car(OTHER, 60.0, 8.0, 0.0, |_| 0.0));
+    assert_eq!(found.kind, FaultKind::CutOff);
+}

@@ -28,6 +28,11 @@ impl OrientedBox {
         }
     }
 
+    /// Its centre, heading along its length.
+    pub fn pose(&self) -> Pose {
+        Pose { position: self.center, orientation: self.axis.angle() }
+    }
+
     /// The boxes share a point; touching counts.
     ///
     /// Separating axes: two rectangles are apart exactly if one of their four side directions separates them.

@@ -139,10 +139,11 @@ impl<'a> Section<'a> {
         Point::from_angle(road.heading_at(lanelet, foot)).dot(self.tangent)
     }
 
-    /// A place lies on a lanelet of the agent's direction.
+    /// A place lies on a lanelet of the agent's direction that is a lane for it.
     fn is_own(&self, place: Point) -> bool {
         let here = self.request.road.lanelets_at(place);
-        here.iter().any(|lanelet| self.cosine(*lanelet, place) > LEADER_HEADING_COSINE)
+        let (road, route) = (self.request.road, self.request.route);
+        here.iter().any(|lanelet| route.may_use(road, *lanelet) && self.cosine(*lanelet, place) > LEADER_HEADING_COSINE)
     }
 
     /// A place lies on a lane of the other direction beside the agent's, with a line between them that may be crossed.
@@ -161,7 +162,11 @@ impl<'a> Section<'a> {
                 let found = &road.lanelets()[lanelet];
                 let sides = [found.adjacent_left, found.adjacent_right].into_iter().zip(closed);
                 let open = sides.filter(move |(_, closed)| closed.binary_search(&lanelet).is_err());
-                open.filter_map(|(beside, _)| beside.filter(|(_, is_same)| !is_same).map(|(beside, _)| beside))
+                open.filter_map(|(beside, _)| {
+                    beside
+                        .filter(|(beside, is_same)| !is_same && self.request.route.may_use(road, *beside))
+                        .map(|(beside, _)| beside)
+                })
             };
             own.into_iter().flat_map(beside).collect()
         })

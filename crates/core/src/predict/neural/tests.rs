@@ -46,6 +46,7 @@ pub(super) fn scene(tracks: &[Track], dt: f64) -> Scene {
         shape: vec![Shape::rectangle(4.5, 1.8); n],
         is_static: tracks.iter().map(|track| track.0 == ParticipantKind::ParkedVehicle).collect(),
         is_agent: vec![false; n],
+        ..Participants::default()
     };
     let present: Vec<usize> = (0..n).filter(|row| past.get(*row, 0).is_some()).collect();
     let turns = vec![None; present.len()];

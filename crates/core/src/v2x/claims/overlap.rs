@@ -99,7 +99,9 @@ impl Own {
                 k += ((nearest - reach) / STATION) as usize;
                 continue;
             }
-            if let Some(first) = boxes.iter().position(|other| other.overlaps(own)) {
+            let meets =
+                |other: &OrientedBox| other.overlaps(own) && !agent.storeys.are_apart_at(|| (other.pose(), own.pose()));
+            if let Some(first) = boxes.iter().position(meets) {
                 let other = &boxes[first];
                 match &mut run {
                     None => run = Some((k, k)),
@@ -107,7 +109,7 @@ impl Own {
                     Some(_) => break,
                 }
                 enters = enters.min(first);
-                leaves = boxes.iter().rposition(|other| other.overlaps(own)).unwrap_or(first).max(leaves);
+                leaves = boxes.iter().rposition(meets).unwrap_or(first).max(leaves);
                 is_same &= wrap_angle(other.axis.angle() - own.axis.angle()).abs() <= SAME_HEADING;
             }
             k += 1;

@@ -104,12 +104,33 @@ fn progress_is_the_way_along_the_reference_path() {
     let start = world.progress(1).expect("an agent").s;
     for (x, way) in [(61.0, 0.0), (62.0, 1.0), (63.5, 2.5)] {
         move_to(&mut world, &[(1, at(x, 0.2, 10.0))]);
-        // The start is that of the centre; from then on it is the rear axle.
-        let rear = world.drives[0].agent.vehicle.rear_axle_to_center;
-        let expected = start + 1.0 + way - rear;
+        let expected = start + 1.0 + way;
         let found = world.progress(1).expect("an agent").s;
         assert!((found - expected).abs() < 0.01, "{found}, not {expected}");
     }
+}
+
+#[test]
+fn agents_end_once_nothing_has_moved_for_the_time_of_a_standstill() {
+    let settings = WorldSettings {
+        step: StepSettings { standstill_s: 1.0, ..StepSettings::default() },
+        ..WorldSettings::default()
+    };
+    let wall = [Recorded::standing(5, 60.0, 0.0)];
+    let mut world = world_with(vec![agent(1, at(20.0, 0.0, 0.0), vec![far()])], &wall, settings);
+    while !world.is_done() {
+        // It moves on at step 5: the time begins anew there.
+        let next = State { x: if world.time_step() < 4 { 20.0 } else { 20.5 }, ..at(0.0, 0.0, 0.0) };
+        let plans = towards(&world, &[(1, next)]);
+        world.step(&plans).expect("plans of all driving agents");
+        assert!(world.time_step() < 100);
+    }
+    let found = outcome(&world, 1);
+    assert_eq!((found.kind, found.time_step), (OutcomeKind::TimeLimit, 15));
+    assert_eq!(
+        found.message,
+        "nothing moved any more: it had stood at (20.5, 0.0) for 1.0 s; its time would have been up at 170.0 s"
+    );
 }
 
 #[test]

@@ -101,6 +101,7 @@ impl Drive {
                 goal_entry_s: f64::NAN,
                 goal_exit_s: f64::NAN,
                 lane_changes: 0,
+                user: ParticipantKind::Car,
             },
             goal: anywhere(),
             road,

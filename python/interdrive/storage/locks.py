@@ -35,7 +35,7 @@ _CHANGED = threading.Condition()
 
 
 class Locks:
-    """Locks of one owner, a batch, on bytes of a file."""
+    """Locks of one owner, such as a batch, on bytes of a file."""
 
     def __init__(self, path: Path) -> None:
         """Opens the file, or makes it; nothing is taken yet."""
@@ -66,6 +66,13 @@ class Locks:
         """Releases a byte if this owner has it."""
         if byte in self._own:
             _give(self._file, self._own, byte)
+
+    def is_at(self, path: Path) -> bool:
+        """Whether the path still names the file whose bytes are locked; another owner may have removed it."""
+        try:
+            return os.path.samestat(path.stat(), os.fstat(self._file.handle.fileno()))
+        except FileNotFoundError:
+            return False
 
     def close(self) -> None:
         """Releases all bytes of this owner."""

@@ -1,0 +1,300 @@
+"""What agents should do and do not do yet: each test states the right value and says what is missing.
+
+A test that is marked fails today for the reason in its mark. The mark is strict: the day the value is right, the test
+asks to take the mark away. Tests without a mark are the same worlds where the value is right already.
+"""
+
+import math
+
+import commonroad_documents as cr
+import numpy as np
+import pytest
+from drivers import Straight
+from junction_lanes import cross_with_turns
+from rings import ring, trip
+
+from interdrive import read_scenario, simulate
+from interdrive.testing import Car, problem, straight_road, world
+
+#: Where rules of the road are looked up by the lanelets of the route, a lane change before the line loses them.
+ALONG_THE_ROUTE = "rules are looked up along the lanelets of the route, not along the path that the agent drives"
+ASKEW = "frenet finds no sample that leads back to the path and stands until its time is up"
+OFF_THE_RING = "idm_mobil leaves the road on the way"
+
+
+def missing(reason):
+    return pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason)
+
+
+def lanes(number, x, *, lanes=2, before=0, after=0, control="", has_line=False):
+    """Parallel lanelets from x to x, ids from `number` on, the rightmost first, with the control of all of them."""
+    found = ""
+    for k in range(lanes):
+        low, high = 3.5 * k - 1.75, 3.5 * k + 1.75
+        more = "".join(
+            f'<{tag} ref="{ref + k}"/>' for tag, ref in (("predecessor", before), ("successor", after)) if ref
+        )
+        if k + 1 < lanes:
+            more += f'<adjacentLeft ref="{number + k + 1}" drivingDir="same"/>'
+        if k:
+            more += f'<adjacentRight ref="{number + k - 1}" drivingDir="same"/>'
+        line = f"<stopLine>{cr.point(x[1], high)}{cr.point(x[1], low)}<lineMarking>solid</lineMarking></stopLine>"
+        more += (line if has_line else "") + "<laneletType>urban</laneletType><userOneWay>vehicle</userOneWay>"
+        found += cr.lanelet(
+            number + k, left=[(x[0], high), (x[1], high)], right=[(x[0], low), (x[1], low)], more=more + control
+        )
+    return found
+
+
+def to(number, start, goal, *, heading=0.0, velocity=10.0, seconds=60):
+    area = cr.rectangle_at(*goal, length=10.0, width=3.0, orientation=heading)
+    first = cr.initial(*start, orientation=heading, velocity=velocity, yawRate=0.0, slipAngle=0.0)
+    return cr.planning_problem(number, cr.goal(position=area, time=(0, 10 * seconds)), start=first)
+
+
+def before_a_line(folder, control, definition, *, n=2, start=1, goal=0):
+    """A road of `n` lanes with a stop line of each at 100 m; agent 1001 starts in one lane and has its goal in another.
+
+    The route may change lanes on either side of the line.
+    """
+    road = lanes(1, (0, 100), lanes=n, after=11, control=control, has_line=True) + lanes(
+        11, (100, 300), lanes=n, before=1
+    )
+    content = definition + to(1001, (20.0, 3.5 * start), (250.0, 3.5 * goal))
+    return read_scenario(cr.saved(folder, cr.document(content, lanelets=road)))
+
+
+def driven(run, number=1001):
+    """Time [s], arc length of the front bumper along the road [m] and speed [m/s] of an agent while it is there."""
+    row = run.states.participant_id.tolist().index(number)
+    there = run.states.valid[row]
+    front = run.states.x[row, there] + 0.5 * run.states.length[row]
+    return 0.1 * np.flatnonzero(there), front, run.states.velocity[row, there]
+
+
+# Two lanes before a line
+
+STOP, RED = '<trafficSignRef ref="803"/>', '<trafficLightRef ref="901"/>'
+SIGN = cr.sign(803, 206)
+LIGHT = cr.traffic_light(901, ("red", 400), ("green", 300))
+
+
+@pytest.mark.parametrize(
+    ("planner", "start", "goal"),
+    [
+        ("frenet", 1, 1),
+        ("idm", 0, 0),
+        pytest.param("frenet", 1, 0, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param("idm", 1, 0, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param("idm_mobil", 1, 0, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param("frenet", 0, 1, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param("idm", 0, 1, marks=missing(ALONG_THE_ROUTE)),
+    ],
+)
+def test_an_agent_stands_at_the_stop_sign_of_every_lane_and_drives_on(tmp_path, planner, start, goal):
+    run = simulate(before_a_line(tmp_path, STOP, SIGN, start=start, goal=goal), planner=planner, threads=1)
+    _, front, velocity = driven(run)
+    stood = (velocity < 0.1) & (front > 95.0) & (front < 100.0)
+    assert 10 <= np.count_nonzero(stood) < 60, "one second, and no minutes"
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+@pytest.mark.parametrize(
+    ("planner", "n", "start", "goal"),
+    [
+        ("idm", 2, 0, 0),
+        ("frenet", 2, 1, 1),
+        pytest.param("idm", 2, 1, 0, marks=missing(ALONG_THE_ROUTE)),
+        ("frenet", 2, 1, 0),
+        ("frenet", 2, 0, 1),
+        ("idm_mobil", 2, 1, 0),
+        pytest.param("idm", 2, 0, 1, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param("idm", 3, 2, 0, marks=missing(ALONG_THE_ROUTE)),
+    ],
+)
+def test_an_agent_stands_at_the_red_light_of_every_lane_until_it_is_green(tmp_path, planner, n, start, goal):
+    scenario = before_a_line(tmp_path, RED, LIGHT, n=n, start=start, goal=goal)
+    run = simulate(scenario, planner=planner, threads=1)
+    time, front, _ = driven(run)
+    assert front[time <= 40.0].max() < 100.0, "red until 40 s"
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+class Reading(Straight):
+    """Obeys the rules of the road, and keeps what its view says about the next line [m]."""
+
+    obeys_rules = True
+    stops: tuple[float, ...] = ()
+
+    def plan(self, view, predictions):
+        type(self).stops += (view.ego.stop_s,)
+        return super().plan(view, predictions)
+
+
+@pytest.mark.parametrize(
+    ("n", "start", "goal"),
+    [
+        (2, 0, 0),
+        (2, 1, 1),
+        pytest.param(2, 1, 0, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param(2, 0, 1, marks=missing(ALONG_THE_ROUTE)),
+        pytest.param(3, 2, 0, marks=missing(ALONG_THE_ROUTE)),
+    ],
+)
+def test_a_view_tells_where_the_line_of_a_red_light_is(tmp_path, n, start, goal):
+    class Reader(Reading):
+        pass
+
+    simulate(before_a_line(tmp_path, RED, LIGHT, n=n, start=start, goal=goal), planner=Reader(), threads=1)
+    assert Reader.stops[0] == pytest.approx(115.0, abs=0.1), "the path begins 15 m before the road's first lanelet"
+
+
+def crossing_of_two_lanes(folder, start):
+    """Two lanes that give way (sign 205) to a road from the right (306); agent 1001's goal is in the left lane."""
+    give_way, priority = '<trafficSignRef ref="801"/>', '<trafficSignRef ref="802"/>'
+    road = lanes(1, (0, 90), after=11, control=give_way) + lanes(11, (90, 110), before=1, after=21)
+    road += lanes(21, (110, 300), before=11)
+    across = ((7, -150, -8, "", 8), (8, -8, 12, 7, 9), (9, 12, 150, 8, ""))
+    for number, low, high, before, after in across:
+        more = "".join(f'<{tag} ref="{ref}"/>' for tag, ref in (("predecessor", before), ("successor", after)) if ref)
+        more += "<laneletType>urban</laneletType><userOneWay>vehicle</userOneWay>"
+        more += priority if number == 7 else ""
+        bounds = {"left": [(98.25, low), (98.25, high)], "right": [(101.75, low), (101.75, high)]}
+        road += cr.lanelet(number, **bounds, more=more)
+    content = cr.sign(801, 205) + cr.sign(802, 306) + to(1001, (20.0, 3.5 * start), (250.0, 3.5))
+    for number, y in ((2001, -60.0), (2002, -72.0)):
+        content += to(number, (100.0, y), (100.0, 100.0), heading=math.pi / 2)
+    return read_scenario(cr.saved(folder, cr.document(content, lanelets=road)))
+
+
+@pytest.mark.parametrize("start", [1, pytest.param(0, marks=missing(ALONG_THE_ROUTE))])
+def test_an_agent_gives_way_from_every_lane(tmp_path, start):
+    run = simulate(crossing_of_two_lanes(tmp_path, start), planner="frenet", threads=1)
+    orders = zip(run.orders.agent_id.tolist(), run.orders.kind, strict=True)
+    assert (1001, "yield") in set(orders)
+    assert run.outcomes.outcome == ("goal_reached",) * 3
+
+
+@pytest.mark.parametrize("planner", ["idm", "idm_mobil"])
+@pytest.mark.parametrize("start", [0, 1])
+def test_nobody_touches_who_has_priority_from_any_lane(tmp_path, planner, start):
+    run = simulate(crossing_of_two_lanes(tmp_path, start), planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",) * 3
+
+
+# Rings
+
+
+@pytest.mark.parametrize(
+    ("planner", "lanes", "radius"),
+    [
+        ("frenet", 1, 40.0),
+        ("idm", 1, 40.0),
+        pytest.param("idm_mobil", 1, 40.0, marks=missing(OFF_THE_RING)),
+        pytest.param("idm_mobil", 1, 25.0, marks=missing(OFF_THE_RING)),
+        ("idm_mobil", 1, 80.0),
+        ("idm_mobil", 2, 40.0),
+    ],
+)
+def test_an_agent_drives_an_empty_ring_to_its_end(planner, lanes, radius):
+    around = 2.0 * math.pi * radius
+    scenario = world(
+        ring(2, radius, lanes), problems=[trip(100, radius, 7.0, around - 7.0, velocity=8.0, steps=900)], steps=0
+    )
+    run = simulate(scenario, agents=[100], planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+@pytest.mark.parametrize(
+    ("planner", "radius"),
+    [
+        ("idm", 18.5),
+        ("frenet", 25.0),
+        ("idm_mobil", 40.0),
+        pytest.param("frenet", 18.5, marks=missing("frenet begins the lane change and takes it back")),
+        pytest.param("idm_mobil", 18.5, marks=missing(OFF_THE_RING)),
+        pytest.param("idm_mobil", 25.0, marks=missing(OFF_THE_RING)),
+    ],
+)
+def test_an_agent_leaves_the_inner_lane_of_an_empty_ring(planner, radius):
+    lanelets = ring(8, radius, 2)
+    inner = radius - 3.5
+    at, there = 0.0873, 3.4907
+    goal = (radius * math.cos(there), radius * math.sin(there))
+    problems = [
+        problem(
+            100, inner * math.cos(at), inner * math.sin(at), 7.0, at + math.pi / 2, goal=goal, goal_size=(6.0, 3.0),
+            goal_orientation=math.remainder(there + math.pi / 2, 2 * math.pi), time_step=(0, 700),
+        )
+    ]  # fmt: skip
+    run = simulate(world(lanelets, problems=problems, steps=0), agents=[100], planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+# Starts beside or across the path
+
+
+@pytest.mark.parametrize(
+    ("planner", "y", "heading"),
+    [
+        ("frenet", 1.0, 0.2),
+        ("idm", 1.0, math.pi / 4),
+        pytest.param("frenet", 1.0, math.pi / 4, marks=missing(ASKEW)),
+        pytest.param("frenet", -1.0, -math.pi / 4, marks=missing(ASKEW)),
+        pytest.param("frenet", 1.0, 1.0, marks=missing(ASKEW)),
+    ],
+)
+def test_an_agent_that_stands_askew_in_a_wide_lane_drives_off(planner, y, heading):
+    road = straight_road(300.0, lane_width=8.0)
+    problems = [
+        problem(1001, 50.0, y, 0.0, heading, goal=(150.0, 0.0), goal_size=(10.0, 8.0), time_step=(0, 400)),
+    ]
+    run = simulate(world(road, problems=problems, steps=0), agents=[1001], planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+@pytest.mark.parametrize(
+    ("planner", "beside", "heading"),
+    [
+        ("idm", 1.2, -0.4),
+        ("frenet", 1.2, 0.4),
+        ("frenet", -1.2, -0.4),
+        pytest.param("frenet", 1.2, -0.4, marks=missing(ASKEW)),
+    ],
+)
+def test_an_agent_that_stands_askew_inside_a_junction_drives_off(planner, beside, heading):
+    """It stands 1.2 m beside its way straight on, 23 degrees off."""
+    problems = [
+        problem(1001, 2.0, -1.75 + beside, 0.0, heading, goal=(60.0, -1.75), goal_size=(10.0, 3.5), time_step=(0, 400))
+    ]
+    scenario = world(cross_with_turns(), problems=problems, steps=0)
+    run = simulate(scenario, agents=[1001], planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+# A gap in a flow
+
+
+@pytest.mark.parametrize(
+    ("planner", "gap", "ahead"),
+    [
+        pytest.param(
+            "frenet",
+            26.0,
+            0.0,
+            marks=missing("frenet does not fall back into the gap of 21.5 m behind the car beside it"),
+        ),
+        pytest.param("idm_mobil", 26.0, 0.0, marks=missing("idm_mobil falls so far back that it is 1.7 s late")),
+        ("frenet", 26.0, 13.0),
+        ("frenet", 60.0, 30.0),
+    ],
+)
+def test_an_agent_changes_into_a_gap_at_the_speed_of_the_flow(planner, gap, ahead):
+    """Cars in the lane beside it drive as fast as it does; its goal is 123 m ahead, in their lane, for 11 s."""
+    cars = [Car(10 + k, 72.0 + ahead + gap * (k - 2), 0.0, 16.0) for k in range(7)]
+    cars += [Car(30 + k, 20.0 + 26.0 * k, 7.0, 17.0) for k in range(5)]
+    goal = {"goal": (195.0, 0.0), "goal_size": (10.0, 3.5)}
+    problems = [problem(62, 72.0, 3.5, 16.0, **goal, time_step=(0, 110))]
+    scenario = world(straight_road(600.0, lanes=3), cars=cars, problems=problems, steps=150)
+    run = simulate(scenario, agents=[62], planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
